@@ -1,0 +1,1 @@
+"""Composition root: builds a rig from its file and runs procedures on it."""

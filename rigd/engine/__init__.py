@@ -1,0 +1,1 @@
+"""What moves the rig: the cycle, its interlocks and limits, and the run that drives it."""

@@ -1,0 +1,1 @@
+"""Recordings to arrays to an identification to a report."""

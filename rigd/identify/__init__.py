@@ -1,0 +1,1 @@
+"""Arrays in, parameters with uncertainties out."""

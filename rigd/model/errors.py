@@ -1,0 +1,139 @@
+"""The error tree; its branches say who must act.
+
+RigdError
+├── ConfigError      the author of a file: what is wrong, where (file:line:column), what to do
+├── LinkError        whoever wired the rig: a device cannot be reached
+├── ProtocolError    the device: it answered, but not as its manual says
+├── DeviceError      the device: it reports a fault, or gave no row in time
+├── Blocked          the operator: preflight refuses to arm, and says what is missing
+├── InterlockTrip    the operator: an interlock acted
+├── ProcedureError   the operator: a step did not end as the procedure demands
+├── RecordingError   whoever keeps the files: a recording cannot be written or read
+└── DataError        the analyst: a recording reads well but cannot answer the question
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Exit(IntEnum):
+    """Exit codes of the command line, documented in ``rigd --help``."""
+
+    OK = 0
+    INTERNAL = 1  #: a bug in rigd, or an error it has no name for
+    BAD_INPUT = 2  #: wrong arguments, rig file or procedure file; nothing moved
+    BLOCKED = 3  #: preflight refused to arm; nothing moved
+    TRIPPED = 4  #: an interlock or a device fault ended the run
+    STOPPED = 5  #: a person stopped, aborted or estopped the run
+    FAILED = 6  #: a step of the procedure did not end as demanded
+    BAD_DATA = 7  #: a recording cannot be written, read, or answer the question
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place in a text file; line and column count from 1."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+class RigdError(Exception):
+    """Root of every error rigd raises on purpose; raise a branch, never the root.
+
+    ``hint`` says what to do about it and is printed below the message.
+    """
+
+    exit_code = Exit.INTERNAL
+
+    def __init__(self, message: str, *, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return self.message if self.hint is None else f"{self.message}\n  {self.hint}"
+
+
+class ConfigError(RigdError):
+    """A rig or procedure file is wrong; holds every problem found, each with its place."""
+
+    exit_code = Exit.BAD_INPUT
+
+    def __init__(
+        self, message: str, *, place: Place | None = None, hint: str | None = None
+    ) -> None:
+        super().__init__(message, hint=hint)
+        self.place = place
+        self.others: tuple[ConfigError, ...] = ()
+
+    @classmethod
+    def several(cls, errors: Sequence[ConfigError]) -> ConfigError:
+        """Return the first of ``errors`` with the rest attached, so that one report names all."""
+        first, *rest = errors
+        first.others = (*first.others, *rest)
+        return first
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        if self.place is not None:
+            text = f"{self.place}: {text}"
+        return "\n".join([text, *(str(other) for other in self.others)])
+
+
+class LinkError(RigdError):
+    """A device cannot be reached."""
+
+    exit_code = Exit.TRIPPED
+
+
+class ProtocolError(RigdError):
+    """A device answered, but not as its manual says."""
+
+    exit_code = Exit.TRIPPED
+
+
+class DeviceError(RigdError):
+    """A device reports a fault, or gave no row in time."""
+
+    exit_code = Exit.TRIPPED
+
+
+class Blocked(RigdError):
+    """Preflight refuses to arm; ``reasons`` names everything that is missing."""
+
+    exit_code = Exit.BLOCKED
+
+    def __init__(self, reasons: Sequence[str]) -> None:
+        super().__init__("the rig is not armed: " + "; ".join(reasons))
+        self.reasons = tuple(reasons)
+
+
+class InterlockTrip(RigdError):
+    """An interlock acted; the message gives the value, the limit and the unit."""
+
+    exit_code = Exit.TRIPPED
+
+
+class ProcedureError(RigdError):
+    """A step did not end as the procedure demands (timeout, refused answer)."""
+
+    exit_code = Exit.FAILED
+
+
+class RecordingError(RigdError):
+    """A recording cannot be written or read."""
+
+    exit_code = Exit.BAD_DATA
+
+
+class DataError(RigdError):
+    """A recording reads well but cannot answer the question asked of it."""
+
+    exit_code = Exit.BAD_DATA

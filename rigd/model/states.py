@@ -1,0 +1,91 @@
+"""The life of a run as one table: (state, event) -> state; anything else is refused.
+
+``stop`` is controlled, ``abort`` ramps to zero now, ``estop`` drops power; each escalates the
+last. ``finish`` may move the rig and is therefore reachable only where nothing went wrong with
+the rig itself (a person's stop, or the end of the procedure).
+"""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+from typing import Final
+
+
+class RunState(Enum):
+    """Where a run stands."""
+
+    IDLE = auto()  #: nothing opened
+    PREFLIGHT = auto()  #: devices opened, checks under way, nothing moves
+    BLOCKED = auto()  #: preflight refused; end
+    ARMED = auto()  #: everything proven, actuators enabled, nothing has moved
+    RUNNING = auto()  #: a trial or `prepare` plays
+    PAUSING = auto()  #: a pause was asked for; the trial under way ends first
+    PAUSED = auto()  #: setpoints at rest, waiting for resume
+    STOPPING = auto()  #: controlled stop under way
+    FINISHING = auto()  #: the procedure's `finish` plays
+    ABORTING = auto()  #: setpoints ramp to zero now; nothing else follows
+    FAULTED = auto()  #: a device or interlock ended the run; end
+    ESTOPPED = auto()  #: power was asked to drop; end
+    DONE = auto()  #: made safe, file closed; end
+
+
+class RunEvent(Enum):
+    """What can happen to a run."""
+
+    CHECK = auto()
+    BLOCK = auto()
+    ARM = auto()
+    START = auto()
+    PAUSE = auto()
+    TRIAL_ENDED = auto()
+    RESUME = auto()
+    STOP = auto()
+    STOPPED = auto()
+    COMPLETE = auto()
+    FINISHED = auto()
+    ABORT = auto()
+    FAULT = auto()
+    ESTOP = auto()
+    SAFE = auto()
+
+
+_S, _E = RunState, RunEvent
+
+TRANSITIONS: Final[dict[tuple[RunState, RunEvent], RunState]] = {
+    (_S.IDLE, _E.CHECK): _S.PREFLIGHT,
+    (_S.PREFLIGHT, _E.BLOCK): _S.BLOCKED,
+    (_S.PREFLIGHT, _E.ARM): _S.ARMED,
+    (_S.PREFLIGHT, _E.STOP): _S.DONE,
+    (_S.ARMED, _E.START): _S.RUNNING,
+    (_S.ARMED, _E.STOP): _S.STOPPING,
+    (_S.RUNNING, _E.TRIAL_ENDED): _S.RUNNING,
+    (_S.RUNNING, _E.PAUSE): _S.PAUSING,
+    (_S.PAUSING, _E.RESUME): _S.RUNNING,
+    (_S.PAUSING, _E.TRIAL_ENDED): _S.PAUSED,
+    (_S.PAUSED, _E.RESUME): _S.RUNNING,
+    (_S.RUNNING, _E.COMPLETE): _S.FINISHING,
+    (_S.PAUSING, _E.COMPLETE): _S.FINISHING,
+    (_S.RUNNING, _E.STOP): _S.STOPPING,
+    (_S.PAUSING, _E.STOP): _S.STOPPING,
+    (_S.PAUSED, _E.STOP): _S.STOPPING,
+    (_S.STOPPING, _E.STOPPED): _S.FINISHING,
+    (_S.FINISHING, _E.FINISHED): _S.DONE,
+    (_S.ABORTING, _E.SAFE): _S.DONE,
+}
+# From every state in which something may move: the three ways out.
+for _state in (
+    _S.PREFLIGHT, _S.ARMED, _S.RUNNING, _S.PAUSING, _S.PAUSED, _S.STOPPING, _S.FINISHING,
+    _S.ABORTING,
+):  # fmt: skip
+    TRANSITIONS[_state, _E.FAULT] = _S.FAULTED
+    TRANSITIONS[_state, _E.ESTOP] = _S.ESTOPPED
+    if _state is not _S.ABORTING:
+        TRANSITIONS[_state, _E.ABORT] = _S.ABORTING
+
+#: States from which no event leads on.
+FINAL: Final = frozenset({_S.BLOCKED, _S.FAULTED, _S.ESTOPPED, _S.DONE})
+
+
+def next_state(state: RunState, event: RunEvent) -> RunState | None:
+    """Return the state that ``event`` leads to, or None where the table refuses it."""
+    return TRANSITIONS.get((state, event))

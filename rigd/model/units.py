@@ -1,0 +1,150 @@
+"""Units: ``"0.15 A"`` to 0.15, ``"15 deg"`` to 0.2618; SI inside, conversion at the edges.
+
+The units a rig file and a procedure may use are the table below, times the SI prefixes where a
+prefix is usual. ``rad`` and ``count`` are kept as dimensions of their own, unlike in SI: an angle
+given as ``0.3`` or an encoder scale given in ``m`` instead of ``m/count`` is then an error.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+#: The order of the exponents in :attr:`Unit.dimension`.
+BASES: Final = ("kg", "m", "s", "A", "K", "rad", "count")
+Dimension = tuple[int, ...]
+NO_DIMENSION: Final[Dimension] = (0,) * len(BASES)
+
+
+def _dimension(**exponents: int) -> Dimension:
+    return tuple(exponents.get(base, 0) for base in BASES)
+
+
+#: symbol -> (factor to SI, dimension, may carry an SI prefix)
+_UNITS: Final[dict[str, tuple[float, Dimension, bool]]] = {
+    "1": (1.0, NO_DIMENSION, False),
+    "%": (0.01, NO_DIMENSION, False),
+    "g": (1e-3, _dimension(kg=1), True),
+    "m": (1.0, _dimension(m=1), True),
+    "s": (1.0, _dimension(s=1), True),
+    "min": (60.0, _dimension(s=1), False),
+    "h": (3600.0, _dimension(s=1), False),
+    "A": (1.0, _dimension(A=1), True),
+    "K": (1.0, _dimension(K=1), True),
+    "rad": (1.0, _dimension(rad=1), True),
+    "deg": (math.pi / 180, _dimension(rad=1), False),
+    "rev": (2 * math.pi, _dimension(rad=1), False),
+    "rpm": (2 * math.pi / 60, _dimension(rad=1, s=-1), False),
+    "count": (1.0, _dimension(count=1), False),
+    "Hz": (1.0, _dimension(s=-1), True),
+    "N": (1.0, _dimension(kg=1, m=1, s=-2), True),
+    "Pa": (1.0, _dimension(kg=1, m=-1, s=-2), True),
+    "J": (1.0, _dimension(kg=1, m=2, s=-2), True),
+    "W": (1.0, _dimension(kg=1, m=2, s=-3), True),
+    "V": (1.0, _dimension(kg=1, m=2, s=-3, A=-1), True),
+    "ohm": (1.0, _dimension(kg=1, m=2, s=-3, A=-2), True),
+    "H": (1.0, _dimension(kg=1, m=2, s=-2, A=-2), True),
+    "strain": (1.0, NO_DIMENSION, True),
+}
+_PREFIXES: Final = {
+    "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6,
+}  # fmt: skip
+_SYNONYMS: Final = {"Ω": "ohm", "°": "deg", "counts": "count", "sec": "s"}
+_SUPERSCRIPTS: Final = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_FACTOR: Final = re.compile(r"(?P<symbol>[A-Za-zµμΩ°%]+|1)(?:\^?(?P<power>-?\d+))?$")
+_NUMBER: Final = re.compile(
+    r"\s*(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*?)\s*$"
+)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit: its symbol as written, its factor to SI, and its dimension over :data:`BASES`."""
+
+    symbol: str
+    factor: float
+    dimension: Dimension
+
+    def __str__(self) -> str:
+        return self.symbol
+
+    def same_kind(self, other: Unit) -> bool:
+        """Return whether a quantity in this unit can be given in the other."""
+        return self.dimension == other.dimension
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with its unit; :attr:`value` is in SI base units, :attr:`unit` as written."""
+
+    value: float
+    unit: Unit
+
+    def __str__(self) -> str:
+        return f"{self.value / self.unit.factor:.6g} {self.unit}".removesuffix(" 1")
+
+
+@lru_cache(maxsize=1024)
+def parse_unit(text: str) -> Unit:
+    """Return the unit written as ``m/s^2``, ``N m``, ``kg·m²``, ``1/m`` or ``s/m``.
+
+    Every ``/`` divides by the one factor behind it.
+
+    Raises:
+        ValueError: no such unit; the message names the factor that is unknown.
+
+    """
+    symbol = text.strip() or "1"
+    plain = symbol.translate(_SUPERSCRIPTS).replace("·", " ").replace("*", " ").replace("/", " / ")
+    factor, dimension, sign = 1.0, list(NO_DIMENSION), 1
+    words = plain.split()
+    if words[-1] == "/":
+        raise ValueError(f"unit {text!r} ends in '/'")
+    for word in words:
+        if word == "/":
+            sign = -1
+            continue
+        one_factor, one_dimension, power = _parse_factor(word, text)
+        factor *= one_factor ** (sign * power)
+        for base, exponent in enumerate(one_dimension):
+            dimension[base] += sign * power * exponent
+        sign = 1
+    return Unit(symbol, factor, tuple(dimension))
+
+
+def _parse_factor(word: str, text: str) -> tuple[float, Dimension, int]:
+    match = _FACTOR.match(word)
+    if match is None:
+        raise ValueError(f"cannot read {word!r} in unit {text!r}")
+    symbol = _SYNONYMS.get(match["symbol"], match["symbol"])
+    power = int(match["power"] or 1)
+    if symbol in _UNITS:
+        factor, dimension, _ = _UNITS[symbol]
+        return factor, dimension, power
+    prefix, stem = symbol[:1], _SYNONYMS.get(symbol[1:], symbol[1:])
+    if prefix in _PREFIXES and stem in _UNITS and _UNITS[stem][2]:
+        factor, dimension, _ = _UNITS[stem]
+        return _PREFIXES[prefix] * factor, dimension, power
+    raise ValueError(f"unknown unit {symbol!r} in {text!r}")
+
+
+def parse_quantity(text: str) -> Quantity:
+    """Return the quantity written as ``0.15 A`` or ``1e3 1/m``; a bare number has no dimension.
+
+    Raises:
+        ValueError: not a number followed by a known unit.
+
+    """
+    match = _NUMBER.match(text)
+    if match is None:
+        raise ValueError(f"cannot read {text!r} as a number with a unit, such as '1.5 A'")
+    unit = parse_unit(match["unit"])
+    return Quantity(float(match["number"]) * unit.factor, unit)
+
+
+def format_quantity(value: float, unit: str) -> str:
+    """Return SI ``value`` as text in ``unit``, such as ``0.15 A``."""
+    return str(Quantity(value, parse_unit(unit)))

@@ -1,0 +1,1 @@
+"""Procedure files: read, checked, compiled to cycle programs."""

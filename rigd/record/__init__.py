@@ -1,0 +1,1 @@
+"""Recordings: MCAP written in bulk, read in columns, recovered in place, exported."""

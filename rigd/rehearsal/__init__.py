@@ -1,0 +1,1 @@
+"""Dry run: a compiled procedure played on the simulated plant, nothing recorded."""

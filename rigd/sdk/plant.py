@@ -1,0 +1,45 @@
+"""The plant: physics in the simulated rig, stepped by whatever clock the rig runs on."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict
+
+
+class PlantConfig(BaseModel):
+    """The options of one plant in a rig file: frozen, every key known, every field documented."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+class Plant(ABC):
+    """The physics that the simulated devices of one rig share.
+
+    Constructed as ``Plant(config, period_ns=..., seed=...)``. The same seed and the same commands
+    at the same times give the same samples bit for bit.
+    """
+
+    Config: ClassVar[type[PlantConfig]] = PlantConfig
+
+    def __init__(self, config: Any, *, period_ns: int, seed: int) -> None:
+        self.config = config
+        self.period_ns = period_ns
+        self.seed = seed
+
+    @abstractmethod
+    def advance(self, t_ns: int) -> None:
+        """Bring the physics to ``t_ns`` with the inputs held since the last call.
+
+        Again at the same time does nothing; the first call sets the origin of time.
+        """
+
+    @abstractmethod
+    def change(self, quantity: str, value: float | str) -> None:
+        """Change what a person would change at the bench: the floor, a weight.
+
+        Raises:
+            ValueError: the plant has no such ``quantity``, or cannot take ``value``.
+
+        """

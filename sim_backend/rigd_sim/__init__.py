@@ -1,0 +1,1 @@
+"""The simulated rig: plants (physics) and the devices that stand on them."""

@@ -1,0 +1,1 @@
+"""Physics of the simulated rigs, one folder a rig."""
