@@ -1,0 +1,151 @@
+"""What a procedure compiles to: plain data that the cycle plays and a person can read.
+
+Everything that must happen on time (profiles, end conditions, per-trial limits) is a
+:class:`CycleProgram`; everything that waits for a person is a :class:`Prompt`. All values are in
+SI. Channels are written ``device.channel``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from rigd.procedure.profiles import Profile
+
+
+class Comparison(Enum):
+    """How a condition compares a channel with its threshold."""
+
+    ABOVE = ">"
+    BELOW = "<"
+
+
+@dataclass(frozen=True)
+class Condition:
+    """``channel > threshold`` (or of its magnitude), true without a break for ``for_s`` seconds."""
+
+    channel: str
+    comparison: Comparison
+    threshold: float
+    magnitude: bool = False
+    for_s: float = 0.0
+
+
+class OnTimeout(Enum):
+    """What a segment that ran out of time means."""
+
+    FAIL = "fail"  #: the procedure did not do what it must: the run ends as failed
+    END_TRIAL = "end_trial"  #: this trial ends, marked incomplete; the sweep goes on
+    NEXT = "next"  #: as good as an end condition
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One step on the cycle.
+
+    Setpoints not named keep their last value. The segment ends when every condition of one row of
+    ``until`` holds (any of all), when ``duration_s`` has passed, or at ``timeout_s``.
+    """
+
+    name: str
+    setpoints: Mapping[str, Profile] = field(default_factory=dict)
+    until: tuple[tuple[Condition, ...], ...] = ()
+    duration_s: float | None = None
+    timeout_s: float | None = None
+    on_timeout: OnTimeout = OnTimeout.FAIL
+
+
+@dataclass(frozen=True)
+class TrialLimit:
+    """A bound that holds while a trial plays; beyond it the trial ends, marked incomplete."""
+
+    channel: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class CycleProgram:
+    """Segments played one after the other by the cycle, under per-trial limits."""
+
+    segments: tuple[Segment, ...]
+    limits: tuple[TrialLimit, ...] = ()
+
+
+class AnswerKind(Enum):
+    """What a prompt accepts."""
+
+    CONFIRM = "confirm"
+    NUMBER = "number"
+    CHOICE = "choice"
+    TEXT = "text"
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """A question to the operator, with a typed answer.
+
+    ``answer`` is the procedure's own answer, used in simulation and with ``--yes``. A simulated
+    rig obeys by changing ``changes`` on its plant to the answer. ``low``/``high`` (SI) or
+    ``choices`` bound what is accepted.
+    """
+
+    name: str
+    text: str
+    kind: AnswerKind = AnswerKind.CONFIRM
+    unit: str = "1"
+    choices: tuple[str, ...] = ()
+    low: float | None = None
+    high: float | None = None
+    answer: float | str | bool | None = None
+    changes: str | None = None
+
+
+Step = CycleProgram | Prompt
+
+
+@dataclass(frozen=True)
+class TrialPlan:
+    """One point of the sweep: its parameters (SI values or text), which repeat, and its steps.
+
+    ``number`` counts trials from 1 in the order of the sweep as written, not as played.
+    """
+
+    number: int
+    repeat: int
+    parameters: Mapping[str, float | str | bool]
+    steps: tuple[Step, ...]
+
+
+@dataclass(frozen=True)
+class IdentifyPlan:
+    """What ``rigd identify`` makes of the recording: a model, its signals and known constants.
+
+    ``group_by`` names the parameters whose values separate one identification from the next.
+    """
+
+    model: str
+    signals: Mapping[str, str]
+    constants: Mapping[str, float | str]
+    group_by: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class CompiledProcedure:
+    """A procedure checked against a rig and ready to play.
+
+    ``parameters`` are the procedure's own after ``--set``; ``trials`` stand in the order of play.
+    ``decimation`` maps each recorded stream to "every n-th row" (1: all); a stream it does not
+    name is not recorded. ``units`` gives the unit of every numeric parameter, for people.
+    """
+
+    name: str
+    title: str
+    parameters: Mapping[str, float | str | bool]
+    units: Mapping[str, str]
+    prepare: tuple[Step, ...]
+    trials: tuple[TrialPlan, ...]
+    finish: tuple[Step, ...]
+    decimation: Mapping[str, int]
+    identify: IdentifyPlan | None = None
