@@ -110,12 +110,15 @@ class TrialPlan:
     """One point of the sweep: its parameters (SI values or text), which repeat, and its steps.
 
     ``number`` counts trials from 1 in the order of the sweep as written, not as played.
+    ``after`` brings the rig back to where the next trial starts; it also plays when the trial
+    ended early (timeout, per-trial limit, an interlock that ends trials), not after a stop.
     """
 
     number: int
     repeat: int
     parameters: Mapping[str, float | str | bool]
     steps: tuple[Step, ...]
+    after: tuple[Step, ...] = ()
 
 
 @dataclass(frozen=True)
