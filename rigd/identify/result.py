@@ -1,0 +1,324 @@
+"""What an identification hands on: plain frozen data that a report or a file is made from.
+
+Every number a person reads stands beside its unit, its interval and a verdict. An end of an
+interval that the data leave open is ``None``, never a large number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+class Verdict(Enum):
+    """How far the data determine a parameter."""
+
+    IDENTIFIABLE = "identifiable"
+    WEAK = "weakly identifiable"
+    BIASED = "biased by this method"  #: a narrow interval whose place is wrong; see the sentence
+    UNIDENTIFIABLE = "not identifiable from this excitation"
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """One parameter: ``estimate`` with its interval in ``unit``, and what to think of it.
+
+    ``low`` and ``high`` bound the interval at the result's confidence; ``None`` where the data
+    leave that end open, and both ``None`` when the verdict is ``UNIDENTIFIABLE``. ``source`` says
+    where the interval comes from (``"covariance"`` or ``"profile"``). ``standard_error`` is in
+    ``unit``; ``None`` where the curvature carries no information.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    meaning: str
+    estimate: float
+    low: float | None
+    high: float | None
+    standard_error: float | None
+    verdict: Verdict
+    sentence: str
+    source: str = "covariance"
+    flags: tuple[str, ...] = ()
+    advice: str = ""  #: which excitation would help, in one plain sentence; empty if none is needed
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether the interval may be relied on (false for weak, biased and unidentifiable)."""
+        return self.verdict is Verdict.IDENTIFIABLE
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A fitted characteristic with its band, on the range the data visited and no further.
+
+    ``x``, ``y``, ``low``, ``high``: (n,) arrays. In JSON it is a list named ``name`` of objects
+    with keys ``x_name``, ``y_name``, ``low``, ``high``.
+    """
+
+    name: str
+    x_name: str
+    x_unit: str
+    y_name: str
+    y_unit: str
+    x: FloatArray
+    y: FloatArray
+    low: FloatArray
+    high: FloatArray
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A signal of one trial to plot beside the fit: (n,) values in ``unit``."""
+
+    unit: str
+    values: FloatArray
+
+
+@dataclass(frozen=True)
+class TrialFit:
+    """Measured and fitted output of one trial, sample by sample.
+
+    ``t_s``, ``measured``, ``fitted``, ``used``: (n,); ``used`` marks samples that entered the cost.
+    ``rms`` (in ``unit``) and ``r_squared`` are over the used samples.
+    """
+
+    label: str
+    condition: str
+    output: str
+    unit: str
+    t_s: FloatArray
+    measured: FloatArray
+    fitted: FloatArray
+    used: BoolArray
+    rms: float
+    r_squared: float
+    signals: Mapping[str, Signal] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Profile likelihood of one parameter.
+
+    ``values``: (n,) grid in ``unit``; ``cost``: (n,) rise of -2 ln L over its minimum after
+    division by the inflation factor for coloured residuals, so that values below ``threshold``
+    lie inside the interval. ``low``/``high`` are ``None`` where the profile never crosses.
+    """
+
+    name: str
+    unit: str
+    values: FloatArray
+    cost: FloatArray
+    threshold: float
+    low: float | None
+    high: float | None
+    log_axis: bool = True
+
+
+@dataclass(frozen=True)
+class ResidualTest:
+    """One test of the residuals: its statistic, p value if it has one, and what it means."""
+
+    name: str
+    statistic: float
+    p_value: float | None
+    passed: bool
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Autocorrelation:
+    """Residual autocorrelation: (n,) ``lag_s`` and ``value``; white stays within ``±band``."""
+
+    lag_s: FloatArray
+    value: FloatArray
+    band: float
+
+
+@dataclass(frozen=True)
+class StartOutcome:
+    """Where one start of a multi-start fit went; parameters in their units, by name."""
+
+    start: Mapping[str, float]
+    end: Mapping[str, float]
+    cost: float
+    iterations: int
+    converged: bool
+
+
+@dataclass(frozen=True)
+class TrialRejection:
+    """A trial that was left out of the fit, and why."""
+
+    label: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Preprocessing:
+    """What was done to the data before the fit, in words and numbers that can be repeated."""
+
+    statements: tuple[str, ...]
+    settings: Mapping[str, float | str]
+    per_trial: Mapping[str, Mapping[str, float]]
+    rejected: tuple[TrialRejection, ...] = ()
+
+
+@dataclass(frozen=True)
+class IdentificationResult:
+    """Parameters with honest uncertainties, and all that is needed to doubt them.
+
+    ``correlation``: (p, p) of the fitted parameters ``correlation_names``. ``cost`` is half the
+    sum of squared residuals in units of ``residual_scale`` squared. ``inflation`` is the factor
+    by which the coloured residuals widen a white-noise standard error, over all parameters.
+    ``visited`` says which range of the input the data cover, beyond which all is extrapolation.
+    """
+
+    model: str
+    method: str
+    title: str
+    parameters: tuple[ParameterEstimate, ...]
+    derived: tuple[ParameterEstimate, ...]
+    confidence: float
+    correlation_names: tuple[str, ...]
+    correlation: FloatArray
+    cost: float
+    samples: int
+    effective_samples: float
+    inflation: float
+    starts: tuple[StartOutcome, ...]
+    curve: Curve
+    trials: tuple[TrialFit, ...]
+    profiles: tuple[Profile, ...]
+    residual_tests: tuple[ResidualTest, ...]
+    autocorrelation: Autocorrelation
+    preprocessing: Preprocessing
+    visited: str
+    warnings: tuple[str, ...] = ()
+
+    def parameter(self, name: str) -> ParameterEstimate:
+        """Return the fitted or derived parameter ``name``; raise KeyError if there is none."""
+        for entry in (*self.parameters, *self.derived):
+            if entry.name == name:
+                return entry
+        raise KeyError(name)
+
+    def to_json(self) -> dict[str, object]:
+        """Return an object ready for ``json.dump(..., allow_nan=False)``; open ends are null.
+
+        Sample arrays of the trials are left out: they stand in the recording.
+        """
+        return {
+            "model": self.model,
+            "method": self.method,
+            "title": self.title,
+            "confidence": self.confidence,
+            "parameters": {p.name: _parameter_json(p) for p in self.parameters},
+            "derived": {p.name: _parameter_json(p) for p in self.derived},
+            self.curve.name: _curve_json(self.curve),
+            "visited": self.visited,
+            "correlation": {
+                "names": list(self.correlation_names),
+                "matrix": [[_finite(v) for v in row] for row in self.correlation],
+            },
+            "fit": {
+                "cost": _finite(self.cost),
+                "samples": self.samples,
+                "effective_samples": _finite(self.effective_samples),
+                "inflation": _finite(self.inflation),
+            },
+            "starts": [_start_json(s) for s in self.starts],
+            "trials": [
+                {
+                    "label": t.label,
+                    "condition": t.condition,
+                    "rms": _finite(t.rms),
+                    "unit": t.unit,
+                    "r_squared": _finite(t.r_squared),
+                    "samples_used": int(np.count_nonzero(t.used)),
+                }
+                for t in self.trials
+            ],
+            "profiles": [_profile_json(p) for p in self.profiles],
+            "residual_tests": [
+                {
+                    "name": t.name,
+                    "statistic": _finite(t.statistic),
+                    "p_value": None if t.p_value is None else _finite(t.p_value),
+                    "passed": t.passed,
+                    "sentence": t.sentence,
+                }
+                for t in self.residual_tests
+            ],
+            "preprocessing": {
+                "statements": list(self.preprocessing.statements),
+                "settings": dict(self.preprocessing.settings),
+                "per_trial": {k: dict(v) for k, v in self.preprocessing.per_trial.items()},
+                "rejected": [
+                    {"label": r.label, "reason": r.reason} for r in self.preprocessing.rejected
+                ],
+            },
+            "warnings": list(self.warnings),
+        }
+
+
+def _finite(value: float) -> float | None:
+    """Return ``value`` as a float that JSON can hold, or None for NaN and infinities."""
+    return float(value) if math.isfinite(value) else None
+
+
+def _parameter_json(p: ParameterEstimate) -> dict[str, object]:
+    return {
+        "estimate": _finite(p.estimate),
+        "low": p.low,
+        "high": p.high,
+        "unit": p.unit,
+        "identifiable": p.identifiable,
+        "standard_error": p.standard_error,
+        "verdict": p.verdict.value,
+        "sentence": p.sentence,
+        "advice": p.advice,
+        "flags": list(p.flags),
+        "interval_source": p.source,
+        "meaning": p.meaning,
+    }
+
+
+def _curve_json(curve: Curve) -> list[dict[str, float | None]]:
+    rows = zip(curve.x, curve.y, curve.low, curve.high, strict=True)
+    return [
+        {curve.x_name: _finite(x), curve.y_name: _finite(y), "low": _finite(a), "high": _finite(b)}
+        for x, y, a, b in rows
+    ]
+
+
+def _profile_json(p: Profile) -> dict[str, object]:
+    return {
+        "parameter": p.name,
+        "unit": p.unit,
+        "values": [_finite(v) for v in p.values],
+        "cost": [_finite(v) for v in p.cost],
+        "threshold": p.threshold,
+        "low": p.low,
+        "high": p.high,
+    }
+
+
+def _start_json(s: StartOutcome) -> dict[str, object]:
+    return {
+        "start": {k: _finite(v) for k, v in s.start.items()},
+        "end": {k: _finite(v) for k, v in s.end.items()},
+        "cost": _finite(s.cost),
+        "iterations": s.iterations,
+        "converged": s.converged,
+    }
