@@ -6,13 +6,15 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from rigd.model.units import parse_unit
+
 #: Name of the integer field a stream carries when its device reports a status word.
 STATUS_FIELD: Final = "status"
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One named quantity of a device, in the unit that its samples and setpoints are given in.
+    """One named quantity of a device, with the SI unit its samples and setpoints are given in.
 
     ``low`` and ``high`` are the range the device can measure or take; ``raw_of`` names the
     channel that this one is the unconverted reading of (counts, volts).
@@ -24,6 +26,10 @@ class Channel:
     low: float = -math.inf
     high: float = math.inf
     raw_of: str | None = None
+
+    def __post_init__(self) -> None:
+        if parse_unit(self.unit).factor != 1.0:
+            raise ValueError(f"channel {self.name!r}: {self.unit} is not an SI unit")
 
 
 @dataclass(frozen=True)

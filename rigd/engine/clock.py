@@ -1,0 +1,77 @@
+"""Time as the engine sees it: slots on a fixed grid, in virtual time or on the wall.
+
+The only module of the engine that asks the operating system for the time.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Slots of ``period_ns`` counted from 0; times are ns since the start of the run."""
+
+    period_ns: int
+    start_ns: int  #: Unix time of slot 0
+
+    def next_slot(self) -> int:
+        """Wait until the next slot is due and return its number; missed slots are left out."""
+        ...
+
+    def now(self) -> int:
+        """Return ns since the start of the run."""
+        ...
+
+
+class VirtualClock:
+    """Time that never waits: each slot is due as soon as it is asked for."""
+
+    def __init__(self, period_ns: int, start_ns: int) -> None:
+        self.period_ns = period_ns
+        self.start_ns = start_ns
+        self._slot = -1
+
+    def next_slot(self) -> int:
+        """Return the next slot number, at once."""
+        self._slot += 1
+        return self._slot
+
+    def now(self) -> int:
+        """Return when the slot under way was due: in virtual time nothing takes time."""
+        return max(self._slot, 0) * self.period_ns
+
+
+class WallClock:
+    """Slots on absolute deadlines of the monotonic clock, ``pace`` times as fast as the wall.
+
+    A slot that has already passed is skipped, never caught up (no bursts).
+    """
+
+    def __init__(self, period_ns: int, pace: float = 1.0) -> None:
+        self.period_ns = period_ns
+        self.start_ns = time.time_ns()
+        self._pace = pace
+        self._origin: int | None = None
+        self._slot = -1
+
+    def next_slot(self) -> int:
+        """Sleep until the next slot that is not past, and return its number."""
+        if self._origin is None:
+            self._origin = time.monotonic_ns()
+            self.start_ns = time.time_ns()
+        slot = self._slot + 1
+        elapsed = self.now()
+        due = slot * self.period_ns
+        if elapsed >= due + self.period_ns:
+            slot = elapsed // self.period_ns
+        elif elapsed < due:
+            time.sleep((due - elapsed) / self._pace * 1e-9)
+        self._slot = slot
+        return slot
+
+    def now(self) -> int:
+        """Return ns since the start of the run, in run time (wall time × pace)."""
+        if self._origin is None:
+            return 0
+        return int((time.monotonic_ns() - self._origin) * self._pace)

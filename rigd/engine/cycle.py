@@ -1,0 +1,253 @@
+"""The cycle: read every device, check, play, limit, write. It moves the rig and waits for no one.
+
+Whatever the program says, each cycle passes the interlocks first and the limiter last. When no
+program is loaded, setpoints go to rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from rigd.engine.clock import Clock
+from rigd.engine.control import Control, Verb
+from rigd.engine.interlocks import InterlockBank, Trip
+from rigd.engine.limiter import Limiter
+from rigd.engine.mount import CYCLE_STREAM, Mount, MountedRig
+from rigd.engine.player import Ending, Outcome, Player
+from rigd.engine.ring import Ring
+from rigd.model.errors import DeviceError
+from rigd.model.limits import Action
+from rigd.procedure.program import CycleProgram
+
+#: A device without a new row for this long has failed, whether or not an interlock watches it.
+DEVICE_SILENT_NS = 100_000_000
+
+#: ``emit(t_ns, kind, data)``: something happened that a person will want to read about.
+Emit = Callable[[int, str, Mapping[str, object]], None]
+
+_ENDING_OF_ACTION = {
+    Action.END_TRIAL: Ending.TRIAL_ENDED,
+    Action.STOP: Ending.STOPPED,
+    Action.ABORT: Ending.ABORTED,
+    Action.ESTOP: Ending.ESTOPPED,
+}
+_ENDING_OF_VERB = {
+    Verb.STOP: Ending.STOPPED,
+    Verb.ABORT: Ending.ABORTED,
+    Verb.ESTOP: Ending.ESTOPPED,
+}
+
+
+@dataclass
+class CycleCounters:
+    """What the cycle counts about itself over a run."""
+
+    cycles: int = 0
+    missed: int = 0  #: slots that passed without a cycle
+
+
+class Cycle:
+    """The control cycle of one rig.
+
+    ``rings`` maps stream names to where rows go; ``decimation`` says every how many cycles.
+    """
+
+    def __init__(
+        self,
+        rig: MountedRig,
+        limiter: Limiter,
+        interlocks: InterlockBank,
+        clock: Clock,
+        control: Control,
+        emit: Emit,
+    ) -> None:
+        self.rig = rig
+        self.limiter = limiter
+        self.interlocks = interlocks
+        self.clock = clock
+        self.control = control
+        self.counters = CycleCounters()
+        self.segment = ""
+        self.trips: list[Trip] = []  #: everything that tripped in this run
+        self._emit = emit
+        self._recorded: list[tuple[Mount, Ring, int]] = []
+        self._own_ring: tuple[Ring, int] | None = None
+        self._values = [float("nan")] * len(rig.device_of)
+        self._stamps = [-DEVICE_SILENT_NS] * len(rig.mounts)
+        self._rest = [limit.rest for limit in limiter.limits]
+        self._wanted = list(self._rest)
+        self._actuators = [mount for mount in rig.mounts if mount.driver.setpoints]
+        self._player: Player | None = None
+        self._leaving: Outcome | None = None
+        self._heeded: Verb | None = None
+        self._slot = -1
+        self._limited: frozenset[int] = frozenset()
+
+    @property
+    def t_ns(self) -> int:
+        """Unix time of the slot under way, in ns."""
+        return self.clock.start_ns + max(self._slot, 0) * self.clock.period_ns
+
+    def record_to(self, rings: Mapping[str, Ring], decimation: Mapping[str, int]) -> None:
+        """From now on push rows to ``rings``, every ``decimation[stream]``-th cycle."""
+        self._recorded = [
+            (mount, rings[mount.name], decimation[mount.name])
+            for mount in self.rig.mounts
+            if mount.name in rings
+        ]
+        if CYCLE_STREAM.name in rings:
+            self._own_ring = (rings[CYCLE_STREAM.name], decimation[CYCLE_STREAM.name])
+
+    def load(self, program: CycleProgram | None) -> None:
+        """Play ``program`` from the next cycle on; None lets the setpoints go to rest."""
+        self._leaving = None
+        self._player = (
+            None if program is None else Player(program, self.rig.readings, self.rig.setpoints)
+        )
+        self.segment = ""
+
+    def readings(self) -> Mapping[str, float]:
+        """Return the newest value of every channel."""
+        return {name: self._values[index] for name, index in self.rig.readings.items()}
+
+    def step(self) -> Outcome | None:
+        """Run one cycle; return how the program ended, or None while it plays on."""
+        clock = self.clock
+        slot = clock.next_slot()
+        began = clock.now()
+        self.counters.cycles += 1
+        if slot != self._slot + 1:
+            missed = slot - self._slot - 1
+            self.counters.missed += missed
+            self._emit(self.t_ns, "late", {"missed_slots": missed})
+        self._slot = slot
+        t_ns = clock.start_ns + slot * clock.period_ns
+
+        outcome = self._read(t_ns)
+        if outcome is None:
+            outcome = self._decide(t_ns)
+            setpoints = self.limiter.apply(self._wanted)
+            for mount in self._actuators:
+                mount.driver.write(setpoints[mount.commands])
+            if self.limiter.acting != self._limited:
+                self._report_limiting(t_ns)
+        self._push(t_ns, slot, began)
+        return outcome
+
+    def _read(self, t_ns: int) -> Outcome | None:
+        values, stamps = self._values, self._stamps
+        for index, mount in enumerate(self.rig.mounts):
+            try:
+                row = mount.driver.read(t_ns)
+            except DeviceError as error:
+                return self._fault(t_ns, f"{mount.name}: {error.message}")
+            if row is not None:
+                values[mount.values] = row
+                stamps[index] = t_ns
+            elif t_ns - stamps[index] > DEVICE_SILENT_NS:
+                silent_ms = DEVICE_SILENT_NS // 1_000_000
+                return self._fault(t_ns, f"{mount.name} gave no row for {silent_ms} ms")
+        return None
+
+    def _decide(self, t_ns: int) -> Outcome | None:
+        """Set the wanted setpoints from interlocks, requests and the program, in that order."""
+        for trip in self.interlocks.check(t_ns, self._values, self._stamps):
+            self._heed_trip(trip)
+        verb = self.control.verb
+        if verb is not None and verb != self._heeded:
+            self._heeded = verb
+            self._leave(Outcome(_ENDING_OF_VERB[verb], self.control.reason))
+        if self._leaving is None and self._player is not None:
+            ended = self._player.step(t_ns, self._values, self._wanted)
+            for name in self._player.entered:
+                self.segment = name
+                self._emit(t_ns, "step", {"name": name})
+            if ended is None:
+                return None
+            if ended.ending is Ending.DONE:
+                self._player = None
+                return ended
+            self._leave(ended)
+        self._wanted[:] = self._rest
+        return self._left(t_ns)
+
+    def _left(self, t_ns: int) -> Outcome | None:
+        """Return the outcome once the way out is complete."""
+        leaving = self._leaving
+        if leaving is None:
+            return None
+        if leaving.ending is Ending.ESTOPPED:
+            self.make_safe(t_ns)
+            return leaving
+        # Rest is reached by the limiter one cycle after it was wanted, and seen here.
+        return leaving if self.limiter.at_rest() else None
+
+    def _leave(self, outcome: Outcome) -> None:
+        """Take the way out of the program, unless one at least as severe is being taken."""
+        if self._leaving is None or outcome.ending.value > self._leaving.ending.value:
+            self._leaving = outcome
+
+    def _heed_trip(self, trip: Trip) -> None:
+        interlock = trip.interlock
+        self.trips.append(trip)
+        self._emit(
+            trip.t_ns,
+            "interlock",
+            {
+                "name": interlock.name,
+                "action": interlock.action.name.lower(),
+                "priority": interlock.priority.name.lower(),
+                "latched": interlock.latch,
+                "value": trip.value,
+                "reason": trip.reason,
+                "message": interlock.message,
+            },
+        )
+        ending = _ENDING_OF_ACTION.get(interlock.action)
+        if ending is not None:
+            self._leave(Outcome(ending, f"interlock {interlock.name}: {trip.reason}", trip))
+
+    def _fault(self, t_ns: int, reason: str) -> Outcome:
+        self._emit(t_ns, "fault", {"reason": reason})
+        self.make_safe(t_ns)
+        return Outcome(Ending.FAULTED, reason)
+
+    def _report_limiting(self, t_ns: int) -> None:
+        names = [name for name, index in self.rig.setpoints.items() if index in self.limiter.acting]
+        self._limited = frozenset(self.limiter.acting)
+        self._emit(t_ns, "limit", {"setpoints": names})
+
+    def _push(self, t_ns: int, slot: int, began: int) -> None:
+        setpoints, values = self.limiter.applied, self._values
+        for mount, ring, every in self._recorded:
+            if slot % every:
+                continue
+            row = values[mount.values]
+            if mount.driver.has_status:
+                status = row.pop()
+                # NaN: the device has not answered yet; all bits set says "unknown".
+                row += setpoints[mount.commands]
+                row.append(int(status) if status == status else 0xFFFFFFFF)
+            else:
+                row += setpoints[mount.commands]
+            ring.push(t_ns, row)
+        if self._own_ring is not None and slot % self._own_ring[1] == 0:
+            due = slot * self.clock.period_ns * 1e-9
+            spent = (self.clock.now() - began) * 1e-9
+            self._own_ring[0].push(t_ns, (due, began * 1e-9, spent))
+
+    def make_safe(self, t_ns: int | None = None) -> Sequence[str]:
+        """Bring every device to its safe state; return what went wrong, a sentence each.
+
+        One device that fails never keeps the others from being made safe.
+        """
+        problems = []
+        for mount in self.rig.mounts:
+            try:
+                mount.driver.make_safe()
+            except Exception as error:  # noqa: BLE001 - boundary: recorded, and the others go on
+                problems.append(f"{mount.name} could not be made safe: {error}")
+        for problem in problems:
+            self._emit(self.t_ns if t_ns is None else t_ns, "fault", {"reason": problem})
+        return problems

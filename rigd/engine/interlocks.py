@@ -1,0 +1,154 @@
+"""Interlocks: checked every cycle, beneath procedures and manual commands alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from rigd.model.limits import Action, Interlock
+from rigd.model.units import Quantity, parse_unit
+
+
+@dataclass(frozen=True)
+class Trip:
+    """An interlock that acted: when, why, in words for the operator."""
+
+    t_ns: int
+    interlock: Interlock
+    value: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class _Rule:
+    """An interlock bound to its places in the values table."""
+
+    interlock: Interlock
+    source: int
+    device: int
+    unit: str
+    low: float
+    high: float
+    low_from: int  # index of the channel that gives the bound, or -1
+    high_from: int
+    delay_ns: int
+    stale_ns: int
+
+
+class InterlockBank:
+    """All interlocks of a rig, with what each has seen so far.
+
+    ``readings`` maps channel names to indices of the values table, ``units`` gives their units,
+    ``device_of`` the device each index belongs to.
+
+    Raises:
+        KeyError: an interlock names a channel the rig does not have.
+    """
+
+    def __init__(
+        self,
+        interlocks: Sequence[Interlock],
+        readings: Mapping[str, int],
+        units: Mapping[str, str],
+        device_of: Sequence[int],
+    ) -> None:
+        self._rules = [_bind(one, readings, units, device_of) for one in interlocks]
+        self._since: list[int | None] = [None] * len(interlocks)  # when the violation began
+        self._tripped = [False] * len(interlocks)
+
+    def check(self, t_ns: int, values: Sequence[float], stamps: Sequence[int]) -> list[Trip]:
+        """Return the interlocks that trip in this cycle.
+
+        ``stamps`` holds when each device last gave a row, in ns.
+        """
+        trips: list[Trip] = []
+        for index, rule in enumerate(self._rules):
+            value = values[rule.source]
+            low = rule.low if rule.low_from < 0 else values[rule.low_from]
+            high = rule.high if rule.high_from < 0 else values[rule.high_from]
+            age_ns = t_ns - stamps[rule.device]
+            # NaN fails every comparison, in the value as in a bound, and so counts as a violation.
+            if low <= value <= high and age_ns <= rule.stale_ns:
+                if self._since[index] is not None:
+                    self._recover(index, value, low, high)
+                continue
+            since = self._since[index]
+            if since is None:
+                since = self._since[index] = t_ns
+            # No delay excuses data that cannot be trusted.
+            untrusted = age_ns > rule.stale_ns or math.isnan(value + low - high)
+            if not self._tripped[index] and (untrusted or t_ns - since >= rule.delay_ns):
+                self._tripped[index] = True
+                trips.append(
+                    Trip(t_ns, rule.interlock, value, _reason(rule, value, low, high, age_ns))
+                )
+        return trips
+
+    def _recover(self, index: int, value: float, low: float, high: float) -> None:
+        """Clear a violation once the value is a deadband inside its bounds, unless latched."""
+        interlock = self._rules[index].interlock
+        inside = low + interlock.deadband <= value <= high - interlock.deadband
+        if not self._tripped[index]:
+            self._since[index] = None
+        elif inside and not interlock.latch:
+            self._tripped[index] = False
+            self._since[index] = None
+
+    def active(self, least: Action = Action.WARN) -> list[Interlock]:
+        """Return the interlocks that stand tripped, of at least this severity."""
+        return [
+            rule.interlock
+            for rule, tripped in zip(self._rules, self._tripped, strict=True)
+            if tripped and rule.interlock.action >= least
+        ]
+
+    def acknowledge(self, name: str) -> None:
+        """Let a latched interlock clear; it trips again at once if its condition still holds.
+
+        Raises:
+            KeyError: no interlock of that name.
+        """
+        for index, rule in enumerate(self._rules):
+            if rule.interlock.name == name:
+                self._tripped[index] = False
+                self._since[index] = None
+                return
+        raise KeyError(name)
+
+
+def _bind(
+    interlock: Interlock,
+    readings: Mapping[str, int],
+    units: Mapping[str, str],
+    device_of: Sequence[int],
+) -> _Rule:
+    source = readings[interlock.source]
+    low, high = interlock.low, interlock.high
+    return _Rule(
+        interlock,
+        source=source,
+        device=device_of[source],
+        unit=units[interlock.source],
+        low=low if isinstance(low, int | float) else -math.inf,
+        high=high if isinstance(high, int | float) else math.inf,
+        low_from=readings[low] if isinstance(low, str) else -1,
+        high_from=readings[high] if isinstance(high, str) else -1,
+        delay_ns=round(interlock.delay_s * 1e9),
+        stale_ns=round(interlock.stale_after_s * 1e9),
+    )
+
+
+def _reason(rule: _Rule, value: float, low: float, high: float, age_ns: int) -> str:
+    source, unit = rule.interlock.source, parse_unit(rule.unit)
+    if age_ns > rule.stale_ns:
+        return (
+            f"{source} is stale: its last row is {age_ns / 1e6:.0f} ms old, "
+            f"at most {rule.stale_ns / 1e6:.0f} ms is allowed"
+        )
+    if math.isnan(value):
+        return f"{source} is not a number (NaN)"
+    if math.isnan(low) or math.isnan(high):
+        return f"a bound of {source} is not a number (NaN)"
+    side, bound = ("above", high) if value > high else ("below", low)
+    return f"{source} {Quantity(value, unit)} is {side} its limit {Quantity(bound, unit)}"

@@ -1,0 +1,55 @@
+"""The last step before the link: no command passes it that breaks a limit, whoever gave it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rigd.model.limits import SetpointLimit
+
+
+class Limiter:
+    """Bounds every setpoint in value and in rate, cycle by cycle.
+
+    ``limits`` in the order of the command table. Setpoints begin at rest.
+    """
+
+    def __init__(self, limits: Sequence[SetpointLimit], period_s: float) -> None:
+        self.limits = tuple(limits)
+        self.applied = [limit.rest for limit in limits]  #: what was last let through
+        self.acting: set[int] = set()  #: indices where the last command was cut
+        self._bounds = [(lim.low, lim.high, lim.rate * period_s) for lim in limits]
+
+    def apply(self, wanted: Sequence[float]) -> list[float]:
+        """Return the setpoints that may be written now.
+
+        A setpoint that is not finite holds the last one that was.
+        """
+        applied = self.applied
+        acting = self.acting
+        for index, (low, high, step) in enumerate(self._bounds):
+            target = wanted[index]
+            last = applied[index]
+            if target == last:
+                acting.discard(index)
+                continue
+            if not math.isfinite(target):
+                acting.add(index)
+                continue
+            value = min(max(target, low), high)
+            if value - last > step:
+                value = last + step
+            elif last - value > step:
+                value = last - step
+            if value == target:
+                acting.discard(index)
+            else:
+                acting.add(index)
+            applied[index] = value
+        return applied
+
+    def at_rest(self) -> bool:
+        """Return whether every setpoint stands at its rest value."""
+        return all(
+            value == limit.rest for value, limit in zip(self.applied, self.limits, strict=True)
+        )

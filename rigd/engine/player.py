@@ -1,0 +1,175 @@
+"""Plays a cycle program: profiles, end conditions and per-trial limits, one look per cycle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, MutableSequence, Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from rigd.engine.interlocks import Trip
+from rigd.procedure.profiles import Constant, Profile
+from rigd.procedure.program import Comparison, Condition, CycleProgram, OnTimeout, Segment
+
+
+class Ending(Enum):
+    """How a cycle program came to its end; each is more severe than the one before."""
+
+    DONE = auto()  #: every segment played
+    TRIAL_ENDED = auto()  #: early: a limit, a timeout or an interlock ended this trial only
+    FAILED = auto()  #: a segment did not end as the procedure demands
+    STOPPED = auto()  #: controlled stop; setpoints are at rest
+    ABORTED = auto()  #: setpoints went to rest at once
+    ESTOPPED = auto()  #: power was asked to drop
+    FAULTED = auto()  #: a device failed; the rig was made safe
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The ending of a cycle program, with the reason in words and the trip that caused it."""
+
+    ending: Ending
+    reason: str = ""
+    trip: Trip | None = None
+
+
+@dataclass(frozen=True)
+class _Watch:
+    """A condition bound to its place in the values table."""
+
+    condition: Condition
+    index: int
+    above: bool
+    hold_ns: int
+
+
+class Player:
+    """One cycle program bound to the tables of a rig.
+
+    Call :meth:`step` once per cycle with the newest values; it updates the wanted setpoints in
+    place and returns an outcome once the program is over. A segment that ends hands over within
+    the same cycle.
+
+    Raises:
+        KeyError: the program names a channel or setpoint the rig does not have.
+    """
+
+    def __init__(
+        self, program: CycleProgram, readings: Mapping[str, int], setpoints: Mapping[str, int]
+    ) -> None:
+        self._segments = program.segments
+        self._watches = [
+            tuple(tuple(_watch(one, readings) for one in row) for row in segment.until)
+            for segment in program.segments
+        ]
+        self._profiles = [
+            [(setpoints[name], profile) for name, profile in segment.setpoints.items()]
+            for segment in program.segments
+        ]
+        self._limits = [
+            (readings[limit.channel], limit.low, limit.high, limit.channel)
+            for limit in program.limits
+        ]
+        self._position = -1
+        self._began_ns = 0
+        self._held_since: dict[_Watch, int] = {}
+        self._moving: list[tuple[int, Profile, float]] = []  # profiles that change in time
+        self.entered: list[str] = []  #: names of segments entered in the last step
+
+    @property
+    def segment(self) -> Segment | None:
+        """The segment that plays now."""
+        inside = 0 <= self._position < len(self._segments)
+        return self._segments[self._position] if inside else None
+
+    def step(
+        self, t_ns: int, values: Sequence[float], wanted: MutableSequence[float]
+    ) -> Outcome | None:
+        """Look at ``values`` of the cycle at ``t_ns`` and set ``wanted``; None while it plays."""
+        if self.entered:
+            self.entered = []
+        for index, low, high, channel in self._limits:
+            value = values[index]
+            if not low <= value <= high:
+                return Outcome(
+                    Ending.TRIAL_ENDED,
+                    f"{channel} = {value:.6g} left the trial's limits [{low:.6g}, {high:.6g}]",
+                )
+        while True:
+            over = self._position < 0 or self._segment_over(t_ns, values)
+            if isinstance(over, Outcome):
+                return over
+            if not over:
+                break
+            self._position += 1
+            if self._position == len(self._segments):
+                return Outcome(Ending.DONE)
+            self._enter(t_ns, wanted)
+        if self._moving:
+            t_s = (t_ns - self._began_ns) * 1e-9
+            for place, profile, initial in self._moving:
+                wanted[place] = profile.at(t_s, initial)
+        return None
+
+    def _enter(self, t_ns: int, wanted: MutableSequence[float]) -> None:
+        self._began_ns = t_ns
+        self._held_since.clear()
+        self._moving.clear()
+        self.entered.append(self._segments[self._position].name)
+        for place, profile in self._profiles[self._position]:
+            initial = wanted[place]
+            wanted[place] = profile.at(0.0, initial)
+            if not isinstance(profile, Constant):
+                self._moving.append((place, profile, initial))
+
+    def _segment_over(self, t_ns: int, values: Sequence[float]) -> bool | Outcome:
+        segment = self._segments[self._position]
+        for row in self._watches[self._position]:
+            # Every condition is looked at, so that each keeps its own time.
+            if all([self._holds(watch, t_ns, values) for watch in row]):
+                return True
+        elapsed_ns = t_ns - self._began_ns
+        if segment.duration_s is not None and elapsed_ns >= round(segment.duration_s * 1e9):
+            return True
+        if segment.timeout_s is None or elapsed_ns < round(segment.timeout_s * 1e9):
+            return False
+        reason = f"step {segment.name!r} did not end within {segment.timeout_s:.6g} s"
+        match segment.on_timeout:
+            case OnTimeout.NEXT:
+                return True
+            case OnTimeout.END_TRIAL:
+                return Outcome(Ending.TRIAL_ENDED, reason)
+            case OnTimeout.FAIL:
+                return Outcome(Ending.FAILED, reason)
+
+    def _holds(self, watch: _Watch, t_ns: int, values: Sequence[float]) -> bool:
+        value = values[watch.index]
+        if watch.condition.magnitude:
+            value = abs(value)
+        threshold = watch.condition.threshold
+        met = value > threshold if watch.above else value < threshold
+        if not met:
+            self._held_since.pop(watch, None)
+            return False
+        return t_ns - self._held_since.setdefault(watch, t_ns) >= watch.hold_ns
+
+
+def _watch(condition: Condition, readings: Mapping[str, int]) -> _Watch:
+    return _Watch(
+        condition,
+        readings[condition.channel],
+        condition.comparison is Comparison.ABOVE,
+        round(condition.for_s * 1e9),
+    )
+
+
+def reachable_duration_s(program: CycleProgram) -> float:
+    """Return the longest time the program can take by its own durations and timeouts, in s.
+
+    Infinite where a segment has neither.
+    """
+    total = 0.0
+    for segment in program.segments:
+        bounds = [one for one in (segment.duration_s, segment.timeout_s) if one is not None]
+        total += min(bounds) if bounds else math.inf
+    return total

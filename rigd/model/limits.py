@@ -1,0 +1,63 @@
+"""Limits and interlocks as facts: what the engine enforces beneath procedures and people alike."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum, auto
+
+
+@dataclass(frozen=True)
+class SetpointLimit:
+    """Bounds of one setpoint, in its unit; ``rate`` is per second.
+
+    ``rest`` is where a stop takes the setpoint (within ``rate``): 0 A for a motor, 1 for a clutch
+    that holds when engaged.
+    """
+
+    low: float
+    high: float
+    rate: float = math.inf
+    rest: float = 0.0
+
+
+class Action(IntEnum):
+    """What an interlock does when it trips; each is more severe than the one before."""
+
+    WARN = auto()  #: record and show it
+    END_TRIAL = auto()  #: end this trial, go on with the next
+    STOP = auto()  #: controlled stop of the run
+    ABORT = auto()  #: setpoints to rest now, nothing else follows
+    ESTOP = auto()  #: ask for power to drop at once
+
+
+class Priority(IntEnum):
+    """How urgently a person must look (IEC 62682, 4 classes)."""
+
+    LOW = auto()
+    MEDIUM = auto()
+    HIGH = auto()
+    CRITICAL = auto()
+
+
+@dataclass(frozen=True)
+class Interlock:
+    """A condition on a channel, checked every cycle.
+
+    Trips when ``source`` leaves [``low``, ``high``] for ``delay_s``, is NaN, or is older than
+    ``stale_after_s`` (the last two at once). ``low`` and ``high`` are constants in the channel's
+    unit or names of other channels. It clears once the value is ``deadband`` inside again; with
+    ``latch`` only after a person acknowledged it.
+    """
+
+    name: str
+    source: str
+    low: float | str | None = None
+    high: float | str | None = None
+    delay_s: float = 0.0
+    deadband: float = 0.0
+    stale_after_s: float = 0.05
+    latch: bool = False
+    priority: Priority = Priority.MEDIUM
+    action: Action = Action.STOP
+    message: str = ""
