@@ -1,0 +1,1 @@
+"""Devices simulated in process: drivers whose link is the plant itself."""

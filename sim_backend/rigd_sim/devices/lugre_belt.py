@@ -1,0 +1,95 @@
+"""The two belt drives of the rig: speed servos along and across the guide."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, ClassVar, Literal
+
+from annotated_types import Gt, Le
+
+from rigd.sdk import Channel, Driver, DriverConfig, In
+from rigd_sim.devices.setpoint import accepted
+from rigd_sim.plants.lugre import layout
+from rigd_sim.plants.lugre.plant import LugrePlant
+
+
+class BeltConfig(DriverConfig):
+    """Which belt, and how fast it may be asked to run."""
+
+    axis: Literal["longitudinal", "lateral"]
+    """Along the guide (brakes and returns the carriage) or across it (moves the bridge)."""
+    speed_range: Annotated[float, In("m/s"), Gt(0), Le(3)] | None = None
+    """Largest setpoint of either sign; by default 2.5 m/s along and 0.8 m/s across."""
+
+
+class LugreBelt(Driver):
+    """A belt drive behind a clutch; the belt and its encoder always move with the carriage.
+
+    Safe means *braked*: speed zero with the clutch engaged. The clutch is spring-applied, so that
+    losing power engages it; released, a carriage at 2 m/s would run into its end stop, and the
+    bridge would coast 0.8 m on a travel of 0.6 m. Until armed the drive is in that state too.
+    """
+
+    Config: ClassVar[type[DriverConfig]] = BeltConfig
+    title: ClassVar[str] = "belt drive of the simulated LuGre rig, speed servo"
+    has_status = True
+    config: BeltConfig
+    link: LugrePlant
+
+    def __init__(self, config: BeltConfig, link: LugrePlant | None) -> None:
+        super().__init__(config, link)
+        along = config.axis == "longitudinal"
+        limit = config.speed_range or (2.5 if along else 0.8)
+        way = "along" if along else "across"
+        self.setpoints = (
+            Channel("speed", "m/s", f"speed {way} the guide", -limit, limit),
+            Channel("engaged", "1", "clutch: 1 engaged, 0 released (no force)", 0.0, 1.0),
+        )
+        self.channels = (
+            Channel("position", "m", f"position {way} the guide", -0.1, 1.8)
+            if along
+            else Channel("position", "m", "position across the guide, 0 in the middle", -0.4, 0.4),
+            Channel("speed", "m/s", f"speed {way} the guide", -5.0, 5.0),
+            Channel("force", "N", "force of the drive on the carriage", -200.0, 200.0),
+        )
+        self._readings = layout.BELT if along else layout.LATERAL
+        self._command = layout.BELT_SPEED if along else layout.LATERAL_SPEED
+        self._enabled = False
+
+    def open(self) -> None:
+        """Do nothing: the plant stands as soon as the rig does."""
+
+    def arm(self) -> None:
+        """Take setpoints from now on; braked until the first."""
+        self._brake()
+        self._enabled = True
+
+    def read(self, t_ns: int) -> Sequence[float]:
+        """Return position, speed, force, status (enabled 1, clutched 2, limited 4, stop 8)."""
+        first = self._readings
+        position, speed, force, status = self.link.readings_at(t_ns)[first : first + 4]
+        return position, speed, force, int(status) | self._enabled
+
+    def write(self, setpoints: Sequence[float]) -> None:
+        """Set the speed in m/s and the clutch (above one half: engaged).
+
+        Raises:
+            DeviceError: a setpoint is NaN; those before it hold.
+
+        """
+        speed = accepted(self.setpoints[0], setpoints[0])
+        engaged = accepted(self.setpoints[1], setpoints[1]) > 0.5
+        if self._enabled:
+            commands = self.link.commands
+            commands[self._command] = speed
+            commands[self._command + 1] = float(engaged)
+
+    def make_safe(self) -> None:
+        """Brake to standstill with the clutch engaged, and hold; take no more setpoints."""
+        self._brake()
+        self._enabled = False
+
+    def _brake(self) -> None:
+        if self.link is not None:
+            self.link.commands[self._command] = 0.0
+            self.link.commands[self._command + 1] = 1.0
