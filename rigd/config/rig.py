@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
 
 from rigd.model.channels import Channel, Stream
+from rigd.model.limits import Interlock, SetpointLimit
 from rigd.model.units import Quantity
 from rigd.sdk import Driver, DriverConfig, Plant, PlantConfig
 
@@ -18,20 +18,6 @@ class SourceFile:
 
     path: Path
     text: str
-
-
-@dataclass(frozen=True)
-class SetpointLimit:
-    """What the rig allows a setpoint, in the SI value of its unit (``rate`` per second).
-
-    Lies within the device's own range. ``rest`` is the value a controlled stop ramps the
-    setpoint to within ``rate``.
-    """
-
-    low: float
-    high: float
-    rate: float
-    rest: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -71,39 +57,6 @@ class PlantSetup:
     config: PlantConfig
 
 
-class InterlockAction(Enum):
-    """What a tripped interlock does, each escalating the last."""
-
-    WARN = "warn"  #: an event in the recording, nothing else
-    END_TRIAL = "end_trial"  #: the trial ends, marked incomplete; the sweep goes on
-    STOP = "stop"  #: controlled stop: setpoints ramp to rest within their rates
-    ABORT = "abort"  #: setpoints to zero now
-    ESTOP = "estop"  #: ask for power to drop
-
-
-@dataclass(frozen=True)
-class InterlockConfig:
-    """A condition checked every cycle, beneath procedures and manual commands alike.
-
-    Trips when ``source`` (``device.channel``) leaves ``low``..``high`` (SI constant, or the name
-    of a channel in the same unit) without a break for ``delay_s``, and rearms ``deadband`` inside
-    the bound. NaN trips; so does a value older than ``stale_after_s``. With ``latch`` it stays
-    tripped until acknowledged. Of two that trip together, the higher ``priority`` is reported.
-    """
-
-    name: str
-    source: str
-    low: float | str | None
-    high: float | str | None
-    delay_s: float
-    deadband: float
-    stale_after_s: float
-    latch: bool
-    priority: int
-    action: InterlockAction
-    message: str
-
-
 @dataclass(frozen=True)
 class RigConfig:
     """One bench, checked: what a rig file says, with its drivers found and their options valid."""
@@ -113,7 +66,7 @@ class RigConfig:
     period_ns: int
     plant: PlantSetup | None
     devices: Mapping[str, DeviceConfig]
-    interlocks: tuple[InterlockConfig, ...]
+    interlocks: tuple[Interlock, ...]
     constants: Mapping[str, Quantity]
     source: SourceFile
 
