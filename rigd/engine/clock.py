@@ -75,3 +75,13 @@ class WallClock:
         if self._origin is None:
             return 0
         return int((time.monotonic_ns() - self._origin) * self._pace)
+
+
+def monotonic_ns() -> int:
+    """Return the monotonic clock of the machine, for intervals that people wait through."""
+    return time.monotonic_ns()
+
+
+def idle(seconds: float) -> None:
+    """Let the processor rest while a person is being waited for."""
+    time.sleep(seconds)

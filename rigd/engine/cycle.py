@@ -39,6 +39,10 @@ _ENDING_OF_VERB = {
 }
 
 
+def _nowhere(t_ns: int, kind: str, data: Mapping[str, object]) -> None:
+    """Where events go before the cycle is connected."""
+
+
 @dataclass
 class CycleCounters:
     """What the cycle counts about itself over a run."""
@@ -48,10 +52,7 @@ class CycleCounters:
 
 
 class Cycle:
-    """The control cycle of one rig.
-
-    ``rings`` maps stream names to where rows go; ``decimation`` says every how many cycles.
-    """
+    """The control cycle of one rig; call :meth:`connect` before the first :meth:`step`."""
 
     def __init__(
         self,
@@ -60,7 +61,6 @@ class Cycle:
         interlocks: InterlockBank,
         clock: Clock,
         control: Control,
-        emit: Emit,
     ) -> None:
         self.rig = rig
         self.limiter = limiter
@@ -70,11 +70,11 @@ class Cycle:
         self.counters = CycleCounters()
         self.segment = ""
         self.trips: list[Trip] = []  #: everything that tripped in this run
-        self._emit = emit
+        self._emit: Emit = _nowhere
         self._recorded: list[tuple[Mount, Ring, int]] = []
         self._own_ring: tuple[Ring, int] | None = None
         self._values = [float("nan")] * len(rig.device_of)
-        self._stamps = [-DEVICE_SILENT_NS] * len(rig.mounts)
+        self._stamps = [0] * len(rig.mounts)
         self._rest = [limit.rest for limit in limiter.limits]
         self._wanted = list(self._rest)
         self._actuators = [mount for mount in rig.mounts if mount.driver.setpoints]
@@ -89,8 +89,9 @@ class Cycle:
         """Unix time of the slot under way, in ns."""
         return self.clock.start_ns + max(self._slot, 0) * self.clock.period_ns
 
-    def record_to(self, rings: Mapping[str, Ring], decimation: Mapping[str, int]) -> None:
+    def connect(self, rings: Mapping[str, Ring], decimation: Mapping[str, int], emit: Emit) -> None:
         """From now on push rows to ``rings``, every ``decimation[stream]``-th cycle."""
+        self._emit = emit
         self._recorded = [
             (mount, rings[mount.name], decimation[mount.name])
             for mount in self.rig.mounts
@@ -121,8 +122,10 @@ class Cycle:
             missed = slot - self._slot - 1
             self.counters.missed += missed
             self._emit(self.t_ns, "late", {"missed_slots": missed})
-        self._slot = slot
         t_ns = clock.start_ns + slot * clock.period_ns
+        if self._slot < 0:
+            self._stamps = [t_ns] * len(self._stamps)
+        self._slot = slot
 
         outcome = self._read(t_ns)
         if outcome is None:

@@ -1,0 +1,86 @@
+"""Who answers the prompts of a procedure."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from rigd.model.errors import ProcedureError
+from rigd.model.units import format_quantity
+from rigd.procedure.program import AnswerKind, Prompt
+
+Answer = float | str | bool
+
+
+class Answers(Protocol):
+    """A source of answers: the operator, or the procedure file itself."""
+
+    by: str  #: recorded beside each answer: ``operator`` or ``procedure``
+
+    def can_answer(self, prompt: Prompt) -> bool:
+        """Return whether :meth:`answer` will be able to."""
+        ...
+
+    def answer(self, prompt: Prompt) -> Answer:
+        """Return the answer; may wait for a person."""
+        ...
+
+
+class OwnAnswers:
+    """The procedure file's own answers: in simulation, and with ``--yes``."""
+
+    by = "procedure"
+
+    def can_answer(self, prompt: Prompt) -> bool:
+        """A confirmation needs no answer of its own."""
+        return prompt.answer is not None or prompt.kind is AnswerKind.CONFIRM
+
+    def answer(self, prompt: Prompt) -> Answer:
+        """Return the procedure's own answer."""
+        if prompt.answer is not None:
+            return prompt.answer
+        if prompt.kind is AnswerKind.CONFIRM:
+            return True
+        raise ProcedureError(f"prompt {prompt.name!r} has no answer of its own")
+
+
+def check_answer(prompt: Prompt, answer: Answer) -> Answer:
+    """Return ``answer`` if the prompt accepts it.
+
+    Raises:
+        ProcedureError: out of bounds, not one of the choices, of the wrong type, or declined.
+    """
+    match prompt.kind:
+        case AnswerKind.CONFIRM:
+            if answer is not True:
+                raise ProcedureError(f"prompt {prompt.name!r} was declined")
+        case AnswerKind.NUMBER:
+            if isinstance(answer, bool) or not isinstance(answer, int | float):
+                raise ProcedureError(
+                    f"prompt {prompt.name!r} wants a number in {prompt.unit}, got {answer!r}"
+                )
+            _check_bounds(prompt, float(answer))
+        case AnswerKind.CHOICE:
+            if answer not in prompt.choices:
+                raise ProcedureError(
+                    f"prompt {prompt.name!r}: {answer!r} is not one of {', '.join(prompt.choices)}"
+                )
+        case AnswerKind.TEXT:
+            if not isinstance(answer, str):
+                raise ProcedureError(f"prompt {prompt.name!r} wants text, got {answer!r}")
+    return answer
+
+
+def _check_bounds(prompt: Prompt, value: float) -> None:
+    # Written so that NaN is out of bounds too.
+    low_ok = prompt.low is None or value >= prompt.low
+    high_ok = prompt.high is None or value <= prompt.high
+    if low_ok and high_ok and value == value:
+        return
+    bounds = [
+        "" if one is None else format_quantity(one, prompt.unit)
+        for one in (prompt.low, prompt.high)
+    ]
+    raise ProcedureError(
+        f"prompt {prompt.name!r}: {format_quantity(value, prompt.unit)} is outside "
+        f"{bounds[0]} .. {bounds[1]}"
+    )

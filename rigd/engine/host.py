@@ -1,0 +1,147 @@
+"""Runs the cycle and drains its rings into a sink, all in this process.
+
+The form for virtual time and for simulations paced to the wall clock. It owns the order in which
+rows and events reach the sink, so that in virtual time a recording repeats bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+
+from rigd.engine.clock import Clock, idle, monotonic_ns
+from rigd.engine.cycle import Cycle
+from rigd.engine.player import Outcome
+from rigd.engine.ring import Ring
+from rigd.engine.sink import Sink
+from rigd.procedure.program import CycleProgram
+
+#: Rows wait at most this long before they are on disk (a killed recorder loses less than this).
+FLUSH_NS = 100_000_000
+#: Rings are drained this often, in time of the run.
+DRAIN_NS = 50_000_000
+#: In virtual time nothing is gained by draining often; larger blocks are cheaper.
+VIRTUAL_DRAIN_NS = 1_000_000_000
+
+
+class InProcessHost:
+    """Plays cycle programs to their end on a cycle in this process.
+
+    Args:
+        cycle: the cycle, wired to its rig.
+        clock: the clock of that cycle.
+        virtual: whether that clock never waits.
+        sink: where rows go.
+        decimation: streams to record, and every how many cycles.
+        on_drain: called after each drain, for progress.
+    """
+
+    def __init__(
+        self,
+        cycle: Cycle,
+        clock: Clock,
+        *,
+        virtual: bool,
+        sink: Sink,
+        decimation: Mapping[str, int],
+        on_drain: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.cycle = cycle
+        self.virtual = virtual
+        self._sink = sink
+        self.on_drain = on_drain
+        every_ns = VIRTUAL_DRAIN_NS if virtual else DRAIN_NS
+        self._drain_every = max(1, every_ns // clock.period_ns)
+        # Ten times what one drain takes out: room for a disk that pauses.
+        self._rings = {
+            stream.name: Ring(stream, 10 * self._drain_every + 1000)
+            for stream in cycle.rig.streams
+            if stream.name in decimation
+        }
+        cycle.connect(self._rings, decimation, self._emit)
+        self.trial = 0  #: number of the trial that events belong to; 0 outside trials
+        self._cycles = 0
+        self._flushed_ns = monotonic_ns()
+
+    def play(self, program: CycleProgram) -> Outcome:
+        """Play ``program`` to its end and return how it ended."""
+        self.cycle.load(program)
+        while (outcome := self._step()) is None:
+            pass
+        return outcome
+
+    def ask(self, question: Callable[[], object]) -> Outcome | None:
+        """Run ``question`` in a thread; the cycle goes on at rest until it returns.
+
+        In virtual time the world stands still instead. Returns an outcome where the cycle had to
+        act meanwhile (an interlock, a stop); the question is then left behind.
+        """
+        if self.virtual:
+            question()
+            return None
+        self.cycle.load(None)
+        # Not a `with` block: leaving it would wait for an answer that may never come.
+        pool = ThreadPoolExecutor(1, thread_name_prefix="prompt")
+        asked: Future[object] = pool.submit(question)
+        try:
+            while not asked.done():
+                outcome = self._step()
+                if outcome is not None:
+                    return outcome
+            asked.result()
+            return None
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+    def rest_while(self, condition: Callable[[], bool]) -> Outcome | None:
+        """Keep the rig at rest as long as ``condition`` holds; return an outcome as :meth:`ask`."""
+        self.cycle.load(None)
+        while condition():
+            if self.virtual:
+                idle(0.05)
+            outcome = self._step()
+            if outcome is not None:
+                return outcome
+        return None
+
+    def run_cycles(self, count: int) -> Outcome | None:
+        """Run ``count`` cycles with the setpoints at rest."""
+        self.cycle.load(None)
+        for _ in range(count):
+            outcome = self._step()
+            if outcome is not None:
+                return outcome
+        return None
+
+    def _step(self) -> Outcome | None:
+        outcome = self.cycle.step()
+        self._cycles += 1
+        if self._cycles >= self._drain_every:
+            self.drain()
+        return outcome
+
+    def drain(self) -> None:
+        """Hand all waiting rows to the sink; flush when the last flush is old enough."""
+        self._cycles = 0
+        for name, ring in self._rings.items():
+            rows = ring.drain()
+            if len(rows):
+                self._sink.write(name, rows)
+        now = monotonic_ns()
+        # Half a drain early rather than half a drain late.
+        if now - self._flushed_ns >= FLUSH_NS - DRAIN_NS // 2:
+            self._sink.flush()
+            self._flushed_ns = now
+        self.on_drain()
+
+    def event(self, kind: str, data: Mapping[str, object]) -> None:
+        """Hand one event to the sink, stamped with the slot under way."""
+        self._emit(self.cycle.t_ns, kind, data)
+
+    def _emit(self, t_ns: int, kind: str, data: Mapping[str, object]) -> None:
+        self._sink.event(t_ns, kind, self.trial, data)
+
+    @property
+    def overruns(self) -> int:
+        """Rows lost because a ring was full."""
+        return sum(ring.overruns for ring in self._rings.values())

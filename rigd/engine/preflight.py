@@ -1,0 +1,63 @@
+"""Preflight: everything that can refuse, before anything is armed. Blocked is not failed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from rigd.engine.answers import Answers
+from rigd.engine.host import InProcessHost
+from rigd.model.errors import Blocked, DeviceError, LinkError, ProtocolError
+from rigd.model.limits import Action
+from rigd.procedure.program import CompiledProcedure, Prompt
+
+#: Cycles read before arming, so that a dead sensor or a standing trip is seen at rest.
+PREFLIGHT_CYCLES = 20
+
+
+def preflight(
+    host: InProcessHost,
+    procedure: CompiledProcedure,
+    answers: Answers,
+    extra_checks: Sequence[Callable[[], Sequence[str]]] = (),
+) -> None:
+    """Open every device, look at it at rest, and raise unless all is well.
+
+    Raises:
+        Blocked: with every reason found, not only the first.
+    """
+    reasons = [reason for check in extra_checks for reason in check()]
+    reasons += _unanswerable(procedure, answers)
+    opened = True
+    for mount in host.cycle.rig.mounts:
+        try:
+            mount.driver.open()
+            reasons += [f"{mount.name}: {reason}" for reason in mount.driver.preflight()]
+        except (LinkError, ProtocolError, DeviceError) as error:
+            opened = False
+            reasons.append(f"{mount.name}: {error.message}")
+    if opened:
+        reasons += _look(host)
+    if reasons:
+        raise Blocked(reasons)
+
+
+def _look(host: InProcessHost) -> Iterator[str]:
+    outcome = host.run_cycles(PREFLIGHT_CYCLES)
+    if outcome is not None:
+        yield outcome.reason
+        return
+    for interlock in host.cycle.interlocks.active(Action.END_TRIAL):
+        yield f"interlock {interlock.name} stands tripped"
+
+
+def _unanswerable(procedure: CompiledProcedure, answers: Answers) -> Iterator[str]:
+    steps = [*procedure.prepare, *procedure.finish]
+    for trial in procedure.trials:
+        steps += [*trial.steps, *trial.after]
+    asked = {step.name: step for step in steps if isinstance(step, Prompt)}
+    for prompt in asked.values():
+        if not answers.can_answer(prompt):
+            yield (
+                f"prompt {prompt.name!r} needs an operator: run in a terminal, or give the prompt "
+                f"an `answer` in the procedure and use --yes"
+            )

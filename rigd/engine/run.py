@@ -1,0 +1,350 @@
+"""One execution of a procedure on a rig, from preflight to a safe rig and a finished file.
+
+``finish`` and ``make_safe`` are two things: ``finish`` may move (bring the carriage home) and
+plays only where nothing went wrong with the rig itself; ``make_safe`` never moves anything on
+purpose and runs on every way out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from rigd.engine.answers import Answer, Answers, check_answer
+from rigd.engine.control import Control
+from rigd.engine.cycle import Cycle
+from rigd.engine.host import InProcessHost
+from rigd.engine.player import Ending, Outcome
+from rigd.engine.preflight import preflight
+from rigd.engine.sink import Sink
+from rigd.model.errors import Blocked, Exit, ProcedureError, RigdError
+from rigd.model.limits import Action
+from rigd.model.states import RunEvent, RunState, next_state
+from rigd.procedure.program import CompiledProcedure, Prompt, Step, TrialPlan
+
+#: ``change(quantity, value)``: what a simulated rig does when a prompt was answered.
+ChangePlant = Callable[[str, float | str], None]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a run stands, for whoever watches."""
+
+    state: RunState
+    step: str
+    trials_done: int
+    trials_total: int
+    trial: TrialPlan | None
+    run_s: float  #: time of the run so far, in s
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """How a run ended: the final state, why, and the exit code that says so to a script."""
+
+    state: RunState
+    reason: str
+    exit_code: Exit
+    trials_done: int
+    trials_total: int
+    run_s: float
+    incomplete: tuple[int, ...] = ()  #: numbers of trials that ended early
+    missed_cycles: int = 0
+    trips: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()  #: what went wrong while making the rig safe
+
+
+@dataclass
+class _WayOut(Exception):
+    """Leaves the sequence: why, and whether `finish` may still move the rig."""
+
+    outcome: Outcome
+    exit_code: Exit
+    final: RunEvent
+    may_finish: bool
+
+
+@dataclass
+class Run:
+    """Plays ``procedure`` on the rig behind ``host``.
+
+    ``done`` holds the (number, repeat) of trials an earlier, interrupted run has completed.
+    ``change`` is None for a real rig.
+    """
+
+    procedure: CompiledProcedure
+    host: InProcessHost
+    sink: Sink
+    control: Control
+    answers: Answers
+    change: ChangePlant | None = None
+    done: frozenset[tuple[int, int]] = frozenset()
+    watch: Callable[[Progress], None] = lambda _: None
+    extra_checks: Sequence[Callable[[], Sequence[str]]] = ()
+    state: RunState = RunState.IDLE
+    _trial: TrialPlan | None = None
+    _trials_done: int = 0
+    _incomplete: list[int] = field(default_factory=list)
+
+    @property
+    def cycle(self) -> Cycle:
+        """The cycle that plays this run."""
+        return self.host.cycle
+
+    @property
+    def progress(self) -> Progress:
+        """Where the run stands now."""
+        clock = self.cycle.clock
+        return Progress(
+            self.state,
+            self.cycle.segment,
+            self._trials_done,
+            len(self.procedure.trials),
+            self._trial,
+            (self.cycle.t_ns - clock.start_ns) * 1e-9,
+        )
+
+    def execute(self) -> RunResult:
+        """Run the procedure; on every way out the rig is made safe and the sink closed.
+
+        Raises:
+            Blocked: preflight refused; nothing moved.
+            RigdError: the recording could not be kept, or a driver failed outside the cycle; the
+                rig is safe when this is raised.
+        """
+        self.host.on_drain = self._look_around
+        reason, code = "interrupted", Exit.INTERNAL
+        try:
+            reason, code = self._live()
+        except RigdError as error:
+            reason = error.message
+            if next_state(self.state, RunEvent.FAULT) is not None:
+                self._to(RunEvent.FAULT)
+            raise
+        except BaseException as error:
+            reason = f"{type(error).__name__}: {error}"
+            raise
+        finally:
+            # In this order: nothing that can fail or take time comes before a safe rig.
+            problems = self.cycle.make_safe()
+            try:
+                self._end(reason)
+            finally:
+                self._close()
+        return self._result(reason, code, problems)
+
+    def _live(self) -> tuple[str, Exit]:
+        self._to(RunEvent.CHECK)
+        try:
+            preflight(self.host, self.procedure, self.answers, self.extra_checks)
+        except Blocked:
+            self._to(RunEvent.BLOCK)
+            raise
+        self._event("run_start", {"procedure": self.procedure.name, "resumed": bool(self.done)})
+        for mount in self.cycle.rig.mounts:
+            mount.driver.arm()
+        self._to(RunEvent.ARM)
+        self._to(RunEvent.START)
+        reason, code, final = "all trials played", Exit.OK, RunEvent.FINISHED
+        may_finish = True
+        try:
+            self._sequence()
+            self._to(RunEvent.COMPLETE)
+        except _WayOut as out:
+            reason, code, final = out.outcome.reason, out.exit_code, out.final
+            may_finish = out.may_finish
+            if may_finish:
+                self._to(RunEvent.STOP)
+                self._to(RunEvent.STOPPED)
+        if may_finish:
+            try:
+                self._play_steps(self.procedure.finish, "finish")
+            except _WayOut as out:
+                # What went wrong first is what the operator must hear; worse only adds to it.
+                reason = (
+                    f"{reason}; in finish: {out.outcome.reason}" if code else out.outcome.reason
+                )
+                code = out.exit_code if code in (Exit.OK, Exit.STOPPED) else code
+                final = RunEvent.FINISHED if out.may_finish else out.final
+        if final in (RunEvent.FAULT, RunEvent.ESTOP):
+            self._to(final)
+        elif final is RunEvent.ABORT:
+            self._to(RunEvent.ABORT)
+            self._to(RunEvent.SAFE)
+        else:
+            self._to(RunEvent.FINISHED)
+        return reason, code
+
+    def _sequence(self) -> None:
+        self._play_steps(self.procedure.prepare, "prepare")
+        for trial in self.procedure.trials:
+            if (trial.number, trial.repeat) in self.done:
+                self._trials_done += 1
+                continue
+            self._pause_point()
+            self._play_trial(trial)
+            self._trials_done += 1
+
+    def _look_around(self) -> None:
+        """Between two cycles: show progress, and show that a pause was asked for."""
+        if self.control.pause_wanted and self.state is RunState.RUNNING:
+            self._to(RunEvent.PAUSE)
+        elif not self.control.pause_wanted and self.state is RunState.PAUSING:
+            self._to(RunEvent.RESUME)
+        else:
+            self.watch(self.progress)
+
+    def _pause_point(self) -> None:
+        """Between two trials: wait here while a pause is wanted."""
+        if not self.control.pause_wanted:
+            return
+        if self.state is RunState.RUNNING:
+            self._to(RunEvent.PAUSE)
+        self._to(RunEvent.TRIAL_ENDED)
+        outcome = self.host.rest_while(lambda: self.control.pause_wanted)
+        if outcome is not None:
+            raise self._way_out(outcome)
+        self._to(RunEvent.RESUME)
+
+    def _play_trial(self, trial: TrialPlan) -> None:
+        self._trial = trial
+        self.host.trial = trial.number
+        parameters = dict(trial.parameters)
+        self._event(
+            "trial_start",
+            {
+                "number": trial.number,
+                "repeat": trial.repeat,
+                "parameters": parameters,
+                "units": {k: u for k, u in self.procedure.units.items() if k in parameters},
+            },
+        )
+        complete, reason = False, "interrupted"
+        try:
+            outcome = self._play(trial.steps)
+            complete = outcome.ending is Ending.DONE
+            reason = outcome.reason or "all steps played"
+            ends_run = outcome.trip is not None and outcome.trip.interlock.latch
+            if outcome.ending is Ending.TRIAL_ENDED and not ends_run:
+                self._incomplete.append(trial.number)
+            elif outcome.ending is not Ending.DONE:
+                raise self._way_out(outcome)
+            self._play_steps(trial.after, "after")
+        except _WayOut as out:
+            complete, reason = False, out.outcome.reason
+            raise
+        finally:
+            self.host.drain()
+            self._event("trial_end", {"complete": complete, "reason": reason})
+            self._trial = None
+            self.host.trial = 0
+
+    def _play_steps(self, steps: Sequence[Step], block: str) -> None:
+        """Play a block in which nothing may end early."""
+        outcome = self._play(steps)
+        if outcome.ending is Ending.DONE:
+            return
+        if outcome.ending is Ending.TRIAL_ENDED:
+            outcome = Outcome(Ending.FAILED, f"{block}: {outcome.reason}", outcome.trip)
+        raise self._way_out(outcome)
+
+    def _play(self, steps: Sequence[Step]) -> Outcome:
+        for step in steps:
+            if isinstance(step, Prompt):
+                outcome = self._prompt(step)
+                if outcome is not None:
+                    return outcome
+            else:
+                outcome = self.host.play(step)
+                if outcome.ending is not Ending.DONE:
+                    return outcome
+        return Outcome(Ending.DONE)
+
+    def _prompt(self, prompt: Prompt) -> Outcome | None:
+        self._event("prompt", {"name": prompt.name, "text": prompt.text})
+        given: list[Answer] = []
+        outcome = self.host.ask(lambda: given.append(self.answers.answer(prompt)))
+        if outcome is not None:
+            return outcome
+        try:
+            answer = check_answer(prompt, given[0])
+        except ProcedureError as error:
+            return Outcome(Ending.FAILED, error.message)
+        self._event(
+            "answer",
+            {"name": prompt.name, "answer": answer, "unit": prompt.unit, "by": self.answers.by},
+        )
+        if prompt.changes is not None and self.change is not None:
+            self.change(prompt.changes, answer)
+        return None
+
+    def _way_out(self, outcome: Outcome) -> _WayOut:
+        """Return where ``outcome`` leads, and whether the rig may still be moved."""
+        trip = outcome.trip
+        latched = trip is not None and trip.interlock.latch
+        match outcome.ending:
+            case Ending.FAULTED:
+                return _WayOut(outcome, Exit.TRIPPED, RunEvent.FAULT, may_finish=False)
+            case Ending.ESTOPPED:
+                code = Exit.STOPPED if trip is None else Exit.TRIPPED
+                return _WayOut(outcome, code, RunEvent.ESTOP, may_finish=False)
+            case Ending.ABORTED:
+                code = Exit.STOPPED if trip is None else Exit.TRIPPED
+                return _WayOut(outcome, code, RunEvent.ABORT, may_finish=False)
+            case Ending.STOPPED if trip is None:
+                return _WayOut(outcome, Exit.STOPPED, RunEvent.FINISHED, may_finish=True)
+            case Ending.STOPPED | Ending.TRIAL_ENDED | Ending.FAILED if trip is not None:
+                final = RunEvent.FAULT if latched else RunEvent.FINISHED
+                return _WayOut(outcome, Exit.TRIPPED, final, may_finish=not latched)
+            case _:
+                return _WayOut(outcome, Exit.FAILED, RunEvent.FINISHED, may_finish=True)
+
+    def _to(self, event: RunEvent) -> None:
+        """Move on in the table of states; an event the table refuses is a bug here."""
+        state = next_state(self.state, event)
+        if state is None:
+            raise RuntimeError(f"run state {self.state.name} has no way out by {event.name}")
+        if state is not self.state:
+            self.state = state
+            self.watch(self.progress)
+
+    def _event(self, kind: str, data: Mapping[str, object]) -> None:
+        self.host.event(kind, data)
+
+    def _end(self, reason: str) -> None:
+        """Record how the run ended, as far as the sink still takes anything."""
+        self.host.drain()
+        self._event(
+            "run_end",
+            {
+                "state": self.state.name.lower(),
+                "reason": reason,
+                "trials_done": self._trials_done,
+                "trials_total": len(self.procedure.trials),
+                "missed_cycles": self.cycle.counters.missed,
+                "overruns": self.host.overruns,
+            },
+        )
+
+    def _close(self) -> None:
+        for mount in self.cycle.rig.mounts:
+            mount.driver.close()
+        self.sink.close()
+
+    def _result(self, reason: str, code: Exit, problems: Sequence[str]) -> RunResult:
+        return RunResult(
+            self.state,
+            reason,
+            Exit.TRIPPED if problems else code,
+            self._trials_done,
+            len(self.procedure.trials),
+            self.progress.run_s,
+            tuple(self._incomplete),
+            self.cycle.counters.missed,
+            tuple(
+                f"{trip.interlock.name}: {trip.reason}"
+                for trip in self.cycle.trips
+                if trip.interlock.action >= Action.WARN
+            ),
+            tuple(problems),
+        )
