@@ -32,9 +32,9 @@ class ParameterEstimate:
     """One parameter: ``estimate`` with its interval in ``unit``, and what to think of it.
 
     ``low`` and ``high`` bound the interval at the result's confidence; ``None`` where the data
-    leave that end open, and both ``None`` when the verdict is ``UNIDENTIFIABLE``. ``source`` says
-    where the interval comes from (``"covariance"`` or ``"profile"``). ``standard_error`` is in
-    ``unit``; ``None`` where the curvature carries no information.
+    leave that end open, and both ``None`` when the parameter is not ``identifiable``.
+    ``source`` says where the interval comes from (``"covariance"`` or ``"profile"``).
+    ``standard_error`` is in ``unit``; ``None`` where the curvature carries no information.
     """
 
     name: str
@@ -53,8 +53,8 @@ class ParameterEstimate:
 
     @property
     def identifiable(self) -> bool:
-        """Whether the interval may be relied on (false for weak, biased and unidentifiable)."""
-        return self.verdict is Verdict.IDENTIFIABLE
+        """Whether an interval may be quoted: false when the data or the method do not allow one."""
+        return self.verdict in (Verdict.IDENTIFIABLE, Verdict.WEAK)
 
 
 @dataclass(frozen=True)
