@@ -1,0 +1,207 @@
+"""Documents to typed objects: pydantic checks, and every finding becomes file:line:column."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Final, TypeVar, Union, get_args, get_origin
+
+from pydantic import BaseModel, Tag, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from rigd.config.document import Data, Document, Path_
+from rigd.config.problems import Problems, suggest
+from rigd.model.units import format_quantity
+from rigd.sdk import In
+
+M = TypeVar("M", bound=BaseModel)
+
+#: What a value of the wrong shape should have been, by pydantic's error type.
+_EXPECTED: Final = {
+    "string_type": "text", "int_parsing": "a whole number", "int_type": "a whole number",
+    "int_from_float": "a whole number", "int_parsing_size": "a smaller whole number",
+    "float_parsing": "a number", "float_type": "a number", "finite_number": "a finite number",
+    "bool_parsing": "true or false", "bool_type": "true or false", "list_type": "a list",
+    "tuple_type": "a list", "dict_type": "a mapping of names to values",
+    "model_type": "a mapping of keys to values", "mapping_type": "a mapping of names to values",
+    "model_attributes_type": "a mapping of keys to values", "path_type": "a path",
+}  # fmt: skip
+_BOUNDS: Final = {
+    "greater_than": ("must be above", "gt"),
+    "greater_than_equal": ("must be at least", "ge"),
+    "less_than": ("must be below", "lt"),
+    "less_than_equal": ("must be at most", "le"),
+}
+
+
+def bind(
+    document: Document, model: type[M], problems: Problems, path: Path_ = (), data: Any = None
+) -> M | None:
+    """Return the part of ``document`` at ``path`` as ``model``, or None with the problems noted.
+
+    ``data`` replaces what stands there, where the caller has taken keys out of it.
+    """
+    try:
+        return model.model_validate(document.get(path) if data is None else data)
+    except ValidationError as error:
+        for detail in error.errors(include_url=False):
+            _note(document, model, problems, path, detail)
+    return None
+
+
+def _note(
+    document: Document,
+    model: type[BaseModel],
+    problems: Problems,
+    base: Path_,
+    detail: ErrorDetails,
+) -> None:
+    spot = _locate(document, model, base, detail["loc"])
+    where, kind, context = spot.path, detail["type"], detail.get("ctx", {})
+    if kind == "missing":
+        wanted = detail["loc"][-1]
+        doc = None if spot.parent is None else spot.parent.model_fields[str(wanted)].description
+        problems.add(document.place(where), f"key {wanted!r} is missing", _first_line(doc))
+        return
+    if kind == "extra_forbidden":
+        known = () if spot.parent is None else _names(spot.parent)
+        place = document.key_place(where)
+        problems.add(place, f"unknown key {where[-1]!r}", suggest(str(where[-1]), known))
+        return
+    written = _written(document.get(where))
+    message, hint = f"{written} is not accepted here", spot.doc
+    if kind == "value_error":
+        message = str(context["error"])
+    elif kind in _EXPECTED:
+        message = f"expected {_EXPECTED[kind]}, found {written}"
+    elif kind in _BOUNDS:
+        words, key = _BOUNDS[kind]
+        bound = context[key]
+        shown = format_quantity(float(bound), spot.unit) if spot.unit else str(bound)
+        message = f"{written} {words} {shown}"
+    elif kind in ("literal_error", "enum"):
+        choices = str(context["expected"]).replace("'", "").replace(" or ", ", ").split(", ")
+        message = f"{written} is not one of {', '.join(choices)}"
+        hint = suggest(str(document.get(where)), choices)
+    elif kind == "string_pattern_mismatch":
+        message = f"{written} is not a valid name"
+        hint = spot.doc or f"it must match {context['pattern']}"
+    elif kind in ("too_short", "string_too_short"):
+        message = f"at least {context['min_length']} needed, found {written}"
+    elif kind in ("too_long", "string_too_long"):
+        message = f"at most {context['max_length']} allowed, found {written}"
+    elif kind in ("union_tag_invalid", "union_tag_not_found"):
+        message = f"cannot tell what {written} is"
+    problems.add(document.place(where), message, hint)
+
+
+@dataclass(frozen=True)
+class _Spot:
+    """A place in the schema: the path into the document, the model around it, unit and doc."""
+
+    path: Path_
+    parent: type[BaseModel] | None
+    unit: str | None
+    doc: str | None
+
+
+def _locate(
+    document: Document, model: type[BaseModel], base: Path_, loc: Sequence[str | int]
+) -> _Spot:
+    """Follow pydantic's ``loc`` through schema and document together.
+
+    ``loc`` also names union branches, which the document does not have: those only choose the
+    annotation.
+    """
+    annotation: Any = model
+    parent: type[BaseModel] | None = None
+    path = base
+    unit: str | None = None
+    doc: str | None = None
+    for step in loc:
+        annotation, found, is_tag = _strip(annotation, step)
+        unit = found or unit
+        if is_tag:
+            continue
+        parent = annotation if _is_model(annotation) else None
+        field = _field(parent, step)
+        if field is not None:
+            annotation, unit = field.annotation, _unit(field.metadata)
+            doc = _first_line(field.description)
+        else:
+            annotation, unit = _item(annotation), None
+        if (*path, step) in document.values or (*path, step) in document.keys:
+            path = (*path, step)
+    _, found, _ = _strip(annotation, None)
+    return _Spot(path, parent, unit or found, doc)
+
+
+def _strip(annotation: Any, step: str | int | None) -> tuple[Any, str | None, bool]:
+    """Return the annotation without Annotated and Optional, and the unit found on the way.
+
+    The last is true where ``step`` chose a branch of a union instead of going deeper.
+    """
+    unit = None
+    while True:
+        origin = get_origin(annotation)
+        if origin is Annotated:
+            unit = _unit(annotation.__metadata__) or unit
+            annotation = annotation.__origin__
+        elif origin is Union or origin is types.UnionType:
+            members = [one for one in get_args(annotation) if one is not type(None)]
+            tagged = {tag: one for one in members for tag in _tags(one)}
+            if step in tagged:
+                return tagged[str(step)], unit, True
+            if len(members) != 1:
+                return annotation, unit, False
+            annotation = members[0]
+        else:
+            return annotation, unit, False
+
+
+def _tags(annotation: Any) -> list[str]:
+    metadata = getattr(annotation, "__metadata__", ())
+    return [one.tag for one in metadata if isinstance(one, Tag)]
+
+
+def _unit(metadata: Sequence[Any]) -> str | None:
+    return next((one.unit for one in metadata if isinstance(one, In)), None)
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _field(model: type[BaseModel] | None, step: str | int) -> FieldInfo | None:
+    if model is None:
+        return None
+    for name, field in model.model_fields.items():
+        if step in (name, field.alias):
+            return field
+    return None
+
+
+def _item(annotation: Any) -> Any:
+    """Return what a list or mapping type holds."""
+    arguments = [one for one in get_args(annotation) if one is not Ellipsis]
+    return arguments[-1] if arguments else None
+
+
+def _names(model: type[BaseModel]) -> list[str]:
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _written(value: Data) -> str:
+    if value is None:
+        return "nothing"
+    if isinstance(value, Mapping):
+        return "a mapping"
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    return repr(value if len(value) <= 60 else value[:57] + "...")
+
+
+def _first_line(doc: str | None) -> str | None:
+    return None if doc is None else doc.strip().partition("\n\n")[0].replace("\n", " ")

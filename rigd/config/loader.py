@@ -1,0 +1,281 @@
+"""Rig file to :class:`RigConfig`: drivers found, options valid, limits within the devices' own."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from rigd.config.binding import bind
+from rigd.config.document import Document, Path_, parse_document, read_document
+from rigd.config.problems import Problems, suggest
+from rigd.config.quantities import check_inside, rate_unit, read_quantity
+from rigd.config.registry import find_driver, find_plant
+from rigd.config.rig import DeviceConfig, PlantSetup, RigConfig, SourceFile
+from rigd.config.shipped import find_file
+from rigd.config.source import DeviceSource, InterlockSource, LimitSource, RigSource
+from rigd.model.channels import Channel
+from rigd.model.errors import ConfigError, RigdError
+from rigd.model.limits import Action, Interlock, Priority, SetpointLimit
+from rigd.model.units import Quantity, parse_quantity, parse_unit
+from rigd.sdk import Driver
+
+
+def load_rig(given: str | Path) -> RigConfig:
+    """Return the rig of a file, or of a rig's name (see :func:`find_file`).
+
+    Raises:
+        ConfigError: there is no such file, or it is wrong; names every problem with its place.
+    """
+    return _build(read_document(find_file(given, "configs")))
+
+
+def parse_rig(text: str, path: Path) -> RigConfig:
+    """Return the rig that ``text`` describes, such as one attached to a recording.
+
+    ``path`` is the name that errors give, and the folder that relative paths start from.
+
+    Raises:
+        ConfigError: the text is wrong; names every problem with its place.
+    """
+    return _build(parse_document(text, path))
+
+
+def _build(document: Document) -> RigConfig:
+    problems = Problems()
+    source = bind(document, RigSource, problems)
+    if source is None:
+        problems.raise_any()
+        raise ConfigError("the rig file cannot be used", place=document.place(()))
+    devices: dict[str, DeviceConfig] = {}
+    for name, one in source.devices.items():
+        device = _device(document, name, one, problems)
+        if device is not None:
+            devices[name] = device
+    rig = RigConfig(
+        name=source.rig,
+        title=source.title,
+        period_ns=round(1e9 / source.cycle),
+        plant=_plant(document, source, problems),
+        devices=devices,
+        interlocks=(),
+        constants=_constants(document, source, problems),
+        source=SourceFile(document.path, document.text),
+    )
+    if len(devices) < len(source.devices):
+        problems.raise_any()  # channels of a device that failed would all seem unknown
+    interlocks = _interlocks(document, source.interlocks, rig, problems)
+    problems.raise_any()
+    return RigConfig(**{**vars(rig), "interlocks": interlocks})
+
+
+def _device(
+    document: Document, name: str, source: DeviceSource, problems: Problems
+) -> DeviceConfig | None:
+    path: Path_ = ("devices", name)
+    try:
+        driver_class = find_driver(source.driver)
+    except ConfigError as error:
+        problems.add(document.place((*path, "driver")), error.message, error.hint)
+        return None
+    config = bind(document, driver_class.Config, problems, (*path, "options"), data=source.options)
+    if config is None:
+        return None
+    try:
+        driver: Driver = driver_class(config, None)
+    except (ValueError, RigdError) as error:
+        problems.add(document.place((*path, "options")), f"{source.driver}: {error}")
+        return None
+    return DeviceConfig(
+        name=name,
+        driver=source.driver,
+        driver_class=driver_class,
+        config=config,
+        channels=driver.channels,
+        setpoints=driver.setpoints,
+        has_status=driver.has_status,
+        limits=_limits(document, path, source.limits, driver.setpoints, problems),
+    )
+
+
+def _limits(
+    document: Document,
+    device: Path_,
+    sources: dict[str, LimitSource],
+    setpoints: tuple[Channel, ...],
+    problems: Problems,
+) -> dict[str, SetpointLimit]:
+    known = {setpoint.name for setpoint in setpoints}
+    for name in sources:
+        if name not in known:
+            problems.add(
+                document.key_place((*device, "limits", name)),
+                f"{device[-1]} has no setpoint {name!r}", suggest(name, known),
+            )  # fmt: skip
+    limits = {}
+    for setpoint in setpoints:
+        if setpoint.name in sources:
+            path = (*device, "limits", setpoint.name)
+            limits[setpoint.name] = _limit(
+                document, path, sources[setpoint.name], setpoint, problems
+            )
+        else:
+            problems.add(
+                document.key_place((*device, "limits")),
+                f"{device[-1]} takes the setpoint {setpoint.name!r}, but has no limit for it",
+                f"add 'limits: {{{setpoint.name}: {{low: ..., high: ..., rate: ...}}}}' "
+                f"in {setpoint.unit}",
+            )
+    return limits
+
+
+def _limit(
+    document: Document, path: Path_, source: LimitSource, setpoint: Channel, problems: Problems
+) -> SetpointLimit:
+    unit = setpoint.unit
+    owner = f"the device's own {setpoint.name}"
+    values = {}
+    for key in ("low", "high"):
+        value = read_quantity(document, (*path, key), getattr(source, key), unit, problems)
+        check_inside(
+            document, (*path, key), value, (setpoint.low, setpoint.high), unit, owner, problems
+        )
+        values[key] = value
+    low, high = values["low"], values["high"]
+    if low > high:
+        message = f"low {source.low} is above high {source.high}"
+        problems.add(document.place((*path, "low")), message, "swap the two")
+    rate = read_quantity(document, (*path, "rate"), source.rate, rate_unit(unit), problems)
+    if rate <= 0:
+        problems.add(document.place((*path, "rate")), f"rate {source.rate} must be above 0")
+    rest = 0.0
+    if "rest" in source.model_fields_set:
+        rest = read_quantity(document, (*path, "rest"), source.rest, unit, problems)
+    if low <= high:
+        bounds, owner = (low, high), f"{setpoint.name} in this file"
+        check_inside(document, (*path, "rest"), rest, bounds, unit, owner, problems)
+    return SetpointLimit(low, high, rate, rest)
+
+
+def _plant(document: Document, source: RigSource, problems: Problems) -> PlantSetup | None:
+    if source.plant is None:
+        return None
+    model = source.plant.model
+    try:
+        plant_class = find_plant(model)
+    except ConfigError as error:
+        problems.add(document.place(("plant", "model")), error.message, error.hint)
+        return None
+    options: dict[str, Any] = dict(source.plant.model_extra or {})
+    config = bind(document, plant_class.Config, problems, ("plant",), data=options)
+    return None if config is None else PlantSetup(model, plant_class, config)
+
+
+def _constants(document: Document, source: RigSource, problems: Problems) -> dict[str, Quantity]:
+    constants = {}
+    for name, text in source.constants.items():
+        try:
+            constants[name] = parse_quantity(text)
+        except ValueError as error:
+            problems.add(document.place(("constants", name)), str(error))
+    return constants
+
+
+def _interlocks(
+    document: Document, sources: list[InterlockSource], rig: RigConfig, problems: Problems
+) -> tuple[Interlock, ...]:
+    seen: set[str] = set()
+    built = []
+    for index, source in enumerate(sources):
+        path = ("interlocks", index)
+        if source.name in seen:
+            problems.add(document.place((*path, "name")), f"interlock {source.name!r} stands twice",
+                         "give each a name of its own")  # fmt: skip
+        seen.add(source.name)
+        channel = rig.channel(source.source)
+        if channel is None:
+            problems.add(
+                document.place((*path, "source")), f"the rig has no channel {source.source!r}",
+                suggest(source.source, channel_names(rig)),
+            )  # fmt: skip
+            continue
+        built.append(_interlock(document, path, source, channel, rig, problems))
+    return tuple(built)
+
+
+def _interlock(
+    document: Document,
+    path: Path_,
+    source: InterlockSource,
+    channel: Channel,
+    rig: RigConfig,
+    problems: Problems,
+) -> Interlock:
+    low = _bound(document, (*path, "low"), source.low, channel, rig, problems)
+    high = _bound(document, (*path, "high"), source.high, channel, rig, problems)
+    if isinstance(low, float) and isinstance(high, float) and low >= high:
+        message = f"low {source.low} is not below high {source.high}"
+        problems.add(document.place((*path, "low")), message, "swap the two")
+    deadband = 0.0
+    if source.deadband is not None:
+        deadband = read_quantity(
+            document, (*path, "deadband"), source.deadband, channel.unit, problems
+        )
+        if deadband < 0:
+            problems.add(document.place((*path, "deadband")), "the deadband must be at least 0")
+    if source.stale_after * 1e9 < 2 * rig.period_ns:
+        problems.add(
+            document.place((*path, "stale_after")),
+            f"stale_after {source.stale_after:g} s is less than two cycles",
+            f"give at least {2e-9 * rig.period_ns:g} s",
+        )
+    return Interlock(
+        name=source.name,
+        source=source.source,
+        low=low,
+        high=high,
+        delay_s=source.delay,
+        deadband=deadband,
+        stale_after_s=source.stale_after,
+        latch=source.latch,
+        priority=Priority[source.priority.upper()],
+        action=Action[source.action.upper()],
+        message=source.message,
+    )
+
+
+def _bound(
+    document: Document,
+    path: Path_,
+    text: str | None,
+    channel: Channel,
+    rig: RigConfig,
+    problems: Problems,
+) -> float | str | None:
+    """Return a constant in SI, or the name of the channel that gives the bound."""
+    if text is None:
+        return None
+    if text[:1].isalpha():
+        other = rig.channel(text)
+        if other is None:
+            problems.add(document.place(path), f"the rig has no channel {text!r}",
+                         suggest(text, channel_names(rig)))  # fmt: skip
+        elif not parse_unit(other.unit).same_kind(parse_unit(channel.unit)):
+            problems.add(
+                document.place(path), f"{text} is in {other.unit}, expected {channel.unit}"
+            )
+        return text
+    value = read_quantity(document, path, text, channel.unit, problems)
+    if not math.isnan(value) and not channel.low <= value <= channel.high:
+        check_inside(document, path, value, (channel.low, channel.high), channel.unit,
+                     "what the channel can measure", problems)  # fmt: skip
+    return value
+
+
+def channel_names(rig: RigConfig) -> list[str]:
+    """Return the names of all measured channels of ``rig`` as ``device.channel``."""
+    return [
+        f"{device.name}.{channel.name}"
+        for device in rig.devices.values()
+        for channel in device.channels
+    ]

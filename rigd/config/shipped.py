@@ -1,0 +1,71 @@
+"""Finds a rig or procedure by path or name: the current folder first, then the shipped files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final, Literal
+
+from rigd.config.problems import suggest
+from rigd.model.errors import ConfigError
+
+#: The folders of shipped files.
+Kind = Literal["configs", "procedures", "schemas"]
+_PACKAGE: Final = Path(__file__).resolve().parent.parent
+_KEYS: Final = {"configs": "rig", "procedures": "procedure"}
+_HEAD_BYTES: Final = 4096  # the name stands near the top of a file
+
+
+def shipped_folder(kind: Kind) -> Path:
+    """Return the folder of shipped files: inside the installed package, or in the checkout."""
+    bundled = _PACKAGE / "_bundled" / kind
+    return bundled if bundled.is_dir() else _PACKAGE.parent / kind
+
+
+def find_file(given: str | Path, kind: Kind) -> Path:
+    """Return the file that ``given`` means: a path, or a name as it stands in the file.
+
+    A relative path is looked for below the current folder, then below the shipped one, so that
+    ``procedures/quick.yaml`` works anywhere.
+
+    Raises:
+        ConfigError: there is no such file, or the name stands in two files of one folder.
+    """
+    path = Path(given)
+    shipped = shipped_folder(kind)
+    for candidate in (path, shipped.parent / path, shipped / path):
+        if candidate.is_file():
+            return candidate
+    names: set[str] = set()
+    if len(path.parts) == 1:
+        for folder in (Path(), Path(kind), shipped):
+            found = {file: name for file, name in _named_files(folder, kind)}
+            names.update(found.values())
+            matches = [file for file, name in found.items() if str(given) in (name, file.stem)]
+            if len(matches) > 1:
+                both = " and ".join(map(str, matches))
+                raise ConfigError(f"{given!s} could be {both}", hint="give the path of one")
+            if matches:
+                return matches[0]
+    else:
+        names.update(name for _, name in _named_files(shipped, kind))
+    raise ConfigError(
+        f"there is no {_KEYS.get(kind, 'file')} {str(given)!r}, neither below {Path.cwd()} "
+        f"nor among the shipped ones",
+        hint=suggest(path.stem, names),
+    )
+
+
+def _named_files(folder: Path, kind: Kind) -> Iterator[tuple[Path, str]]:
+    """Yield the files of ``folder`` that say what they are, with the name they give."""
+    pattern = re.compile(rf"^{_KEYS.get(kind, kind)}:[ \t]*([A-Za-z0-9_-]+)", re.MULTILINE)
+    for file in sorted(folder.glob("*.yaml")):
+        try:
+            with file.open("rb") as stream:
+                head = stream.read(_HEAD_BYTES).decode("utf-8", errors="replace")
+        except OSError:
+            continue  # what cannot be read cannot be meant by name; its path still reports why
+        match = pattern.search(head)
+        if match:
+            yield file, match[1]

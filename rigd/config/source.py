@@ -1,0 +1,110 @@
+"""The shape of a rig file; what the keys mean stands beneath each, and in the JSON Schema."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from annotated_types import Ge, Gt, Le
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
+
+from rigd.sdk import In
+
+#: Names of rigs, devices, interlocks and constants.
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)]
+#: Rigs and procedures may carry a dash: names on the command line, not in expressions.
+FileName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_-]*$", max_length=60)]
+#: ``device.channel``.
+ChannelName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*$")]
+#: A quantity whose unit another part of the file decides.
+QuantityText = Annotated[str, Field(json_schema_extra={"type": ["string", "number"]})]
+
+
+def _nothing_is_empty(value: object) -> object:
+    return {} if value is None else value
+
+
+class Source(BaseModel):
+    """A part of a file: every key known, every field documented."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False
+    )
+
+
+class LimitSource(Source):
+    """What the rig allows one setpoint."""
+
+    low: QuantityText
+    """Smallest value, in the unit of the setpoint."""
+    high: QuantityText
+    """Largest value, in the unit of the setpoint."""
+    rate: QuantityText
+    """Fastest change per second; faster commands are slowed down to it."""
+    rest: QuantityText = "0"
+    """Value that a controlled stop ramps to; by default zero."""
+
+
+class DeviceSource(Source):
+    """One device of the rig."""
+
+    driver: FileName
+    """Driver of the device; `rigd drivers` lists those installed."""
+    options: Annotated[dict[str, Any], BeforeValidator(_nothing_is_empty)] = {}
+    """Options of the driver."""
+    limits: Annotated[dict[Name, LimitSource], BeforeValidator(_nothing_is_empty)] = {}
+    """One entry for each setpoint of the device."""
+
+
+class InterlockSource(Source):
+    """A condition checked every cycle; NaN trips it too."""
+
+    name: Name
+    """Name that the recording and the operator see."""
+    source: ChannelName
+    """The channel watched, as `device.channel`."""
+    low: QuantityText | None = None
+    """Trips below this value, or below another channel (`device.channel`)."""
+    high: QuantityText | None = None
+    """Trips above this value, or above another channel (`device.channel`)."""
+    delay: Annotated[float, In("s"), Ge(0), Le(60)] = 0.0
+    """How long the value must stay outside without a break; by default it trips at once."""
+    deadband: QuantityText | None = None
+    """How far inside the bound the value must return before the interlock clears."""
+    stale_after: Annotated[float, In("s"), Gt(0), Le(60)] = 0.05
+    """Age of the last value at which it counts as lost."""
+    latch: bool = False
+    """Whether it stays tripped until a person acknowledges it."""
+    priority: Literal["low", "medium", "high", "critical"] = "medium"
+    """How urgently a person must look."""
+    action: Literal["warn", "end_trial", "stop", "abort", "estop"]
+    """What happens: each escalates the one before."""
+    message: Annotated[str, StringConstraints(min_length=1, max_length=300)]
+    """What the operator reads when it trips."""
+
+
+class PlantSource(BaseModel):
+    """The physics behind a simulated rig, with the options of its model."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", use_attribute_docstrings=True)
+
+    model: FileName
+    """Name of the plant; its options stand beside it."""
+
+
+class RigSource(Source):
+    """A rig: its devices, limits, interlocks and constants."""
+
+    rig: FileName
+    """Name of the rig, as in `--rig NAME`."""
+    title: Annotated[str, StringConstraints(min_length=1, max_length=200)]
+    """One line for a person."""
+    cycle: Annotated[float, In("Hz"), Ge(100), Le(5000)]
+    """How often devices are exchanged with and interlocks checked: 100 Hz to 5 kHz."""
+    plant: PlantSource | None = None
+    """Only for a simulated rig."""
+    devices: Annotated[dict[Name, DeviceSource], Field(min_length=1, max_length=64)]
+    """The devices by name."""
+    interlocks: Annotated[list[InterlockSource], Field(max_length=256)]
+    """Conditions that end what the rig does; `[]` says that there are none."""
+    constants: dict[Name, QuantityText] = {}
+    """Quantities of the rig that procedures use as `${rig.NAME}`."""
