@@ -44,7 +44,10 @@ def bind(
     ``data`` replaces what stands there, where the caller has taken keys out of it.
     """
     try:
-        return model.model_validate(document.get(path) if data is None else data)
+        return model.model_validate(
+            document.get(path) if data is None else data,
+            context={"folder": document.path.parent},  # what relative paths start from
+        )
     except ValidationError as error:
         for detail in error.errors(include_url=False):
             _note(document, model, problems, path, detail)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from typing import Final, TypeVar
+from typing import Final
 
 from rigd.config.problems import suggest
 from rigd.model.errors import ConfigError
 from rigd.sdk import Driver, Plant
 
-T = TypeVar("T", Driver, Plant)
 DRIVERS: Final = "rigd.drivers"
 PLANTS: Final = "rigd.plants"
 
@@ -27,7 +26,10 @@ def find_driver(name: str) -> type[Driver]:
     Raises:
         ConfigError: no such driver is installed, or it cannot be loaded.
     """
-    return _load(DRIVERS, "driver", name, Driver)
+    found = _load(DRIVERS, "driver", name)
+    if isinstance(found, type) and issubclass(found, Driver):
+        return found
+    raise _not_a("Driver", DRIVERS, name)
 
 
 def find_plant(name: str) -> type[Plant]:
@@ -36,23 +38,27 @@ def find_plant(name: str) -> type[Plant]:
     Raises:
         ConfigError: no such plant is installed, or it cannot be loaded.
     """
-    return _load(PLANTS, "plant", name, Plant)
+    found = _load(PLANTS, "plant", name)
+    if isinstance(found, type) and issubclass(found, Plant):
+        return found
+    raise _not_a("Plant", PLANTS, name)
 
 
-def _load(group: str, kind: str, name: str, base: type[T]) -> type[T]:
+def _load(group: str, kind: str, name: str) -> object:
     known = installed(group)
     if name not in known:
         raise ConfigError(f"no {kind} {name!r} is installed", hint=suggest(name, known))
     try:
-        found = known[name].load()
+        return known[name].load()
     except (ImportError, AttributeError) as error:
         raise ConfigError(
             f"{kind} {name!r} cannot be loaded: {error}",
             hint=f"reinstall the package that provides {known[name].value}",
         ) from error
-    if not (isinstance(found, type) and issubclass(found, base)):
-        raise ConfigError(
-            f"{kind} {name!r} ({known[name].value}) is not a rigd.sdk.{base.__name__}",
-            hint="correct the entry point of the package that provides it",
-        )
-    return found
+
+
+def _not_a(base: str, group: str, name: str) -> ConfigError:
+    return ConfigError(
+        f"{name!r} ({installed(group)[name].value}) is not a rigd.sdk.{base}",
+        hint="correct the entry point of the package that provides it",
+    )
