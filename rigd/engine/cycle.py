@@ -130,11 +130,8 @@ class Cycle:
         outcome = self._read(t_ns)
         if outcome is None:
             outcome = self._decide(t_ns)
-            setpoints = self.limiter.apply(self._wanted)
-            for mount in self._actuators:
-                mount.driver.write(setpoints[mount.commands])
-            if self.limiter.acting != self._limited:
-                self._report_limiting(t_ns)
+            if outcome is None or outcome.ending is not Ending.ESTOPPED:
+                outcome = self._write(t_ns) or outcome
         self._push(t_ns, slot, began)
         return outcome
 
@@ -151,6 +148,17 @@ class Cycle:
             elif t_ns - stamps[index] > DEVICE_SILENT_NS:
                 silent_ms = DEVICE_SILENT_NS // 1_000_000
                 return self._fault(t_ns, f"{mount.name} gave no row for {silent_ms} ms")
+        return None
+
+    def _write(self, t_ns: int) -> Outcome | None:
+        setpoints = self.limiter.apply(self._wanted)
+        for mount in self._actuators:
+            try:
+                mount.driver.write(setpoints[mount.commands])
+            except DeviceError as error:
+                return self._fault(t_ns, f"{mount.name}: {error.message}")
+        if self.limiter.acting != self._limited:
+            self._report_limiting(t_ns)
         return None
 
     def _decide(self, t_ns: int) -> Outcome | None:

@@ -1,0 +1,141 @@
+"""The cycle as a whole: whatever is played, limits hold and the rig ends safe."""
+
+from __future__ import annotations
+
+import math
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.bench import Axis, Bench, move
+
+from rigd.engine.player import Ending
+from rigd.model.errors import DeviceError
+from rigd.model.limits import Action, Interlock, SetpointLimit
+from rigd.procedure.profiles import Chirp, Constant, Profile, Ramp, Sine
+from rigd.procedure.program import CycleProgram, Segment
+
+wild = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.floats(-5, 5))
+profiles: st.SearchStrategy[Profile] = st.one_of(
+    st.builds(Constant, wild),
+    st.builds(Ramp, st.one_of(st.none(), wild), wild, st.floats(1e-3, 0.02)),
+    st.builds(Sine, wild, st.floats(0, 500), wild),
+    st.builds(Chirp, wild, st.floats(1, 100), st.floats(1, 100), st.floats(1e-3, 0.02)),
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    programs=st.lists(st.lists(profiles, max_size=4), max_size=4),
+    rate=st.one_of(st.just(math.inf), st.floats(1.0, 1e4)),
+)
+def test_no_command_sequence_moves_a_setpoint_beyond_its_limit(
+    programs: list[list[Profile]], rate: float
+) -> None:
+    bench = Bench(limit=SetpointLimit(-0.7, 1.1, rate))
+    host = bench.host()
+    for sequence in programs:
+        segments = tuple(
+            Segment(str(index), {"axis.speed": profile}, duration_s=0.004)
+            for index, profile in enumerate(sequence)
+        )
+        host.play(CycleProgram(segments))
+    written = bench.axis.written
+    assert all(-0.7 <= value <= 1.1 for value in written)
+    steps = [abs(b - a) for a, b in zip([0.0, *written], written, strict=False)]
+    assert all(step <= rate * 1e-3 + 1e-12 for step in steps)
+
+
+def test_with_no_program_setpoints_go_to_rest() -> None:
+    bench = Bench()
+    host = bench.host()
+    host.play(move("go", 1.0))
+    assert bench.axis.speed == 1.0
+    host.run_cycles(20)
+    assert bench.axis.speed == 0.0
+
+
+def test_each_interlock_action_takes_its_way_out() -> None:
+    expected = {
+        Action.END_TRIAL: Ending.TRIAL_ENDED,
+        Action.STOP: Ending.STOPPED,
+        Action.ABORT: Ending.ABORTED,
+        Action.ESTOP: Ending.ESTOPPED,
+    }
+    for action, ending in expected.items():
+        bench = Bench(interlocks=(Interlock("far", "axis.position", high=0.05, action=action),))
+        outcome = bench.host().play(move("go", 1.0, 1.0))
+        assert outcome.ending is ending
+        assert bench.axis.speed == 0.0
+        # 1 m/s for 50 ms, 10 ms to reach that speed, 10 ms to leave it.
+        assert bench.axis.position < 0.07
+
+
+def test_a_warning_lets_the_program_play_on() -> None:
+    warn = Interlock("far", "axis.position", high=0.05, action=Action.WARN)
+    bench = Bench(interlocks=(warn,))
+    assert bench.host().play(move("go", 1.0, 0.2)).ending is Ending.DONE
+    assert bench.sink.kinds().count("interlock") == 1
+
+
+def test_the_more_severe_of_two_trips_wins() -> None:
+    bench = Bench(
+        interlocks=(
+            Interlock("a", "axis.position", high=0.05, action=Action.STOP),
+            Interlock("b", "axis.position", high=0.051, action=Action.ESTOP),
+        )
+    )
+    assert bench.host().play(move("go", 1.0, 1.0)).ending is Ending.ESTOPPED
+    assert bench.axis.safe_calls == 1
+
+
+def test_nan_and_stale_readings_trip_in_the_cycle() -> None:
+    alive = Interlock("alive", "axis.load", action=Action.ABORT, stale_after_s=0.005)
+    nan = Bench(interlocks=(alive,))
+    nan.axis.answer = lambda t_ns: (nan.axis.position, math.nan)
+    assert nan.host().play(move("go", 1.0)).ending is Ending.ABORTED
+
+    silent = Bench(interlocks=(alive,))
+    rows = iter([(0.0, 1.0)] * 10)
+    silent.axis.answer = lambda t_ns: next(rows, None)
+    outcome = silent.host().play(move("go", 1.0, 1.0))
+    assert outcome.ending is Ending.ABORTED
+    assert "stale" in outcome.reason
+    assert silent.axis.speed == 0.0
+
+
+def test_a_device_that_falls_silent_is_a_fault_even_unwatched() -> None:
+    bench = Bench()
+    rows = iter([(0.0, 1.0)] * 10)
+    bench.axis.answer = lambda t_ns: next(rows, None)
+    outcome = bench.host().play(move("go", 1.0, 5.0))
+    assert outcome.ending is Ending.FAULTED
+    assert outcome.reason == "axis gave no row for 100 ms"
+    assert bench.axis.safe_calls == 1
+
+
+def test_a_device_fault_makes_every_device_safe() -> None:
+    bench = Bench()
+
+    def fail(t_ns: int) -> None:
+        raise DeviceError("over-temperature")
+
+    bench.axis.answer = fail
+    outcome = bench.host().play(move("go", 1.0))
+    assert (outcome.ending, outcome.reason) == (Ending.FAULTED, "axis: over-temperature")
+    # The first device refuses to be made safe; the axis is made safe all the same.
+    assert (bench.other.safe_calls, bench.axis.safe_calls) == (1, 1)
+    assert any("relay welded" in str(data) for _, _, _, data in bench.sink.events)
+
+
+class DeafAxis(Axis):
+    """Refuses its setpoints."""
+
+    def write(self, setpoints: object) -> None:
+        raise DeviceError("heartbeat lost")
+
+
+def test_a_device_that_refuses_a_setpoint_is_a_fault() -> None:
+    bench = Bench(axis=DeafAxis())
+    outcome = bench.host().play(move("go", 1.0))
+    assert (outcome.ending, outcome.reason) == (Ending.FAULTED, "axis: heartbeat lost")
+    assert bench.axis.safe_calls == 1

@@ -1,0 +1,98 @@
+"""Interlocks trip on limits, on NaN and on silence, and clear as the alarm model says."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rigd.engine.interlocks import InterlockBank, Trip
+from rigd.model.limits import Interlock
+
+MS = 1_000_000
+READINGS = {"a.x": 0, "a.limit": 1}
+UNITS = {"a.x": "m", "a.limit": "m"}
+
+
+def bank(interlock: Interlock) -> InterlockBank:
+    return InterlockBank([interlock], READINGS, UNITS, [0, 0])
+
+
+def feed(
+    one: InterlockBank, values: list[float], *, limit: float = 0.0, fresh: bool = True
+) -> list[list[Trip]]:
+    return [
+        one.check(k * MS, [value, limit], [k * MS if fresh else 0])
+        for k, value in enumerate(values)
+    ]
+
+
+def test_trips_once_in_the_cycle_that_sees_it_and_says_value_limit_and_unit() -> None:
+    trips = feed(bank(Interlock("far", "a.x", high=1.5)), [1.4, 1.5, 1.6, 1.7])
+    assert [len(one) for one in trips] == [0, 0, 1, 0]
+    assert trips[2][0].reason == "a.x 1.6 m is above its limit 1.5 m"
+
+
+def test_low_limit_and_limit_from_another_channel() -> None:
+    one = bank(Interlock("behind", "a.x", low="a.limit"))
+    assert feed(one, [0.3], limit=0.2) == [[]]
+    (trip,) = feed(one, [0.1], limit=0.2)[0]
+    assert trip.reason == "a.x 0.1 m is below its limit 0.2 m"
+
+
+def test_delay_needs_an_unbroken_violation() -> None:
+    delayed = Interlock("far", "a.x", high=1.0, delay_s=0.003)
+    assert not any(feed(bank(delayed), [2, 2, 2, 0, 2, 2, 2, 0]))
+    assert [len(one) for one in feed(bank(delayed), [2, 2, 2, 2])] == [0, 0, 0, 1]
+
+
+@pytest.mark.parametrize("limit", [Interlock("i", "a.x", high=1.0, delay_s=10.0)])
+def test_nan_trips_at_once_whatever_the_delay(limit: Interlock) -> None:
+    (trip,) = feed(bank(limit), [math.nan])[0]
+    assert "not a number" in trip.reason
+
+
+def test_nan_trips_an_interlock_without_bounds_and_a_nan_bound_trips_too() -> None:
+    assert feed(bank(Interlock("alive", "a.x")), [math.nan])[0]
+    assert feed(bank(Interlock("far", "a.x", high="a.limit")), [0.0], limit=math.nan)[0]
+
+
+def test_stale_data_trips_whatever_its_value_and_the_delay() -> None:
+    one = bank(Interlock("alive", "a.x", delay_s=10.0, stale_after_s=0.002))
+    trips = feed(one, [0.0] * 5, fresh=False)
+    assert [len(t) for t in trips] == [0, 0, 0, 1, 0]
+    assert "a.x is stale: its last row is 3 ms old, at most 2 ms" in trips[3][0].reason
+
+
+def test_clears_only_a_deadband_inside_and_can_trip_again() -> None:
+    one = bank(Interlock("far", "a.x", high=1.0, deadband=0.1))
+    trips = feed(one, [1.1, 0.95, 1.1, 0.85, 1.1])
+    assert [len(t) for t in trips] == [1, 0, 0, 0, 1]
+
+
+def test_a_latched_trip_stands_until_acknowledged() -> None:
+    one = bank(Interlock("far", "a.x", high=1.0, latch=True))
+    assert [len(t) for t in feed(one, [1.1, 0.0, 1.1])] == [1, 0, 0]
+    assert [i.name for i in one.active()] == ["far"]
+    one.acknowledge("far")
+    assert not one.active()
+    assert len(feed(one, [1.1])[0]) == 1
+    with pytest.raises(KeyError):
+        one.acknowledge("no such interlock")
+
+
+@given(
+    value=st.floats(allow_nan=True, allow_infinity=True),
+    low=st.one_of(st.none(), st.floats(-5, 0)),
+    high=st.one_of(st.none(), st.floats(0, 5)),
+)
+def test_without_delay_it_trips_exactly_when_the_value_is_not_inside(
+    value: float, low: float | None, high: float | None
+) -> None:
+    trips = feed(bank(Interlock("i", "a.x", low=low, high=high)), [value])[0]
+    above_low = low is None or value >= low
+    below_high = high is None or value <= high
+    inside = above_low and below_high and not math.isnan(value)
+    assert bool(trips) is not inside

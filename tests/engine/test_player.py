@@ -1,0 +1,112 @@
+"""The player acts in the cycle that sees a condition, and names what ended a program."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rigd.engine.player import Ending, Outcome, Player
+from rigd.procedure.profiles import Constant, Ramp
+from rigd.procedure.program import (
+    Comparison,
+    Condition,
+    CycleProgram,
+    OnTimeout,
+    Segment,
+    TrialLimit,
+)
+
+MS = 1_000_000
+READINGS = {"a.x": 0, "a.y": 1}
+SETPOINTS = {"a.u": 0, "a.v": 1}
+
+
+def play(
+    program: CycleProgram, rows: list[tuple[float, float]]
+) -> tuple[list[tuple[float, ...]], Outcome | None]:
+    """Return the wanted setpoints of every cycle that played on, and how it ended."""
+    player = Player(program, READINGS, SETPOINTS)
+    wanted = [0.0, 0.0]
+    history: list[tuple[float, ...]] = []
+    for k, row in enumerate(rows):
+        outcome = player.step(k * MS, row, wanted)
+        if outcome is not None:
+            return history, outcome
+        history.append(tuple(wanted))
+    return history, None
+
+
+def above(threshold: float, **more: float) -> Condition:
+    return Condition("a.x", Comparison.ABOVE, threshold, **more)  # type: ignore[arg-type]
+
+
+def test_an_end_condition_acts_in_the_cycle_that_sees_it() -> None:
+    program = CycleProgram(
+        (
+            Segment("push", {"a.u": Constant(1.0)}, until=((above(0.5),),), timeout_s=1.0),
+            Segment("hold", {"a.u": Constant(0.0)}, duration_s=0.002),
+        )
+    )
+    history, outcome = play(program, [(0, 0), (0.4, 0), (0.6, 0), (0.6, 0), (0.6, 0)])
+    assert [u for u, _ in history] == [1.0, 1.0, 0.0, 0.0]
+    assert outcome == Outcome(Ending.DONE)
+
+
+def test_setpoints_not_named_keep_their_value_and_profiles_start_from_what_held() -> None:
+    program = CycleProgram(
+        (
+            Segment("one", {"a.u": Constant(1.0), "a.v": Constant(2.0)}, duration_s=0.001),
+            Segment("two", {"a.u": Ramp(None, 0.0, 0.004)}, duration_s=0.004),
+        )
+    )
+    history, _ = play(program, [(0, 0)] * 6)
+    assert history == [(1.0, 2.0), (1.0, 2.0), (0.75, 2.0), (0.5, 2.0), (0.25, 2.0)]
+
+
+def test_a_condition_held_for_a_time_starts_anew_when_broken() -> None:
+    segment = Segment("s", until=((above(0.5, for_s=0.002),),), timeout_s=1.0)
+    xs = [1, 1, 0, 1, 1, 1, 1]
+    history, outcome = play(CycleProgram((segment,)), [(x, 0) for x in xs])
+    assert outcome == Outcome(Ending.DONE)
+    assert len(history) == 5
+
+
+def test_any_row_of_all_conditions() -> None:
+    low_y = Condition("a.y", Comparison.BELOW, 0.1, magnitude=True)
+    segment = Segment("s", until=((above(0.5), low_y), (above(9.0),)), timeout_s=1.0)
+    both, outcome = play(CycleProgram((segment,)), [(1, -1), (1, -0.05)])
+    assert (len(both), outcome) == (1, Outcome(Ending.DONE))
+    other, outcome = play(CycleProgram((segment,)), [(1, 1), (10, 1)])
+    assert (len(other), outcome) == (1, Outcome(Ending.DONE))
+
+
+def test_nan_meets_no_end_condition() -> None:
+    segment = Segment("s", until=((above(0.5),),), timeout_s=1.0)
+    assert play(CycleProgram((segment,)), [(float("nan"), 0)] * 3)[1] is None
+
+
+def test_timeout_fails_ends_the_trial_or_goes_on_as_the_segment_says() -> None:
+    waiting = Segment("home", until=((above(0.5),),), timeout_s=0.002)
+    endings = {}
+    for on_timeout in OnTimeout:
+        program = CycleProgram((replace(waiting, on_timeout=on_timeout),))
+        outcome = play(program, [(0, 0)] * 4)[1]
+        assert outcome is not None
+        endings[on_timeout] = outcome
+    assert endings[OnTimeout.FAIL] == Outcome(
+        Ending.FAILED, "step 'home' did not end within 0.002 s"
+    )
+    assert endings[OnTimeout.END_TRIAL].ending is Ending.TRIAL_ENDED
+    assert endings[OnTimeout.NEXT].ending is Ending.DONE
+
+
+def test_a_trial_limit_ends_the_trial_and_so_does_nan() -> None:
+    program = CycleProgram((Segment("s", duration_s=1.0),), (TrialLimit("a.x", -1.0, 1.0),))
+    for bad in (1.5, -1.5, float("nan")):
+        outcome = play(program, [(0, 0), (bad, 0)])[1]
+        assert outcome is not None
+        assert outcome.ending is Ending.TRIAL_ENDED
+        assert "a.x" in outcome.reason
+
+
+def test_an_empty_program_is_done_at_once() -> None:
+    assert play(CycleProgram(()), [(0, 0)]) == ([], Outcome(Ending.DONE))

@@ -1,0 +1,270 @@
+"""Whatever ends a run, the rig ends safe; `finish` moves only where nothing went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+from support.bench import Axis, Bench, move, procedure
+
+from rigd.engine.control import Verb
+from rigd.engine.run import Progress
+from rigd.model.errors import Blocked, DeviceError, Exit, RecordingError
+from rigd.model.limits import Action, Interlock
+from rigd.model.states import RunState
+from rigd.procedure.program import (
+    AnswerKind,
+    Comparison,
+    Condition,
+    CycleProgram,
+    OnTimeout,
+    Prompt,
+    Segment,
+    TrialLimit,
+)
+
+
+def never(on_timeout: OnTimeout) -> CycleProgram:
+    """A step that waits for what does not come."""
+    far = Condition("axis.position", Comparison.ABOVE, 99.0)
+    return CycleProgram((Segment("wait", until=((far,),), timeout_s=0.05, on_timeout=on_timeout),))
+
+
+def assert_safe(bench: Bench) -> None:
+    assert bench.axis.safe_calls >= 1
+    assert bench.other.safe_calls >= 1
+    assert bench.axis.speed == 0.0
+    assert bench.axis.closed
+    assert bench.sink.closed
+
+
+def test_a_whole_run_plays_every_block_and_ends_safe() -> None:
+    bench = Bench()
+    result = bench.run(
+        procedure([move("one", 0.5)], [move("two", 0.5)], prepare=[move("prep", 0.1)])
+    ).execute()
+    # The stubborn device is reported, and spoils the exit code, but keeps nothing from ending.
+    assert result.problems == ("other could not be made safe: relay welded",)
+    assert (result.state, result.exit_code) == (RunState.DONE, Exit.TRIPPED)
+    assert bench.sink.steps() == ["prep", "one", "two", "home"]
+    assert (result.trials_done, result.trials_total) == (2, 2)
+    assert bench.sink.kinds()[0] == "run_start"
+    assert bench.sink.kinds()[-1] == "run_end"
+    assert_safe(bench)
+
+
+def test_an_error_in_prepare_plays_no_trial_but_finishes() -> None:
+    bench = Bench()
+    result = bench.run(procedure([move("one", 0.5)], prepare=[never(OnTimeout.FAIL)])).execute()
+    assert bench.sink.steps() == ["wait", "home"]
+    assert "did not end within" in result.reason
+    assert result.state is RunState.DONE
+    assert_safe(bench)
+
+
+@pytest.mark.parametrize(
+    ("verb", "finishes", "state"),
+    [
+        (Verb.STOP, True, RunState.DONE),
+        (Verb.ABORT, False, RunState.DONE),
+        (Verb.ESTOP, False, RunState.ESTOPPED),
+    ],
+)
+def test_a_person_ends_the_run(verb: Verb, finishes: bool, state: RunState) -> None:
+    bench = Bench()
+    run = bench.run(procedure([move("one", 0.5, 5.0)], [move("two", 0.5)]))
+
+    def press(progress: Progress) -> None:
+        if progress.run_s > 1.0:
+            bench.control.request(verb, "button")
+
+    run.watch = press
+    result = run.execute()
+    assert result.state is state
+    assert result.reason == "button"
+    assert ("home" in bench.sink.steps()) is finishes
+    assert "two" not in bench.sink.steps()
+    assert result.trials_done == 0
+    assert_safe(bench)
+
+
+def test_a_stop_during_finish_can_be_escalated() -> None:
+    bench = Bench()
+    run = bench.run(procedure([move("one", 0.5, 5.0)]))
+    run.procedure = run.procedure.__class__(
+        **{**run.procedure.__dict__, "finish": (move("home", -0.5, 5.0),)}
+    )
+
+    def press(progress: Progress) -> None:
+        if progress.run_s > 1.0:
+            bench.control.request(Verb.STOP, "first")
+        if progress.step == "home":
+            bench.control.request(Verb.ABORT, "second")
+
+    run.watch = press
+    result = run.execute()
+    assert result.reason == "first; in finish: second"
+    assert_safe(bench)
+    assert bench.axis.position > -1.0  # `home` would have gone 2.5 m
+
+
+@pytest.mark.parametrize(
+    ("action", "latch", "finishes", "state"),
+    [
+        (Action.STOP, False, True, RunState.DONE),
+        (Action.STOP, True, False, RunState.FAULTED),
+        (Action.END_TRIAL, True, False, RunState.FAULTED),
+        (Action.ABORT, False, False, RunState.DONE),
+        (Action.ESTOP, False, False, RunState.ESTOPPED),
+    ],
+)
+def test_an_interlock_ends_the_run(
+    action: Action, latch: bool, finishes: bool, state: RunState
+) -> None:
+    far = Interlock("far", "axis.position", high=0.2, action=action, latch=latch)
+    bench = Bench(interlocks=(far,))
+    result = bench.run(procedure([move("one", 0.5, 5.0)], [move("two", 0.1)])).execute()
+    assert (result.state, result.exit_code) == (state, Exit.TRIPPED)
+    assert ("home" in bench.sink.steps()) is finishes
+    assert "two" not in bench.sink.steps()
+    assert "far" in result.reason
+    assert_safe(bench)
+
+
+def test_an_interlock_that_ends_trials_lets_the_sweep_go_on() -> None:
+    far = Interlock("far", "axis.position", high=0.2, action=Action.END_TRIAL)
+    bench = Bench(interlocks=(far,))
+    result = bench.run(
+        procedure([move("one", 0.5, 5.0)], [move("two", 0.1)], after=[move("back", -0.5, 0.5)])
+    ).execute()
+    assert bench.sink.steps() == ["one", "back", "two", "back", "home"]
+    assert result.incomplete == (1,)
+
+
+@pytest.mark.parametrize("early", ["timeout", "limit"])
+def test_a_trial_that_ends_early_is_marked_and_the_rig_comes_back(early: str) -> None:
+    bench = Bench()
+    step = (
+        never(OnTimeout.END_TRIAL)
+        if early == "timeout"
+        else CycleProgram(move("one", 0.5, 5.0).segments, (TrialLimit("axis.position", -1, 0.1),))
+    )
+    result = bench.run(procedure([step], [move("two", 0.1)], after=[move("back", -0.1)])).execute()
+    ends = [data for _, kind, _, data in bench.sink.events if kind == "trial_end"]
+    assert [end["complete"] for end in ends] == [False, True]
+    assert bench.sink.steps()[1:] == ["back", "two", "back", "home"]
+    assert result.incomplete == (1,)
+
+
+def test_a_fault_in_a_trial_plays_nothing_more() -> None:
+    bench = Bench()
+
+    def fail(t_ns: int) -> Sequence[float]:
+        if bench.axis.position > 0.1:
+            raise DeviceError("encoder cable off")
+        return (bench.axis.position, 1.0)
+
+    bench.axis.answer = fail
+    result = bench.run(procedure([move("one", 0.5, 5.0)], after=[move("back", -0.1)])).execute()
+    assert (result.state, result.exit_code) == (RunState.FAULTED, Exit.TRIPPED)
+    assert bench.sink.steps() == ["one"]
+    assert_safe(bench)
+
+
+class BrokenAxis(Axis):
+    def arm(self) -> None:
+        raise ZeroDivisionError("a bug in a driver")
+
+
+def test_even_a_bug_in_a_driver_leaves_a_safe_rig() -> None:
+    bench = Bench(axis=BrokenAxis())
+    with pytest.raises(ZeroDivisionError):
+        bench.run(procedure([move("one", 0.5)])).execute()
+    assert_safe(bench)
+
+
+def test_a_sink_that_fails_ends_the_run_safe() -> None:
+    bench = Bench()
+
+    class FullDisk(type(bench.sink)):  # type: ignore[misc]  # a class made of the fixture's
+        def write(self, stream: str, rows: object) -> None:
+            raise RecordingError("no space left on device")
+
+    bench.sink.__class__ = FullDisk
+    with pytest.raises(RecordingError):
+        bench.run(procedure([move("one", 0.5, 5.0)])).execute()
+    assert bench.axis.safe_calls == 1
+    assert bench.axis.speed == 0.0
+
+
+def test_preflight_names_everything_that_is_missing_and_nothing_moves() -> None:
+    standing = Interlock("door", "axis.load", low=5.0, action=Action.STOP)
+    bench = Bench(interlocks=(standing,))
+    question = Prompt("weight", "How heavy?", AnswerKind.NUMBER, "kg")
+    run = bench.run(procedure([question, move("one", 0.5)]))
+    run.extra_checks = (lambda: ["the disk is full"],)
+    with pytest.raises(Blocked) as blocked:
+        run.execute()
+    text = str(blocked.value)
+    assert "the disk is full" in text
+    assert "prompt 'weight' needs an operator" in text
+    assert "door" in text
+    assert run.state is RunState.BLOCKED
+    assert not bench.axis.armed
+    assert set(bench.axis.written) == {0.0}
+
+
+def test_a_refused_answer_fails_the_run_but_finishes() -> None:
+    bench = Bench()
+    question = Prompt("weight", "How heavy?", AnswerKind.NUMBER, "kg", low=1.0, answer=0.5)
+    result = bench.run(procedure([question, move("one", 0.5)])).execute()
+    assert "0.5 kg is outside 1 kg" in result.reason
+    assert bench.sink.steps() == ["home"]
+
+
+def test_an_answer_changes_the_plant_and_is_recorded() -> None:
+    bench = Bench()
+    changes: list[tuple[str, object]] = []
+    question = Prompt(
+        "floor", "Lay it.", AnswerKind.CHOICE, choices=("pvc",), answer="pvc", changes="floor"
+    )
+    bench.run(
+        procedure([question, move("one", 0.5)]), change=lambda *one: changes.append(one)
+    ).execute()
+    assert changes == [("floor", "pvc")]
+    (answer,) = [data for _, kind, _, data in bench.sink.events if kind == "answer"]
+    assert (answer["answer"], answer["by"]) == ("pvc", "procedure")
+
+
+def test_trials_done_before_are_left_out() -> None:
+    bench = Bench()
+    result = bench.run(
+        procedure([move("one", 0.5)], [move("two", 0.5)], [move("three", 0.5)]),
+        done=frozenset({(1, 1), (3, 1)}),
+    ).execute()
+    assert bench.sink.steps() == ["two", "home"]
+    assert result.trials_done == 3
+
+
+def test_a_pause_waits_for_the_end_of_the_trial_and_keeps_the_rig_at_rest() -> None:
+    bench = Bench()
+    run = bench.run(procedure([move("one", 0.5, 2.0)], [move("two", 0.5)]))
+    states: list[RunState] = []
+    speeds_while_paused: list[float] = []
+
+    def operator(progress: Progress) -> None:
+        states.append(progress.state)
+        if progress.state is RunState.RUNNING and progress.run_s > 0.9 and len(states) < 10:
+            bench.control.pause_wanted = True
+        if progress.state is RunState.PAUSED:
+            run.host.run_cycles(10)
+            speeds_while_paused.append(bench.axis.speed)
+            bench.control.pause_wanted = False
+
+    run.watch = operator
+    run.execute()
+    assert bench.sink.steps() == ["one", "two", "home"]
+    order = [s for s in states if s in (RunState.PAUSING, RunState.PAUSED)]
+    assert order[0] is RunState.PAUSING
+    assert order[-1] is RunState.PAUSED
+    assert speeds_while_paused == [0.0]
