@@ -42,9 +42,7 @@ class LugreAmplifier(Driver):
         scale = config.monitor_scale
         volts = 10.0  # range of the data acquisition card
         self.channels = (
-            Channel(
-                "current", "A", "motor current by the monitor", -volts * scale, volts * scale
-            ),
+            Channel("current", "A", "motor current by the monitor", -volts * scale, volts * scale),
             Channel(
                 "current_raw", "V", "monitor output at the card", -volts, volts, raw_of="current"
             ),

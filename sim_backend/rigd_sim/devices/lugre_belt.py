@@ -48,12 +48,12 @@ class LugreBelt(Driver):
         self.channels = (
             Channel("position", "m", f"position {way} the guide", -0.1, 1.8)
             if along
-            else Channel("position", "m", "position across the guide, 0 in the middle", -0.4, 0.4),
+            else Channel("position", "m", "position across the guide", -0.1, 0.7),
             Channel("speed", "m/s", f"speed {way} the guide", -5.0, 5.0),
             Channel("force", "N", "force of the drive on the carriage", -200.0, 200.0),
         )
-        self._readings = layout.BELT if along else layout.LATERAL
-        self._command = layout.BELT_SPEED if along else layout.LATERAL_SPEED
+        self._readings = layout.BELT_READINGS if along else layout.BRIDGE_READINGS
+        self._command = layout.BELT_COMMANDS if along else layout.LATERAL_COMMANDS
         self._enabled = False
 
     def open(self) -> None:

@@ -116,8 +116,8 @@ class LugreTruth(_Sensor):
     """The hidden state of the plant, for verification; no real rig has it."""
 
     title: ClassVar[str] = "hidden state of the simulated LuGre rig"
-    channels = tuple(Channel(name, unit, doc) for name, unit, doc in layout.TRUTH_CHANNELS)
+    channels = tuple(Channel(name, unit, doc) for name, unit, doc in layout.TRUTH)
 
     def read(self, t_ns: int) -> Sequence[float]:
         """Return the hidden state in the order of ``channels``."""
-        return self.link.readings_at(t_ns)[layout.TRUTH :]
+        return self.link.readings_at(t_ns)[layout.TRUTH_READINGS :]

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
 from annotated_types import Ge, Le
+from pydantic import ValidationInfo, field_validator
 
 from rigd.sdk import In, Plant, PlantConfig
 from rigd_sim.plants.lugre import layout
+from rigd_sim.plants.lugre.files import find_parameters, load_parameters
 
 if TYPE_CHECKING:  # the physics (numpy, numba) loads when a plant is built, not when checked
     import numpy as np
     from numpy.typing import NDArray
+
+FLOORS: Final = ("stone", "pvc", "paperboard")
+LIGHTEST_KG: Final = 0.5
+HEAVIEST_KG: Final = 20.0
 
 
 class LugreConfig(PlantConfig):
@@ -21,12 +29,19 @@ class LugreConfig(PlantConfig):
     """File of physical parameters: beside the rig file, or a shipped name."""
     floor: Literal["stone", "pvc", "paperboard"] = "stone"
     """The floor under the wheel at the start."""
-    mass: Annotated[float, In("kg"), Ge(0.5), Le(20)] | None = None
+    mass: Annotated[float, In("kg"), Ge(LIGHTEST_KG), Le(HEAVIEST_KG)] | None = None
     """Mass of the quarter model with its weights; by default that of the parameter file."""
     noise: bool = True
     """Whether sensors have noise, bias and finite resolution; false: ideal sensors."""
     vibration: bool = True
     """Whether the rollers' transitions shake the carriage and the accelerometer."""
+
+    @field_validator("parameters")
+    @classmethod
+    def _parameters_exist(cls, name: str, info: ValidationInfo) -> str:
+        """Resolve the file; ``folder`` in the validation context is where the rig file stands."""
+        folder = (info.context or {}).get("folder")
+        return str(find_parameters(name, None if folder is None else Path(folder)))
 
 
 class LugrePlant(Plant):
@@ -34,7 +49,8 @@ class LugrePlant(Plant):
 
     Deterministic: the same seed and the same commands at the same times give the same readings
     bit for bit, however the time between two commands is divided into cycles that are multiples
-    of 0.125 ms. The noise depends on seed and time alone.
+    of 0.125 ms. The noise depends on seed and time alone. Until a device is armed, the wheel is
+    without current and both belts are braked.
 
     Raises:
         ConfigError: the parameter file cannot be read or is not physical.
@@ -43,3 +59,98 @@ class LugrePlant(Plant):
 
     Config: ClassVar[type[PlantConfig]] = LugreConfig
     config: LugreConfig
+
+    def __init__(self, config: LugreConfig, *, period_ns: int, seed: int) -> None:
+        super().__init__(config, period_ns=period_ns, seed=seed)
+        import numpy as np
+
+        from rigd_sim.plants.lugre import kernel, records
+
+        self.parameters = load_parameters(find_parameters(config.parameters))
+        self._advance = kernel.advance
+        self._pack = records.constants
+        self._floor: str = config.floor
+        self._mass = self.parameters.carriage.mass if config.mass is None else config.mass
+        self._seed = seed % 2**63
+        self._state = records.state_at_rest()
+        self._commands = np.zeros(1, records.COMMANDS)
+        self._readings = np.zeros(1, records.READINGS)
+        self._shown: NDArray[np.float64] = self._readings.view(np.float64)
+        #: Inputs in the order of ``layout.COMMANDS``, held until written again.
+        self.commands: NDArray[np.float64] = self._commands.view(np.float64)
+        self.commands[layout.BELT_COMMANDS + 1] = 1.0
+        self.commands[layout.LATERAL_COMMANDS + 1] = 1.0
+        #: What the sensors show, in the order of ``layout.READINGS``.
+        self.readings: list[float] = []
+        self._constants = self._packed()
+        self._origin_ns: int | None = None
+        self._t_ns = 0
+        # Compiles, or loads what was compiled before: the first cycle must not wait for it.
+        self._advance(
+            self._constants, self._state, self._commands, self._readings, self._seed, 0, 0
+        )
+        self.readings = self._shown.tolist()
+
+    def advance(self, t_ns: int) -> None:
+        """Integrate to ``t_ns`` and take all readings; see :class:`rigd.sdk.Plant`.
+
+        Raises:
+            ValueError: ``t_ns`` lies before the last call.
+
+        """
+        if self._origin_ns is None:
+            self._origin_ns = self._t_ns = t_ns
+        elif t_ns == self._t_ns:
+            return
+        elapsed = t_ns - self._t_ns
+        if elapsed < 0:
+            raise ValueError(f"the plant stands at {self._t_ns} ns and cannot go back to {t_ns}")
+        self._advance(
+            self._constants,
+            self._state,
+            self._commands,
+            self._readings,
+            self._seed,
+            t_ns - self._origin_ns,
+            elapsed,
+        )
+        self._t_ns = t_ns
+        self.readings = self._shown.tolist()
+
+    def readings_at(self, t_ns: int) -> list[float]:
+        """Return what the sensors show at ``t_ns``, advancing to it where nobody has yet."""
+        if t_ns != self._t_ns or self._origin_ns is None:
+            self.advance(t_ns)
+        return self.readings
+
+    def change(self, quantity: str, value: float | str) -> None:
+        """Lay another ``floor`` or change the ``mass`` (kg) of the quarter model.
+
+        Raises:
+            ValueError: no such quantity, floor, or possible mass.
+
+        """
+        if quantity == "floor":
+            if value not in FLOORS:
+                raise ValueError(f"no floor {value!r}; one of {', '.join(FLOORS)}")
+            self._floor = str(value)
+            self._state["p"] = 0.0  # the contact is made anew
+        elif quantity == "mass":
+            mass = value if isinstance(value, int | float) else math.nan
+            if not LIGHTEST_KG <= mass <= HEAVIEST_KG:
+                raise ValueError(
+                    f"mass {value!r} kg is not within {LIGHTEST_KG:g} to {HEAVIEST_KG:g} kg"
+                )
+            self._mass = float(mass)
+        else:
+            raise ValueError(f"this plant has no {quantity!r}; it can change floor and mass")
+        self._constants = self._packed()
+
+    def _packed(self) -> NDArray[np.void]:
+        return self._pack(
+            self.parameters,
+            getattr(self.parameters.floors, self._floor),
+            self._mass,
+            noise=self.config.noise,
+            vibration=self.config.vibration,
+        )
