@@ -54,6 +54,7 @@ _PREFIXES: Final = {
 }  # fmt: skip
 _SYNONYMS: Final = {"Ω": "ohm", "°": "deg", "counts": "count", "sec": "s"}
 _SUPERSCRIPTS: Final = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_MAX_POWER: Final = 9  # no quantity of physics needs more, and 1000.0**200 overflows
 _FACTOR: Final = re.compile(r"(?P<symbol>[A-Za-zµμΩ°%]+|1)(?:\^?(?P<power>-?\d+))?$")
 _NUMBER: Final = re.compile(
     r"\s*(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*?)\s*$"
@@ -120,7 +121,9 @@ def _parse_factor(word: str, text: str) -> tuple[float, Dimension, int]:
     if match is None:
         raise ValueError(f"cannot read {word!r} in unit {text!r}")
     symbol = _SYNONYMS.get(match["symbol"], match["symbol"])
-    power = int(match["power"] or 1)
+    power = int((match["power"] or "1")[:9])  # nine characters show that it is too large
+    if abs(power) > _MAX_POWER:
+        raise ValueError(f"the power in {word!r} is beyond {_MAX_POWER}")
     if symbol in _UNITS:
         factor, dimension, _ = _UNITS[symbol]
         return factor, dimension, power
@@ -142,7 +145,10 @@ def parse_quantity(text: str) -> Quantity:
     if match is None:
         raise ValueError(f"cannot read {text!r} as a number with a unit, such as '1.5 A'")
     unit = parse_unit(match["unit"])
-    return Quantity(float(match["number"]) * unit.factor, unit)
+    value = float(match["number"]) * unit.factor
+    if not math.isfinite(value):
+        raise ValueError(f"{text!r} is too large a number")
+    return Quantity(value, unit)
 
 
 def format_quantity(value: float, unit: str) -> str:

@@ -7,6 +7,20 @@ from bisect import bisect_right
 from dataclasses import dataclass
 
 
+#: Part of a slot that a time may lie before it and still count into it. Slot times are sums and
+#: quotients of decimal fractions, 0.3 / 0.1 = 2.999...: truncating would repeat a slot.
+_SLOT_ROUNDING = 1e-6
+
+
+#: The same for the times of a table: far below a cycle, far above the rounding of a day in s.
+_TIME_ROUNDING_S = 1e-9
+
+
+def slot(t_s: float, width_s: float) -> int:
+    """Return the number of the slot of ``width_s`` that ``t_s`` lies in, its start included."""
+    return math.floor(t_s / width_s + _SLOT_ROUNDING)
+
+
 @dataclass(frozen=True)
 class Constant:
     """One value throughout."""
@@ -20,7 +34,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class Ramp:
-    """Straight from ``start`` (None: whatever held before) to ``end`` in ``duration_s``, then held."""
+    """Straight from ``start`` (None: what held before) to ``end`` in ``duration_s``, then held."""
 
     start: float | None
     end: float
@@ -50,9 +64,26 @@ class Sine:
 
 
 @dataclass(frozen=True)
+class Square:
+    """``offset + amplitude`` for the first half of each period, ``offset - amplitude`` after it."""
+
+    amplitude: float
+    frequency_hz: float
+    offset: float = 0.0
+
+    def at(self, t_s: float, initial: float) -> float:
+        """Return the setpoint ``t_s`` after the segment began; ``initial`` is what held before."""
+        is_second_half = slot(t_s, 0.5 / self.frequency_hz) % 2
+        return self.offset - self.amplitude if is_second_half else self.offset + self.amplitude
+
+
+@dataclass(frozen=True)
 class Chirp:
-    """Sine whose frequency goes from ``start_hz`` to ``end_hz`` in ``duration_s``, linear in time
-    or, with ``logarithmic``, by a constant factor per second; the end frequency is held after."""
+    """Sine whose frequency goes from ``start_hz`` to ``end_hz`` in ``duration_s``.
+
+    Linear in time or, with ``logarithmic``, by a constant factor per second; the end frequency is
+    held after. The phase is continuous throughout.
+    """
 
     amplitude: float
     start_hz: float
@@ -94,7 +125,7 @@ class Prbs:
     def at(self, t_s: float, initial: float) -> float:
         """Return the setpoint ``t_s`` after the segment began; ``initial`` is what held before."""
         bits = _prbs(self.order, self.seed)
-        bit = bits[int(t_s / self.bit_s) % len(bits)]
+        bit = bits[slot(t_s, self.bit_s) % len(bits)]
         return self.offset + (self.amplitude if bit else -self.amplitude)
 
 
@@ -119,7 +150,10 @@ def _prbs(order: int, seed: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class Table:
-    """Values at times, joined by straight lines (or held, with ``hold``); the last one stays."""
+    """Values at times, joined by straight lines (or held, with ``hold``); the last one stays.
+
+    ``times_s`` rises strictly and begins with 0.
+    """
 
     times_s: tuple[float, ...]
     values: tuple[float, ...]
@@ -127,7 +161,7 @@ class Table:
 
     def at(self, t_s: float, initial: float) -> float:
         """Return the setpoint ``t_s`` after the segment began; ``initial`` is what held before."""
-        behind = bisect_right(self.times_s, t_s)
+        behind = bisect_right(self.times_s, t_s + _TIME_ROUNDING_S)
         if behind == 0:
             return self.values[0]
         if behind == len(self.times_s) or self.hold:
@@ -137,4 +171,4 @@ class Table:
         return v0 + (v1 - v0) * (t_s - t0) / (t1 - t0)
 
 
-Profile = Constant | Ramp | Sine | Chirp | Prbs | Table
+Profile = Constant | Ramp | Sine | Square | Chirp | Prbs | Table
