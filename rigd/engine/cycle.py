@@ -82,7 +82,7 @@ class Cycle:
         self._leaving: Outcome | None = None
         self._heeded: Verb | None = None
         self._slot = -1
-        self._limited: frozenset[int] = frozenset()
+        self._cut: frozenset[int] = frozenset()
 
     @property
     def t_ns(self) -> int:
@@ -157,8 +157,8 @@ class Cycle:
                 mount.driver.write(setpoints[mount.commands])
             except DeviceError as error:
                 return self._fault(t_ns, f"{mount.name}: {error.message}")
-        if self.limiter.acting != self._limited:
-            self._report_limiting(t_ns)
+        if self.limiter.cut != self._cut:
+            self._report_cut(t_ns)
         return None
 
     def _decide(self, t_ns: int) -> Outcome | None:
@@ -224,9 +224,9 @@ class Cycle:
         self.make_safe(t_ns)
         return Outcome(Ending.FAULTED, reason)
 
-    def _report_limiting(self, t_ns: int) -> None:
-        names = [name for name, index in self.rig.setpoints.items() if index in self.limiter.acting]
-        self._limited = frozenset(self.limiter.acting)
+    def _report_cut(self, t_ns: int) -> None:
+        names = [name for name, index in self.rig.setpoints.items() if index in self.limiter.cut]
+        self._cut = frozenset(self.limiter.cut)
         self._emit(t_ns, "limit", {"setpoints": names})
 
     def _push(self, t_ns: int, slot: int, began: int) -> None:

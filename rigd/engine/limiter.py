@@ -17,7 +17,7 @@ class Limiter:
     def __init__(self, limits: Sequence[SetpointLimit], period_s: float) -> None:
         self.limits = tuple(limits)
         self.applied = [limit.rest for limit in limits]  #: what was last let through
-        self.acting: set[int] = set()  #: indices where the last command was cut
+        self.cut: set[int] = set()  #: indices whose last command was refused or out of bounds
         self._bounds = [(lim.low, lim.high, lim.rate * period_s) for lim in limits]
 
     def apply(self, wanted: Sequence[float]) -> list[float]:
@@ -26,25 +26,24 @@ class Limiter:
         A setpoint that is not finite holds the last one that was.
         """
         applied = self.applied
-        acting = self.acting
         for index, (low, high, step) in enumerate(self._bounds):
             target = wanted[index]
             last = applied[index]
             if target == last:
-                acting.discard(index)
+                self.cut.discard(index)
                 continue
             if not math.isfinite(target):
-                acting.add(index)
+                self.cut.add(index)
                 continue
             value = min(max(target, low), high)
+            if value == target:
+                self.cut.discard(index)
+            else:
+                self.cut.add(index)
             if value - last > step:
                 value = last + step
             elif last - value > step:
                 value = last - step
-            if value == target:
-                acting.discard(index)
-            else:
-                acting.add(index)
             applied[index] = value
         return applied
 

@@ -1,1 +1,5 @@
 """Dry run: a compiled procedure played on the simulated plant, nothing recorded."""
+
+from rigd.rehearsal.rehearse import Peak, Rehearsal, StepRow, rehearse
+
+__all__ = ["Peak", "Rehearsal", "StepRow", "rehearse"]

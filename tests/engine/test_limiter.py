@@ -40,7 +40,7 @@ def test_value_and_rate_hold_for_any_sequence_of_commands(
 def test_a_command_within_limits_passes_unchanged() -> None:
     limiter = Limiter([SetpointLimit(-1, 1)], PERIOD_S)
     assert limiter.apply([0.123456789]) == [0.123456789]
-    assert not limiter.acting
+    assert not limiter.cut
 
 
 def test_a_command_that_is_no_number_holds_the_last_one() -> None:
@@ -48,7 +48,7 @@ def test_a_command_that_is_no_number_holds_the_last_one() -> None:
     limiter.apply([0.5])
     for bad in (math.nan, math.inf, -math.inf):
         assert limiter.apply([bad]) == [0.5]
-        assert limiter.acting == {0}
+        assert limiter.cut == {0}
 
 
 def test_rest_is_reached_exactly_within_the_rate() -> None:

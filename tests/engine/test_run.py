@@ -254,7 +254,7 @@ def test_a_pause_waits_for_the_end_of_the_trial_and_keeps_the_rig_at_rest() -> N
 
     def operator(progress: Progress) -> None:
         states.append(progress.state)
-        if progress.state is RunState.RUNNING and progress.run_s > 0.9 and len(states) < 10:
+        if progress.run_s > 0.9 and RunState.PAUSING not in states:
             bench.control.pause_wanted = True
         if progress.state is RunState.PAUSED:
             run.host.run_cycles(10)

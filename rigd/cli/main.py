@@ -1,0 +1,101 @@
+"""The ``rigd`` command: finds the subcommand, runs it, turns errors into messages and exit codes."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from types import ModuleType
+
+from rigd import __version__
+from rigd.cli import check, completion, export, identify, info, recover, run, runs, schema
+from rigd.model.errors import Exit, RigdError
+
+#: In the order a newcomer needs them.
+COMMANDS: tuple[ModuleType, ...] = (
+    run,
+    identify,
+    check,
+    runs,
+    info,
+    export,
+    recover,
+    schema,
+    completion,
+)
+
+EPILOG = """\
+examples:
+  rigd run procedures/quick.yaml --rig configs/sim_lugre.yaml
+                                         a first run on the simulated rig
+  rigd run procedures/constant_current.yaml --rig lugre-1 --set floor=pvc
+                                         ten currents on PVC, recorded to runs/
+  rigd identify runs/*.mcap              friction parameters with uncertainties, and a report
+  rigd check my_procedure.yaml           is this file right? nothing moves
+
+exit codes:
+  0  done                         4  an interlock or a device fault ended the run
+  1  an error inside rigd         5  a person stopped the run before its end
+  2  bad arguments or a bad file  6  a step did not end as the procedure demands
+  3  blocked: preflight refused   7  a recording cannot be written, read or used
+"""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the whole command line; importing nothing that a command needs to run."""
+    parser = argparse.ArgumentParser(
+        prog="rigd",
+        description="Controller and data acquisition for friction and traction test rigs.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"rigd {__version__}")
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    for command in COMMANDS:
+        name = command.__name__.rpartition(".")[2]
+        subparser = subparsers.add_parser(
+            name,
+            help=command.HELP,
+            description=command.HELP[0].upper() + command.HELP[1:] + ".",
+            epilog=command.EXAMPLES,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        subparser.add_argument("--debug", action="store_true", help="show tracebacks of errors")
+        command.configure(subparser)
+        subparser.set_defaults(execute=command.execute)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code (see :class:`rigd.model.errors.Exit`)."""
+    args = build_parser().parse_args(argv)
+    try:
+        return int(args.execute(args))
+    except RigdError as error:
+        if args.debug:
+            raise
+        print(f"rigd: {error}", file=sys.stderr)
+        return int(error.exit_code)
+    except BrokenPipeError:
+        # The reader went away (`rigd runs | head`); keep the interpreter from writing at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return int(Exit.OK)
+    except KeyboardInterrupt:
+        if args.debug:
+            raise
+        print("rigd: interrupted", file=sys.stderr)
+        return int(Exit.STOPPED)
+    except Exception as error:  # the outermost boundary: a bug, reported as one
+        if args.debug:
+            raise
+        print(
+            f"rigd: internal error: {type(error).__name__}: {error}\n"
+            f"  this is a bug in rigd; --debug shows where",
+            file=sys.stderr,
+        )
+        return int(Exit.INTERNAL)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,31 @@
+"""``rigd schema``: the JSON Schema that editors check files with."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+HELP = "print the JSON Schema of procedure or rig files, for editors"
+EXAMPLES = """\
+examples:
+  rigd schema procedure > procedure.schema.json
+
+  Then begin a procedure with the line
+    # yaml-language-server: $schema=procedure.schema.json
+  and the editor completes keys, shows their documentation and underlines mistakes.
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("kind", choices=("procedure", "rig"), help="which kind of file")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Print the schema."""
+    if args.kind == "rig":
+        from rigd.config import rig_schema as schema
+    else:
+        from rigd.procedure import procedure_schema as schema
+    print(json.dumps(schema(), indent=2, ensure_ascii=False))
+    return 0

@@ -1,0 +1,53 @@
+"""A sink that keeps nothing but the extremes of every channel and the times of every step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rigd.engine.sink import Rows
+from rigd.model.channels import STATUS_FIELD
+from rigd.model.rows import TIME_FIELD
+
+
+@dataclass
+class PeakSink:
+    """Takes what a run produces; ``peaks`` maps ``stream.field`` to (lowest, highest) in SI.
+
+    ``steps`` holds (time in ns, trial number, step name) in order of play.
+    """
+
+    peaks: dict[str, tuple[float, float]] = field(default_factory=dict)
+    steps: list[tuple[int, int, str]] = field(default_factory=list)
+    trips: list[str] = field(default_factory=list)
+    cut: set[str] = field(default_factory=set)
+    last_ns: int = 0
+
+    def write(self, stream: str, rows: Rows) -> None:
+        """Widen the extremes by ``rows``; NaN is passed over."""
+        self.last_ns = max(self.last_ns, int(rows[TIME_FIELD][-1]))
+        for name in rows.dtype.names or ():
+            if name in (TIME_FIELD, STATUS_FIELD):
+                continue
+            column = rows[name]
+            low, high = float(np.fmin.reduce(column)), float(np.fmax.reduce(column))
+            known = self.peaks.get(f"{stream}.{name}", (low, high))
+            self.peaks[f"{stream}.{name}"] = (min(known[0], low), max(known[1], high))
+
+    def event(self, t_ns: int, kind: str, trial: int, data: Mapping[str, object]) -> None:
+        """Keep steps, trips and setpoints that were cut."""
+        if kind == "step":
+            self.steps.append((t_ns, trial, str(data["name"])))
+        elif kind == "interlock":
+            self.trips.append(f"interlock {data['name']} ({data['action']}): {data['reason']}")
+        elif kind == "limit":
+            names = data["setpoints"]
+            self.cut.update(names if isinstance(names, list) else ())
+
+    def flush(self) -> None:
+        """Do nothing: nothing is kept on disk."""
+
+    def close(self) -> None:
+        """Do nothing: nothing is open."""
