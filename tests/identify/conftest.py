@@ -60,7 +60,7 @@ def _rates(y, command, brake, q, out):  # type: ignore[no-untyped-def]
     sv = np.tanh(v / 1e-3)
     sw = np.tanh(0.05 * w / 1e-3)
     guide = 0.01956708695 * sv * normal * 0.012 / 0.030
-    ripple = mass * a_vib * v * (np.sin(18.0 * theta) + 0.5 * np.sin(36.0 * theta))
+    ripple = mass * a_vib * v * np.sin(18.0 * theta)
     out[0] = (force - guide - mu_rol * normal * sv + ripple - brake * sv) / mass
     bearing = (0.002 * sw + 2e-5 * w) * (normal * 0.07 / 0.04 + normal * 0.03 / 0.04) * 0.01
     idle = 2.2e-3 * sw + 1.9e-6 * 20.25 * w
@@ -151,7 +151,7 @@ class Bench:
             return trial
         rng = np.random.default_rng([seed, round(1e4 * current_a)])
         n = len(t)
-        shake = 0.15 * v * (np.sin(18 * theta + 1.0) + 0.5 * np.sin(36 * theta + 2.0))
+        shake = 0.15 * v * np.sin(36 * theta)
         lsb_a, lsb_i, lsb_x = 0.0119682, 0.00305, 3.0679616e-05
         lsb_theta = 2 * np.pi / (1024 * 20.25)
         offset = rng.uniform(0.0, 1.0, 2)
