@@ -1,0 +1,121 @@
+"""The first page: all groups side by side, as a table of parameters and in common figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rigd.identify.report.layout import featured, panels
+from rigd.identify.report.plots.axes import words
+from rigd.identify.report.plots.curve import curves
+from rigd.identify.report.plots.trial import fits_side_by_side, signal_overlay
+from rigd.identify.report.section import ReportSection
+from rigd.identify.report.summary import SummaryRow, summary_rows
+from rigd.identify.report.svg import Drawing, draw
+from rigd.identify.result import TrialFit
+
+Chosen = list[tuple[int, ReportSection, TrialFit]]
+
+
+@dataclass(frozen=True)
+class ComparisonLine:
+    """One parameter over all sections; None where a section does not have it."""
+
+    symbol: str
+    name: str
+    unit: str
+    meaning: str
+    cells: tuple[SummaryRow | None, ...]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The table of all parameters, and the figures that lay the groups over one another."""
+
+    labels: tuple[str, ...]
+    references: tuple[str, ...]
+    lines: tuple[ComparisonLine, ...]
+    curves: tuple[Drawing, ...]
+    trials: tuple[Drawing, ...]
+
+
+def comparison(sections: Sequence[ReportSection]) -> Comparison:
+    """Return what all ``sections`` have in common."""
+    chosen = [(i, s, featured(s.result.trials)) for i, s in enumerate(sections) if s.result.trials]
+    return Comparison(
+        labels=tuple(section.label for section in sections),
+        references=tuple(
+            dict.fromkeys(section.reference_label for section in sections if section.reference)
+        ),
+        lines=_lines(sections),
+        curves=_curves(sections),
+        trials=_trials(chosen),
+    )
+
+
+def _lines(sections: Sequence[ReportSection]) -> tuple[ComparisonLine, ...]:
+    tables = [{row.name: row for row in summary_rows([section])} for section in sections]
+    names = dict.fromkeys(name for table in tables for name in table)
+    lines = []
+    for name in names:
+        cells = tuple(table.get(name) for table in tables)
+        first = next(cell for cell in cells if cell is not None)
+        lines.append(ComparisonLine(first.symbol, name, first.unit, first.meaning, cells))
+    return tuple(lines)
+
+
+def _curves(sections: Sequence[ReportSection]) -> tuple[Drawing, ...]:
+    """Overlay the curves that share their axes; one figure for each kind."""
+    kinds: dict[tuple[str, ...], list[int]] = {}
+    for index, section in enumerate(sections):
+        curve = section.result.curve
+        if curve.x.size:
+            kind = (curve.name, curve.x_name, curve.x_unit, curve.y_name, curve.y_unit)
+            kinds.setdefault(kind, []).append(index)
+    drawings = []
+    for number, indices in enumerate(kinds.values(), start=1):
+        members = [sections[i] for i in indices]
+        curve = members[0].result.curve
+        alt = (
+            f"{words(curve.y_name)} over {words(curve.x_name)} with its band for "
+            f"{', '.join(member.label for member in members)}."
+        )
+        notes = dict.fromkeys(member.result.curve.note for member in members)
+        caption = " ".join(
+            (
+                "Drawn over the range that the data visited; beyond it the model extrapolates.",
+                *(note for note in notes if note),
+            )
+        )
+        drawings.append(draw(curves(members, indices), f"curve-{number}", alt, caption))
+    return tuple(drawings)
+
+
+def _trials(chosen: Chosen) -> tuple[Drawing, ...]:
+    """Draw the featured trials: each signal that has an axis of its own, then the fits."""
+    if not chosen:
+        return ()
+    drawings = []
+    for signal in _own_axis(chosen):
+        alt = f"{words(signal)} over time in the strongest trial of each group."
+        figure = signal_overlay([(s, t) for _, s, t in chosen], [i for i, _, _ in chosen], signal)
+        drawings.append(draw(figure, f"overlay-{len(drawings)}", alt, alt))
+    outputs = {(trial.output, trial.unit) for _, _, trial in chosen}
+    if len(outputs) == 1:
+        alt = (
+            f"Measured and fitted {words(chosen[0][2].output)} over time in the strongest trial "
+            "of each group; shaded samples did not enter the fit."
+        )
+        figure = fits_side_by_side([(s, t) for _, s, t in chosen])
+        drawings.append(draw(figure, "fits", alt, alt))
+    return tuple(drawings)
+
+
+def _own_axis(chosen: Chosen) -> list[str]:
+    """Return the signals that are alone on their axis in every group."""
+    alone = [
+        {p.names[0] for p in panels(section.result.trials) if len(p.names) == 1}
+        for _, section, _ in chosen
+    ]
+    common = set.intersection(*alone)
+    return [name for name in chosen[0][2].signals if name in common]

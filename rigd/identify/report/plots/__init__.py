@@ -1,0 +1,1 @@
+"""The figures of a report: typed results in, matplotlib figures out."""

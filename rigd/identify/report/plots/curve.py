@@ -1,0 +1,50 @@
+"""Fitted characteristics with their bands: all groups on one axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from rigd.identify.report.palette import series
+from rigd.identify.report.plots.axes import grid, label, plain_log
+from rigd.identify.report.section import ReportSection
+
+#: A range of x that spans more than this factor is drawn on a logarithmic axis.
+LOG_SPAN = 30.0
+
+
+def curves(sections: Sequence[ReportSection], colours: Sequence[int]) -> Figure:
+    """Return the curves of ``sections``, which must share their axes; a reference is dashed.
+
+    The reference is cut to the range that the data of its section visited: beyond it there is
+    nothing to compare.
+    """
+    figure, (ax,) = grid(1, 1, 7.2, 3.7)
+    for section, index in zip(sections, colours, strict=True):
+        curve, colour = section.result.curve, series(index)
+        ax.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.18, linewidth=0)
+        ax.plot(curve.x, curve.y, color=colour, linewidth=1.8, label=section.label)
+        if section.reference_curve is not None and curve.x.size:
+            reference = section.reference_curve
+            inside = (reference.x >= curve.x.min()) & (reference.x <= curve.x.max())
+            ax.plot(
+                reference.x[inside],
+                reference.y[inside],
+                color=colour,
+                linestyle=(0, (4, 2)),
+                linewidth=1.1,
+                label=f"{section.label}: {reference.label}",
+            )
+    first = sections[0].result.curve
+    label(ax, first.x_name, first.x_unit, first.y_name, first.y_unit)
+    if _spans_decades([section.result.curve.x for section in sections]):
+        plain_log(ax, "x")
+    ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+    return figure
+
+
+def _spans_decades(ranges: Sequence[np.ndarray]) -> bool:
+    values = np.concatenate(ranges) if ranges else np.empty(0)
+    return values.size > 1 and values.min() > 0.0 and values.max() > LOG_SPAN * values.min()

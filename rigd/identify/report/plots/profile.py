@@ -1,0 +1,49 @@
+"""Profile likelihoods: how the cost rises when one parameter is held and the rest refitted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rigd.identify.report.palette import FITTED, INK, series
+from rigd.identify.report.plots.axes import grid, plain_log, with_unit
+from rigd.identify.result import Profile
+
+COLUMNS = 3
+#: The ordinate ends at this multiple of the threshold: above it nothing is decided.
+CEILING = 4.0
+
+
+def profiles(found: Sequence[Profile]) -> Figure:
+    """Return one axis per profile with its threshold; the interval is shaded."""
+    columns = min(COLUMNS, len(found))
+    rows = math.ceil(len(found) / columns)
+    figure, axes = grid(rows, columns, 11.0 * columns / COLUMNS, 2.4 * rows)
+    for ax, profile in zip(axes, found, strict=False):
+        _one(ax, profile)
+    for ax in axes[len(found) :]:
+        ax.remove()
+    return figure
+
+
+def _one(ax: Axes, profile: Profile) -> None:
+    finite = np.isfinite(profile.values) & np.isfinite(profile.cost)
+    values, cost = profile.values[finite], profile.cost[finite]
+    ax.plot(values, cost, ".-", color=series(0), markersize=3.5, linewidth=1.2)
+    ax.axhline(profile.threshold, color=FITTED, linewidth=1.0, linestyle=(0, (4, 2)))
+    if values.size:
+        low = profile.low if profile.low is not None else float(values.min())
+        high = profile.high if profile.high is not None else float(values.max())
+        ax.axvspan(low, high, color=series(0), alpha=0.10, linewidth=0)
+    for end in (profile.low, profile.high):
+        if end is not None:
+            ax.axvline(end, color=INK, linewidth=0.7, linestyle=":")
+    if profile.log_axis and values.size and values.min() > 0.0:
+        plain_log(ax, "x")
+    ax.set_ylim(-0.05 * profile.threshold, CEILING * profile.threshold)
+    ax.set_xlabel(with_unit(profile.name, profile.unit))
+    ax.set_ylabel("rise of −2 ln L [–]")

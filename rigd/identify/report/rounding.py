@@ -1,0 +1,87 @@
+"""Numbers as a person reads them: as many digits as the uncertainty leaves meaning."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+#: The uncertainty is shown with two significant digits (GUM, JCGM 100:2008, 7.2.6).
+DIGITS: Final = 2
+#: Digits of a number that comes without an uncertainty.
+BARE_DIGITS: Final = 4
+#: Powers of ten outside of which a number is written as mantissa and exponent.
+PLAIN_EXPONENTS: Final = range(-4, 6)
+#: Arms of an interval that differ by less than this share of the wider one read as one ±.
+SYMMETRY: Final = 0.25
+
+_SUPERSCRIPT: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_MINUS: Final = "\N{MINUS SIGN}"
+
+
+def places_for(uncertainty: float) -> int | None:
+    """Return the decimal place that an uncertainty reaches to; None if it says nothing.
+
+    Negative places are to the left of the decimal point: 130 gives -1.
+    """
+    if not math.isfinite(uncertainty) or uncertainty <= 0.0:
+        return None
+    return DIGITS - 1 - math.floor(math.log10(uncertainty))
+
+
+def number(value: float, places: int | None = None) -> str:
+    """Return ``value`` rounded to ``places`` decimals, or to four digits if there are none."""
+    if not math.isfinite(value):
+        return "undefined"
+    if value == 0.0:
+        return "0"
+    exponent = math.floor(math.log10(abs(value)))
+    if places is None:
+        places = BARE_DIGITS - 1 - exponent
+    if exponent in PLAIN_EXPONENTS:
+        return _signed(f"{round(value, places):.{max(places, 0)}f}")
+    mantissa = f"{value / 10.0**exponent:.{max(places + exponent, 0)}f}"
+    return _signed(f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPT)}")
+
+
+def percent(share: float) -> str:
+    """Return a signed percentage of two digits, such as ``+4.1 %``."""
+    value = 100.0 * share
+    if not math.isfinite(value):
+        return "undefined"
+    places = 0 if abs(value) >= 9.95 else 1
+    return _signed(f"{value:+.{places}f} %")
+
+
+def spread(estimate: float, low: float | None, high: float | None) -> str:
+    """Return ``± 0.12``, or ``+0.30 −0.05`` where the interval is lopsided; empty if it is open."""
+    if low is None or high is None:
+        return ""
+    below, above = estimate - low, high - estimate
+    places = interval_places(low, high)
+    wider = max(below, above)
+    if below < 0.0 or above < 0.0 or wider == 0.0:
+        return ""
+    if abs(above - below) <= SYMMETRY * wider:
+        return f"± {number((above + below) / 2, places)}"
+    return f"+{number(above, places)} {_MINUS}{number(below, places)}"
+
+
+def interval(low: float | None, high: float | None) -> str:
+    """Return ``1.2 … 1.4``, ``≥ 1.2``, ``≤ 1.4``, or ``open on both sides``."""
+    if low is None:
+        return "open on both sides" if high is None else f"≤ {number(high)}"
+    if high is None:
+        return f"≥ {number(low)}"
+    places = interval_places(low, high)
+    return f"{number(low, places)} … {number(high, places)}"
+
+
+def interval_places(low: float | None, high: float | None) -> int | None:
+    """Return the decimal place at which half the width of an interval has two digits."""
+    if low is None or high is None:
+        return None
+    return places_for((high - low) / 2)
+
+
+def _signed(text: str) -> str:
+    return text.replace("-", _MINUS)

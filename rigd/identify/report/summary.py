@@ -1,0 +1,111 @@
+"""The parameter table as data: one row per parameter, for a terminal, a page or a test.
+
+A number that the data do not determine never becomes text here: where the interval is open on
+both sides, or the verdict is "not identifiable", a row holds no estimate at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rigd.identify.report.rounding import interval, interval_places, number, percent, spread
+from rigd.identify.report.section import ReportSection
+from rigd.identify.result import ParameterEstimate, Verdict
+
+NO_VALUE = "not identifiable"
+
+
+@dataclass(frozen=True)
+class SummaryRow:
+    """One parameter of one section, as numbers (in ``unit``) and as text ready to print.
+
+    ``estimate`` is None where the data do not determine it; ``low`` and ``high`` are None where
+    that end is open. ``comparison`` says how the reference lies to the interval; it and
+    ``reference_text`` are empty where there is no reference.
+    """
+
+    section: str
+    name: str
+    symbol: str
+    meaning: str
+    unit: str
+    verdict: Verdict
+    derived: bool
+    estimate: float | None
+    low: float | None
+    high: float | None
+    reference: float | None
+    estimate_text: str
+    spread_text: str
+    interval_text: str
+    reference_text: str
+    comparison: str
+    sentence: str
+    advice: str
+    source: str
+    flags: tuple[str, ...]
+
+    @property
+    def known(self) -> bool:
+        """Whether there is an estimate to show."""
+        return self.estimate is not None
+
+
+def summary_rows(sections: Sequence[ReportSection]) -> tuple[SummaryRow, ...]:
+    """Return the rows of all sections in their order, fitted parameters before derived ones."""
+    return tuple(
+        _row(section, parameter, derived)
+        for section in sections
+        for group, derived in ((section.result.parameters, False), (section.result.derived, True))
+        for parameter in group
+    )
+
+
+def determined(parameter: ParameterEstimate) -> bool:
+    """Return whether the data bound the parameter on one side at least."""
+    if parameter.verdict is Verdict.UNIDENTIFIABLE:
+        return False
+    return parameter.low is not None or parameter.high is not None
+
+
+def _row(section: ReportSection, p: ParameterEstimate, derived: bool) -> SummaryRow:
+    known = determined(p)
+    low, high = (p.low, p.high) if known else (None, None)
+    reference = section.reference.get(p.name)
+    return SummaryRow(
+        section=section.label,
+        name=p.name,
+        symbol=p.symbol,
+        meaning=p.meaning,
+        unit=p.unit,
+        verdict=p.verdict,
+        derived=derived,
+        estimate=p.estimate if known else None,
+        low=low,
+        high=high,
+        reference=reference,
+        estimate_text=number(p.estimate, interval_places(low, high)) if known else NO_VALUE,
+        spread_text=spread(p.estimate, low, high) if known else "",
+        interval_text=interval(low, high),
+        reference_text="" if reference is None else number(reference),
+        comparison="" if reference is None else _comparison(p, reference),
+        sentence=p.sentence,
+        advice=p.advice,
+        source=p.source if known else "",
+        flags=p.flags,
+    )
+
+
+def _comparison(p: ParameterEstimate, reference: float) -> str:
+    if not determined(p):
+        return "cannot be compared"
+    if reference == 0.0:
+        away = ""
+    else:
+        away = f", estimate {percent((p.estimate - reference) / abs(reference))}"
+    if p.verdict is Verdict.BIASED:
+        return f"interval not comparable{away}"
+    above_low = p.low is None or reference >= p.low
+    below_high = p.high is None or reference <= p.high
+    return f"{'inside' if above_low and below_high else 'outside'} the interval{away}"
