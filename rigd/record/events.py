@@ -1,0 +1,101 @@
+"""Events: what happened besides the samples, one CDR message each on ``/events``."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from mcap.opcode import Opcode
+
+from rigd.record.wire import FRAME, Malformed
+
+#: Trial number of an event outside of every trial.
+NO_TRIAL: Final = -1
+
+CDR_HEADER: Final = b"\x00\x01\x00\x00"  #: plain CDR, little-endian, no options
+_MESSAGE: Final = struct.Struct("<HIQQ")  #: channel, sequence, log time, publish time
+_LENGTH: Final = struct.Struct("<I")
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened at ``t_ns`` (ns since the Unix epoch), with what belongs to it."""
+
+    t_ns: int
+    kind: str
+    trial: int = NO_TRIAL
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+
+def event_message(event: Event, channel: int, sequence: int, start_ns: int) -> bytes:
+    """Return the complete Message record of an event; its ``time`` counts from ``start_ns``.
+
+    Raises:
+        TypeError: the data holds something that JSON has no form for.
+
+    """
+    text = json.dumps(
+        _plain(event.data), ensure_ascii=False, separators=(",", ":"), allow_nan=False
+    )
+    body = _string(event.kind)
+    body += b"\x00" * (-len(body) % 4) + struct.pack("<i", event.trial)
+    # CDR counts alignment from behind its own header.
+    body += b"\x00" * (-len(body) % 8) + struct.pack("<d", (event.t_ns - start_ns) * 1e-9)
+    payload = CDR_HEADER + body + _string(text)
+    head = _MESSAGE.pack(channel, sequence & 0xFFFFFFFF, event.t_ns, event.t_ns)
+    return FRAME.pack(Opcode.MESSAGE, len(head) + len(payload)) + head + payload
+
+
+def parse_event(t_ns: int, payload: memoryview) -> Event:
+    """Return the event in a message's payload.
+
+    Raises:
+        Malformed: the payload is not an event as :func:`event_message` writes it.
+
+    """
+    if bytes(payload[:4]) != CDR_HEADER:
+        raise Malformed("an event that is not little-endian CDR")
+    body = payload[4:]
+    try:
+        kind, at = _read_string(body, 0)
+        at += -at % 4
+        (trial,) = struct.unpack_from("<i", body, at)
+        at += 4
+        at += -at % 8 + 8  # the time repeats t_ns
+        text, _ = _read_string(body, at)
+        data = json.loads(text)
+    except (struct.error, ValueError) as error:
+        raise Malformed(f"a damaged event ({error})") from error
+    if not isinstance(data, dict):
+        raise Malformed("an event whose data is no JSON object")
+    return Event(t_ns, kind, trial, data)
+
+
+def _string(text: str) -> bytes:
+    encoded = text.encode() + b"\x00"
+    return _LENGTH.pack(len(encoded)) + encoded
+
+
+def _read_string(body: memoryview, at: int) -> tuple[str, int]:
+    (length,) = _LENGTH.unpack_from(body, at)
+    start = at + _LENGTH.size
+    if length < 1 or start + length > len(body):
+        raise Malformed("a text that is longer than its event")
+    return str(body[start : start + length - 1], "utf-8"), start + length
+
+
+def _plain(value: object) -> object:
+    """Return ``value`` in what JSON knows; a NaN or infinity as text that ``float()`` takes."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):  # numpy scalars and arrays
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return repr(value)
+    return value

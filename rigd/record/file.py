@@ -1,0 +1,171 @@
+"""The file under a recording being written: overwrite its end safely, or leave it as it was."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Self
+
+from rigd.model import RecordingError
+from rigd.record.chunks import Chunk
+from rigd.record.contents import SummaryWriter
+from rigd.record.journal import Journal, Saved, write_all
+
+
+class RecordingFile:
+    """Sealed data that never changes, then open chunks, summary and footer that each commit does.
+
+    Every commit leaves a complete MCAP file. What it overwrites is first saved in the journal;
+    when the system refuses the write, the file is put back to what the last commit left.
+    """
+
+    def __init__(self, fd: int, path: Path, summary: SummaryWriter, sealed: int, crc: int) -> None:
+        """Go on with a file whose first ``sealed`` bytes, of CRC ``crc``, stay as they are."""
+        self.path = path
+        self._fd = fd
+        self._summary = summary
+        self._sealed = sealed
+        self._crc = crc
+        self._tail = b""  #: what the last commit wrote behind the sealed data
+        self._open_size = 0  #: bytes of open chunks at the start of the tail
+        self._torn = False  #: whether a write failed and could not be taken back
+        self._journal = Journal(path)
+
+    @property
+    def sealed(self) -> int:
+        """Number of bytes that no commit changes again."""
+        return self._sealed
+
+    @classmethod
+    def create(cls, path: Path, prefix: bytes, summary: SummaryWriter) -> Self:
+        """Make a file that holds ``prefix`` and no chunk yet.
+
+        Raises:
+            RecordingError: it exists, or cannot be written.
+
+        """
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+        try:
+            fd = os.open(path, flags, 0o644)
+        except FileExistsError as error:
+            raise RecordingError(
+                f"{path} exists already", hint="Choose another name; rigd overwrites no recording."
+            ) from error
+        except OSError as error:
+            raise write_error(path, error) from error
+        file = cls(fd, path, summary, 0, 0)
+        try:
+            lock(fd, path)
+            file.commit(prefix, (), ())
+        except RecordingError:
+            file.close()
+            path.unlink(missing_ok=True)
+            raise
+        return file
+
+    @classmethod
+    def resume(cls, fd: int, path: Path, summary: SummaryWriter, sealed: int, crc: int) -> Self:
+        """Go on with a complete file, of which the first ``sealed`` bytes of ``crc`` stay.
+
+        Raises:
+            RecordingError: its old tail cannot be read, which is put back if a write fails.
+
+        """
+        file = cls(fd, path, summary, sealed, crc)
+        try:
+            file._tail = os.pread(fd, os.fstat(fd).st_size - sealed, sealed)
+        except OSError as error:
+            raise write_error(path, error) from error
+        return file
+
+    def commit(self, sealed: bytes, chunks: Sequence[Chunk], still_open: Sequence[Chunk]) -> None:
+        """Add ``sealed`` bytes and sealed chunks, then put open chunks and the summary behind.
+
+        Raises:
+            RecordingError: the system refuses; the file is as the last commit left it.
+
+        """
+        start = self._sealed
+        at = start + len(sealed)
+        for chunk in chunks:
+            self._summary.add_chunk(chunk, at)
+            at += len(chunk.data)
+        new = sealed + b"".join(chunk.data for chunk in chunks)
+        crc = zlib.crc32(new, self._crc)
+        placed: list[tuple[int, Chunk]] = []
+        for chunk in still_open:
+            placed.append((at, chunk))
+            at += len(chunk.data)
+        opened = b"".join(chunk.data for chunk in still_open)
+        tail = opened + self._summary.tail(at, zlib.crc32(opened, crc), placed)
+        try:
+            self._replace(new + tail)
+        except OSError as error:
+            raise write_error(self.path, error) from error
+        self._sealed = start + len(new)
+        self._crc = crc
+        self._tail = tail
+        self._open_size = len(opened)
+
+    def sync(self) -> None:
+        """Wait until the disk has what was committed.
+
+        Raises:
+            RecordingError: the disk fails.
+
+        """
+        try:
+            os.fdatasync(self._fd)
+        except OSError as error:
+            raise write_error(self.path, error) from error
+
+    def close(self) -> None:
+        """Close the file; silent the second time. The journal stays where the file is torn."""
+        if self._fd < 0:
+            return
+        fd, self._fd = self._fd, -1
+        self._journal.close(remove=not self._torn)
+        os.close(fd)
+
+    def _replace(self, data: bytes) -> None:
+        """Write ``data`` over the tail; put the tail back where that fails."""
+        if self._open_size:
+            self._journal.save(Saved(self._sealed, self._tail[: self._open_size]))
+        self._torn = True
+        try:
+            write_all(self._fd, data, self._sealed)
+            if len(data) < len(self._tail):
+                os.ftruncate(self._fd, self._sealed + len(data))
+        except OSError:
+            # The blocks under the old tail are allocated, so this needs no space.
+            write_all(self._fd, self._tail, self._sealed)
+            os.ftruncate(self._fd, self._sealed + len(self._tail))
+            self._torn = False
+            raise
+        self._torn = False
+
+
+def lock(fd: int, path: Path) -> None:
+    """Take the file for writing; the system gives it back when the process ends.
+
+    Raises:
+        RecordingError: another process is writing it.
+
+    """
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        raise RecordingError(
+            f"{path} is being written by another process", hint="Wait until its run has ended."
+        ) from error
+
+
+def write_error(path: Path, error: OSError) -> RecordingError:
+    """Return what to tell the user when the system refuses to write ``path``."""
+    return RecordingError(
+        f"cannot write {path}: {error.strerror}",
+        hint="Free space on that disk or record elsewhere; what was flushed before is readable.",
+    )

@@ -1,0 +1,107 @@
+"""What stands before the samples: schemas, channels, attachments and metadata as bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from mcap import records as mcap
+from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
+
+from rigd import __version__
+from rigd.model import RecordingError, Stream
+from rigd.record import schema
+from rigd.record.contents import Contents
+from rigd.record.wire import MAGIC, encode
+
+#: Metadata record that rigd itself reads back.
+FORMAT_METADATA: Final = "rigd"
+START_KEY: Final = "start_ns"
+EVENTS_CHANNEL: Final = 1  #: so that streams follow from 2
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """A file kept whole in the recording, such as the rig file and the procedure."""
+
+    name: str
+    media_type: str
+    data: bytes
+
+
+def build_prefix(
+    streams: Sequence[Stream],
+    metadata: Mapping[str, Mapping[str, str]],
+    attachments: Sequence[Attachment],
+    start_ns: int,
+) -> tuple[bytes, Contents]:
+    """Return the beginning of a file up to its first chunk, and the index of it.
+
+    Raises:
+        RecordingError: a stream, metadata or attachment cannot be recorded.
+
+    """
+    schema.check_streams(streams)
+    if FORMAT_METADATA in metadata:
+        raise RecordingError(f"metadata named {FORMAT_METADATA!r} is the recording's own")
+    contents = Contents()
+    data = bytearray(MAGIC)
+    data += encode(mcap.Header(Profile.ROS2, f"rigd {__version__}"))
+    types = [schema.EVENTS_TYPE, *schema.type_names(streams)]
+    texts = [schema.EVENTS_SCHEMA, *map(schema.schema_text, streams)]
+    topics = [schema.EVENTS_TOPIC, *(f"/{stream.name}" for stream in streams)]
+    channel_metadata = [{}, *map(schema.channel_metadata, streams)]
+    for number, (name, text) in enumerate(zip(types, texts, strict=True), EVENTS_CHANNEL):
+        contents.schemas[number] = mcap.Schema(number, text.encode(), SchemaEncoding.ROS2, name)
+        contents.channels[number] = mcap.Channel(
+            number,
+            topics[number - EVENTS_CHANNEL],
+            MessageEncoding.CDR,
+            channel_metadata[number - EVENTS_CHANNEL],
+            number,
+        )
+    for kind in (contents.schemas, contents.channels):
+        for record in kind.values():
+            data += encode(record)
+    own = {FORMAT_METADATA: {START_KEY: str(start_ns), "version": __version__}}
+    data += build_extras({**own, **metadata}, attachments, start_ns, len(data), contents)
+    return bytes(data), contents
+
+
+def build_extras(
+    metadata: Mapping[str, Mapping[str, str]],
+    attachments: Sequence[Attachment],
+    start_ns: int,
+    offset: int,
+    contents: Contents,
+) -> bytes:
+    """Return metadata and attachments as records that begin at ``offset``; index them too."""
+    data = bytearray()
+    for attachment in attachments:
+        record = encode(
+            mcap.Attachment(
+                create_time=start_ns,
+                log_time=start_ns,
+                name=attachment.name,
+                media_type=attachment.media_type,
+                data=attachment.data,
+            )
+        )
+        contents.attachments.append(
+            mcap.AttachmentIndex(
+                offset=offset + len(data),
+                length=len(record),
+                log_time=start_ns,
+                create_time=start_ns,
+                data_size=len(attachment.data),
+                name=attachment.name,
+                media_type=attachment.media_type,
+            )
+        )
+        data += record
+    for name, values in metadata.items():
+        record = encode(mcap.Metadata(name, dict(values)))
+        contents.metadata.append(mcap.MetadataIndex(offset + len(data), len(record), name))
+        data += record
+    return bytes(data)

@@ -1,0 +1,324 @@
+"""Reads recordings: the index at opening, then the rows of a stream chunk by chunk into numpy."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from mcap import records as mcap
+from mcap.opcode import Opcode
+from mcap.records import ChunkIndex
+from numpy.typing import NDArray
+
+from rigd.model import RecordingError, Stream
+from rigd.model.rows import row_dtype
+from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
+from rigd.record.contents import Contents, parse_footer, parse_summary
+from rigd.record.decode import message_payloads, rows_of_chunk
+from rigd.record.events import Event, parse_event
+from rigd.record.prefix import FORMAT_METADATA, START_KEY, Attachment
+from rigd.record.scan import Scan, scan
+from rigd.record.schema import EVENTS_TOPIC, STREAM_KEY, stream_from_json, stream_from_schema
+from rigd.record.wire import FOOTER, MAGIC, Malformed, Record, decode, map_file, record_at
+
+_LAST_NS: Final = 2**63 - 1
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The index of one recording. Holds no open file; each read opens it anew.
+
+    ``streams`` are those that rigd can read as columns, by name; :attr:`other_topics` has the
+    rest of a file that something else wrote.
+    """
+
+    path: Path
+    contents: Contents
+    streams: Mapping[str, Stream]
+    other_topics: tuple[str, ...]
+    metadata: Mapping[str, Mapping[str, str]]
+    size: int  #: bytes
+    problem: str = ""  #: what is wrong with the file, where it was opened as partial
+    data_end: int = 0  #: bytes that are sound
+
+    @classmethod
+    def open(cls, path: Path, *, partial: bool = False) -> Recording:
+        """Read the index of a recording.
+
+        ``partial``: where the end of the file is missing, walk it and take what is sound.
+
+        Raises:
+            RecordingError: missing, empty, cut short (unless partial), or no MCAP file.
+
+        """
+        with _opened(path) as fd:
+            try:
+                found = _walked(fd) if partial else None
+                if found is not None:
+                    contents, problem, end = found.contents, found.problem, found.data_end
+                else:
+                    (contents, end), problem = _indexed(fd), ""
+                metadata = _metadata(fd, contents)
+                streams, others = _streams(contents)
+            except Malformed as error:
+                raise damaged(path, error) from error
+            size = os.fstat(fd).st_size
+        return cls(path, contents, streams, others, metadata, size, problem, end)
+
+    @property
+    def written_by_rigd(self) -> bool:
+        """Whether rigd made the file, so that it may add to it."""
+        return START_KEY in self.metadata.get(FORMAT_METADATA, {})
+
+    @property
+    def start_ns(self) -> int:
+        """When the recording began; for a file of another program, its first message."""
+        text = self.metadata.get(FORMAT_METADATA, {}).get(START_KEY, "")
+        return int(text) if text.isdecimal() else self.contents.start_ns
+
+    @property
+    def end_ns(self) -> int:
+        """Time of the last message, or the start where there is none."""
+        return self.contents.end_ns if self.contents.messages else self.start_ns
+
+    def count(self, stream: str) -> int:
+        """Return the number of rows of a stream.
+
+        Raises:
+            RecordingError: no such stream.
+
+        """
+        return self.contents.counts.get(self._channel(stream), 0)
+
+    def span_ns(self, stream: str) -> tuple[int, int] | None:
+        """Return the times of a stream's first and last row; None where it has no rows.
+
+        Raises:
+            RecordingError: no such stream.
+
+        """
+        chunks = self._chunks(self._channel(stream), 0, _LAST_NS)
+        if not chunks:
+            return None
+        first = min(chunk.message_start_time for chunk in chunks)
+        return first, max(chunk.message_end_time for chunk in chunks)
+
+    def read(
+        self,
+        stream: str,
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+        *,
+        check_crc: bool = True,
+    ) -> NDArray[np.void]:
+        """Return the rows with ``start_ns <= t_ns < end_ns``, in the order of the file.
+
+        The dtype is that of :func:`~rigd.model.rows.row_dtype`; cost about 0.3 µs per row of 12
+        channels.
+
+        Raises:
+            RecordingError: no such stream, or a damaged chunk.
+
+        """
+        channel, description = self._channel(stream), self.streams[stream]
+        low = 0 if start_ns is None else start_ns
+        high = _LAST_NS if end_ns is None else end_ns
+        dtype = row_dtype(description)
+        with _opened(self.path) as fd:
+            pieces: list[NDArray[np.void]] = []
+            for index in self._chunks(channel, low, high):
+                data = self._unpack(fd, index, check_crc=check_crc)
+                try:
+                    rows = rows_of_chunk(data, channel, blob_dtype(description))
+                except Malformed as error:
+                    raise damaged(self.path, error) from error
+                if index.message_start_time < low or index.message_end_time >= high:
+                    times = rows["t_ns"].astype(np.int64)
+                    rows = rows[(times >= low) & (times < high)]
+                pieces.append(rows)
+            joined = np.concatenate([np.empty(0, blob_dtype(description)), *pieces])
+        return joined.view(dtype)
+
+    def events(self) -> list[Event]:
+        """Return all events in the order of the file; none where the file has no ``/events``.
+
+        Raises:
+            RecordingError: a damaged chunk or event.
+
+        """
+        channel = self._events_channel
+        events: list[Event] = []
+        if channel is None:
+            return events
+        with _opened(self.path) as fd:
+            for index in self._chunks(channel, 0, _LAST_NS):
+                data = self._unpack(fd, index, check_crc=True)
+                try:
+                    found = message_payloads(data, channel)
+                    events += [parse_event(t_ns, payload) for t_ns, payload in found]
+                except Malformed as error:
+                    raise damaged(self.path, error) from error
+        return events
+
+    @cached_property
+    def attachments(self) -> Mapping[str, Attachment]:
+        """The attached files by name; the last of a name counts.
+
+        Raises:
+            RecordingError: an attachment is damaged.
+
+        """
+        found: dict[str, Attachment] = {}
+        with _opened(self.path) as fd:
+            for index in self.contents.attachments:
+                try:
+                    record = _record(fd, index.offset, index.length, Opcode.ATTACHMENT)
+                    content = decode(mcap.Attachment, record.content)
+                except Malformed as error:
+                    raise damaged(self.path, error) from error
+                crc = int.from_bytes(record.content[-4:], "little")
+                if crc and zlib.crc32(record.content[:-4]) != crc:
+                    raise damaged(self.path, f"the CRC of attachment {index.name!r} differs")
+                found[index.name] = Attachment(content.name, content.media_type, content.data)
+        return found
+
+    @cached_property
+    def _numbers(self) -> Mapping[str, int]:
+        return {channel.topic: number for number, channel in self.contents.channels.items()}
+
+    @property
+    def _events_channel(self) -> int | None:
+        return self._numbers.get(EVENTS_TOPIC)
+
+    def _channel(self, stream: str) -> int:
+        if stream not in self.streams:
+            raise RecordingError(
+                f"{self.path} has no stream {stream!r}", hint=f"It has {sorted(self.streams)}."
+            )
+        return self._numbers[f"/{stream}"]
+
+    def _chunks(self, channel: int, low: int, high: int) -> list[ChunkIndex]:
+        return [
+            chunk
+            for chunk in self.contents.chunks
+            if channel in chunk.message_index_offsets
+            and chunk.message_end_time >= low
+            and chunk.message_start_time < high
+        ]
+
+    def _unpack(self, fd: int, index: ChunkIndex, *, check_crc: bool) -> bytes | memoryview:
+        try:
+            record = _record(fd, index.chunk_start_offset, index.chunk_length, Opcode.CHUNK)
+            return unpack_chunk(parse_chunk(record.content), check_crc=check_crc)
+        except Malformed as error:
+            raise damaged(self.path, error) from error
+
+
+def damaged(path: Path, problem: object) -> RecordingError:
+    """Return what to tell the user about a file that cannot be read."""
+    return RecordingError(
+        f"{path} cannot be read: {problem}", hint=f"Run `rigd recover {path}` to keep what is good."
+    )
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[int]:
+    """Open a file that is not empty, for positioned reads.
+
+    It is not mapped: a mapped file that its writer cuts shorter would kill the reader.
+
+    Raises:
+        RecordingError: missing, not readable, or empty.
+
+    """
+    try:
+        with path.open("rb", buffering=0) as file:
+            if os.fstat(file.fileno()).st_size == 0:
+                raise RecordingError(
+                    f"{path} is empty", hint="Nothing was recorded; the file can be deleted."
+                )
+            yield file.fileno()
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror}") from error
+
+
+def _bytes_at(fd: int, offset: int, length: int) -> memoryview:
+    size = os.fstat(fd).st_size
+    if offset + length > size:
+        raise Malformed(f"its index points to byte {offset + length}, behind its end at {size}")
+    return memoryview(os.pread(fd, length, offset))
+
+
+def _record(fd: int, offset: int, length: int, opcode: int) -> Record:
+    record = record_at(_bytes_at(fd, offset, length), 0)
+    if record.opcode != opcode:
+        raise Malformed(f"the record at byte {offset} is not what its index says")
+    return record
+
+
+def _walked(fd: int) -> Scan | None:
+    """Return a scan of the whole file, or None while a writer holds it."""
+    try:
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return None
+    return scan(map_file(fd))
+
+
+def _indexed(fd: int) -> tuple[Contents, int]:
+    size, ending = os.fstat(fd).st_size, FOOTER.size + len(MAGIC)
+    if os.pread(fd, len(MAGIC), 0) != MAGIC:
+        raise Malformed("it does not begin like an MCAP file")
+    start, crc = parse_footer(memoryview(os.pread(fd, ending, max(size - ending, 0))))
+    if start == 0:
+        raise Malformed("it has no summary")
+    if not len(MAGIC) <= start <= size - ending:
+        raise Malformed("its footer points outside of the file")
+    summary = _bytes_at(fd, start, size - start)
+    if crc and zlib.crc32(summary[: -len(MAGIC) - 4]) != crc:
+        raise Malformed("the CRC of its summary does not match")
+    contents = parse_summary(summary[:-ending])
+    if contents.messages and not contents.chunks:
+        raise Malformed("its messages are not in indexed chunks")
+    return contents, start
+
+
+def _metadata(fd: int, contents: Contents) -> dict[str, dict[str, str]]:
+    """Return the metadata by name; of several of a name, later values replace earlier ones."""
+    found: dict[str, dict[str, str]] = {}
+    for index in contents.metadata:
+        record = _record(fd, index.offset, index.length, Opcode.METADATA)
+        content = decode(mcap.Metadata, record.content)
+        found.setdefault(content.name, {}).update(content.metadata)
+    return found
+
+
+def _streams(contents: Contents) -> tuple[dict[str, Stream], tuple[str, ...]]:
+    streams: dict[str, Stream] = {}
+    others: list[str] = []
+    for channel in contents.channels.values():
+        stream = _stream(channel, contents.schemas.get(channel.schema_id))
+        if stream is not None and f"/{stream.name}" == channel.topic:
+            streams[stream.name] = stream
+        elif channel.topic != EVENTS_TOPIC:
+            others.append(channel.topic)
+    return streams, tuple(others)
+
+
+def _stream(channel: mcap.Channel, schema: mcap.Schema | None) -> Stream | None:
+    if STREAM_KEY in channel.metadata:
+        try:
+            return stream_from_json(channel.metadata[STREAM_KEY])
+        except ValueError as error:
+            raise Malformed(f"channel {channel.topic}: {error}") from error
+    if channel.message_encoding != "cdr" or schema is None or schema.encoding != "ros2msg":
+        return None
+    return stream_from_schema(channel.topic, schema.data.decode(errors="replace"))

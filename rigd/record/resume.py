@@ -1,0 +1,70 @@
+"""Opening a finished recording to write on, after checking every byte that stays."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rigd.model import RecordingError, Stream
+from rigd.record.contents import Contents, SummaryWriter
+from rigd.record.file import RecordingFile, lock, write_error
+from rigd.record.reader import Recording
+from rigd.record.scan import scan
+from rigd.record.wire import map_file
+
+
+@dataclass(frozen=True)
+class Start:
+    """A recording opened to write on: its file, index, and the channel number of each stream."""
+
+    file: RecordingFile
+    contents: Contents
+    channels: dict[str, tuple[int, Stream]]
+    start_ns: int
+
+
+def open_for_append(path: Path, streams: Sequence[Stream]) -> Start:
+    """Open a recording of exactly these streams; it stays locked until the file is closed.
+
+    Raises:
+        RecordingError: missing, torn, not written by rigd, being written, or other streams.
+
+    """
+    recording = Recording.open(path)
+    _check_same(path, recording, streams)
+    try:
+        fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+    except OSError as error:
+        raise write_error(path, error) from error
+    try:
+        lock(fd, path)
+        found = scan(map_file(fd))
+        if not found.intact:
+            raise RecordingError(
+                f"{path} is damaged: {found.problem}", hint=f"Run `rigd recover {path}` first."
+            )
+        file = RecordingFile.resume(
+            fd, path, SummaryWriter(found.contents), found.data_end, found.data_crc
+        )
+    except BaseException:
+        os.close(fd)
+        raise
+    by_topic = {channel.topic: number for number, channel in found.contents.channels.items()}
+    channels = {stream.name: (by_topic[f"/{stream.name}"], stream) for stream in streams}
+    return Start(file, found.contents, channels, recording.start_ns)
+
+
+def _check_same(path: Path, recording: Recording, streams: Sequence[Stream]) -> None:
+    if not recording.written_by_rigd:
+        raise RecordingError(f"{path} was not written by rigd, which therefore does not add to it")
+    known, given = recording.streams, {stream.name: stream for stream in streams}
+    differing = sorted(
+        name for name in known.keys() | given.keys() if known.get(name) != given.get(name)
+    )
+    if differing:
+        raise RecordingError(
+            f"{path} cannot be continued: stream {', '.join(differing)} differs from the rig's",
+            hint="Resume with the rig file that the recording was begun with, or begin a new one.",
+        )

@@ -1,0 +1,288 @@
+"""Writes recordings: rows in, a complete MCAP file on disk after every flush.
+
+Rows become MCAP messages by one copy into a numpy array of whole Message records
+(:mod:`~rigd.record.openchunk`); sealed chunks are compressed in a thread. The bytes of a closed
+file depend on the sequence of calls that gave data, not on flushes, threads or wall time.
+
+What can be lost: nothing that was flushed, when the process is killed (also in the middle of a
+flush, :mod:`~rigd.record.journal`); when the power fails, what came after the last
+``fdatasync``, and at most the open chunks (1 s) before it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd.model import RecordingError, Stream
+from rigd.record.chunks import Block, Chunk, Compression, build_chunk
+from rigd.record.contents import SummaryWriter
+from rigd.record.events import NO_TRIAL, Event
+from rigd.record.file import RecordingFile
+from rigd.record.openchunk import OpenChunk, OpenEvents, OpenRows
+from rigd.record.prefix import EVENTS_CHANNEL, Attachment, build_extras, build_prefix
+from rigd.record.resume import open_for_append
+
+#: Sealed chunks held in memory before they are written without being asked, about 8 MiB.
+MAX_WAITING: Final = 8
+DEFAULT_SYNC_S: Final = 1.0
+
+
+class RecordingWriter:
+    """One recording being written. Use as a context manager, or call :meth:`close`.
+
+    After an error every method raises that same error again and touches nothing; ``close`` is
+    silent. The file then holds what the last flush left.
+    """
+
+    def __init__(
+        self,
+        file: RecordingFile,
+        streams: Mapping[str, tuple[int, Stream]],
+        counts: Mapping[int, int],
+        *,
+        start_ns: int,
+        compression: Compression,
+        sync_interval_s: float | None,
+        clock: Callable[[], float],
+    ) -> None:
+        """Use :meth:`create` or :meth:`append`."""
+        self._file = file
+        self._compression = compression
+        self._rows = {
+            name: OpenRows(stream, channel, counts.get(channel, 0))
+            for name, (channel, stream) in streams.items()
+        }
+        self._events = OpenEvents(EVENTS_CHANNEL, counts.get(EVENTS_CHANNEL, 0), start_ns)
+        self._waiting: deque[Future[Chunk]] = deque()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="compress")
+        self._changed = False
+        self._closed = False
+        self._error: RecordingError | None = None
+        self._sync_interval_s = sync_interval_s
+        self._clock = clock
+        self._synced_at = clock()
+
+    @classmethod
+    def create(
+        cls,
+        path: Path,
+        *,
+        streams: Sequence[Stream],
+        metadata: Mapping[str, Mapping[str, str]],
+        attachments: Sequence[Attachment],
+        start_ns: int,
+        compression: Compression = "zstd",
+        sync_interval_s: float | None = DEFAULT_SYNC_S,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> Self:
+        """Make a new recording that begins at ``start_ns`` (ns since the Unix epoch).
+
+        ``sync_interval_s`` is how often at most a flush waits for the disk, on ``clock``; None:
+        only ``close`` does.
+
+        Raises:
+            RecordingError: the file exists or cannot be written, or a stream has no valid name.
+
+        """
+        prefix, contents = build_prefix(streams, metadata, attachments, start_ns)
+        file = RecordingFile.create(path, prefix, SummaryWriter(contents))
+        numbered = {
+            stream.name: (number, stream)
+            for number, stream in enumerate(streams, EVENTS_CHANNEL + 1)
+        }
+        return cls(
+            file,
+            numbered,
+            {},
+            start_ns=start_ns,
+            compression=compression,
+            sync_interval_s=sync_interval_s,
+            clock=clock,
+        )
+
+    @classmethod
+    def append(
+        cls,
+        path: Path,
+        *,
+        streams: Sequence[Stream],
+        metadata: Mapping[str, Mapping[str, str]] | None = None,
+        attachments: Sequence[Attachment] = (),
+        compression: Compression = "zstd",
+        sync_interval_s: float | None = DEFAULT_SYNC_S,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> Self:
+        """Go on writing a complete recording of the same streams.
+
+        Further ``metadata`` of a name that the file has is merged over it by the reader.
+
+        Raises:
+            RecordingError: the file is missing, torn (recover it first), not written by rigd,
+                being written by another process, or has other streams.
+
+        """
+        start = open_for_append(path, streams)
+        extras = build_extras(
+            metadata or {}, attachments, start.start_ns, start.file.sealed, start.contents
+        )
+        writer = cls(
+            start.file,
+            start.channels,
+            start.contents.counts,
+            start_ns=start.start_ns,
+            compression=compression,
+            sync_interval_s=sync_interval_s,
+            clock=clock,
+        )
+        if extras:
+            writer._commit(extras, (), ())
+        return writer
+
+    def write(self, stream: str, rows: NDArray[np.void]) -> None:
+        """Take rows of a stream, as its :func:`~rigd.model.rows.row_dtype`, in order of time.
+
+        Raises:
+            RecordingError: no such stream, rows of another layout, a time before 1970, or an
+                earlier error.
+
+        """
+        self._check()
+        held = self._rows.get(stream)
+        if held is None:
+            raise RecordingError(
+                f"{self._file.path} has no stream {stream!r}", hint=f"It has {sorted(self._rows)}."
+            )
+        if not held.accepts(rows):
+            raise RecordingError(
+                f"rows for stream {stream!r} have the wrong layout: {rows.dtype}",
+                hint="Build them with rigd.model.rows.row_dtype(stream).",
+            )
+        if not len(rows):
+            return
+        _check_time(int(rows["t_ns"][0]), stream)
+        self._changed = True
+        position = 0
+        while position < len(rows):
+            position += held.fill(rows[position:])
+            if held.full or position < len(rows):
+                self._seal(held)
+
+    def event(
+        self, t_ns: int, kind: str, trial: int | None = None, data: Mapping[str, Any] | None = None
+    ) -> None:
+        """Take an event at ``t_ns``; ``trial`` None where it belongs to none.
+
+        Raises:
+            RecordingError: the data has no form in JSON, or an earlier error.
+
+        """
+        self._check()
+        _check_time(t_ns, "events")
+        try:
+            self._events.add(Event(t_ns, kind, NO_TRIAL if trial is None else trial, data or {}))
+        except (TypeError, ValueError) as error:
+            raise RecordingError(f"event {kind!r} cannot be recorded: {error}") from error
+        self._changed = True
+        if self._events.full:
+            self._seal(self._events)
+
+    def flush(self) -> None:
+        """Put all that was given on disk, as a complete MCAP file.
+
+        Raises:
+            RecordingError: the disk is full or fails; the file is as the last flush left it.
+
+        """
+        self._check()
+        if self._changed:
+            held = [chunk.block() for chunk in self._open() if chunk.count]
+            # Uncompressed: they are written again at each flush until they are sealed.
+            self._commit(b"", self._sealed(), [build_chunk(block, "none") for block in held])
+            self._changed = False
+        if self._sync_interval_s is not None:
+            now = self._clock()
+            if now - self._synced_at >= self._sync_interval_s:
+                self._synced_at = now
+                self._guard(self._file.sync)
+
+    def close(self) -> None:
+        """Seal and write what is left, wait for the disk; silent the second time.
+
+        Raises:
+            RecordingError: the disk is full or fails; the file is as the last flush left it.
+
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            if self._error is None:
+                for chunk in self._open():
+                    if chunk.count:
+                        self._seal(chunk)
+                self._commit(b"", self._sealed(), ())
+                self._guard(self._file.sync)
+        finally:
+            self._thread.shutdown(cancel_futures=True)
+            self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _open(self) -> list[OpenChunk]:
+        """Return the open chunks, in the order in which ``close`` seals them."""
+        return [self._events, *self._rows.values()]
+
+    def _seal(self, held: OpenChunk) -> None:
+        block: Block = held.block()
+        held.clear()
+        self._waiting.append(self._thread.submit(build_chunk, block, self._compression))
+        if len(self._waiting) >= MAX_WAITING and not self._closed:
+            self.flush()
+
+    def _sealed(self) -> list[Chunk]:
+        chunks = [future.result() for future in self._waiting]
+        self._waiting.clear()
+        return chunks
+
+    def _commit(self, sealed: bytes, chunks: Sequence[Chunk], still_open: Sequence[Chunk]) -> None:
+        self._guard(lambda: self._file.commit(sealed, chunks, still_open))
+
+    def _guard(self, action: Callable[[], None]) -> None:
+        """Do ``action``; an error is kept, as nothing may be written after a gap."""
+        try:
+            action()
+        except RecordingError as error:
+            self._error = error
+            raise
+
+    def _check(self) -> None:
+        if self._error is not None:
+            raise self._error
+        if self._closed:
+            raise RecordingError(f"{self._file.path} is closed and takes nothing more")
+
+
+def _check_time(t_ns: int, stream: str) -> None:
+    if t_ns < 0:
+        raise RecordingError(
+            f"a row of {stream!r} has the time {t_ns} ns, before 1970",
+            hint="Times are ns since the Unix epoch.",
+        )
