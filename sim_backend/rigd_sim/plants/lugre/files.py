@@ -44,7 +44,8 @@ def load_parameters(path: Path) -> LugreParameters:
 
     """
     from pydantic import ValidationError
-    from ruamel.yaml import YAML, YAMLError
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
 
     from rigd_sim.plants.lugre.parameters import LugreParameters
 

@@ -176,7 +176,8 @@ def reachable_current(c: Row, w: float, demand: float) -> float:
     emf = c.back_emf * c.gear * w
     high = (c.supply - emf) / c.resistance
     low = (-c.supply - emf) / c.resistance
-    return min(max(demand, low), high)
+    reachable: float = min(max(demand, low), high)
+    return reachable
 
 
 @kernel

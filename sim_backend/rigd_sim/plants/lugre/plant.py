@@ -48,9 +48,9 @@ class LugrePlant(Plant):
     """The rig's physics and sensors; devices write ``commands`` and read ``readings_at``.
 
     Deterministic: the same seed and the same commands at the same times give the same readings
-    bit for bit, however the time between two commands is divided into cycles that are multiples
-    of 0.125 ms. The noise depends on seed and time alone. Until a device is armed, the wheel is
-    without current and both belts are braked.
+    bit for bit. The noise depends on seed and time alone, not on how time is divided into cycles
+    (the physics then differs by rounding). Until a device is armed, the wheel is without current
+    and both belts are braked.
 
     Raises:
         ConfigError: the parameter file cannot be read or is not physical.
