@@ -16,6 +16,8 @@ from rigd.identify.fit import Affine, Fit, fit
 from rigd.identify.model import Model
 from rigd.identify.result import FloatArray
 
+FAR = 4.0  #: the scan of a side ends where the statistic is this multiple of the threshold
+
 
 @dataclass(frozen=True)
 class ProfileScan:
@@ -46,29 +48,42 @@ def scan(
 ) -> ProfileScan:
     """Return the profile of ``direction @ scaled`` over ``grid`` (scaled, ascending).
 
-    Each point starts from its neighbour, outwards from the best fit and back again, so that a
-    valley found on one side is not missed on the other. An end stays None when the statistic
-    does not cross the threshold on that side within the grid.
+    Each point starts from its inner neighbour, outwards from the best fit until the statistic is
+    ``FAR`` times the threshold; a point that ends below its inner neighbour gives that one a
+    second start. An end stays None when the statistic does not cross the threshold on that side
+    within the grid.
     """
-    centre = float(direction @ best.scaled)
-    order = np.argsort(np.abs(grid - centre))
     costs = np.full(len(grid), np.inf)
     thetas = np.tile(best.theta, (len(grid), 1))
-    weights = best.weights
-    for sweep in (order, order[::-1]):
-        for index in sweep:
-            start = _nearest_start(grid, costs, thetas, int(index), best.theta)
-            point = fit(
-                model, start, affine=Affine.holding(direction, float(grid[index])),
-                weights=weights, max_iterations=max_iterations,
-            )  # fmt: skip
-            if point.cost < costs[index]:
-                costs[index] = point.cost
-                thetas[index] = point.theta
     effective = float(np.count_nonzero(model.mask)) / inflation
+    threshold = float(chi2.ppf(confidence, 1))
+    beyond = best.cost * np.exp(FAR * threshold / effective)
+
+    def refit(index: int, start: FloatArray) -> None:
+        held = Affine.holding(direction, float(grid[index]))
+        point = fit(model, start, affine=held, weights=best.weights, max_iterations=max_iterations)
+        if point.cost < costs[index]:
+            costs[index], thetas[index] = point.cost, point.theta
+
+    middle = int(np.argmin(np.abs(grid - float(direction @ best.scaled))))
+    refit(middle, best.theta)
+    reached = [middle]
+    for way in (range(middle - 1, -1, -1), range(middle + 1, len(grid))):
+        previous = middle
+        for index in way:
+            refit(index, thetas[previous])
+            reached.append(index)
+            previous = index
+            if costs[index] > beyond:
+                break
+    for index in sorted(reached, key=lambda i: -abs(i - middle)):
+        inward = index + (1 if index < middle else -1)
+        if index != middle and costs[index] < costs[inward]:
+            refit(inward, thetas[index])
+    done = np.array(sorted(reached))
+    grid, costs, thetas = grid[done], costs[done], thetas[done]
     floor = min(best.cost, float(np.min(costs)))
     statistic = effective * np.log(np.maximum(costs, floor) / max(floor, np.finfo(float).tiny))
-    threshold = float(chi2.ppf(confidence, 1))
     low, high = crossing(grid, statistic, threshold)
     return ProfileScan(grid, statistic, thetas, threshold, low, high)
 
@@ -97,16 +112,6 @@ def _between(
     a, b = np.sqrt(statistic[outside]), np.sqrt(statistic[inside])
     share = (a - np.sqrt(threshold)) / (a - b)
     return float(grid[outside] + share * (grid[inside] - grid[outside]))
-
-
-def _nearest_start(
-    grid: FloatArray, costs: FloatArray, thetas: FloatArray, index: int, fallback: FloatArray
-) -> FloatArray:
-    """Return the best of the two neighbours' parameters, or the fit's where none is done yet."""
-    neighbours = [i for i in (index - 1, index + 1) if 0 <= i < len(grid) and np.isfinite(costs[i])]
-    if not neighbours:
-        return fallback
-    return np.asarray(thetas[min(neighbours, key=lambda i: float(costs[i]))])
 
 
 def natural_ends(

@@ -29,7 +29,7 @@ def autocorrelation(trials: Sequence[FloatArray], lags: int, period_s: float) ->
             products[lag] += float(np.dot(centred[: len(centred) - lag], centred[lag:]))
     value = products / products[0] if products[0] > 0.0 else np.zeros(lags + 1)
     return Autocorrelation(
-        lag_s=period_s * np.arange(1, lags + 1),
+        lag_s=np.arange(1, lags + 1, dtype=np.float64) * period_s,
         value=value[1:],
         band=1.959964 / float(np.sqrt(count)),
     )

@@ -80,9 +80,8 @@ def scaled_pinv(information: FloatArray) -> FloatArray:
         return information
     scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     unit = information / np.outer(scale, scale)
-    return np.asarray(np.linalg.pinv(unit, rcond=RELATIVE_RANK, hermitian=True)) / np.outer(
-        scale, scale
-    )
+    inverse = np.linalg.pinv(unit, rcond=RELATIVE_RANK, hermitian=True)
+    return np.asarray(inverse / np.outer(scale, scale), dtype=np.float64)
 
 
 def correlation(cov: FloatArray) -> FloatArray:

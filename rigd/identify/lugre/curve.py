@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from rigd.identify.lugre.model import SlipForce, friction, friction_gradient
+from rigd.identify.lugre.model import SIGMA_1, SIGMA_2, LugreModel, friction, friction_gradient
 from rigd.identify.lugre.spread import Spread
 from rigd.identify.result import Curve, FloatArray
+from rigd.model.errors import DataError
 
 POINTS = 60
+SLIDING = 0.5  #: share of g at which the bristle counts as sliding
 #: The lowest and highest shares of the used samples are noise of the slip, not visited slip.
 TRIM = 0.005
 
 
-def visited_range(trials: Sequence[SlipForce]) -> tuple[float, float]:
-    """Return the slip range in m/s that the used samples cover."""
-    slip = np.concatenate([np.abs(t.slip_m_s[t.mask > 0.0]) for t in trials])
-    low, high = np.quantile(slip, [TRIM, 1.0 - TRIM])
+def visited_range(model: LugreModel, theta: FloatArray) -> tuple[float, float]:
+    """Return the slip range in m/s that the used samples cover while the bristle slides.
+
+    A bristle bent less than half way (|z| < g/2) feels its stiffness, hardly g.
+    """
+    bristle_only = theta.copy()
+    bristle_only[[SIGMA_1, SIGMA_2]] = 0.0
+    slip = np.concatenate([t.slip_m_s for t in model.trials])
+    bent = np.abs(model.predict(bristle_only)) >= SLIDING * friction(theta, slip)
+    used = np.abs(slip[(model.mask > 0.0) & bent])
+    if used.size == 0:
+        raise DataError(
+            "no trial bends the bristle half way to sliding: nothing is known about friction",
+            hint="record trials with more current",
+        )
+    low, high = np.quantile(used, [TRIM, 1.0 - TRIM])
     return float(low), float(high)
 
 
@@ -27,10 +39,12 @@ def friction_curve(spread: Spread, visited: tuple[float, float]) -> Curve:
     low_slip = max(visited[0], 1e-3 * visited[1])
     slip = np.geomspace(low_slip, visited[1], POINTS)
 
-    def g(theta: FloatArray) -> FloatArray:
-        return friction(theta, slip)
+    def log_g(theta: FloatArray) -> FloatArray:
+        return np.asarray(np.log(friction(theta, slip)))
 
-    low, high, _ = spread.interval(g, friction_gradient(spread.theta, slip))
+    centre = friction(spread.theta, slip)
+    gradient = friction_gradient(spread.theta, slip) / centre[:, None]
+    low, high, _ = spread.interval(log_g, gradient)
     return Curve(
         name="friction_curve",
         x_name="V_r",
@@ -38,9 +52,9 @@ def friction_curve(spread: Spread, visited: tuple[float, float]) -> Curve:
         y_name="g",
         y_unit="1",
         x=slip,
-        y=g(spread.theta),
-        low=low,
-        high=high,
+        y=centre,
+        low=np.exp(low),
+        high=np.exp(high),
         note=f"Visited slip: {1e3 * visited[0]:.1f} to {1e3 * visited[1]:.1f} mm/s; beyond it the "
         "curve would be extrapolation and is not drawn. Band: 95 %, pointwise.",
     )

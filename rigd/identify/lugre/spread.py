@@ -42,9 +42,14 @@ class Spread:
             delta_sd(gradient * self.slopes, self.coloured),
             jackknife_sd(function, self.left_out),
         )
+        return np.asarray(np.hypot(chance, self.method_sd(function)))
+
+    def method_sd(self, function: Function) -> FloatArray:
+        """Return the root mean square change of ``function`` (m,) under other filter windows."""
         centre = function(self.theta)
-        method = np.sqrt(np.mean([(function(t) - centre) ** 2 for t in self.windows], axis=0))
-        return np.asarray(np.hypot(chance, method))
+        return np.asarray(
+            np.sqrt(np.mean([(function(t) - centre) ** 2 for t in self.windows], axis=0))
+        )
 
     def interval(
         self, function: Function, gradient: FloatArray
