@@ -15,7 +15,7 @@ class Problems:
 
     found: list[ConfigError] = field(default_factory=list)
 
-    def add(self, place: Place, message: str, hint: str | None = None) -> None:
+    def add(self, place: Place | None, message: str, hint: str | None = None) -> None:
         """Note one problem; the same one twice (in two trials of a sweep) counts once."""
         error = ConfigError(message, place=place, hint=hint)
         if all((error.place, error.message) != (old.place, old.message) for old in self.found):

@@ -6,7 +6,6 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 
-
 #: Part of a slot that a time may lie before it and still count into it. Slot times are sums and
 #: quotients of decimal fractions, 0.3 / 0.1 = 2.999...: truncating would repeat a slot.
 _SLOT_ROUNDING = 1e-6

@@ -109,7 +109,8 @@ Step = CycleProgram | Prompt
 class TrialPlan:
     """One point of the sweep: its parameters (SI values or text), which repeat, and its steps.
 
-    ``number`` counts trials from 1 in the order of the sweep as written, not as played.
+    ``number`` counts trials from 1 in the order of the sweep as written, not as played; each
+    repeat has a number of its own, so a number names one trial of a run.
     ``after`` brings the rig back to where the next trial starts; it also plays when the trial
     ended early (timeout, per-trial limit, an interlock that ends trials), not after a stop.
     """
@@ -125,7 +126,9 @@ class TrialPlan:
 class IdentifyPlan:
     """What ``rigd identify`` makes of the recording: a model, its signals and known constants.
 
-    ``group_by`` names the parameters whose values separate one identification from the next.
+    A constant is an SI value or, where the sweep varies it, the name of the trial parameter that
+    gives it. ``group_by`` names the parameters whose values separate one identification from the
+    next.
     """
 
     model: str

@@ -1,0 +1,181 @@
+"""A procedure and a rig to a :class:`CompiledProcedure`: checked whole, before anything moves.
+
+The check is static and fast: names, units, ranges and limits for every trial of the sweep, and
+end conditions that a range, a limit or an interlock always precedes. Physics runs in the dry run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+from rigd.config.loader import channel_names
+from rigd.config.problems import Problems, suggest
+from rigd.config.rig import RigConfig
+from rigd.procedure.expression import Number, Reference, Scope, Value
+from rigd.procedure.loader import Procedure
+from rigd.procedure.parameters import Parameters, read_parameters, read_tables
+from rigd.procedure.program import CompiledProcedure, CycleProgram, IdentifyPlan, TrialPlan
+from rigd.procedure.reader import Reader, describe_unit
+from rigd.procedure.source import ProcedureSource
+from rigd.procedure.steps import StepCompiler
+from rigd.procedure.sweep import play_order, read_points
+
+#: The stream that the cycle itself gives; always recorded, because lateness is data.
+CYCLE_STREAM = "cycle"
+
+
+def compile_procedure(
+    procedure: Procedure,
+    rig: RigConfig,
+    overrides: Mapping[str, str] | None = None,
+    *,
+    done: Collection[int] = (),
+) -> CompiledProcedure:
+    """Return ``procedure`` for ``rig``, ready to play.
+
+    ``overrides`` are the texts of ``--set NAME=VALUE``. ``done`` are the numbers of trials that an
+    earlier, interrupted run has completed: they stay in the plan, but a prompt that is shown once
+    per value is shown again in the first trial that is still to be played.
+
+    Raises:
+        ConfigError: the procedure does not fit; names every problem with its place.
+    """
+    source, problems = procedure.source, Problems()
+    swept = frozenset((*source.sweep.grid, *source.sweep.zip))
+    hidden = swept | {name for name, table in source.tables.items() if table.by in swept}
+    reader = Reader(procedure.document, problems, swept=hidden)
+    parameters = read_parameters(reader, source, swept, overrides or {}, _constants(rig))
+    base = {**parameters.scope, **read_tables(reader, source, parameters.scope)}
+    points = read_points(reader, source, parameters)
+    scopes = [_scope(reader, source, parameters.scope, point) for point in points]
+
+    units = _units(rig, parameters, [base, *scopes[:1]])
+    compiler = StepCompiler(replace(reader, units=units), rig, source.parameters)
+    prepare = compiler.compile(("prepare",), source.prepare, base)
+    trials = _trials(compiler, source, scopes, done)
+    finish = compiler.compile(("finish",), source.finish, base)
+    decimation = _decimation(reader, source, rig)
+    identify = _identify(reader, source, rig, base, hidden)
+    problems.raise_any()
+    return CompiledProcedure(
+        name=source.procedure,
+        title=source.title,
+        parameters=_own(base),
+        units={name: unit for name, unit in units.items() if "." not in name},
+        prepare=prepare,
+        trials=trials,
+        finish=finish,
+        decimation=decimation,
+        identify=identify,
+    )
+
+
+def _constants(rig: RigConfig) -> dict[str, Value]:
+    return {
+        f"rig.{name}": Number(one.value, one.unit.dimension) for name, one in rig.constants.items()
+    }
+
+
+def _scope(
+    reader: Reader, source: ProcedureSource, base: Scope, point: Mapping[str, Value]
+) -> dict[str, Value]:
+    scope = {**base, **point}
+    return {**scope, **read_tables(reader, source, scope)}
+
+
+def _units(rig: RigConfig, parameters: Parameters, scopes: Sequence[Scope]) -> dict[str, str]:
+    """Return the unit that people read each named quantity in."""
+    units = {
+        name: describe_unit(value)
+        for scope in scopes
+        for name, value in scope.items()
+        if isinstance(value, Number)
+    }
+    units.update({f"rig.{name}": one.unit.symbol for name, one in rig.constants.items()})
+    units.update(parameters.units)
+    return units
+
+
+def _trials(
+    compiler: StepCompiler,
+    source: ProcedureSource,
+    scopes: Sequence[Scope],
+    done: Collection[int],
+) -> tuple[TrialPlan, ...]:
+    """Return the trials in the order of play."""
+    trials = []
+    for index in play_order(len(scopes) * source.repeats, source):
+        scope = scopes[index // source.repeats]
+        limits = compiler.limits(("trial", "limits"), source.trial.limits, scope)
+        compiler.remembers = index + 1 not in done
+        trial = TrialPlan(
+            number=index + 1,
+            repeat=index % source.repeats + 1,
+            parameters=_own(scope),
+            steps=compiler.compile(("trial", "steps"), source.trial.steps, scope, limits),
+            after=compiler.compile(("trial", "after"), source.trial.after, scope),
+        )
+        if not any(isinstance(step, CycleProgram) for step in trial.steps):
+            words = {name: one for name, one in trial.parameters.items() if isinstance(one, str)}
+            compiler.reader.note_key(("trial", "steps"), f"no step plays in the trial with {words}",
+                                     "check each 'when'")  # fmt: skip
+        trials.append(trial)
+    return tuple(trials)
+
+
+def _own(scope: Scope) -> dict[str, float | str | bool]:
+    """Return parameters and tables as plain values; the rig's constants are in its own file."""
+    return {
+        name: value.value if isinstance(value, Number) else value
+        for name, value in scope.items()
+        if "." not in name
+    }
+
+
+def _decimation(reader: Reader, source: ProcedureSource, rig: RigConfig) -> dict[str, int]:
+    streams = [name for name, device in rig.devices.items() if device.channels]
+    streams.append(CYCLE_STREAM)
+    if source.record == "all":
+        return dict.fromkeys(streams, 1)
+    for name in source.record:
+        if name not in streams:
+            reader.note_key(("record", name), f"the rig {rig.name} has no stream {name!r}",
+                            suggest(name, streams))  # fmt: skip
+    return {CYCLE_STREAM: 1, **source.record}
+
+
+def _identify(
+    reader: Reader,
+    source: ProcedureSource,
+    rig: RigConfig,
+    base: Scope,
+    hidden: Collection[str],
+) -> IdentifyPlan | None:
+    plan = source.identify
+    if plan is None:
+        return None
+    for signal, channel in plan.signals.items():
+        if rig.channel(channel) is None:
+            reader.note(("identify", "signals", signal),
+                        f"the rig {rig.name} has no channel {channel!r}",
+                        suggest(channel, channel_names(rig)))  # fmt: skip
+    for index, name in enumerate(plan.group_by):
+        if name not in source.parameters:
+            reader.note(("identify", "group_by", index), f"unknown parameter {name!r}",
+                        suggest(name, source.parameters))  # fmt: skip
+    constants: dict[str, float | str] = {}
+    for name, text in plan.constants.items():
+        path = ("identify", "constants", name)
+        expression = reader.parse(path, text)
+        if expression is None:
+            continue
+        if isinstance(expression.root, Reference) and expression.root.name in hidden:
+            constants[name] = expression.root.name
+            continue
+        value = reader.value(path, text, base)
+        if isinstance(value, Number):
+            constants[name] = value.value
+        elif value is not None:
+            reader.note(path, f"{value!r} is a word, expected a quantity")
+    return IdentifyPlan(plan.model, plan.signals, constants, tuple(plan.group_by))

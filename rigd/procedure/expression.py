@@ -1,0 +1,272 @@
+"""Quantities that a procedure computes: ``0.5 * ${current} + 0.1 A``, with units checked.
+
+Grammar, on top of number-with-unit::
+
+    sum      = product { ("+" | "-") product }
+    product  = factor { ("*" | "/") factor }
+    factor   = [ "-" | "+" ] ( quantity | "${" name "}" | "(" sum ")" )
+    quantity = number [ unit ]
+    name     = parameter | table | "rig." constant
+
+A unit ends where a number, a ``$`` or a bracket follows, so ``2 m / ${time}`` divides.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final, TypeAlias
+
+from rigd.model.units import BASES, NO_DIMENSION, Dimension, parse_unit
+
+#: How deep brackets may nest.
+_MAX_DEPTH: Final = 20
+#: Characters of an expression; a longer one is not for people.
+_MAX_LENGTH: Final = 300
+_NUMBER: Final = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_FACTOR = r"[A-Za-zµμΩ°%]+(?:\^-?\d+|[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|\d+)?"
+_UNIT: Final = re.compile(
+    rf"[ \t]*(?:1[ \t]*/[ \t]*)?{_FACTOR}(?:(?:[ \t]*[/*·][ \t]*|[ \t]+){_FACTOR})*"
+)
+#: A reference to a name.
+NAME: Final = re.compile(r"\$\{\s*([a-z][a-z0-9_]*(?:\.[a-z][a-z0-9_]*)?)\s*\}")
+_SPACE: Final = re.compile(r"\s*")
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A computed quantity: SI value and dimension."""
+
+    value: float
+    dimension: Dimension = NO_DIMENSION
+
+
+#: What a name can stand for.
+Value: TypeAlias = Number | str
+#: The names an expression may use.
+Scope: TypeAlias = Mapping[str, Value]
+
+
+class ExpressionError(ValueError):
+    """An expression is wrong; ``offset`` counts characters from its start."""
+
+    def __init__(self, message: str, offset: int = 0, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.offset = offset
+        self.hint = hint
+
+
+class UnknownName(ExpressionError):
+    """An expression uses a name that has no value where it stands."""
+
+    def __init__(self, name: str, offset: int) -> None:
+        super().__init__(f"unknown name '${{{name}}}'", offset)
+        self.name = name
+
+
+@dataclass(frozen=True, slots=True)
+class Literal:
+    """A number with its unit."""
+
+    number: Number
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """A name, to be looked up when evaluated."""
+
+    name: str
+    offset: int
+
+
+@dataclass(frozen=True, slots=True)
+class Negation:
+    """The negative of an operand."""
+
+    operand: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """Two operands joined by ``+ - * /``."""
+
+    operator: str
+    left: Node
+    right: Node
+    offset: int
+
+
+Node: TypeAlias = Literal | Reference | Negation | Operation
+
+
+@dataclass(frozen=True, slots=True)
+class Expression:
+    """A parsed expression, and the names it uses."""
+
+    root: Node
+    names: frozenset[str]
+
+    def value(self, scope: Scope) -> Value:
+        """Return the value under ``scope``: text where the expression is a name for text.
+
+        Raises:
+            ExpressionError: an unknown name, mixed units, a division by zero.
+        """
+        if isinstance(self.root, Reference):
+            return _look_up(self.root, scope)
+        return _evaluate(self.root, scope)
+
+
+@lru_cache(maxsize=4096)
+def parse_expression(text: str) -> Expression:
+    """Return the expression written as ``text``.
+
+    Raises:
+        ExpressionError: not an expression; says where.
+    """
+    if len(text) > _MAX_LENGTH:
+        raise ExpressionError(f"longer than {_MAX_LENGTH} characters")
+    parser = _Parser(text)
+    root = parser.sum(0)
+    parser.skip()
+    if parser.at < len(text):
+        raise ExpressionError(f"cannot read {text[parser.at :]!r}", parser.at)
+    return Expression(root, frozenset(parser.names))
+
+
+class _Parser:
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.at = 0
+        self.names: set[str] = set()
+
+    def skip(self) -> str:
+        """Skip blanks and return the next character, or nothing at the end."""
+        match = _SPACE.match(self.text, self.at)
+        self.at = self.at if match is None else match.end()
+        return self.text[self.at : self.at + 1]
+
+    def sum(self, depth: int) -> Node:
+        left = self.product(depth)
+        while (sign := self.skip()) in ("+", "-") and sign:
+            offset = self.at
+            self.at += 1
+            left = Operation(sign, left, self.product(depth), offset)
+        return left
+
+    def product(self, depth: int) -> Node:
+        left = self.factor(depth)
+        while (sign := self.skip()) in ("*", "/") and sign:
+            offset = self.at
+            self.at += 1
+            left = Operation(sign, left, self.factor(depth), offset)
+        return left
+
+    def factor(self, depth: int) -> Node:
+        if depth > _MAX_DEPTH:
+            raise ExpressionError(f"brackets nest deeper than {_MAX_DEPTH}", self.at)
+        first = self.skip()
+        if first in ("-", "+") and first:
+            self.at += 1
+            operand = self.factor(depth + 1)
+            return operand if first == "+" else Negation(operand)
+        if first == "(":
+            self.at += 1
+            inside = self.sum(depth + 1)
+            if self.skip() != ")":
+                raise ExpressionError("a ')' is missing", self.at)
+            self.at += 1
+            return inside
+        name = NAME.match(self.text, self.at)
+        if name is not None:
+            reference = Reference(name[1], self.at)
+            self.names.add(name[1])
+            self.at = name.end()
+            return reference
+        return self.literal()
+
+    def literal(self) -> Literal:
+        number = _NUMBER.match(self.text, self.at)
+        if number is None:
+            found = self.text[self.at : self.at + 20]
+            raise ExpressionError(
+                f"expected a quantity such as '1.5 A', found {found!r}" if found
+                else "a quantity is missing here",
+                self.at,
+                "write names as ${name}" if found[:1].isalpha() or found[:1] == "$" else None,
+            )  # fmt: skip
+        self.at = number.end()
+        value = float(number[0])
+        if not math.isfinite(value):
+            raise ExpressionError(f"{number[0]} is too large a number", number.start())
+        match = _UNIT.match(self.text, self.at)
+        if match is None:
+            return Literal(Number(value))
+        try:
+            unit = parse_unit(match[0].strip())
+        except ValueError as error:
+            raise ExpressionError(str(error), self.at) from error
+        self.at = match.end()
+        return Literal(Number(value * unit.factor, unit.dimension))
+
+
+def _look_up(reference: Reference, scope: Scope) -> Value:
+    try:
+        return scope[reference.name]
+    except KeyError:
+        raise UnknownName(reference.name, reference.offset) from None
+
+
+def _evaluate(node: Node, scope: Scope) -> Number:
+    if isinstance(node, Literal):
+        return node.number
+    if isinstance(node, Negation):
+        number = _evaluate(node.operand, scope)
+        return Number(-number.value, number.dimension)
+    if isinstance(node, Reference):
+        value = _look_up(node, scope)
+        if isinstance(value, str):
+            raise ExpressionError(
+                f"'${{{node.name}}}' is the word {value!r}, not a quantity", node.offset
+            )
+        return value
+    return _join(node, _evaluate(node.left, scope), _evaluate(node.right, scope))
+
+
+def _join(node: Operation, left: Number, right: Number) -> Number:
+    pairs = zip(left.dimension, right.dimension, strict=True)
+    if node.operator in "+-":
+        if left.dimension != right.dimension:
+            verb = "add" if node.operator == "+" else "subtract"
+            raise ExpressionError(
+                f"cannot {verb} {describe(right.dimension)} and {describe(left.dimension)}",
+                node.offset,
+            )
+        sign = 1 if node.operator == "+" else -1
+        joined = Number(left.value + sign * right.value, left.dimension)
+    elif node.operator == "*":
+        joined = Number(left.value * right.value, tuple(a + b for a, b in pairs))
+    elif right.value == 0:
+        raise ExpressionError("division by zero", node.offset)
+    else:
+        joined = Number(left.value / right.value, tuple(a - b for a, b in pairs))
+    # NaN stands for a value whose own problem was reported: it must pass without a second one.
+    if not math.isfinite(joined.value) and math.isfinite(left.value + right.value):
+        raise ExpressionError("the result is too large a number", node.offset)
+    return joined
+
+
+def describe(dimension: Dimension) -> str:
+    """Return a dimension in SI base units for a person: ``kg m/s^2``, or ``a plain number``."""
+    above = [_power(base, n) for base, n in zip(BASES, dimension, strict=True) if n > 0]
+    below = [_power(base, -n) for base, n in zip(BASES, dimension, strict=True) if n < 0]
+    if not above and not below:
+        return "a plain number"
+    return (" ".join(above) or "1") + "".join(f"/{one}" for one in below)
+
+
+def _power(base: str, exponent: int) -> str:
+    return base if exponent == 1 else f"{base}^{exponent}"

@@ -1,0 +1,125 @@
+"""Evaluates the texts of a procedure, and notes what is wrong with them at their place."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rigd.config.document import Document, Path_
+from rigd.config.problems import Problems, suggest
+from rigd.model.units import format_quantity, parse_unit
+from rigd.procedure.expression import (
+    NAME,
+    Expression,
+    ExpressionError,
+    Number,
+    Scope,
+    UnknownName,
+    Value,
+    describe,
+    parse_expression,
+)
+
+_ONLY_NAME = re.compile(rf"\s*{NAME.pattern}\s*$")
+
+
+@dataclass
+class Reader:
+    """Reads values of one document; ``units`` says how people read a named quantity.
+
+    ``swept`` are the names that have a value inside a trial only.
+    """
+
+    document: Document
+    problems: Problems
+    units: Mapping[str, str] = field(default_factory=dict)
+    swept: frozenset[str] = frozenset()
+
+    def note(self, path: Path_, message: str, hint: str | None = None) -> None:
+        """Note a problem with the value at ``path``."""
+        self.problems.add(self.document.place(path), message, hint)
+
+    def note_key(self, path: Path_, message: str, hint: str | None = None) -> None:
+        """Note a problem with the key at ``path``."""
+        self.problems.add(self.document.key_place(path), message, hint)
+
+    def parse(self, path: Path_, text: str, offset: int = 0) -> Expression | None:
+        """Return ``text`` as an expression, or None with the problem noted."""
+        try:
+            return parse_expression(text)
+        except ExpressionError as error:
+            self._note_inside(path, error, offset, {})
+            return None
+
+    def value(self, path: Path_, text: str, scope: Scope, offset: int = 0) -> Value | None:
+        """Return the value of ``text``, or None with the problem noted.
+
+        ``offset`` is where ``text`` begins within the value at ``path``.
+        """
+        try:
+            return parse_expression(text).value(scope)
+        except ExpressionError as error:
+            self._note_inside(path, error, offset, scope)
+            return None
+
+    def number(self, path: Path_, text: str, unit: str, scope: Scope, offset: int = 0) -> float:
+        """Return the value of ``text`` in SI, or NaN with the problem noted."""
+        value = self.value(path, text, scope, offset)
+        if value is None:
+            return math.nan
+        place = self.document.inside(path, offset)
+        expected = parse_unit(unit)
+        if isinstance(value, str):
+            self.problems.add(place, f"{value!r} is a word, expected a quantity in {unit}")
+            return math.nan
+        if value.dimension != expected.dimension:
+            if any(value.dimension):
+                message = f"{text!r} is in {describe(value.dimension)}, expected {unit}"
+                hint = f"such as '1 {unit}'" if unit != "1" else "a plain number"
+            else:
+                message = f"{text!r} has no unit, expected {unit}"
+                hint = f"such as '{text} {unit}'"
+            self.problems.add(place, message, hint)
+            return math.nan
+        return value.value
+
+    def word(self, path: Path_, text: str, scope: Scope) -> str | None:
+        """Return a word, written out or as ``${name}``, or None with the problem noted."""
+        if _ONLY_NAME.match(text) is None:
+            return text
+        value = self.value(path, text, scope)
+        if isinstance(value, Number):
+            self.note(path, f"{text} is a quantity, expected a word")
+            return None
+        return value
+
+    def text(self, path: Path_, template: str, scope: Scope) -> str:
+        """Return ``template`` with every ``${name}`` replaced by its value, units included."""
+
+        def replace(match: re.Match[str]) -> str:
+            value = scope.get(match[1])
+            if value is None:
+                error = UnknownName(match[1], match.start())
+                self._note_inside(path, error, 0, scope)
+                return match[0]
+            if isinstance(value, str):
+                return value
+            unit = self.units.get(match[1])
+            return format_quantity(value.value, unit or describe_unit(value))
+
+        return NAME.sub(replace, template)
+
+    def _note_inside(self, path: Path_, error: ExpressionError, offset: int, scope: Scope) -> None:
+        hint = error.hint
+        if isinstance(error, UnknownName):
+            hint = suggest(error.name, scope)
+            if error.name in self.swept:
+                hint = f"the sweep varies {error.name}: it has a value inside 'trial' only"
+        self.problems.add(self.document.inside(path, offset + error.offset), str(error), hint)
+
+
+def describe_unit(value: Number) -> str:
+    """Return the SI unit of ``value`` as text that :func:`parse_unit` reads."""
+    return describe(value.dimension) if any(value.dimension) else "1"

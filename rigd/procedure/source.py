@@ -1,0 +1,324 @@
+"""The shape of a procedure file; what the keys mean stands beneath each, and in the JSON Schema."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from annotated_types import Ge, Le
+from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
+
+from rigd.config.source import ChannelName, FileName, Name, QuantityText, Source
+
+#: A quantity, or an expression such as `0.5 * ${current}`.
+Expression = QuantityText
+#: Text in which `${name}` is replaced.
+Template = Annotated[str, StringConstraints(min_length=1, max_length=2000)]
+#: A step may have blanks in its name: it is read by people only.
+StepName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][\w /.-]*$", max_length=60)]
+
+
+def _one_is_a_list(value: object) -> object:
+    return [value] if isinstance(value, str) else value
+
+
+class ParameterSource(Source):
+    """A value that `--set NAME=VALUE` or the sweep decides."""
+
+    doc: Annotated[str, StringConstraints(min_length=1, max_length=500)]
+    """What it is, for the person at the rig."""
+    unit: str | None = None
+    """Unit that people read it in; left out for a plain number or a word."""
+    default: Expression | None = None
+    """Value where nothing else gives one."""
+    min: Expression | None = None
+    """Smallest value allowed."""
+    max: Expression | None = None
+    """Largest value allowed."""
+    choices: Annotated[list[Name], Field(min_length=1, max_length=64)] | None = None
+    """The words it may be; without, it is a quantity."""
+
+
+class TableSource(Source):
+    """A quantity or word that follows from a parameter with choices."""
+
+    by: Name
+    """The parameter that decides."""
+    values: Annotated[dict[Name, Expression], Field(min_length=1)]
+    """One value for each choice."""
+    doc: str | None = None
+    """What it is, for the person at the rig."""
+
+
+class RangeSource(Source):
+    """Evenly spaced values, both ends included."""
+
+    start: Annotated[Expression, Field(alias="from")]
+    """First value."""
+    to: Expression
+    """Last value; a whole number of steps from the first."""
+    step: Expression
+    """Distance of two values."""
+
+
+def _axis_kind(value: object) -> str:
+    return "range" if isinstance(value, dict) else "list"
+
+
+#: Values of one parameter: a list, or `{from: ..., to: ..., step: ...}`.
+Axis = Annotated[
+    Annotated[list[Expression], Field(min_length=1, max_length=10_000), Tag("list")]
+    | Annotated[RangeSource, Tag("range")],
+    Discriminator(_axis_kind),
+]
+
+
+class SweepSource(Source):
+    """The trials: every point of `grid`, each with every row of `zip`."""
+
+    grid: dict[Name, Axis] = Field(default_factory=dict)
+    """Values for each parameter, all combined; the first parameter changes slowest."""
+    zip: dict[Name, Axis] = Field(default_factory=dict)
+    """Values for each parameter, taken row by row; all of the same length."""
+    order: Literal["given", "random"] = "given"
+    """The order of play."""
+    seed: Annotated[int, Ge(0), Le(2**31)] | None = None
+    """Decides a random order; the same seed gives the same order."""
+
+
+class ProfileSource(Source):
+    """A setpoint over time; exactly one key."""
+
+    ramp: RampSource | None = None
+    """Straight from one value to another, then held."""
+    sine: SineSource | None = None
+    """A sine."""
+    square: SquareSource | None = None
+    """Two values in turn."""
+    chirp: ChirpSource | None = None
+    """A sine of rising or falling frequency."""
+    prbs: PrbsSource | None = None
+    """A pseudo-random binary sequence of maximum length."""
+    table: TableProfileSource | None = None
+    """Values at times."""
+
+
+class RampSource(Source):
+    """Straight from one value to another, then held."""
+
+    start: Annotated[Expression | None, Field(alias="from")] = None
+    """First value; left out, the ramp begins where the setpoint stands."""
+    to: Expression
+    """Last value."""
+    over: Expression
+    """How long it takes."""
+
+
+class SineSource(Source):
+    """`offset + amplitude sin(2 pi frequency t + phase)`."""
+
+    amplitude: Expression
+    """Half of the swing."""
+    frequency: Expression
+    """Periods per second."""
+    offset: Expression | None = None
+    """Value in the middle; by default zero."""
+    phase: Expression = "0 deg"
+    """Where the sine begins."""
+
+
+class SquareSource(Source):
+    """`offset + amplitude` and `offset - amplitude` in turn."""
+
+    amplitude: Expression
+    """Half of the swing."""
+    frequency: Expression
+    """Periods per second."""
+    offset: Expression | None = None
+    """Value in the middle; by default zero."""
+
+
+class ChirpSource(Source):
+    """A sine whose frequency changes without a break in phase."""
+
+    amplitude: Expression
+    """Half of the swing."""
+    start: Annotated[Expression, Field(alias="from")]
+    """First frequency."""
+    to: Expression
+    """Last frequency, held afterwards."""
+    over: Expression
+    """How long it takes."""
+    offset: Expression | None = None
+    """Value in the middle; by default zero."""
+    spacing: Literal["linear", "logarithmic"] = "linear"
+    """Whether the frequency grows by a constant amount or factor per second."""
+
+
+class PrbsSource(Source):
+    """`offset + amplitude` or `offset - amplitude`, bit by bit."""
+
+    amplitude: Expression
+    """Half of the swing."""
+    bit: Expression
+    """Length of one bit."""
+    order: Literal["5", "7", "9", "10", "11", "15"] = "9"
+    """Bits of the shift register; the sequence repeats after `2^order - 1` bits."""
+    offset: Expression | None = None
+    """Value in the middle; by default zero."""
+    seed: Annotated[int, Ge(0), Le(2**31)] = 1
+    """Decides where the sequence begins."""
+
+
+class TableProfileSource(Source):
+    """Values at times."""
+
+    times: Annotated[list[Expression], Field(min_length=1, max_length=10_000)]
+    """Times since the step began, rising from 0 s."""
+    values: Annotated[list[Expression], Field(min_length=1, max_length=10_000)]
+    """One value for each time."""
+    hold: bool = False
+    """Whether each value stays until the next time, instead of a straight line between them."""
+
+
+def _setpoint_kind(value: object) -> str:
+    return "profile" if isinstance(value, dict) else "value"
+
+
+Setpoint = Annotated[
+    Annotated[Expression, Tag("value")] | Annotated[ProfileSource, Tag("profile")],
+    Discriminator(_setpoint_kind),
+]
+#: Words a parameter may be for a step to play: one, or a list of them.
+Words = Annotated[list[Name], BeforeValidator(_one_is_a_list), Field(min_length=1)]
+
+
+class MoveSource(Source):
+    """A step that the cycle plays: setpoints, and what ends it."""
+
+    step: StepName
+    """Name of the step, for the log."""
+    when: dict[Name, Words] = Field(default_factory=dict)
+    """The step plays only where each of these parameters is (one of) the word(s) given."""
+    set: dict[ChannelName, Setpoint] = Field(default_factory=dict)
+    """Setpoints as `device.setpoint`; those not named keep their value."""
+    until: Annotated[list[str], BeforeValidator(_one_is_a_list), Field(min_length=1)] | None = None
+    """Ends the step: `carriage.position > 1.15 m`; any of a list; `and` joins within one."""
+    wait: Annotated[Expression | None, Field(alias="for")] = None
+    """Ends the step after this time."""
+    timeout: Expression | None = None
+    """Longest time that `until` may take."""
+    on_timeout: Literal["fail", "end_trial", "next"] = "fail"
+    """What running out of time means; by default the procedure has failed."""
+
+
+class PromptSource(Source):
+    """A step that waits for a person."""
+
+    prompt: Name
+    """Name of the prompt, for the log and for answers given beforehand."""
+    when: dict[Name, Words] = Field(default_factory=dict)
+    """The prompt is shown only where each of these parameters is (one of) the word(s) given."""
+    text: Template
+    """What the person reads."""
+    once_per: list[Name] = Field(default_factory=list)
+    """In a trial: shown only where one of these parameters differs from the trial before."""
+    answer: Template | None = None
+    """The procedure's own answer, used in simulation and with `--yes`."""
+    unit: str | None = None
+    """Asks for a quantity in this unit."""
+    min: Expression | None = None
+    """Smallest quantity accepted."""
+    max: Expression | None = None
+    """Largest quantity accepted."""
+    choices: Annotated[list[Template], Field(min_length=1)] | None = None
+    """Asks for one of these words."""
+    free_text: bool = False
+    """Asks for any text. Without `unit`, `choices` or this, the person only confirms."""
+    changes: Name | None = None
+    """What a simulated rig changes to the answer: `floor`, `mass`."""
+
+
+def _step_kind(value: object) -> str:
+    return "prompt" if isinstance(value, dict) and "prompt" in value else "step"
+
+
+StepSource = Annotated[
+    Annotated[MoveSource, Tag("step")] | Annotated[PromptSource, Tag("prompt")],
+    Discriminator(_step_kind),
+]
+Steps = Annotated[list[StepSource], Field(max_length=1000)]
+
+
+class TrialLimitSource(Source):
+    """Bounds of a channel while a trial plays."""
+
+    low: Expression | None = None
+    """The trial ends, marked incomplete, below this value."""
+    high: Expression | None = None
+    """The trial ends, marked incomplete, above this value."""
+
+
+class TrialSource(Source):
+    """What is done at each point of the sweep."""
+
+    limits: dict[ChannelName, TrialLimitSource] = Field(default_factory=dict)
+    """Bounds of channels while the steps play; beyond them the trial ends, marked incomplete."""
+    steps: Annotated[list[StepSource], Field(min_length=1, max_length=1000)]
+    """The measurement."""
+    after: Steps = Field(default_factory=list)
+    """Brings the rig back to where the next trial starts; plays also when a trial ended early."""
+
+
+class IdentifySource(Source):
+    """What `rigd identify` makes of the recording."""
+
+    model: FileName
+    """Name of the model."""
+    signals: dict[Name, ChannelName]
+    """The channel that gives each signal of the model."""
+    constants: dict[Name, Expression] = Field(default_factory=dict)
+    """Known quantities of the model."""
+    group_by: list[Name] = Field(default_factory=list)
+    """Parameters whose values separate one identification from the next."""
+
+
+def _record_kind(value: object) -> Any:
+    return "all" if isinstance(value, str) else "streams"
+
+
+Record = Annotated[
+    Annotated[Literal["all"], Tag("all")]
+    | Annotated[
+        dict[Name, Annotated[int, Ge(1), Le(1_000_000)]], Field(min_length=1), Tag("streams")
+    ],
+    Discriminator(_record_kind),
+]
+
+
+class ProcedureSource(Source):
+    """A procedure: what is varied, what is done, what is recorded."""
+
+    procedure: FileName
+    """Name of the procedure."""
+    title: Annotated[str, StringConstraints(min_length=1, max_length=200)]
+    """One line for a person."""
+    doc: Annotated[str, StringConstraints(min_length=1, max_length=10_000)]
+    """What it is for and where it comes from."""
+    parameters: dict[Name, ParameterSource] = Field(default_factory=dict)
+    """Values that may differ from run to run, or from trial to trial."""
+    tables: dict[Name, TableSource] = Field(default_factory=dict)
+    """Values that follow from a parameter with choices."""
+    sweep: SweepSource = SweepSource()
+    """The trials; without it there is one."""
+    repeats: Annotated[int, Ge(1), Le(1000)] = 1
+    """How often each point of the sweep is played."""
+    prepare: Steps = Field(default_factory=list)
+    """Once, before the first trial."""
+    trial: TrialSource
+    """At each point of the sweep."""
+    finish: Steps = Field(default_factory=list)
+    """Once, after the last trial or a controlled stop; never after an abort or a fault."""
+    record: Record = "all"
+    """`all`, or for each stream "every n-th row" (1: all); streams not named are left out."""
+    identify: IdentifySource | None = None
+    """What the recording is for."""

@@ -1,0 +1,197 @@
+"""Steps of a procedure file to steps of a cycle program, checked against the rig."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from rigd.config.document import Path_
+from rigd.config.loader import channel_names
+from rigd.config.problems import suggest
+from rigd.config.rig import RigConfig
+from rigd.procedure.conditions import read_until
+from rigd.procedure.expression import NAME, Scope, Value
+from rigd.procedure.program import (
+    CycleProgram,
+    OnTimeout,
+    Segment,
+    Step,
+    TrialLimit,
+)
+from rigd.procedure.prompts import read_prompt
+from rigd.procedure.reader import Reader
+from rigd.procedure.setpoints import read_setpoint
+from rigd.procedure.source import (
+    MoveSource,
+    ParameterSource,
+    PromptSource,
+    TrialLimitSource,
+)
+
+#: Values of ``once_per`` parameters when a prompt was last shown, by the prompt's place.
+Shown = dict[Path_, tuple[Value | None, ...]]
+
+
+@dataclass
+class StepCompiler:
+    """Compiles lists of steps; a step whose names have the same values is compiled once.
+
+    While ``remembers`` is false, prompts shown once per value do not count as shown.
+    """
+
+    reader: Reader
+    rig: RigConfig
+    parameters: Mapping[str, ParameterSource]
+    remembers: bool = True
+    _names: dict[Path_, tuple[str, ...]] = field(default_factory=dict)
+    _segments: dict[tuple[object, ...], Segment] = field(default_factory=dict)
+    _shown: Shown = field(default_factory=dict)
+
+    def compile(
+        self,
+        path: Path_,
+        sources: Sequence[MoveSource | PromptSource],
+        scope: Scope,
+        limits: tuple[TrialLimit, ...] = (),
+    ) -> tuple[Step, ...]:
+        """Return the steps of ``sources``, which stand at ``path``; problems are noted.
+
+        Steps that follow one another without a prompt between them become one program.
+        """
+        steps: list[Step] = []
+        segments: list[Segment] = []
+        for index, source in enumerate(sources):
+            where = (*path, index)
+            if not self._plays(where, source.when, scope):
+                continue
+            if isinstance(source, MoveSource):
+                segments.append(self._segment(where, source, scope, limits))
+            elif self._is_due(where, source, scope):
+                if segments:
+                    steps.append(CycleProgram(tuple(segments), limits))
+                    segments = []
+                steps.append(read_prompt(self.reader, where, source, scope))
+        if segments:
+            steps.append(CycleProgram(tuple(segments), limits))
+        return tuple(steps)
+
+    def limits(
+        self, path: Path_, sources: Mapping[str, TrialLimitSource], scope: Scope
+    ) -> tuple[TrialLimit, ...]:
+        """Return the per-trial limits that stand at ``path``; problems are noted."""
+        limits = []
+        for name, source in sources.items():
+            where = (*path, name)
+            channel = self.rig.channel(name)
+            if channel is None:
+                message = f"the rig {self.rig.name} has no channel {name!r}"
+                self.reader.note_key(where, message, suggest(name, channel_names(self.rig)))
+                continue
+            low, high = -math.inf, math.inf
+            if source.low is not None:
+                low = self.reader.number((*where, "low"), source.low, channel.unit, scope)
+            if source.high is not None:
+                high = self.reader.number((*where, "high"), source.high, channel.unit, scope)
+            if source.low is None and source.high is None:
+                self.reader.note_key(where, f"the limit of {name} has no bound",
+                                     "give 'low', 'high' or both")  # fmt: skip
+            if low >= high:
+                message = f"low {source.low} is not below high {source.high}"
+                self.reader.note((*where, "low"), message, "swap the two")
+            limits.append(TrialLimit(name, low, high))
+        return tuple(limits)
+
+    def _plays(self, path: Path_, when: Mapping[str, Sequence[str]], scope: Scope) -> bool:
+        plays = True
+        for name, words in when.items():
+            where = (*path, "when", name)
+            parameter = self.parameters.get(name)
+            if parameter is None or parameter.choices is None:
+                known = [key for key, one in self.parameters.items() if one.choices]
+                self.reader.note_key(
+                    where, f"{name!r} is not a parameter with choices", suggest(name, known)
+                )
+                continue
+            for word in words:
+                if word not in parameter.choices:
+                    self.reader.note(where, f"{word!r} is not a choice of {name}",
+                                     suggest(word, parameter.choices))  # fmt: skip
+            if name not in scope:
+                hint = f"the sweep varies {name}: it has a value inside 'trial' only"
+                self.reader.note_key(where, f"{name} has no value here", hint)
+            plays = plays and scope.get(name) in words
+        return plays
+
+    def _is_due(self, path: Path_, source: PromptSource, scope: Scope) -> bool:
+        if not source.once_per:
+            return True
+        for name in source.once_per:
+            if name not in scope:
+                self.reader.note((*path, "once_per"), f"unknown name {name!r}",
+                                 suggest(name, scope))  # fmt: skip
+        values = tuple(scope.get(name) for name in source.once_per)
+        due = self._shown.get(path) != values
+        if self.remembers:
+            self._shown[path] = values
+        return due
+
+    def _segment(
+        self, path: Path_, source: MoveSource, scope: Scope, limits: tuple[TrialLimit, ...]
+    ) -> Segment:
+        names = self._names.get(path)
+        if names is None:
+            names = tuple(sorted(set(NAME.findall(repr(source)))))
+            self._names[path] = names
+        key = (path, limits, *(scope.get(name) for name in names))
+        segment = self._segments.get(key)
+        if segment is None:
+            segment = self._segments[key] = self._new_segment(path, source, scope, limits)
+        return segment
+
+    def _new_segment(
+        self, path: Path_, source: MoveSource, scope: Scope, limits: tuple[TrialLimit, ...]
+    ) -> Segment:
+        setpoints = {}
+        for name, one in source.set.items():
+            where = (*path, "set", name)
+            profile = read_setpoint(self.reader, where, name, one, scope, self.rig)
+            if profile is not None:
+                setpoints[name] = profile
+        until = (
+            read_until(self.reader, (*path, "until"), source.until, scope, self.rig, limits)
+            if source.until is not None
+            else ()
+        )
+        self._check_end(path, source)
+        return Segment(
+            name=source.step,
+            setpoints=setpoints,
+            until=until,
+            duration_s=self._time(path, "for", source.wait, scope),
+            timeout_s=self._time(path, "timeout", source.timeout, scope),
+            on_timeout=OnTimeout(source.on_timeout),
+        )
+
+    def _check_end(self, path: Path_, source: MoveSource) -> None:
+        place = (*path, "step")
+        if source.until is None and source.wait is None:
+            self.reader.note(place, f"nothing ends the step {source.step!r}",
+                             "add 'for: 1 s', or 'until: ...' with a 'timeout'")  # fmt: skip
+        if source.until is not None and source.timeout is None and source.wait is None:
+            self.reader.note((*path, "until"), f"the step {source.step!r} could wait forever",
+                             "add 'timeout: 10 s'")  # fmt: skip
+        if source.timeout is not None and source.until is None:
+            self.reader.note_key((*path, "timeout"), "a timeout without 'until' has no effect",
+                                 "remove it, or use 'for'")  # fmt: skip
+        if "on_timeout" in source.model_fields_set and source.timeout is None:
+            message = "on_timeout without 'timeout' has no effect"
+            self.reader.note_key((*path, "on_timeout"), message, "add a timeout, or remove it")
+
+    def _time(self, path: Path_, key: str, text: str | None, scope: Scope) -> float | None:
+        if text is None:
+            return None
+        value = self.reader.number((*path, key), text, "s", scope)
+        if value <= 0:
+            self.reader.note((*path, key), f"{text} must be above 0 s")
+        return value

@@ -1,0 +1,165 @@
+"""The points of a sweep, in the order they are written and in the order they are played."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Final
+
+from rigd.config.document import Path_
+from rigd.config.problems import suggest
+from rigd.procedure.expression import Number, Scope, Value, describe
+from rigd.procedure.parameters import Parameter, Parameters
+from rigd.procedure.reader import Reader
+from rigd.procedure.source import ProcedureSource, RangeSource
+
+#: Trials of one run: a day and a night of 5 s each.
+MAX_TRIALS: Final = 20_000
+#: Part of a step that the end of a range may miss, for decimal fractions in binary.
+_ROUNDING: Final = 1e-6
+
+Point = Mapping[str, Value]
+
+
+def read_points(
+    reader: Reader, source: ProcedureSource, parameters: Parameters
+) -> list[dict[str, Value]]:
+    """Return the points of the sweep as written; one empty point where nothing is swept.
+
+    The first parameter of the grid changes slowest, the rows of ``zip`` fastest. An override
+    (``--set``) of a parameter of the grid leaves that one value. Problems are noted.
+    """
+    sweep = source.sweep
+    grid = {
+        name: _axis(reader, ("sweep", "grid", name), name, axis, parameters)
+        for name, axis in sweep.grid.items()
+    }
+    rows = {
+        name: _axis(reader, ("sweep", "zip", name), name, axis, parameters)
+        for name, axis in sweep.zip.items()
+    }
+    for name in rows:
+        if name in grid:
+            reader.note_key(("sweep", "zip", name), f"{name} stands in grid, too", "remove one")
+        if name in parameters.overrides:
+            reader.problems.add(None, f"--set {name}: the sweep takes {name} row by row from 'zip'",
+                                "change the sweep in the file")  # fmt: skip
+    lengths = {name: len(values) for name, values in rows.items()}
+    if len(set(lengths.values())) > 1:
+        shown = ", ".join(f"{name}: {length}" for name, length in lengths.items())
+        reader.note_key(("sweep", "zip"), f"the lists of zip differ in length ({shown})",
+                        "give each one value per row")  # fmt: skip
+        return []
+    _check_order(reader, source)
+    row_count = next(iter(lengths.values()), 1)
+    total = math.prod(len(values) for values in grid.values()) * row_count * source.repeats
+    if total > MAX_TRIALS:
+        reader.note_key(("sweep",), f"{total} trials are more than {MAX_TRIALS}",
+                        "split the procedure")  # fmt: skip
+        return []
+    zipped = [dict(zip(rows, row, strict=True)) for row in zip(*rows.values(), strict=True)]
+    return [
+        {**dict(zip(grid, values, strict=True)), **row}
+        for values in product(*grid.values())
+        for row in (zipped or [{}])
+    ]
+
+
+def play_order(count: int, source: ProcedureSource) -> list[int]:
+    """Return the indices of ``count`` trials in the order of play."""
+    order = list(range(count))
+    if source.sweep.order == "random" and source.sweep.seed is not None:
+        random.Random(source.sweep.seed).shuffle(order)
+    return order
+
+
+def _check_order(reader: Reader, source: ProcedureSource) -> None:
+    sweep = source.sweep
+    if sweep.order == "random" and sweep.seed is None:
+        reader.note(("sweep", "order"), "a random order needs a seed",
+                    "add 'seed: 1', so that the order can be repeated")  # fmt: skip
+    if sweep.order == "given" and sweep.seed is not None:
+        reader.note_key(("sweep", "seed"), "the seed has no effect in the order given",
+                        "add 'order: random', or remove it")  # fmt: skip
+
+
+def _axis(
+    reader: Reader,
+    path: Path_,
+    name: str,
+    axis: Sequence[str] | RangeSource,
+    parameters: Parameters,
+) -> list[Value]:
+    parameter = parameters.known.get(name)
+    if parameter is None:
+        reader.note_key(path, f"the procedure has no parameter {name!r}",
+                        suggest(name, parameters.known))  # fmt: skip
+        return []
+    if name in parameters.overrides:
+        return [parameters.overrides[name]]
+    if isinstance(axis, RangeSource):
+        values = _range(reader, path, axis, parameter, parameters.scope)
+    else:
+        values = [
+            value
+            for index, text in enumerate(axis)
+            if (value := _one(reader, (*path, index), text, parameter, parameters.scope))
+            is not None
+        ]
+    return values
+
+
+def _one(
+    reader: Reader, path: Path_, text: str, parameter: Parameter, scope: Scope
+) -> Value | None:
+    read = reader.word if parameter.choices else reader.value
+    value = read(path, text, scope)
+    if value is None:
+        return None
+    refusal = parameter.refuse(value)
+    if refusal is not None:
+        reader.note(path, *refusal)
+        return None
+    return value
+
+
+def _range(
+    reader: Reader, path: Path_, axis: RangeSource, parameter: Parameter, scope: Scope
+) -> list[Value]:
+    start = _one(reader, (*path, "from"), axis.start, parameter, scope)
+    end = _one(reader, (*path, "to"), axis.to, parameter, scope)
+    step = reader.value((*path, "step"), axis.step, scope)
+    if not (isinstance(start, Number) and isinstance(end, Number) and isinstance(step, Number)):
+        if parameter.choices:
+            reader.note(path, f"{parameter.name} is a word: it has no range", "give a list")
+        elif isinstance(step, str):
+            reader.note((*path, "step"), f"{step!r} is a word, expected a quantity")
+        return []
+    if step.dimension != start.dimension:
+        reader.note((*path, "step"), f"the step is in {describe(step.dimension)}, "
+                    f"expected {parameter.unit}", f"such as '0.1 {parameter.unit}'")  # fmt: skip
+        return []
+    span = end.value - start.value
+    if step.value == 0 or span / step.value < 0:
+        reader.note((*path, "step"), f"a step of {axis.step} never leads from {axis.start} "
+                    f"to {axis.to}", "check its sign")  # fmt: skip
+        return []
+    count = span / step.value
+    if math.isnan(count):  # from a value whose problem was noted
+        return []
+    if count > MAX_TRIALS:
+        reader.note((*path, "step"), f"{count:.3g} values are more than {MAX_TRIALS}",
+                    "take a larger step")  # fmt: skip
+        return []
+    steps = round(count)
+    if abs(count - steps) > _ROUNDING:
+        reader.note((*path, "to"), f"{axis.to} is {count:.6g} steps from {axis.start}",
+                    "end on a whole number of steps")  # fmt: skip
+        return []
+    # Twelve digits: 0.15 A + 2 x 0.15 A is 0.45 A, not 0.44999999999999996 A.
+    return [
+        Number(float(f"{start.value + index * step.value:.12g}"), start.dimension)
+        for index in range(steps + 1)
+    ]
