@@ -1,6 +1,11 @@
-"""Recordings: MCAP files written in bulk, read as columns, recovered in place, exported."""
+"""Recordings: MCAP files written in bulk, read as columns, recovered in place.
 
+To export one, import :mod:`rigd.record.export`.
+"""
+
+from rigd.record.catalogue import BrokenRun, Catalogue, Filters, list_runs
 from rigd.record.events import NO_TRIAL, Event
+from rigd.record.info import RunInfo, StreamInfo, TrialInfo, run_info, trials
 from rigd.record.prefix import Attachment
 from rigd.record.reader import Recording
 from rigd.record.recover import RecoveryReport, recover
@@ -9,9 +14,18 @@ from rigd.record.writer import RecordingWriter
 __all__ = [
     "NO_TRIAL",
     "Attachment",
+    "BrokenRun",
+    "Catalogue",
     "Event",
+    "Filters",
     "Recording",
     "RecordingWriter",
     "RecoveryReport",
+    "RunInfo",
+    "StreamInfo",
+    "TrialInfo",
+    "list_runs",
     "recover",
+    "run_info",
+    "trials",
 ]

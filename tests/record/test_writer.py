@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -124,7 +125,7 @@ def test_rosbags_decodes_it(
         writer.event(start_ns, "step", 4, {"name": "run in"})
     typestore = get_typestore(Stores.EMPTY)
     with AnyReader([tmp_path / "run.mcap"], default_typestore=typestore) as reader:
-        decoded = [
+        decoded: list[tuple[str, Any]] = [
             (connection.topic, reader.deserialize(data, connection.msgtype))
             for connection, _, data in reader.messages()
         ]

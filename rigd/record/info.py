@@ -1,0 +1,157 @@
+"""What a recording is about, from its index, metadata and events; no sample is read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from rigd.model import Stream
+from rigd.record.events import Event
+from rigd.record.reader import Recording
+from rigd.record.recover import RECOVERY_METADATA
+
+#: State of a run whose recording has no ``run_end`` after its last ``run_start``.
+INTERRUPTED: Final = "interrupted"
+#: State where ``run_end`` names none.
+COMPLETE: Final = "complete"
+
+
+@dataclass(frozen=True)
+class StreamInfo:
+    """A stream's number of rows and mean rate; 0 Hz where fewer than two rows say nothing."""
+
+    stream: Stream
+    rows: int
+    rate_hz: float
+
+
+@dataclass(frozen=True)
+class TrialInfo:
+    """One attempt at a trial; ``end_ns`` is None where the recording ends within it."""
+
+    number: int
+    start_ns: int
+    end_ns: int | None = None
+    repeat: int | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    complete: bool = False
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """Summary of one recording."""
+
+    path: Path
+    procedure: str
+    rig: str
+    mode: str
+    seed: str
+    started: str  #: ISO 8601 as the engine wrote it; empty where unknown
+    state: str  #: as ``run_end`` says, or :data:`INTERRUPTED`
+    reason: str
+    recovered: bool  #: whether the file was torn and has been repaired
+    problem: str  #: what is wrong with the file, where it was opened as partial
+    trials: tuple[TrialInfo, ...]
+    streams: tuple[StreamInfo, ...]
+    parameters: Mapping[str, str]
+    attachments: tuple[str, ...]
+    metadata: Mapping[str, Mapping[str, str]]
+    duration_s: float
+    size: int  #: bytes
+
+    @property
+    def trials_done(self) -> int:
+        """Number of trials that were completed, each counted once."""
+        return len({trial.number for trial in self.trials if trial.complete})
+
+
+def run_info(recording: Recording) -> RunInfo:
+    """Return the summary of a recording.
+
+    Raises:
+        RecordingError: its events are damaged.
+
+    """
+    events = recording.events()
+    run = recording.metadata.get("run", {})
+    state, reason = run_state(events)
+    return RunInfo(
+        path=recording.path,
+        procedure=run.get("procedure", ""),
+        rig=run.get("rig", ""),
+        mode=run.get("mode", ""),
+        seed=run.get("seed", ""),
+        started=run.get("started", ""),
+        state=state,
+        reason=reason,
+        recovered=RECOVERY_METADATA in recording.metadata,
+        problem=recording.problem,
+        trials=trials(events),
+        streams=tuple(_stream_info(recording, name) for name in recording.streams),
+        parameters=recording.metadata.get("parameters", {}),
+        attachments=tuple(index.name for index in recording.contents.attachments),
+        metadata=recording.metadata,
+        duration_s=(recording.end_ns - recording.start_ns) * 1e-9,
+        size=recording.size,
+    )
+
+
+def run_state(events: Sequence[Event]) -> tuple[str, str]:
+    """Return state and reason of a run; a resumed one is judged by its last part."""
+    for event in reversed(events):
+        if event.kind == "run_end":
+            state = str(event.data.get("state") or COMPLETE)
+            return state, str(event.data.get("reason") or "")
+        if event.kind == "run_start":
+            break
+    return INTERRUPTED, ""
+
+
+def trials(events: Sequence[Event]) -> tuple[TrialInfo, ...]:
+    """Return every attempt at a trial, in the order they began.
+
+    An attempt ends at its ``trial_end``; where that is missing it lasts, for want of better
+    knowledge, until the next ``trial_start`` or ``run_start``.
+    """
+    done: list[TrialInfo] = []
+    current: TrialInfo | None = None
+    for event in sorted(events, key=lambda event: event.t_ns):
+        if current is not None and event.kind in ("trial_start", "run_start"):
+            done.append(_ended(current, event.t_ns, {"reason": INTERRUPTED}))
+            current = None
+        if event.kind == "trial_start":
+            current = TrialInfo(
+                number=event.trial,
+                start_ns=event.t_ns,
+                repeat=event.data.get("repeat"),
+                parameters=event.data.get("parameters") or {},
+                units=event.data.get("units") or {},
+            )
+        elif event.kind == "trial_end" and current is not None and event.trial == current.number:
+            done.append(_ended(current, event.t_ns, event.data))
+            current = None
+    return (*done, current) if current is not None else tuple(done)
+
+
+def _ended(trial: TrialInfo, end_ns: int, data: Mapping[str, Any]) -> TrialInfo:
+    return TrialInfo(
+        number=trial.number,
+        start_ns=trial.start_ns,
+        end_ns=end_ns,
+        repeat=trial.repeat,
+        parameters=trial.parameters,
+        units=trial.units,
+        complete=bool(data.get("complete", False)),
+        reason=str(data.get("reason") or ""),
+    )
+
+
+def _stream_info(recording: Recording, name: str) -> StreamInfo:
+    rows, span = recording.count(name), recording.span_ns(name)
+    spread = span[1] - span[0] if span is not None else 0
+    rate_hz = (rows - 1) / (spread * 1e-9) if spread > 0 else 0.0
+    return StreamInfo(recording.streams[name], rows, rate_hz)
