@@ -49,7 +49,9 @@ PAPER_CURRENTS_A = tuple(round(0.15 * k, 2) for k in range(1, 11))
 
 
 @kernel
-def _rates(y, command, brake, q, out):  # type: ignore[no-untyped-def]
+def _rates(
+    y: FloatArray, command: float, brake: float, q: tuple[float, ...], out: FloatArray
+) -> None:
     v, w, p, i, _x, theta = y
     v_s, mu_c, mu_s, s0, s1, s2, mu_rol, mass, a_vib = q
     slip = 0.05 * w - v
@@ -75,7 +77,15 @@ def _rates(y, command, brake, q, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _drive(q, current, rest_steps, max_steps, after_steps, dt, substeps):  # type: ignore[no-untyped-def]
+def _drive(
+    q: tuple[float, ...],
+    current: float,
+    rest_steps: int,
+    max_steps: int,
+    after_steps: int,
+    dt: float,
+    substeps: int,
+) -> FloatArray:
     rows = np.empty((max_steps + after_steps, 9))
     y = np.zeros(6)
     k1, k2, k3, k4 = np.empty(6), np.empty(6), np.empty(6), np.empty(6)

@@ -14,7 +14,7 @@ from rigd.identify.lugre.model import LugreModel
 from rigd.identify.lugre.preprocess import Guards, ProcessedSweep, ProcessedTrial, process
 from rigd.identify.lugre.spread import Spread
 from rigd.identify.lugre.trial import LugreConstants, LugreTrial
-from rigd.identify.lugre.verdicts import derived, estimates, profiles, scan_all
+from rigd.identify.lugre.verdicts import derived, estimates, polish, profiles, scan_all
 from rigd.identify.model import slopes
 from rigd.identify.result import (
     FloatArray,
