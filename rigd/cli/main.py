@@ -1,4 +1,4 @@
-"""The ``rigd`` command: finds the subcommand, runs it, turns errors into messages and exit codes."""
+"""The ``rigd`` command: runs a subcommand, turns errors into messages and exit codes."""
 
 from __future__ import annotations
 

@@ -15,6 +15,7 @@ from rigd.engine.player import Outcome
 from rigd.engine.ring import Ring
 from rigd.engine.sink import Sink
 from rigd.procedure.program import CycleProgram
+from rigd.record.events import NO_TRIAL
 
 #: Rows wait at most this long before they are on disk (a killed recorder loses less than this).
 FLUSH_NS = 100_000_000
@@ -59,7 +60,7 @@ class InProcessHost:
             if stream.name in decimation
         }
         cycle.connect(self._rings, decimation, self._emit)
-        self.trial = 0  #: number of the trial that events belong to; 0 outside trials
+        self.trial = NO_TRIAL  #: number of the trial that events belong to
         self._cycles = 0
         self._flushed_ns = monotonic_ns()
 

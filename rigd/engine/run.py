@@ -21,6 +21,7 @@ from rigd.model.errors import Blocked, Exit, ProcedureError, RigdError
 from rigd.model.limits import Action
 from rigd.model.states import RunEvent, RunState, next_state
 from rigd.procedure.program import CompiledProcedure, Prompt, Step, TrialPlan
+from rigd.record.events import NO_TRIAL
 
 #: ``change(quantity, value)``: what a simulated rig does when a prompt was answered.
 ChangePlant = Callable[[str, float | str], None]
@@ -68,7 +69,7 @@ class _WayOut(Exception):
 class Run:
     """Plays ``procedure`` on the rig behind ``host``.
 
-    ``done`` holds the (number, repeat) of trials an earlier, interrupted run has completed.
+    ``done`` holds the numbers of trials that an earlier, interrupted run has completed.
     ``change`` is None for a real rig.
     """
 
@@ -78,7 +79,7 @@ class Run:
     control: Control
     answers: Answers
     change: ChangePlant | None = None
-    done: frozenset[tuple[int, int]] = frozenset()
+    done: frozenset[int] = frozenset()
     watch: Callable[[Progress], None] = lambda _: None
     extra_checks: Sequence[Callable[[], Sequence[str]]] = ()
     state: RunState = RunState.IDLE
@@ -178,7 +179,7 @@ class Run:
     def _sequence(self) -> None:
         self._play_steps(self.procedure.prepare, "prepare")
         for trial in self.procedure.trials:
-            if (trial.number, trial.repeat) in self.done:
+            if trial.number in self.done:
                 self._trials_done += 1
                 continue
             self._pause_point()
@@ -237,7 +238,7 @@ class Run:
             self.host.drain()
             self._event("trial_end", {"complete": complete, "reason": reason})
             self._trial = None
-            self.host.trial = 0
+            self.host.trial = NO_TRIAL
 
     def _play_steps(self, steps: Sequence[Step], block: str) -> None:
         """Play a block in which nothing may end early."""

@@ -18,7 +18,7 @@ class Sink(Protocol):
         ...
 
     def event(self, t_ns: int, kind: str, trial: int, data: Mapping[str, object]) -> None:
-        """Take one event; ``trial`` is 0 outside trials."""
+        """Take one event; ``trial`` is its number, or NO_TRIAL."""
         ...
 
     def flush(self) -> None:

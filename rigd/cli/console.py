@@ -1,0 +1,188 @@
+"""What a person at a terminal sees of a run, and how they answer its prompts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Self, TextIO
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from rigd.daemon.execute import Recorded
+from rigd.daemon.provenance import format_parameter
+from rigd.engine.answers import Answer
+from rigd.engine.run import Progress as RunProgress
+from rigd.model.errors import Exit, ProcedureError
+from rigd.model.states import RunState
+from rigd.model.units import parse_quantity, parse_unit
+from rigd.procedure.program import AnswerKind, CompiledProcedure, Prompt, TrialPlan
+
+
+class RunDisplay:
+    """Progress of one run on standard error: a bar on a terminal, a line per trial elsewhere."""
+
+    def __init__(self, procedure: CompiledProcedure, rig: str, *, quiet: bool) -> None:
+        self._procedure = procedure
+        self._rig = rig
+        self._quiet = quiet
+        self._console = Console(stderr=True, highlight=False)
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            TaskProgressColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=self._console,
+            disable=quiet or not self._console.is_terminal,
+        )
+        self._task = self._bar.add_task("preflight", total=max(len(procedure.trials), 1))
+        self._shown: TrialPlan | None = None
+        self._state: RunState | None = None
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._bar.stop()
+
+    def announce(self, path: Path) -> None:
+        """Say where the samples go, before the first one does."""
+        if not self._quiet:
+            self._console.print(
+                f"[bold]{escape(self._procedure.name)}[/] on {escape(self._rig)}, "
+                f"{len(self._procedure.trials)} trials, recording to [cyan]{escape(str(path))}[/]"
+            )
+
+    def watch(self, progress: RunProgress) -> None:
+        """Show where the run stands."""
+        if self._quiet:
+            return
+        trial = progress.trial
+        if trial is not None and trial is not self._shown and not self._console.is_terminal:
+            self._console.print(
+                f"trial {progress.trials_done + 1}/{progress.trials_total}: "
+                f"{escape(describe_trial(trial, self._procedure))}"
+            )
+        if progress.state is RunState.PAUSED and self._state is not RunState.PAUSED:
+            self.tell("paused; Ctrl-Z resumes, Ctrl-C stops")
+        self._shown, self._state = trial, progress.state
+        what = progress.state.name.lower()
+        if trial is not None:
+            what = describe_trial(trial, self._procedure)
+            if progress.step:
+                what += f" · {progress.step}"
+        self._bar.update(self._task, completed=progress.trials_done, description=escape(what))
+
+    def tell(self, line: str) -> None:
+        """Show a line for the operator, also when quiet: it answers what they just did."""
+        self._console.print(f"[yellow]{escape(line)}[/]")
+
+    def conclude(self, recorded: Recorded) -> None:
+        """Say how the run ended and what to do next."""
+        result = recorded.result
+        colour = "green" if result.exit_code is Exit.OK else "red"
+        console = Console(highlight=False)
+        console.print(
+            f"[{colour}]{result.state.name.lower()}[/]: {escape(result.reason)}; "
+            f"{result.trials_done} of {result.trials_total} trials, "
+            f"{result.run_s:.1f} s of rig time"
+        )
+        for number in result.incomplete:
+            console.print(f"  trial {number} ended early")
+        for line in (*result.trips, *result.problems):
+            console.print(f"  [red]{escape(line)}[/]")
+        if result.missed_cycles:
+            console.print(f"  {result.missed_cycles} cycles were missed")
+        path = escape(str(recorded.path))
+        if result.trials_done < result.trials_total:
+            console.print(f"go on with:  rigd run … --resume {path}", soft_wrap=True)
+        elif result.exit_code is Exit.OK and self._procedure.identify is not None:
+            console.print(f"identify:    rigd identify {path}", soft_wrap=True)
+        else:
+            console.print(f"recording:   {path}", soft_wrap=True)
+
+
+def describe_trial(trial: TrialPlan, procedure: CompiledProcedure) -> str:
+    """Return what sets this trial apart, such as ``current 0.15 A (2nd of 3)``."""
+    words = [
+        f"{name} {format_parameter(value, procedure.units.get(name))}"
+        for name, value in trial.parameters.items()
+        if name not in procedure.parameters or procedure.parameters[name] != value
+    ]
+    text = ", ".join(words) or f"trial {trial.number}"
+    return text if trial.repeat == 1 else f"{text}, repeat {trial.repeat}"
+
+
+class ConsoleAnswers:
+    """The operator at this terminal; blocks where there is none."""
+
+    by = "operator"
+
+    def __init__(self, lines: TextIO, screen: TextIO) -> None:
+        self._lines = lines
+        self._screen = screen
+
+    def can_answer(self, prompt: Prompt) -> bool:
+        """Return whether a person sits at both ends."""
+        return self._lines.isatty() and self._screen.isatty()
+
+    def answer(self, prompt: Prompt) -> Answer:
+        """Ask until the answer can be read; the procedure checks its bounds.
+
+        Raises:
+            ProcedureError: the terminal went away.
+        """
+        while True:
+            self._screen.write(f"\n{prompt.text}\n{_invitation(prompt)}: ")
+            self._screen.flush()
+            line = self._lines.readline()
+            if not line:
+                raise ProcedureError(f"prompt {prompt.name!r} was not answered")
+            try:
+                return read_answer(prompt, line.strip())
+            except ValueError as error:
+                self._screen.write(f"  {error}\n")
+
+
+def _invitation(prompt: Prompt) -> str:
+    match prompt.kind:
+        case AnswerKind.CONFIRM:
+            return "done? [yes/no]"
+        case AnswerKind.CHOICE:
+            return f"one of {', '.join(prompt.choices)}"
+        case AnswerKind.NUMBER:
+            return f"value with unit, such as '1 {prompt.unit}'"
+        case AnswerKind.TEXT:
+            return "text"
+
+
+def read_answer(prompt: Prompt, text: str) -> Answer:
+    """Return what the operator typed, as the prompt's type, numbers in SI.
+
+    Raises:
+        ValueError: cannot be read as an answer to this prompt.
+    """
+    match prompt.kind:
+        case AnswerKind.CONFIRM:
+            if text.lower() not in ("y", "yes", "n", "no"):
+                raise ValueError("please answer yes or no")
+            return text.lower().startswith("y")
+        case AnswerKind.NUMBER:
+            quantity = parse_quantity(text)
+            if not quantity.unit.same_kind(parse_unit(prompt.unit)):
+                raise ValueError(f"{text!r} is not in {prompt.unit}")
+            return quantity.value
+        case AnswerKind.CHOICE:
+            if text not in prompt.choices:
+                raise ValueError(f"{text!r} is not one of {', '.join(prompt.choices)}")
+            return text
+        case AnswerKind.TEXT:
+            return text

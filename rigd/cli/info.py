@@ -1,0 +1,134 @@
+"""``rigd info``: what a recording holds."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rigd.record import RunInfo
+
+HELP = "show what a recording holds"
+EXAMPLES = """\
+examples:
+  rigd info runs/20261121-080000-quick.mcap
+  rigd info FILE --json
+  rigd info FILE --attachments folder/      write its rig and procedure files out
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("file", type=Path, help="recording")
+    parser.add_argument("--json", action="store_true", help="print as JSON")
+    parser.add_argument(
+        "--attachments", type=Path, metavar="FOLDER", help="write the attached files there"
+    )
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Print the summary; of a torn file, of what is sound."""
+    from rigd.model.errors import RecordingError
+    from rigd.record import Recording, run_info
+
+    try:
+        recording = Recording.open(args.file)
+    except RecordingError:
+        # A torn file is described as far as it is sound; one that is no recording raises again.
+        recording = Recording.open(args.file, partial=True)
+    info = run_info(recording)
+    if args.json:
+        print(json.dumps(info_json(info), indent=2))
+    else:
+        _print(info)
+    if args.attachments is not None:
+        args.attachments.mkdir(parents=True, exist_ok=True)
+        for one in recording.attachments.values():
+            # An attachment's name comes from a file: never let it point outside the folder.
+            target = args.attachments / Path(one.name).name
+            if target.exists():
+                raise RecordingError(f"{target} exists already")
+            target.write_bytes(one.data)
+            print(f"wrote {target}")
+    return 0
+
+
+def _print(info: RunInfo) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    facts = {
+        "recording": f"{info.path}, {info.size / 1e6:.2f} MB, {info.duration_s:.1f} s",
+        "procedure": info.procedure,
+        "rig": info.rig,
+        "mode": f"{info.mode}, seed {info.seed}" if info.seed else info.mode,
+        "started": info.started,
+        "state": info.state + (f": {info.reason}" if info.reason else ""),
+        "trials": f"{info.trials_done} complete, {len(info.trials)} begun",
+        "parameters": ", ".join(f"{name} = {value}" for name, value in info.parameters.items()),
+        "attached": ", ".join(info.attachments),
+    }
+    for name, text in facts.items():
+        if text:
+            console.print(f"{name:<11}{escape(text)}", soft_wrap=True)
+    if info.recovered:
+        console.print("[yellow]this file was torn and has been recovered[/]")
+    if info.problem:
+        console.print(
+            f"[red]{escape(info.problem)}[/]: run `rigd recover {escape(str(info.path))}`"
+        )
+    table = Table(box=None, pad_edge=False)
+    table.add_column("stream")
+    table.add_column("rows", justify="right")
+    table.add_column("rate", justify="right")
+    table.add_column("channels", overflow="fold")
+    for one in info.streams:
+        channels = ", ".join(f"{c.name} [{c.unit}]" for c in one.stream.channels)
+        table.add_row(
+            escape(one.stream.name), str(one.rows), f"{one.rate_hz:.0f} Hz", escape(channels)
+        )
+    console.print(table)
+
+
+def info_json(info: RunInfo) -> dict[str, object]:
+    """Return the summary as an object for ``json.dumps``."""
+    return {
+        "recording": str(info.path),
+        "bytes": info.size,
+        "duration_s": info.duration_s,
+        "procedure": info.procedure,
+        "rig": info.rig,
+        "mode": info.mode,
+        "seed": info.seed,
+        "started": info.started,
+        "state": info.state,
+        "reason": info.reason,
+        "recovered": info.recovered,
+        "problem": info.problem,
+        "parameters": dict(info.parameters),
+        "trials": [
+            {
+                "number": trial.number,
+                "repeat": trial.repeat,
+                "parameters": dict(trial.parameters),
+                "units": dict(trial.units),
+                "complete": trial.complete,
+                "reason": trial.reason,
+            }
+            for trial in info.trials
+        ],
+        "streams": [
+            {
+                "name": one.stream.name,
+                "rows": one.rows,
+                "rate_hz": one.rate_hz,
+                "channels": {c.name: c.unit for c in one.stream.channels},
+            }
+            for one in info.streams
+        ],
+        "attachments": list(info.attachments),
+    }

@@ -1,0 +1,93 @@
+"""A dry run as tables for a person, or as an object for a program."""
+
+from __future__ import annotations
+
+import math
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from rigd.rehearsal import Rehearsal
+
+
+def print_rehearsal(rehearsal: Rehearsal) -> None:
+    """Print the step table, the duration, the peaks beside their limits, and the verdict."""
+    console = Console(highlight=False)
+    console.print(_steps(rehearsal))
+    console.print(f"estimated duration: [bold]{rehearsal.duration_s:.1f} s[/] of rig time\n")
+    console.print(_peaks(rehearsal))
+    if rehearsal.refusals:
+        console.print("[red]refused[/]: this procedure would not run clean")
+        for line in rehearsal.refusals:
+            console.print(f"  {escape(line)}")
+    else:
+        console.print("[green]fit to run[/]: every predicted peak is inside its limit")
+
+
+def _steps(rehearsal: Rehearsal) -> Table:
+    table = Table(title="steps", title_justify="left", box=None, pad_edge=False)
+    for name in ("block", "step", "setpoints", "ends when"):
+        table.add_column(name, overflow="fold")
+    table.add_column("played", justify="right")
+    table.add_column("s", justify="right")
+    for row in rehearsal.steps:
+        spread = f"{row.shortest_s:.2f}"
+        if row.longest_s - row.shortest_s >= 0.005:
+            spread += f" .. {row.longest_s:.2f}"
+        texts = (row.block, row.name, row.setpoints, row.ends, str(row.played), spread)
+        table.add_row(*map(escape, texts))
+    return table
+
+
+def _peaks(rehearsal: Rehearsal) -> Table:
+    table = Table(title="predicted peaks", title_justify="left", box=None, pad_edge=False)
+    table.add_column("channel")
+    for name in ("lowest", "highest", "limits"):
+        table.add_column(name, justify="right")
+    table.add_column("unit")
+    table.add_column("set by")
+    for peak in rehearsal.peaks:
+        limits = f"{_bound(peak.low)} .. {_bound(peak.high)}"
+        style = "" if peak.inside else "red"
+        table.add_row(
+            escape(peak.channel),
+            f"{peak.lowest:.4g}",
+            f"{peak.highest:.4g}",
+            limits,
+            peak.unit,
+            escape(peak.limit_by),
+            style=style,
+        )
+    return table
+
+
+def _bound(value: float) -> str:
+    return "" if math.isinf(value) else f"{value:.4g}"
+
+
+def rehearsal_json(rehearsal: Rehearsal) -> dict[str, object]:
+    """Return the dry run as an object for ``json.dumps``; open bounds are null."""
+
+    def finite(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    return {
+        "duration_s": rehearsal.duration_s,
+        "fit": not rehearsal.refusals,
+        "refusals": list(rehearsal.refusals),
+        "steps": [vars(row) for row in rehearsal.steps],
+        "peaks": [
+            {
+                "channel": peak.channel,
+                "unit": peak.unit,
+                "lowest": finite(peak.lowest),
+                "highest": finite(peak.highest),
+                "low": finite(peak.low),
+                "high": finite(peak.high),
+                "limit_by": peak.limit_by,
+                "inside": peak.inside,
+            }
+            for peak in rehearsal.peaks
+        ],
+    }

@@ -1,0 +1,214 @@
+"""``rigd run``: drives a rig through a procedure and records it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rigd.config.rig import RigConfig
+    from rigd.procedure.program import CompiledProcedure
+
+HELP = "run a procedure on a rig and record every sample"
+EXAMPLES = """\
+examples:
+  rigd run procedures/quick.yaml --rig lugre-1
+  rigd run procedures/constant_current.yaml --rig configs/sim_lugre.yaml --set floor=pvc
+  rigd run procedures/constant_current.yaml --rig lugre-1 --dry-run
+                                    steps, duration and peaks, nothing moves, nothing is written
+  rigd run --resume runs/interrupted.mcap
+                                    go on where it ended: only the trials that are missing
+
+while it runs:
+  Ctrl-C    controlled stop, then `finish`; again: abort; a third time: drop power
+  Ctrl-Z    pause after this trial; again: resume   (SIGUSR1 does the same)
+
+A software stop is a request. The safety function is the hardware chain of the rig.
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("procedure", nargs="?", help="procedure file, or the name of a shipped one")
+    parser.add_argument("--rig", metavar="RIG", help="rig file, or the name in it (lugre-1)")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="give a parameter of the procedure another value, with its unit",
+    )
+    parser.add_argument(
+        "--dry-run", action="store_true", help="play it on the simulated plant, record nothing"
+    )
+    parser.add_argument(
+        "--resume",
+        type=Path,
+        metavar="RUN",
+        help="go on with an interrupted sweep, in its file; procedure and rig default to its own",
+    )
+    parser.add_argument(
+        "--yes", action="store_true", help="answer prompts with the procedure's own answers"
+    )
+    parser.add_argument(
+        "--seed", type=_seed, metavar="N", help="seed of the simulation (default 1)"
+    )
+    parser.add_argument(
+        "--pace",
+        type=_pace,
+        metavar="X",
+        help="X times the wall clock instead of virtual time; 1 is real time",
+    )
+    parser.add_argument(
+        "--output", type=Path, metavar="FILE", help="recording to write (default: a name in --runs)"
+    )
+    parser.add_argument(
+        "--runs", type=Path, default=Path("runs"), metavar="FOLDER", help="folder of recordings"
+    )
+    parser.add_argument(
+        "--start",
+        metavar="TIME",
+        type=_time,
+        help="UTC time of the first sample in virtual time, such as 2026-11-21T08:00:00",
+    )
+    parser.add_argument(
+        "--compression", choices=("zstd", "lz4", "none"), default="zstd", help="of the recording"
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run, or rehearse."""
+    from rigd.cli.console import ConsoleAnswers, RunDisplay
+    from rigd.config.loader import load_rig
+    from rigd.daemon.execute import RunRequest, execute
+    from rigd.daemon.resume import read_resume_point
+    from rigd.engine.answers import Answers, OwnAnswers
+    from rigd.model.errors import ConfigError
+    from rigd.procedure.compile import compile_procedure
+    from rigd.procedure.loader import load_procedure
+
+    resume = None if args.resume is None else read_resume_point(args.resume)
+    overrides = dict(split_assignment(one) for one in args.set)
+    if resume is not None:
+        if args.output is not None or overrides:
+            raise ConfigError("--resume goes on as the run began; leave --output and --set out")
+        overrides = dict(resume.overrides)
+    procedure_name: str | None = args.procedure
+    rig_name: str | None = args.rig
+    if resume is not None:
+        procedure_name = procedure_name or resume.procedure
+        rig_name = rig_name or resume.rig
+    if procedure_name is None or rig_name is None:
+        raise ConfigError(
+            "which procedure, on which rig?",
+            hint="rigd run procedures/quick.yaml --rig lugre-1",
+        )
+    rig = load_rig(rig_name)
+    source = load_procedure(procedure_name)
+    done = frozenset[int]() if resume is None else resume.done
+    procedure = compile_procedure(source, rig, overrides, done=done)
+    seed = args.seed if args.seed is not None else 1 if resume is None else resume.seed
+    if args.dry_run:
+        return _dry_run(procedure, rig, seed, as_json=args.json)
+    answers: Answers = OwnAnswers()
+    if rig.plant is None and not args.yes:
+        answers = ConsoleAnswers(sys.stdin, sys.stderr)
+    request = RunRequest(
+        procedure,
+        source.file.text,
+        rig,
+        seed,
+        pace=args.pace,
+        folder=args.runs,
+        output=args.output,
+        resume=resume,
+        start_ns=args.start,
+        compression=args.compression,
+        overrides=overrides,
+    )
+    with RunDisplay(procedure, rig.name, quiet=args.quiet or args.json) as display:
+        recorded = execute(
+            request,
+            answers=answers,
+            watch=display.watch,
+            tell=display.tell,
+            announce=display.announce,
+        )
+    result = recorded.result
+    if args.json:
+        print(
+            json.dumps(
+                {
+                    "recording": str(recorded.path),
+                    "state": result.state.name.lower(),
+                    "reason": result.reason,
+                    "exit_code": int(result.exit_code),
+                    "trials_done": result.trials_done,
+                    "trials_total": result.trials_total,
+                    "incomplete_trials": list(result.incomplete),
+                    "run_s": round(result.run_s, 6),
+                    "missed_cycles": result.missed_cycles,
+                    "trips": list(result.trips),
+                    "problems": list(result.problems),
+                },
+                indent=2,
+            )
+        )
+    else:
+        display.conclude(recorded)
+    return int(result.exit_code)
+
+
+def _dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int, *, as_json: bool) -> int:
+    from rigd.cli.rehearsal_view import print_rehearsal, rehearsal_json
+    from rigd.model.errors import Exit
+    from rigd.rehearsal import rehearse
+
+    rehearsal = rehearse(procedure, rig, seed)
+    if as_json:
+        print(json.dumps(rehearsal_json(rehearsal), indent=2))
+    else:
+        print_rehearsal(rehearsal)
+    return int(Exit.BLOCKED if rehearsal.refusals else Exit.OK)
+
+
+def split_assignment(text: str) -> tuple[str, str]:
+    """Return name and value of ``NAME=VALUE``.
+
+    Raises:
+        ConfigError: there is no ``=``, or no name before it.
+    """
+    from rigd.model.errors import ConfigError
+
+    name, equals, value = text.partition("=")
+    if not equals or not name.strip():
+        raise ConfigError(f"--set {text!r} is not NAME=VALUE", hint="write --set 'floor=pvc'")
+    return name.strip(), value.strip()
+
+
+def _seed(text: str) -> int:
+    value = int(text)
+    if not 0 <= value < 2**32:
+        raise argparse.ArgumentTypeError("must be between 0 and 4294967295")
+    return value
+
+
+def _pace(text: str) -> float:
+    value = float(text)
+    if not 0.01 <= value <= 100:
+        raise argparse.ArgumentTypeError("must be between 0.01 and 100")
+    return value
+
+
+def _time(text: str) -> int:
+    from datetime import UTC, datetime
+
+    moment = datetime.fromisoformat(text)
+    if moment.tzinfo is None:
+        moment = moment.replace(tzinfo=UTC)
+    return int(moment.timestamp()) * 1_000_000_000

@@ -1,0 +1,193 @@
+"""Executes a procedure on a rig and records it: ``rigd run`` is this, a short-lived daemon."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rigd.config.rig import RigConfig
+from rigd.daemon.provenance import run_metadata
+from rigd.daemon.resume import ResumePoint
+from rigd.daemon.signals import heed_signals
+from rigd.engine.answers import Answers, OwnAnswers
+from rigd.engine.clock import Clock, VirtualClock, WallClock
+from rigd.engine.control import Control
+from rigd.engine.cycle import Cycle
+from rigd.engine.host import InProcessHost
+from rigd.engine.run import Progress, Run, RunResult
+from rigd.engine.wiring import wire
+from rigd.model.channels import Stream
+from rigd.model.errors import RecordingError
+from rigd.procedure.program import CompiledProcedure
+from rigd.record import Attachment, RecordingWriter
+from rigd.record.chunks import Compression
+
+#: Virtual time begins here, one day later per seed, so that files repeat bit for bit.
+VIRTUAL_EPOCH_NS = int(datetime(2020, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000_000
+DAY_NS = 86_400_000_000_000
+#: A resumed run goes on this long after the last sample of the one before.
+RESUME_GAP_NS = 1_000_000_000
+#: Below this much free disk a run does not start.
+LEAST_FREE_BYTES = 50_000_000
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """What to run, and how.
+
+    ``pace`` is None for virtual time, 1 for the wall clock. ``output`` None makes a name in
+    ``folder``. ``overrides`` are the ``--set`` values as given, for the record.
+    """
+
+    procedure: CompiledProcedure
+    procedure_text: str
+    rig: RigConfig
+    seed: int
+    pace: float | None = None
+    folder: Path = Path("runs")
+    output: Path | None = None
+    resume: ResumePoint | None = None
+    start_ns: int | None = None
+    compression: Compression = "zstd"
+    overrides: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A run that ended, and its file."""
+
+    path: Path
+    result: RunResult
+
+
+def execute(
+    request: RunRequest,
+    *,
+    answers: Answers | None = None,
+    watch: Callable[[Progress], None] = lambda _: None,
+    tell: Callable[[str], None] = lambda _: None,
+    control: Control | None = None,
+    announce: Callable[[Path], None] = lambda _: None,
+) -> Recorded:
+    """Run the procedure and return how it ended, with the path of its recording.
+
+    Signals are heeded while it runs (:func:`rigd.daemon.signals.heed_signals`). ``announce`` gets
+    the path as soon as the file is there.
+
+    Raises:
+        Blocked: preflight refused; nothing moved.
+        RecordingError: the recording cannot be written; the rig is safe.
+        ConfigError: the recording to resume was made with another procedure or rig file.
+    """
+    control = control or Control()
+    clock = _clock(request)
+    wiring = wire(request.rig, clock, control, request.seed)
+    streams = _streams(wiring.cycle, request.procedure)
+    resume = request.resume
+    if resume is not None:
+        resume.check_same("procedure.yaml", request.procedure_text)
+        resume.check_same("rig.yaml", request.rig.source.text)
+        path = resume.path
+        writer = RecordingWriter.append(path, streams=streams)
+    else:
+        path = request.output or _new_path(request)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        writer = RecordingWriter.create(
+            path,
+            streams=streams,
+            metadata=_metadata(request, clock),
+            attachments=_attachments(request),
+            start_ns=clock.start_ns,
+            compression=request.compression,
+        )
+    announce(path)
+    host = InProcessHost(
+        wiring.cycle,
+        clock,
+        virtual=request.pace is None,
+        sink=writer,
+        decimation=request.procedure.decimation,
+    )
+    run = Run(
+        request.procedure,
+        host,
+        writer,
+        control,
+        answers or OwnAnswers(),
+        change=None if wiring.plant is None else wiring.plant.change,
+        done=frozenset() if resume is None else resume.done,
+        watch=watch,
+        extra_checks=(lambda: _disk_check(path.parent),),
+    )
+    with heed_signals(control, tell):
+        return Recorded(path, run.execute())
+
+
+def _clock(request: RunRequest) -> Clock:
+    start_ns = request.start_ns
+    if start_ns is None:
+        start_ns = VIRTUAL_EPOCH_NS + request.seed % 100_000 * DAY_NS
+    if request.resume is not None:
+        # Later than everything in the file: time never goes back within a recording.
+        start_ns = max(start_ns, request.resume.end_ns + RESUME_GAP_NS)
+    if request.pace is None:
+        return VirtualClock(request.rig.period_ns, start_ns)
+    return WallClock(request.rig.period_ns, request.pace)
+
+
+def _streams(cycle: Cycle, procedure: CompiledProcedure) -> list[Stream]:
+    return [stream for stream in cycle.rig.streams if stream.name in procedure.decimation]
+
+
+def _metadata(request: RunRequest, clock: Clock) -> dict[str, dict[str, str]]:
+    pace = "virtual time" if request.pace is None else f"paced {request.pace:g} x"
+    kind = "hardware" if request.rig.plant is None else "simulated"
+    return run_metadata(
+        request.procedure,
+        request.rig,
+        seed=request.seed,
+        start_ns=clock.start_ns,
+        mode=f"{kind}, {pace}",
+        overrides=request.overrides,
+    )
+
+
+def _attachments(request: RunRequest) -> list[Attachment]:
+    texts = {
+        "procedure.yaml": request.procedure_text,
+        "rig.yaml": request.rig.source.text,
+    }
+    return [Attachment(name, "application/yaml", text.encode()) for name, text in texts.items()]
+
+
+def _new_path(request: RunRequest) -> Path:
+    """Return a path in the folder that no file has yet: time, procedure, floor or the like."""
+    stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+    words = [stamp, request.procedure.name]
+    plan = request.procedure.identify
+    if plan is not None:
+        words += [
+            str(request.procedure.parameters[name])
+            for name in plan.group_by
+            if isinstance(request.procedure.parameters.get(name), str)
+        ]
+    stem = "-".join(words)
+    for count in range(1, 1000):
+        suffix = "" if count == 1 else f"-{count}"
+        path = request.folder / f"{stem}{suffix}.mcap"
+        if not path.exists():
+            return path
+    raise RecordingError(f"{request.folder} has a thousand recordings called {stem}")
+
+
+def _disk_check(folder: Path) -> Sequence[str]:
+    free = shutil.disk_usage(folder).free
+    if free >= LEAST_FREE_BYTES:
+        return ()
+    return (
+        f"{folder} has {free / 1e6:.0f} MB free, a recording needs at least "
+        f"{LEAST_FREE_BYTES / 1e6:.0f} MB: delete or move old recordings",
+    )

@@ -1,0 +1,86 @@
+"""What a recording says about where it comes from, so that it explains itself."""
+
+from __future__ import annotations
+
+import json
+import platform
+import subprocess
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from rigd import __version__
+from rigd.config.rig import RigConfig
+from rigd.model.units import Quantity, parse_unit
+from rigd.procedure.program import CompiledProcedure
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def run_metadata(
+    procedure: CompiledProcedure,
+    rig: RigConfig,
+    *,
+    seed: int,
+    start_ns: int,
+    mode: str,
+    overrides: Mapping[str, str],
+) -> dict[str, dict[str, str]]:
+    """Return the metadata records of a run: ``run``, ``parameters``, ``overrides``, ``identify``.
+
+    ``mode`` is ``simulated, virtual time`` or the like.
+    """
+    records = {
+        "run": {
+            "procedure": procedure.name,
+            "title": procedure.title,
+            "rig": rig.name,
+            "mode": mode,
+            "seed": str(seed),
+            "started": datetime.fromtimestamp(start_ns * 1e-9, UTC).isoformat(),
+            "trials": str(len(procedure.trials)),
+            "rigd_version": __version__,
+            "git_revision": git_revision(),
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+        },
+        "parameters": {
+            name: format_parameter(value, procedure.units.get(name))
+            for name, value in procedure.parameters.items()
+        },
+        "overrides": dict(overrides),
+    }
+    plan = procedure.identify
+    if plan is not None:
+        records["identify"] = {
+            "model": plan.model,
+            "signals": json.dumps(dict(plan.signals), sort_keys=True),
+            "constants": json.dumps(dict(plan.constants), sort_keys=True),
+            "group_by": json.dumps(list(plan.group_by)),
+        }
+    return records
+
+
+def format_parameter(value: float | str | bool, unit: str | None) -> str:
+    """Return a parameter as a person writes it: ``0.15 A``, ``pvc``."""
+    if isinstance(value, str | bool) or unit is None:
+        return str(value)
+    return str(Quantity(float(value), parse_unit(unit)))
+
+
+def git_revision() -> str:
+    """Return the revision of the checkout rigd runs from, ``-dirty`` with local changes.
+
+    Empty where rigd is not run from a checkout.
+    """
+    if not (_PACKAGE.parent / ".git").exists():
+        return ""
+    described = subprocess.run(
+        ["git", "-C", str(_PACKAGE.parent), "describe", "--always", "--dirty", "--abbrev=12"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return described.stdout.strip()

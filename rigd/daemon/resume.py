@@ -1,0 +1,64 @@
+"""Where an interrupted sweep stands, read from its own recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from rigd.model.errors import ConfigError, RecordingError
+from rigd.record import Recording, recover, trials
+
+
+@dataclass(frozen=True)
+class ResumePoint:
+    """What an interrupted recording says about the run it holds.
+
+    ``done`` are the numbers of trials that are complete. ``overrides`` are the ``--set`` values
+    it was started with. ``texts`` are its attached files by name.
+    """
+
+    path: Path
+    procedure: str
+    rig: str
+    seed: int
+    overrides: Mapping[str, str]
+    done: frozenset[int]
+    texts: Mapping[str, bytes]
+    end_ns: int
+
+    def check_same(self, name: str, text: str) -> None:
+        """Raise unless the attached file ``name`` is ``text``.
+
+        Raises:
+            ConfigError: the sweep would go on with other files than it began with.
+        """
+        if self.texts.get(name) != text.encode():
+            raise ConfigError(
+                f"{self.path} was recorded with another {name}",
+                hint="a sweep goes on only with the files it began with; "
+                f"`rigd info {self.path} --attachments FOLDER` writes them out",
+            )
+
+
+def read_resume_point(path: Path) -> ResumePoint:
+    """Return where the run in ``path`` stands; a torn file is repaired in place first.
+
+    Raises:
+        RecordingError: no recording, or not one that ``rigd run`` made.
+    """
+    recover(path)
+    recording = Recording.open(path)
+    run = recording.metadata.get("run", {})
+    if not {"procedure", "rig", "seed"} <= run.keys():
+        raise RecordingError(f"{path} does not say which run it holds, so it cannot be resumed")
+    return ResumePoint(
+        path=path,
+        procedure=run["procedure"],
+        rig=run["rig"],
+        seed=int(run["seed"]),
+        overrides=recording.metadata.get("overrides", {}),
+        done=frozenset(one.number for one in trials(recording.events()) if one.complete),
+        texts={name: one.data for name, one in recording.attachments.items()},
+        end_ns=recording.end_ns,
+    )
