@@ -106,7 +106,11 @@ void integrate(const constants *c, state *s, const commands *u, double step, lon
         s->belt_sum = 0.0;
     if (!lateral_on)
         s->lateral_sum = 0.0;
-    int bridge = s->vz != 0.0 || s->lateral_sum != 0.0 || (lateral_on && across != 0.0);
+    int bridge = (lateral_on && across != 0.0) || fabs(s->vz) + fabs(s->lateral_sum) > 1e-12;
+    if (!bridge && c->z_low <= s->z && s->z <= c->z_high)
+        s->vz = s->lateral_sum = 0.0;
+    else
+        bridge = 1;
     double half = 0.5 * step;
     double keep_step = exp(-c->loop_rate * step), keep_half = exp(-c->loop_rate * half);
     double v = s->v, w = s->w, slip = c->r * w - v, duration = half, keep = keep_half;

@@ -211,6 +211,18 @@ def test_the_lateral_servo_holds_its_speed_and_its_sign_matters(make_plant: Make
     assert speeds[0.0] - speeds[-0.35] > 0.02
 
 
+def test_a_bridge_that_was_moved_comes_to_rest(make_plant: MakePlant) -> None:
+    """Exactly to rest: a tail that never ends would slow every later cycle down."""
+    plant = make_plant()
+    plant.advance(0)
+    plant.commands[LATERAL_SPEED] = 0.35
+    play(plant, 500)
+    plant.commands[LATERAL_SPEED] = 0.0
+    across = play(plant, 30_000, start_ms=500)[:, layout.READINGS.index("lateral_speed")]
+    assert np.abs(across[1000:]).max() < 3e-3
+    assert across[-1] == 0.0
+
+
 def test_small_currents_creep_on_stone_and_stick_on_pvc(make_plant: MakePlant) -> None:
     travelled = {}
     for floor in ("stone", "pvc"):

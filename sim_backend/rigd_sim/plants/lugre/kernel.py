@@ -5,12 +5,12 @@ omnidirectional wheel via LuGre model"); sgn(u) is regularised as S(u) = tanh(u 
 v_eps = 1 mm/s (``smooth``), so that a body at rest creeps by v_eps times its load over its
 friction.
 
-Each step of 125 us is a Strang splitting, of second order and A-stable:
+Each step of 125 us is a Strang splitting, of second order:
 
 * *drift*: with the speeds frozen, current and bristles relax exactly, positions and integrals
   move on;
-* *kick*: with those frozen, the speeds take one linearly implicit midpoint step with the
-  analytic Jacobian. The lateral speed does not depend on the others and is stepped first.
+* *kick*: with those frozen, the speeds take one linearly implicit midpoint step (A-stable) with
+  the analytic Jacobian. The lateral speed does not depend on the others and is stepped first.
 
 The second half drift of a step and the first of the next share their speeds and are taken as one.
 Everything compiled with the integrator stands in this file, because numba's cache follows
@@ -31,6 +31,8 @@ from rigd.model.kernel import kernel
 #: to a field to a plain load or store.
 Row = Any
 Rows = NDArray[np.void]
+#: Speed (m/s) and integral (m) of the bridge below which it stands.
+REST = 1e-12
 
 
 @kernel
@@ -127,8 +129,8 @@ def lateral_rate(c: Row, s: Row, vz: float, target: float, engaged: bool) -> tup
     rail_slope = c.rail_dry * (1.0 - sign * sign) / c.smooth + c.rail_viscous
     roller, roller_slope = lateral_force(c, vz)
     stop, stop_slope = end_stop(c.z_low, c.z_high, c.z_stiffness, c.z_damping, s.z, vz)
-    total = force - rail - roller + stop
-    return total / c.lateral_mass, (slope - rail_slope - roller_slope + stop_slope) / c.lateral_mass
+    change = slope - rail_slope - roller_slope + stop_slope
+    return (force - rail - roller + stop) / c.lateral_mass, change / c.lateral_mass
 
 
 @kernel
@@ -230,8 +232,8 @@ def demanded_current(c: Row, u: Row) -> float:
 @kernel
 def winding(gain: float, integral: float, limit: float, error: float, error_sum: float) -> bool:
     """Return whether a belt's integral may move on: not while limited and pushing further."""
-    _, _, at_limit = servo(gain, integral, limit, error, error_sum)
-    return not at_limit or error * (gain * error + integral * error_sum) < 0.0
+    force = gain * error + integral * error_sum
+    return abs(force) <= limit or error * force < 0.0
 
 
 @kernel
@@ -247,8 +249,12 @@ def integrate(constants: Rows, state: Rows, commands: Rows, step: float, steps: 
         s.belt_sum = 0.0
     if not lateral_on:
         s.lateral_sum = 0.0
-    # A bridge at rest with nothing asked of it stays there; skipping it saves a third.
-    bridge = s.vz != 0.0 or s.lateral_sum != 0.0 or (lateral_on and across != 0.0)
+    bridge = (lateral_on and across != 0.0) or abs(s.vz) + abs(s.lateral_sum) > REST
+    if not bridge and c.z_low <= s.z <= c.z_high:
+        # Settled: without this the servo's tail would decay for minutes, into denormals at last.
+        s.vz, s.lateral_sum = 0.0, 0.0
+    else:
+        bridge = True
     half = 0.5 * step
     keep_step, keep_half = math.exp(-c.loop_rate * step), math.exp(-c.loop_rate * half)
 
