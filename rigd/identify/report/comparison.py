@@ -36,7 +36,8 @@ class Comparison:
     references: tuple[str, ...]
     lines: tuple[ComparisonLine, ...]
     curves: tuple[Drawing, ...]
-    trials: tuple[Drawing, ...]
+    signals: tuple[Drawing, ...]
+    fits: tuple[Drawing, ...]
 
 
 def comparison(sections: Sequence[ReportSection]) -> Comparison:
@@ -49,7 +50,8 @@ def comparison(sections: Sequence[ReportSection]) -> Comparison:
         ),
         lines=_lines(sections),
         curves=_curves(sections),
-        trials=_trials(chosen),
+        signals=_signals(chosen) if chosen else (),
+        fits=_fits(chosen) if chosen else (),
     )
 
 
@@ -91,24 +93,26 @@ def _curves(sections: Sequence[ReportSection]) -> tuple[Drawing, ...]:
     return tuple(drawings)
 
 
-def _trials(chosen: Chosen) -> tuple[Drawing, ...]:
-    """Draw the featured trials: each signal that has an axis of its own, then the fits."""
-    if not chosen:
-        return ()
+def _signals(chosen: Chosen) -> tuple[Drawing, ...]:
+    """Overlay each signal that has an axis of its own, one trial of each group."""
     drawings = []
-    for signal in _own_axis(chosen):
-        alt = f"{words(signal)} over time in the strongest trial of each group."
+    for index, signal in enumerate(_own_axis(chosen)):
+        alt = f"{words(signal).capitalize()} over time in the strongest trial of each group."
         figure = signal_overlay([(s, t) for _, s, t in chosen], [i for i, _, _ in chosen], signal)
-        drawings.append(draw(figure, f"overlay-{len(drawings)}", alt, alt))
-    outputs = {(trial.output, trial.unit) for _, _, trial in chosen}
-    if len(outputs) == 1:
-        alt = (
-            f"Measured and fitted {words(chosen[0][2].output)} over time in the strongest trial "
-            "of each group; shaded samples did not enter the fit."
-        )
-        figure = fits_side_by_side([(s, t) for _, s, t in chosen])
-        drawings.append(draw(figure, "fits", alt, alt))
+        drawings.append(draw(figure, f"overlay-{index}", alt, alt))
     return tuple(drawings)
+
+
+def _fits(chosen: Chosen) -> tuple[Drawing, ...]:
+    """Draw the fits of one trial of each group side by side, if they show the same output."""
+    outputs = {(trial.output, trial.unit) for _, _, trial in chosen}
+    if len(outputs) != 1:
+        return ()
+    alt = (
+        f"Measured and fitted {words(chosen[0][2].output)} over time in the strongest trial of "
+        "each group; shaded samples did not enter the fit."
+    )
+    return (draw(fits_side_by_side([(s, t) for _, s, t in chosen]), "fits", alt, alt),)
 
 
 def _own_axis(chosen: Chosen) -> list[str]:

@@ -7,7 +7,7 @@ from typing import Final
 
 #: The uncertainty is shown with two significant digits (GUM, JCGM 100:2008, 7.2.6).
 DIGITS: Final = 2
-#: Digits of a number that comes without an uncertainty.
+#: Digits of a number that comes without an uncertainty; trailing zeros are not written.
 BARE_DIGITS: Final = 4
 #: Powers of ten outside of which a number is written as mantissa and exponent.
 PLAIN_EXPONENTS: Final = range(-4, 6)
@@ -28,19 +28,25 @@ def places_for(uncertainty: float) -> int | None:
     return DIGITS - 1 - math.floor(math.log10(uncertainty))
 
 
-def number(value: float, places: int | None = None) -> str:
-    """Return ``value`` rounded to ``places`` decimals, or to four digits if there are none."""
+def number(value: float, places: int | None = None, *, digits: int = BARE_DIGITS) -> str:
+    """Return ``value`` rounded to ``places`` decimals; without them, to at most ``digits`` digits.
+
+    ``places`` come from an uncertainty, so trailing zeros mean something and stay.
+    """
     if not math.isfinite(value):
         return "undefined"
     if value == 0.0:
         return "0"
     exponent = math.floor(math.log10(abs(value)))
+    bare = places is None
     if places is None:
-        places = BARE_DIGITS - 1 - exponent
+        places = digits - 1 - exponent
     if exponent in PLAIN_EXPONENTS:
-        return _signed(f"{round(value, places):.{max(places, 0)}f}")
+        text = f"{round(value, places):.{max(places, 0)}f}"
+        return _signed(_trimmed(text) if bare else text)
     mantissa = f"{value / 10.0**exponent:.{max(places + exponent, 0)}f}"
-    return _signed(f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPT)}")
+    power = str(exponent).translate(_SUPERSCRIPT)
+    return _signed(f"{_trimmed(mantissa) if bare else mantissa}×10{power}")
 
 
 def percent(share: float) -> str:
@@ -69,9 +75,9 @@ def spread(estimate: float, low: float | None, high: float | None) -> str:
 def interval(low: float | None, high: float | None) -> str:
     """Return ``1.2 … 1.4``, ``≥ 1.2``, ``≤ 1.4``, or ``open on both sides``."""
     if low is None:
-        return "open on both sides" if high is None else f"≤ {number(high)}"
+        return "open on both sides" if high is None else f"≤ {number(high, digits=DIGITS)}"
     if high is None:
-        return f"≥ {number(low)}"
+        return f"≥ {number(low, digits=DIGITS)}"
     places = interval_places(low, high)
     return f"{number(low, places)} … {number(high, places)}"
 
@@ -81,6 +87,10 @@ def interval_places(low: float | None, high: float | None) -> int | None:
     if low is None or high is None:
         return None
     return places_for((high - low) / 2)
+
+
+def _trimmed(text: str) -> str:
+    return text.rstrip("0").rstrip(".") if "." in text else text
 
 
 def _signed(text: str) -> str:

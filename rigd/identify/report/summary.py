@@ -9,7 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rigd.identify.report.rounding import interval, interval_places, number, percent, spread
+from rigd.identify.report.rounding import (
+    DIGITS,
+    interval,
+    interval_places,
+    number,
+    percent,
+    spread,
+)
 from rigd.identify.report.section import ReportSection
 from rigd.identify.result import ParameterEstimate, Verdict
 
@@ -85,7 +92,7 @@ def _row(section: ReportSection, p: ParameterEstimate, derived: bool) -> Summary
         low=low,
         high=high,
         reference=reference,
-        estimate_text=number(p.estimate, interval_places(low, high)) if known else NO_VALUE,
+        estimate_text=_estimate(p.estimate, low, high) if known else NO_VALUE,
         spread_text=spread(p.estimate, low, high) if known else "",
         interval_text=interval(low, high),
         reference_text="" if reference is None else number(reference),
@@ -95,6 +102,13 @@ def _row(section: ReportSection, p: ParameterEstimate, derived: bool) -> Summary
         source=p.source if known else "",
         flags=p.flags,
     )
+
+
+def _estimate(estimate: float, low: float | None, high: float | None) -> str:
+    """Return the estimate to the digits of its interval, marked as rough if one end is open."""
+    if low is None or high is None:
+        return f"≈ {number(estimate, digits=DIGITS)}"
+    return number(estimate, interval_places(low, high))
 
 
 def _comparison(p: ParameterEstimate, reference: float) -> str:

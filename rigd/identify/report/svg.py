@@ -63,13 +63,20 @@ _SETTINGS: Final[dict[str, Any]] = {
     "axes.xmargin": 0.01,
 }
 
+#: 11 inches of figure fill the width of the page.
+REM_PER_POINT: Final = 75.0 / (11.0 * 72.0)
+
 _NO_METADATA: Final = dict.fromkeys(("Date", "Creator", "Format", "Type"))
 _PAINT: Final = re.compile(r"\b(fill|stroke): (#[0-9a-f]{6})")
-_FRACTION: Final = re.compile(r"(-?\d+\.\d{2})\d+")
+_FRACTION: Final = re.compile(r"(-?\d+\.\d)\d+")
 _IDENTIFIER: Final = re.compile(r' id="([^"]*)"')
 _USED: Final = re.compile(r'(?:href="#|url\(#)([^")]+)')
-_FONT: Final = re.compile(r"font: ([^;\"]*?)(\d+(?:\.\d+)?)px '[^;\"]*")
+_FAMILY: Final = re.compile(r"font-family: [^;\"]*;? ?")
+_SHORTHAND: Final = re.compile(r"font: ([^;\"]*?)(\d+(?:\.\d+)?)px '[^;\"]*")
+_NO_TURN: Final = re.compile(r' transform="rotate\(-?0 [^"]*"')
+_VERTEX: Final = re.compile(r"([ML]) (-?[\d.]+ -?[\d.]+) \n")
 _STYLE: Final = re.compile(r"<defs>\s*<style[^>]*>.*?</style>\s*</defs>", re.DOTALL)
+_TAG: Final = re.compile(r"<[^>]*>")
 _SPACE: Final = re.compile(r"\n\s*")
 _OPENING: Final = re.compile(r'<svg\b[^>]*?viewBox="([^"]*)"[^>]*>')
 
@@ -112,20 +119,31 @@ def draw(figure: Figure, name: str, alt: str, caption: str = "") -> Drawing:
 
 def _for_page(svg: str, alt: str) -> str:
     """Return matplotlib's SVG file as an element of an HTML page."""
-    body = svg[svg.index("<svg") :]
-    body = _STYLE.sub("", body, count=1)
+    body = _STYLE.sub("", svg[svg.index("<svg") :], count=1)
     head = _OPENING.match(body)
     if head is None:
         raise ValueError("matplotlib wrote an SVG without a viewBox")
-    opening = f'<svg viewBox="{head[1]}" role="img" aria-label="{escape(alt)}">'
-    body = opening + body[head.end() :]
+    body = body[head.end() :]
     used = set(_USED.findall(body))
-    body = _IDENTIFIER.sub(lambda m: m[0] if m[1] in used else "", body)
-    body = body.replace("xlink:href", "href")
-    body = _PAINT.sub(_themed, body)
-    body = _FONT.sub(r"font: \1\2px var(--font)", body)
-    body = _FRACTION.sub(r"\1", body)
-    return _SPACE.sub("\n", body).strip()
+    # Tag by tag: what stands between tags is a label, and labels are not ours to change.
+    body = _TAG.sub(lambda tag: _lean(tag[0], used), body)
+    # One scale for all figures of a page, so that their letters have one size.
+    width = REM_PER_POINT * float(head[1].split()[2])
+    opening = (
+        f'<svg viewBox="{head[1]}" role="img" aria-label="{escape(alt)}" '
+        f'style="max-width:{width:.1f}rem">'
+    )
+    return _SPACE.sub("\n", opening + body).strip()
+
+
+def _lean(tag: str, used: set[str]) -> str:
+    """Return one tag with the page's colours and font, and without what the page has no use for."""
+    tag = _IDENTIFIER.sub(lambda m: m[0] if m[1] in used else "", tag)
+    tag = _PAINT.sub(_themed, tag).replace("xlink:href", "href")
+    # The page's own font, in both ways that versions of matplotlib name one.
+    tag = _SHORTHAND.sub(r"font: \1\2px var(--font)", _FAMILY.sub("", tag))
+    tag = _FRACTION.sub(r"\1", _NO_TURN.sub("", tag))
+    return _VERTEX.sub(r"\1\2", tag)
 
 
 def _themed(match: re.Match[str]) -> str:

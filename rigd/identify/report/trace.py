@@ -7,7 +7,7 @@ import numpy as np
 from rigd.identify.result import BoolArray, FloatArray
 
 #: Columns of a figure: two points in each (its least and greatest value) look like all samples.
-COLUMNS = 360
+COLUMNS = 250
 
 
 def thin(x: FloatArray, y: FloatArray, columns: int = COLUMNS) -> tuple[FloatArray, FloatArray]:

@@ -6,7 +6,7 @@ report is asked for.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rigd.identify.report.comparison import Comparison, comparison
@@ -26,7 +26,6 @@ class TrialView:
     """One trial: a line for its closed state, a drawing for its open one."""
 
     label: str
-    condition: str
     quality: str
     drawing: Drawing
 
@@ -82,7 +81,7 @@ def _chapter(anchor: str, section: ReportSection) -> Chapter:
         featured=None if chosen is None else views[chosen],
         trials=tuple(view for i, view in enumerate(views) if i != chosen),
         residuals=_residuals(anchor, result),
-        profiles=_profiles(anchor, result.profiles),
+        profiles=_profiles(anchor, result.profiles, _symbols(result)),
         correlation=_correlation(anchor, result),
         starts=start_table(result),
     )
@@ -102,8 +101,10 @@ def _facts(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
 
 def _trial_view(name: str, one: TrialFit, shared: Sequence[Panel]) -> TrialView:
     used = int(one.used.sum())
+    # A label often names the condition already.
+    condition = "" if one.condition in one.label else f"{one.condition}: "
     quality = (
-        f"RMS {number(one.rms)} {one.unit}, R² {number(one.r_squared, 3)}, "
+        f"{condition}RMS {number(one.rms, digits=3)} {one.unit}, R² {number(one.r_squared, 3)}, "
         f"{used} of {one.used.size} samples used"
     )
     signals = ", ".join(words(signal) for panel in shared for signal in panel.names)
@@ -112,7 +113,11 @@ def _trial_view(name: str, one: TrialFit, shared: Sequence[Panel]) -> TrialView:
         f"and their difference over time; {quality}."
     )
     drawing = draw(trial.one_trial(one, shared), name, alt)
-    return TrialView(one.label, one.condition, quality, drawing)
+    return TrialView(one.label, quality, drawing)
+
+
+def _symbols(result: IdentificationResult) -> dict[str, str]:
+    return {p.name: p.symbol for p in (*result.parameters, *result.derived)}
 
 
 def _small_multiples(anchor: str, result: IdentificationResult) -> Drawing | None:
@@ -145,7 +150,9 @@ def _residuals(anchor: str, result: IdentificationResult) -> tuple[Drawing, ...]
     )
 
 
-def _profiles(anchor: str, found: Sequence[Profile]) -> Drawing | None:
+def _profiles(
+    anchor: str, found: Sequence[Profile], symbols: Mapping[str, str]
+) -> Drawing | None:
     if not found:
         return None
     said = "; ".join(f"{p.name} {interval(p.low, p.high)} {p.unit}" for p in found)
@@ -154,13 +161,13 @@ def _profiles(anchor: str, found: Sequence[Profile]) -> Drawing | None:
         "confidence. Shaded: interval; it runs to the end of the grid where the profile never "
         "crosses the threshold, and the data then leave that side open."
     )
-    return draw(
-        profile.profiles(found), f"{anchor}-profile", f"Profile likelihoods: {said}.", caption
-    )
+    figure = profile.profiles(found, symbols)
+    return draw(figure, f"{anchor}-profile", f"Profile likelihoods: {said}.", caption)
 
 
 def _correlation(anchor: str, result: IdentificationResult) -> Drawing | None:
-    names = result.correlation_names
+    symbols = _symbols(result)
+    names = [symbols.get(name, name) for name in result.correlation_names]
     if len(names) < 2:
         return None
     strongest = max(

@@ -3,24 +3,65 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from rigd.identify.report.palette import MEASURED
-from rigd.identify.report.rounding import number
 from rigd.identify.report.trace import spans
 from rigd.identify.result import BoolArray, FloatArray
 
 
+@dataclass(frozen=True)
+class Margins:
+    """Room around axes in inches; ``across`` and ``down`` are the gaps between them."""
+
+    left: float = 0.66
+    right: float = 0.12
+    top: float = 0.24
+    bottom: float = 0.45
+    across: float = 0.78
+    down: float = 0.66
+
+
+#: For axes that share their labels.
+SHARED: Final = Margins(across=0.2, down=0.28, bottom=0.5, top=0.42)
+
+
 def grid(
-    rows: int, columns: int, width: float, height: float, *, share: bool = False
+    rows: int,
+    columns: int,
+    width: float,
+    height: float,
+    *,
+    margins: Margins = Margins(),  # noqa: B008  (frozen)
+    share: bool = False,
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure of ``width`` x ``height`` inches and its axes, row by row."""
-    figure = Figure(figsize=(width, height), layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.03, h_pad=0.03)  # type: ignore[union-attr]
-    axes = figure.subplots(rows, columns, sharex=share, sharey=share, squeeze=False)
+    """Return a figure of ``width`` x ``height`` inches and its axes, row by row.
+
+    The margins are fixed: measuring every label to find them would double the time of a report.
+    """
+    figure = Figure(figsize=(width, height))
+    axes_width = (width - margins.left - margins.right - (columns - 1) * margins.across) / columns
+    axes_height = (height - margins.top - margins.bottom - (rows - 1) * margins.down) / rows
+    axes = figure.subplots(
+        rows,
+        columns,
+        sharex=share,
+        sharey=share,
+        squeeze=False,
+        gridspec_kw={
+            "left": margins.left / width,
+            "right": 1.0 - margins.right / width,
+            "top": 1.0 - margins.top / height,
+            "bottom": margins.bottom / height,
+            "wspace": margins.across / axes_width,
+            "hspace": margins.down / axes_height,
+        },
+    )
     return figure, [ax for row in axes for ax in row]
 
 
@@ -63,10 +104,9 @@ def few_ticks(axes: Iterable[Axes], x: int = 5, y: int = 4) -> None:
 
 def shade_unused(ax: Axes, t: FloatArray, used: BoolArray) -> None:
     """Shade the stretches of time whose samples did not enter the fit."""
-    for start, length in spans(t, ~used):
-        ax.axvspan(start, start + length, color=MEASURED, alpha=0.16, linewidth=0)
-
-
-def digits(value: float | None) -> str:
-    """Return a number of three digits for a caption."""
-    return "open" if value is None else number(value)
+    stretches = spans(t, ~used)
+    if stretches:
+        whole_height = ax.get_xaxis_transform()
+        ax.broken_barh(
+            stretches, (0.0, 1.0), transform=whole_height, color=MEASURED, alpha=0.16, linewidth=0
+        )

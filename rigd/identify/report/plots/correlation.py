@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from rigd.identify.report.palette import SERIES
-from rigd.identify.report.plots.axes import grid
+from rigd.identify.report.plots.axes import Margins, grid
 from rigd.identify.report.rounding import number
 from rigd.identify.result import FloatArray
 
@@ -20,7 +20,7 @@ def correlation(names: Sequence[str], matrix: FloatArray) -> Figure:
     """Return the (p, p) matrix: shade for strength, hue for sign, the number in each cell."""
     count = len(names)
     size = 1.6 + 0.52 * count
-    figure, (ax,) = grid(1, 1, size + 0.4, size)
+    figure, (ax,) = grid(1, 1, size + 0.4, size, margins=Margins(left=0.9, bottom=0.75, top=0.1))
     for row in range(count):
         for column in range(count):
             value = float(matrix[row, column])

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rigd.identify.report.palette import series
-from rigd.identify.report.plots.axes import grid, label, plain_log
+from rigd.identify.report.plots.axes import Margins, grid, label, plain_log
 from rigd.identify.report.section import ReportSection
 
 #: A range of x that spans more than this factor is drawn on a logarithmic axis.
@@ -21,7 +21,7 @@ def curves(sections: Sequence[ReportSection], colours: Sequence[int]) -> Figure:
     The reference is cut to the range that the data of its section visited: beyond it there is
     nothing to compare.
     """
-    figure, (ax,) = grid(1, 1, 7.2, 3.7)
+    figure, (ax,) = grid(1, 1, 9.0, 3.7, margins=Margins(right=2.6))
     for section, index in zip(sections, colours, strict=True):
         curve, colour = section.result.curve, series(index)
         ax.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.18, linewidth=0)

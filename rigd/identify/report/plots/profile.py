@@ -3,34 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rigd.identify.report.palette import FITTED, INK, series
-from rigd.identify.report.plots.axes import grid, plain_log, with_unit
-from rigd.identify.result import Profile
+from rigd.identify.report.plots.axes import grid, plain_log, unit_text
+from rigd.identify.result import FloatArray, Profile
 
 COLUMNS = 3
 #: The ordinate ends at this multiple of the threshold: above it nothing is decided.
 CEILING = 4.0
 
 
-def profiles(found: Sequence[Profile]) -> Figure:
-    """Return one axis per profile with its threshold; the interval is shaded."""
+def profiles(found: Sequence[Profile], symbols: Mapping[str, str]) -> Figure:
+    """Return one axis per profile with its threshold; the interval is shaded.
+
+    ``symbols`` gives the label of a parameter by its name.
+    """
     columns = min(COLUMNS, len(found))
     rows = math.ceil(len(found) / columns)
     figure, axes = grid(rows, columns, 11.0 * columns / COLUMNS, 2.4 * rows)
     for ax, profile in zip(axes, found, strict=False):
-        _one(ax, profile)
+        _one(ax, profile, symbols.get(profile.name, profile.name))
     for ax in axes[len(found) :]:
         ax.remove()
     return figure
 
 
-def _one(ax: Axes, profile: Profile) -> None:
+def _one(ax: Axes, profile: Profile, symbol: str) -> None:
     finite = np.isfinite(profile.values) & np.isfinite(profile.cost)
     values, cost = profile.values[finite], profile.cost[finite]
     ax.plot(values, cost, ".-", color=series(0), markersize=3.5, linewidth=1.2)
@@ -45,5 +48,15 @@ def _one(ax: Axes, profile: Profile) -> None:
     if profile.log_axis and values.size and values.min() > 0.0:
         plain_log(ax, "x")
     ax.set_ylim(-0.05 * profile.threshold, CEILING * profile.threshold)
-    ax.set_xlabel(with_unit(profile.name, profile.unit))
+    ax.set_xlim(*_window(values, cost, CEILING * profile.threshold))
+    ax.set_xlabel(f"{symbol} [{unit_text(profile.unit)}]")
     ax.set_ylabel("rise of −2 ln L [–]")
+
+
+def _window(values: FloatArray, cost: FloatArray, ceiling: float) -> tuple[float | None, float | None]:
+    """Return the part of the grid where the profile is below the ceiling, and a point each side."""
+    low = np.flatnonzero(cost <= ceiling)
+    if low.size == 0 or values.size < 2:
+        return None, None
+    first, last = max(int(low[0]) - 1, 0), min(int(low[-1]) + 1, values.size - 1)
+    return float(values[first]), float(values[last])

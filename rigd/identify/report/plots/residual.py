@@ -66,7 +66,7 @@ def _quantiles(ax: Axes, values: FloatArray) -> None:
 
 
 def _autocorrelation(ax: Axes, memory: Autocorrelation) -> None:
-    ax.set_title("Autocorrelation, with the band of white noise")
+    ax.set_title("Autocorrelation, band of white noise")
     label(ax, "lag", "s", "autocorrelation", "1")
     ax.axhspan(-memory.band, memory.band, color=series(2), alpha=0.25, linewidth=0)
     ax.axhline(0.0, color=INK, linewidth=0.6)

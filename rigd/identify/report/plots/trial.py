@@ -12,6 +12,7 @@ from rigd.identify.report.layout import Panel
 from rigd.identify.report.palette import FITTED, INK, MEASURED, series
 from rigd.identify.report.plots.axes import (
     few_ticks,
+    SHARED,
     grid,
     label,
     shade_unused,
@@ -31,16 +32,19 @@ SMALL_TRACE = COLUMNS // 3
 
 def one_trial(trial: TrialFit, panels: Sequence[Panel]) -> Figure:
     """Return the trial's signals, its measured and fitted output, and the residual."""
-    count = len(panels) + 2
-    columns = 2 if count > 1 else 1
-    rows = math.ceil(count / columns)
-    figure, axes = grid(rows, columns, 11.0, 2.15 * rows)
+    rows = math.ceil((len(panels) + 2) / 2)
+    figure, axes = grid(rows, 2, 11.0, 2.15 * rows)
     for ax, panel in zip(axes, panels, strict=False):
         draw_signals(ax, trial, panel)
-    draw_fit(axes[len(panels)], trial)
-    draw_residual(axes[len(panels) + 1], trial)
-    for ax in axes[count:]:
-        ax.remove()
+    fit, residuals = axes[-2], axes[-1]
+    if len(panels) % 2:
+        # An odd number leaves a hole: the residual fills it, and the fit has a row to itself.
+        fit, residuals = axes[-2], axes[-3]
+        axes[-1].remove()
+        whole_row = axes[-2].get_subplotspec().get_gridspec()[-1, :]
+        fit.set_subplotspec(whole_row)
+    draw_fit(fit, trial)
+    draw_residual(residuals, trial)
     return figure
 
 
@@ -48,18 +52,20 @@ def small_multiples(trials: Sequence[TrialFit]) -> Figure:
     """Return measured and fitted output of all trials on common axes."""
     columns = min(SMALL_COLUMNS, len(trials))
     rows = math.ceil(len(trials) / columns)
-    figure, axes = grid(rows, columns, 11.0, 0.35 + 1.5 * rows, share=True)
+    figure, axes = grid(
+        rows, columns, 11.0, SHARED.top + 1.5 * rows, margins=SHARED, share=True
+    )
     for ax, trial in zip(axes, trials, strict=False):
         _traces(ax, trial, SMALL_TRACE)
         ax.set_title(trial.label, fontsize=7.5)
     for ax in axes[len(trials) :]:
         ax.remove()
     few_ticks(axes[: len(trials)], x=4)
-    figure.supxlabel("time [s]", fontsize=8.0)
+    figure.supxlabel("time [s]", fontsize=8.0, y=0.01)
     first = trials[0]
-    figure.supylabel(f"{words(first.output)} [{unit_text(first.unit)}]", fontsize=8.0)
+    figure.supylabel(f"{words(first.output)} [{unit_text(first.unit)}]", fontsize=8.0, x=0.008)
     handles, names = axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper right", ncols=len(names))
+    figure.legend(handles, names, loc="upper right", ncols=len(names))
     return figure
 
 
@@ -67,7 +73,7 @@ def signal_overlay(
     chosen: Sequence[tuple[ReportSection, TrialFit]], colours: Sequence[int], name: str
 ) -> Figure:
     """Return one signal of one trial of each section on one axis."""
-    figure, (ax,) = grid(1, 1, 5.5, 2.9)
+    figure, (ax,) = grid(1, 1, 5.4, 2.8)
     for (section, trial), index in zip(chosen, colours, strict=True):
         signal = trial.signals[name]
         ax.plot(
@@ -76,18 +82,19 @@ def signal_overlay(
             label=f"{section.label}, {trial.condition}",
         )
     label(ax, *TIME, name, chosen[0][1].signals[name].unit)
-    ax.legend(loc="upper right")
+    ax.legend(loc="best")
     return figure
 
 
 def fits_side_by_side(chosen: Sequence[tuple[ReportSection, TrialFit]]) -> Figure:
     """Return measured and fitted output of one trial of each section, on common axes."""
-    figure, axes = grid(1, len(chosen), 11.0, 2.7, share=True)
+    figure, axes = grid(1, len(chosen), 11.0, 2.7, margins=SHARED, share=True)
     for ax, (section, trial) in zip(axes, chosen, strict=True):
         draw_fit(ax, trial, legend=ax is axes[0])
         ax.set_title(f"{section.label}, {trial.condition}")
         if ax is not axes[0]:
             ax.set_ylabel("")
+    few_ticks(axes)
     return figure
 
 
