@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 
 from rigd.model.kernel import kernel
 
-#: One row of what records.py lays out, and the array of one that holds it; numba compiles access
-#: to a field to a plain load or store.
+#: One row of what records.py lays out, and the array of one that holds it.
 Row = Any
 Rows = NDArray[np.void]
 #: Speed (m/s) and integral (m) of the bridge below which it stands.
@@ -331,6 +330,12 @@ def shown(c: Row, value: float, resolution: float) -> float:
 
 
 @kernel
+def belt_status(clutched: bool, at_limit: bool, at_stop: bool) -> float:
+    """Return the sum of the BELT_* bits of layout.py that the physics knows."""
+    return clutched * 2.0 + (clutched and at_limit) * 4.0 + at_stop * 8.0
+
+
+@kernel
 def sense(constants: Rows, state: Rows, commands: Rows, readings: Rows, seed: int, t: int) -> None:
     """Fill ``readings`` with what every sensor shows of ``state`` at ``t`` ns."""
     c, s, u, out = constants[0], state[0], commands[0], readings[0]
@@ -361,18 +366,14 @@ def sense(constants: Rows, state: Rows, commands: Rows, readings: Rows, seed: in
     out.belt_position = shown(c, s.x, c.belt_position)
     out.belt_speed = shown(c, s.v, c.belt_speed_lsb)
     out.belt_force = shown(c, force, c.belt_force_lsb) if belt_on else 0.0
-    out.belt_status = (
-        belt_on * 2.0 + (belt_on and at_limit) * 4.0 + (s.x < c.x_low or s.x > c.x_high) * 8.0
-    )
+    out.belt_status = belt_status(belt_on, at_limit, s.x < c.x_low or s.x > c.x_high)
     force, _, at_limit = servo(
         c.lateral_kp, c.lateral_ki, c.lateral_limit, across - s.vz, s.lateral_sum
     )
     out.bridge_position = shown(c, s.z, c.belt_position)
     out.bridge_speed = shown(c, s.vz, c.belt_speed_lsb)
     out.bridge_force = shown(c, force, c.belt_force_lsb) if lateral_on else 0.0
-    out.bridge_status = (
-        lateral_on * 2.0 + (lateral_on and at_limit) * 4.0 + (s.z < c.z_low or s.z > c.z_high) * 8.0
-    )
+    out.bridge_status = belt_status(lateral_on, at_limit, s.z < c.z_low or s.z > c.z_high)
 
     out.carriage_position, out.carriage_speed, out.wheel_speed = s.x, s.v, s.w
     out.slip_speed, out.bristle_deflection = slip, s.p
