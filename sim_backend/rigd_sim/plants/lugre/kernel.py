@@ -183,26 +183,18 @@ def reachable_current(c: Row, w: float, demand: float) -> float:
 
 @kernel
 def speed_rates(
-    c: Row,
-    s: Row,
-    v: float,
-    w: float,
-    g: float,
-    bend: float,
-    lateral: float,
-    belt: float,
-    engaged: bool,
+    c: Row, s: Row, v: float, w: float, g: float, bend: float, lateral: float, belt: float, on: bool
 ) -> tuple[float, float, float, float, float, float]:
     """Return dv/dt, dw/dt (Eqs. 43, 51) and their derivatives (vv, vw, wv, ww).
 
-    ``g, bend`` belong to the slip r w - v; ``lateral`` is G in N, ``belt`` the target in m/s.
+    ``g, bend`` belong to the slip r w - v; ``lateral`` is G in N, ``belt`` the target in m/s if ``on``.
     """
     force, force_slope = traction(c, s.p, c.r * w - v, g, bend)
     guide_load, bearing_load = loads(c, lateral)
     guide, rolling, drag_slope = resistances(c, v, guide_load)
     torque, torque_slope = shaft(c, w, s.i, bearing_load)
     pull, pull_slope = 0.0, 0.0
-    if engaged:
+    if on:
         pull, pull_slope, _ = servo(c.belt_kp, c.belt_ki, c.belt_limit, belt - v, s.belt_sum)
     stop, stop_slope = end_stop(c.x_low, c.x_high, c.x_stiffness, c.x_damping, s.x, v)
     shake = c.ripple * math.sin(c.transitions * s.theta) if c.ripple > 0.0 else 0.0
