@@ -187,7 +187,8 @@ def speed_rates(
 ) -> tuple[float, float, float, float, float, float]:
     """Return dv/dt, dw/dt (Eqs. 43, 51) and their derivatives (vv, vw, wv, ww).
 
-    ``g, bend`` belong to the slip r w - v; ``lateral`` is G in N, ``belt`` the target in m/s if ``on``.
+    ``g, bend`` belong to the slip r w - v; ``lateral`` is G in N, ``belt`` the target in m/s of
+    the belt servo if ``on``.
     """
     force, force_slope = traction(c, s.p, c.r * w - v, g, bend)
     guide_load, bearing_load = loads(c, lateral)
