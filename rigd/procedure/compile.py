@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
+from rigd.config.document import Path_
 from rigd.config.loader import channel_names
 from rigd.config.problems import Problems, suggest
 from rigd.config.rig import RigConfig
@@ -17,7 +18,7 @@ from rigd.procedure.loader import Procedure
 from rigd.procedure.parameters import Parameters, read_parameters, read_tables
 from rigd.procedure.program import CompiledProcedure, CycleProgram, IdentifyPlan, TrialPlan
 from rigd.procedure.reader import Reader, describe_unit
-from rigd.procedure.source import ProcedureSource
+from rigd.procedure.source import MoveSource, ProcedureSource, PromptSource
 from rigd.procedure.steps import StepCompiler
 from rigd.procedure.sweep import play_order, read_points
 
@@ -57,6 +58,7 @@ def compile_procedure(
     finish = compiler.compile(("finish",), source.finish, base)
     decimation = _decimation(reader, source, rig)
     identify = _identify(reader, source, rig, base, hidden)
+    _check_names(reader, source)
     problems.raise_any()
     return CompiledProcedure(
         name=source.procedure,
@@ -122,6 +124,27 @@ def _trials(
                                      "check each 'when'")  # fmt: skip
         trials.append(trial)
     return tuple(trials)
+
+
+def _check_names(reader: Reader, source: ProcedureSource) -> None:
+    """Note steps and prompts that share a name: logs, reports and answers go by it."""
+    blocks: tuple[tuple[Path_, Sequence[MoveSource | PromptSource]], ...] = (
+        (("prepare",), source.prepare),
+        (("trial", "steps"), source.trial.steps),
+        (("trial", "after"), source.trial.after),
+        (("finish",), source.finish),
+    )
+    seen: dict[str, int] = {}
+    for path, steps in blocks:
+        for index, step in enumerate(steps):
+            key, name = (
+                ("step", step.step) if isinstance(step, MoveSource) else ("prompt", step.prompt)
+            )
+            place = reader.document.place((*path, index, key))
+            if name in seen:
+                message = f"the name {name!r} stands twice; first in line {seen[name]}"
+                reader.problems.add(place, message, "give each step a name of its own")
+            seen.setdefault(name, place.line)
 
 
 def _own(scope: Scope) -> dict[str, float | str | bool]:

@@ -105,7 +105,7 @@ class Chirp:
 
 
 #: Feedback taps of maximum-length shift registers (Xilinx XAPP052, table 3).
-_TAPS = {5: (5, 3), 7: (7, 6), 9: (9, 5), 10: (10, 7), 11: (11, 9), 15: (15, 14)}
+TAPS = {5: (5, 3), 7: (7, 6), 9: (9, 5), 10: (10, 7), 11: (11, 9), 15: (15, 14)}
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _prbs(order: int, seed: int) -> tuple[int, ...]:
     """Return one period of the sequence of a Fibonacci shift register."""
     key = (order, seed)
     if key not in _PRBS_CACHE:
-        first, second = _TAPS[order]
+        first, second = TAPS[order]
         period = 2**order - 1
         register = 1 + seed % period  # never zero, the one state that does not move on
         bits = []

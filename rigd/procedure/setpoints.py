@@ -62,7 +62,7 @@ class SetpointReader:
         if isinstance(part, PrbsSource):
             offset, amplitude = self._swing(key, part.offset, part.amplitude)
             bit_s = self._positive((key, "bit"), part.bit, "s")
-            return Prbs(amplitude, bit_s, int(part.order), offset, part.seed)
+            return Prbs(amplitude, bit_s, part.order, offset, part.seed)
         return self._table(part)
 
     def _ramp(self, source: RampSource) -> Ramp:

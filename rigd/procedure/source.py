@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Le
-from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StringConstraints,
+    Tag,
+)
+from pydantic_core import CoreSchema, core_schema
 
 from rigd.config.source import ChannelName, FileName, Name, QuantityText, Source
+from rigd.procedure.profiles import TAPS
 
 #: A quantity, or an expression such as `0.5 * ${current}`.
 Expression = QuantityText
@@ -17,8 +28,33 @@ Template = Annotated[str, StringConstraints(min_length=1, max_length=2000)]
 StepName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][\w /.-]*$", max_length=60)]
 
 
-def _one_is_a_list(value: object) -> object:
+@dataclass(frozen=True)
+class OneOrMore:
+    """Marks a list that may be written as its only item."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """Wrap a single text, then check the list."""
+        return core_schema.no_info_before_validator_function(_as_list, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Offer an editor both forms."""
+        many = handler(schema)
+        return {"anyOf": [many["items"], many]}
+
+
+def _as_list(value: object) -> object:
     return [value] if isinstance(value, str) else value
+
+
+def _register_order(value: int) -> int:
+    if value not in TAPS:
+        orders = ", ".join(map(str, TAPS))
+        raise ValueError(f"order {value} is not one of {orders}")
+    return value
 
 
 class ParameterSource(Source):
@@ -161,7 +197,9 @@ class PrbsSource(Source):
     """Half of the swing."""
     bit: Expression
     """Length of one bit."""
-    order: Literal["5", "7", "9", "10", "11", "15"] = "9"
+    order: Annotated[
+        int, AfterValidator(_register_order), Field(json_schema_extra={"enum": list(TAPS)})
+    ] = 9
     """Bits of the shift register; the sequence repeats after `2^order - 1` bits."""
     offset: Expression | None = None
     """Value in the middle; by default zero."""
@@ -189,7 +227,7 @@ Setpoint = Annotated[
     Discriminator(_setpoint_kind),
 ]
 #: Words a parameter may be for a step to play: one, or a list of them.
-Words = Annotated[list[Name], BeforeValidator(_one_is_a_list), Field(min_length=1)]
+Words = Annotated[list[Name], Field(min_length=1), OneOrMore()]
 
 
 class MoveSource(Source):
@@ -201,7 +239,7 @@ class MoveSource(Source):
     """The step plays only where each of these parameters is (one of) the word(s) given."""
     set: dict[ChannelName, Setpoint] = Field(default_factory=dict)
     """Setpoints as `device.setpoint`; those not named keep their value."""
-    until: Annotated[list[str], BeforeValidator(_one_is_a_list), Field(min_length=1)] | None = None
+    until: Annotated[list[str], Field(min_length=1), OneOrMore()] | None = None
     """Ends the step: `carriage.position > 1.15 m`; any of a list; `and` joins within one."""
     wait: Annotated[Expression | None, Field(alias="for")] = None
     """Ends the step after this time."""
@@ -220,9 +258,9 @@ class PromptSource(Source):
     """The prompt is shown only where each of these parameters is (one of) the word(s) given."""
     text: Template
     """What the person reads."""
-    once_per: list[Name] = Field(default_factory=list)
+    once_per: Annotated[list[Name], OneOrMore()] = Field(default_factory=list)
     """In a trial: shown only where one of these parameters differs from the trial before."""
-    answer: Template | None = None
+    answer: QuantityText | None = None
     """The procedure's own answer, used in simulation and with `--yes`."""
     unit: str | None = None
     """Asks for a quantity in this unit."""
@@ -278,7 +316,7 @@ class IdentifySource(Source):
     """The channel that gives each signal of the model."""
     constants: dict[Name, Expression] = Field(default_factory=dict)
     """Known quantities of the model."""
-    group_by: list[Name] = Field(default_factory=list)
+    group_by: Annotated[list[Name], OneOrMore()] = Field(default_factory=list)
     """Parameters whose values separate one identification from the next."""
 
 

@@ -146,11 +146,10 @@ def _step_rows(procedure: CompiledProcedure, sink: PeakSink, end_ns: int) -> Ite
 
 
 def _segments(procedure: CompiledProcedure) -> Iterator[tuple[str, tuple[str, Segment]]]:
-    """Yield every segment by name with its block; of a sweep, the first trial's."""
-    first, *_ = (*procedure.trials, None)
+    """Yield every segment by name with its block, that of the first trial which plays it last."""
     blocks = [("prepare", procedure.prepare)]
-    if first is not None:
-        blocks += [("trial", first.steps), ("after", first.after)]
+    for trial in procedure.trials:
+        blocks += [("trial", trial.steps), ("after", trial.after)]
     blocks.append(("finish", procedure.finish))
     for block, steps in reversed(blocks):
         for step in steps:

@@ -1,0 +1,20 @@
+"""JSON Schemas of the files users write, for editors; generated from what checks the files."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel
+
+from rigd.config.source import RigSource
+
+
+def rig_schema() -> dict[str, Any]:
+    """Return the JSON Schema of rig files; driver and plant options are left to their owners."""
+    return file_schema(RigSource, "rigd rig file")
+
+
+def file_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
+    """Return the JSON Schema of the files that ``model`` describes."""
+    schema = model.model_json_schema(by_alias=True)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": title}
