@@ -1,0 +1,91 @@
+"""Recordings of the omni-wheel rig to the arrays of the LuGre identification."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from rigd.evaluate.source import RecordedSweep
+from rigd.identify.fit import Loss
+from rigd.identify.lugre import LugreConstants, LugreTrial, Settings, identify_lugre
+from rigd.identify.report import ReferenceCurve
+from rigd.identify.result import IdentificationResult
+from rigd.model.errors import DataError
+from rigd.record import TrialInfo
+
+SIGNALS = ("wheel_angle", "carriage_position", "acceleration", "motor_current")
+CONSTANTS = ("mass", "wheel_radius", "guide_friction", "rolling_resistance", "gravity")
+
+
+def identify(
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]], *, starts: int, seed: int, robust: bool
+) -> IdentificationResult:
+    """Return the LuGre parameters of trials recorded under the same conditions.
+
+    Raises:
+        DataError: a signal or constant is missing, constants differ between recordings, or the
+            data cannot answer the question.
+    """
+    constants = _constants(trials)
+    settings = Settings(starts=starts, seed=seed, loss=Loss.HUBER if robust else Loss.SQUARES)
+    return identify_lugre([_trial(sweep, one) for sweep, one in trials], constants, settings)
+
+
+def reference_curve(
+    label: str, values: Mapping[str, float], result: IdentificationResult
+) -> ReferenceCurve | None:
+    """Return g(V_r) of the reference values over the range the result visited (corrected Eq. 6)."""
+    if not {"V_s", "mu_c", "mu_s"} <= values.keys():
+        return None
+    slip = result.curve.x
+    decay = np.exp(-np.sqrt(np.abs(slip) / values["V_s"]))
+    return ReferenceCurve(label, slip, values["mu_c"] + (values["mu_s"] - values["mu_c"]) * decay)
+
+
+def _trial(sweep: RecordedSweep, trial: TrialInfo) -> LugreTrial:
+    missing = [name for name in SIGNALS if name not in sweep.plan.signals]
+    if missing:
+        raise DataError(f"{sweep.path}: its plan lacks the signals {', '.join(missing)}")
+    t_s, signals = sweep.signals(trial)
+    current = trial.parameters.get("current")
+    if not isinstance(current, int | float):
+        raise DataError(
+            f"{sweep.path}: trial {trial.number} has no parameter 'current'",
+            hint="method A needs tests with one constant current each",
+        )
+    label = sweep.parameter(trial, "current")
+    if (trial.repeat or 1) > 1:
+        label += f", repeat {trial.repeat}"
+    return LugreTrial(
+        label=label,
+        current_a=float(current),
+        t_s=t_s,
+        wheel_angle_rad=signals["wheel_angle"],
+        carriage_position_m=signals["carriage_position"],
+        acceleration_m_s2=signals["acceleration"],
+        motor_current_a=signals["motor_current"],
+    )
+
+
+def _constants(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> LugreConstants:
+    plans = {sweep.path: sweep.plan.constants for sweep, _ in trials}
+    (first_path, first), *others = plans.items()
+    missing = [name for name in CONSTANTS if name not in first]
+    if missing:
+        raise DataError(f"{first_path}: its plan lacks the constants {', '.join(missing)}")
+    for path, constants in others:
+        if constants != first:
+            raise DataError(
+                f"{first_path} and {path} were recorded with different constants "
+                f"({dict(first)} and {dict(constants)})",
+                hint="identify them one by one",
+            )
+    values = {name: float(first[name]) for name in CONSTANTS}
+    return LugreConstants(
+        mass_kg=values["mass"],
+        wheel_radius_m=values["wheel_radius"],
+        guide_friction_n=values["guide_friction"],
+        rolling_resistance=values["rolling_resistance"],
+        gravity_m_s2=values["gravity"],
+    )

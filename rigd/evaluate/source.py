@@ -1,0 +1,147 @@
+"""Recordings as an identification needs them: a plan, and trials with aligned signals."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd.model.channels import Stream
+from rigd.model.errors import DataError
+from rigd.model.rows import TIME_FIELD
+from rigd.model.units import Quantity, parse_unit
+from rigd.procedure.program import IdentifyPlan
+from rigd.record import Recording, RunInfo, TrialInfo, run_info
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Published values to print beside the estimates, in the units of the parameters."""
+
+    label: str
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class RecordedSweep:
+    """One recording with what it says about its own identification."""
+
+    recording: Recording
+    info: RunInfo
+    plan: IdentifyPlan
+    reference: Reference | None
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.recording.path
+
+    @property
+    def trials(self) -> tuple[TrialInfo, ...]:
+        """The trials that were completed, in the order of the sweep."""
+        complete = [trial for trial in self.info.trials if trial.complete]
+        return tuple(sorted(complete, key=lambda trial: trial.number))
+
+    def parameter(self, trial: TrialInfo, name: str) -> str:
+        """Return a parameter of ``trial`` as a person writes it.
+
+        Raises:
+            DataError: neither the trial nor the run has it.
+        """
+        if name in trial.parameters:
+            value, unit = trial.parameters[name], trial.units.get(name)
+            if isinstance(value, str | bool) or unit is None:
+                return str(value)
+            return str(Quantity(float(value), parse_unit(unit)))
+        if name in self.info.parameters:
+            return self.info.parameters[name]
+        raise DataError(f"{self.path}: there is no parameter {name!r} to group by")
+
+    def signals(self, trial: TrialInfo) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """Return time in s since the trial began (n,) and every signal of the plan (n,), SI.
+
+        All stand on the times of the first signal's stream; a stream sampled at other times is
+        interpolated linearly.
+
+        Raises:
+            DataError: a stream or channel that the plan names is not in the recording.
+        """
+        times: NDArray[np.int64] | None = None
+        columns: dict[str, FloatArray] = {}
+        for name, channel in self.plan.signals.items():
+            stream, field = self._field(name, channel)
+            rows = self.recording.read(stream.name, trial.start_ns, trial.end_ns)
+            if not len(rows):
+                raise DataError(
+                    f"{self.path}: stream {stream.name!r} has no sample in trial {trial.number}"
+                )
+            own: NDArray[np.int64] = rows[TIME_FIELD]
+            values: FloatArray = np.ascontiguousarray(rows[field])
+            if times is None:
+                times = own
+            elif len(own) != len(times) or not np.array_equal(own, times):
+                start = times[0]  # differences first: float64 cannot hold ns since 1970
+                values = np.interp(times - start, own - start, values)
+            columns[name] = values
+        if times is None:
+            raise DataError(f"{self.path}: its plan of identification names no signals")
+        return (times - times[0]) * 1e-9, columns
+
+    def _field(self, signal: str, channel: str) -> tuple[Stream, str]:
+        device, _, field = channel.partition(".")
+        stream = self.recording.streams.get(device)
+        if stream is None:
+            raise DataError(
+                f"{self.path}: signal {signal!r} needs the stream {device!r}, "
+                f"which was not recorded (there are: {', '.join(self.recording.streams)})",
+                hint=f"add {device} to `record` in the procedure and run it again",
+            )
+        if field not in {one.name for one in stream.channels}:
+            raise DataError(f"{self.path}: stream {device!r} has no channel {field!r}")
+        return stream, field
+
+
+def open_sweep(path: Path) -> RecordedSweep:
+    """Return the recording at ``path`` with its plan of identification.
+
+    Raises:
+        RecordingError: the file cannot be read; the message says what to do.
+        DataError: it is no recording of a procedure that identifies anything, or has no trials.
+    """
+    recording = Recording.open(path)
+    plan = recording.metadata.get("identify")
+    if plan is None:
+        raise DataError(
+            f"{path} does not say what to identify",
+            hint="the procedure needs an `identify` block; `rigd info` shows what the file holds",
+        )
+    sweep = RecordedSweep(
+        recording,
+        run_info(recording),
+        IdentifyPlan(
+            model=plan["model"],
+            signals=json.loads(plan["signals"]),
+            constants=json.loads(plan["constants"]),
+            group_by=tuple(json.loads(plan["group_by"])),
+        ),
+        _reference(plan),
+    )
+    if not sweep.trials:
+        raise DataError(
+            f"{path} has no complete trial",
+            hint=f"`rigd run --resume {path}` plays the missing ones",
+        )
+    return sweep
+
+
+def _reference(plan: Mapping[str, str]) -> Reference | None:
+    if "reference" not in plan:
+        return None
+    read = json.loads(plan["reference"])
+    return Reference(str(read["label"]), {k: float(v) for k, v in read["values"].items()})
