@@ -91,7 +91,7 @@ class RunDisplay:
         colour = "green" if result.exit_code is Exit.OK else "red"
         console = Console(highlight=False)
         console.print(
-            f"[{colour}]{result.state.name.lower()}[/]: {escape(result.reason)}; "
+            f"[{colour}]{result.ending}[/]: {escape(result.reason)}; "
             f"{result.trials_done} of {result.trials_total} trials, "
             f"{result.run_s:.1f} s of rig time"
         )

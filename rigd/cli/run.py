@@ -145,7 +145,7 @@ def execute(args: argparse.Namespace) -> int:
             json.dumps(
                 {
                     "recording": str(recorded.path),
-                    "state": result.state.name.lower(),
+                    "state": result.ending,
                     "reason": result.reason,
                     "exit_code": int(result.exit_code),
                     "trials_done": result.trials_done,

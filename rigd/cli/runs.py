@@ -23,7 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--procedure", metavar="NAME", help="only runs of this procedure")
     parser.add_argument("--rig", metavar="NAME", help="only runs on this rig")
     parser.add_argument(
-        "--state", metavar="STATE", help="only runs that ended so: done, interrupted, faulted, …"
+        "--state", metavar="STATE", help="only runs that ended so: complete, stopped, interrupted"
     )
     parser.add_argument(
         "--set",

@@ -20,7 +20,7 @@ from rigd.engine.host import InProcessHost
 from rigd.engine.run import Progress, Run, RunResult
 from rigd.engine.wiring import wire
 from rigd.model.channels import Stream
-from rigd.model.errors import RecordingError
+from rigd.model.errors import Blocked, RecordingError
 from rigd.procedure.program import CompiledProcedure
 from rigd.record import Attachment, RecordingWriter
 from rigd.record.chunks import Compression
@@ -123,7 +123,12 @@ def execute(
         extra_checks=(lambda: _disk_check(path.parent),),
     )
     with heed_signals(control, tell):
-        return Recorded(path, run.execute())
+        try:
+            return Recorded(path, run.execute())
+        except Blocked:
+            if resume is None:
+                path.unlink()  # nothing moved: the file holds a few rows at rest
+            raise
 
 
 def _clock(request: RunRequest) -> Clock:

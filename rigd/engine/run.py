@@ -41,9 +41,14 @@ class Progress:
 
 @dataclass(frozen=True)
 class RunResult:
-    """How a run ended: the final state, why, and the exit code that says so to a script."""
+    """How a run ended: the final state, why, and the exit code that says so to a script.
+
+    ``ending`` is the word for it that the recording holds and people read: complete, stopped,
+    aborted, estopped, tripped, faulted or failed.
+    """
 
     state: RunState
+    ending: str
     reason: str
     exit_code: Exit
     trials_done: int
@@ -85,6 +90,7 @@ class Run:
     state: RunState = RunState.IDLE
     _trial: TrialPlan | None = None
     _trials_done: int = 0
+    _aborted: bool = False
     _incomplete: list[int] = field(default_factory=list)
 
     @property
@@ -129,7 +135,7 @@ class Run:
             # In this order: nothing that can fail or take time comes before a safe rig.
             problems = self.cycle.make_safe()
             try:
-                self._end(reason)
+                self._end(_ending(code, self.state, self._aborted), reason)
             finally:
                 self._close()
         return self._result(reason, code, problems)
@@ -170,6 +176,7 @@ class Run:
         if final in (RunEvent.FAULT, RunEvent.ESTOP):
             self._to(final)
         elif final is RunEvent.ABORT:
+            self._aborted = True
             self._to(RunEvent.ABORT)
             self._to(RunEvent.SAFE)
         else:
@@ -312,13 +319,13 @@ class Run:
     def _event(self, kind: str, data: Mapping[str, object]) -> None:
         self.host.event(kind, data)
 
-    def _end(self, reason: str) -> None:
+    def _end(self, ending: str, reason: str) -> None:
         """Record how the run ended, as far as the sink still takes anything."""
         self.host.drain()
         self._event(
             "run_end",
             {
-                "state": self.state.name.lower(),
+                "state": ending,
                 "reason": reason,
                 "trials_done": self._trials_done,
                 "trials_total": len(self.procedure.trials),
@@ -335,6 +342,7 @@ class Run:
     def _result(self, reason: str, code: Exit, problems: Sequence[str]) -> RunResult:
         return RunResult(
             self.state,
+            _ending(code, self.state, self._aborted),
             reason,
             Exit.TRIPPED if problems else code,
             self._trials_done,
@@ -349,3 +357,20 @@ class Run:
             ),
             tuple(problems),
         )
+
+
+def _ending(code: Exit, state: RunState, aborted: bool) -> str:
+    """Return the word for how a run ended."""
+    if state is RunState.ESTOPPED:
+        return "estopped"
+    if state is RunState.BLOCKED:
+        return "blocked"
+    if aborted:
+        return "aborted"
+    words = {
+        Exit.OK: "complete",
+        Exit.STOPPED: "stopped",
+        Exit.TRIPPED: "faulted" if state is RunState.FAULTED else "tripped",
+        Exit.FAILED: "failed",
+    }
+    return words.get(code, "faulted")
