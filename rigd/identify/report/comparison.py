@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rigd.identify.report.layout import featured, panels
+from rigd.identify.report.layout import Panel, featured, panels
 from rigd.identify.report.plots.axes import words
 from rigd.identify.report.plots.curve import curves
 from rigd.identify.report.plots.trial import fits_side_by_side, signal_overlay
@@ -82,23 +82,20 @@ def _curves(sections: Sequence[ReportSection]) -> tuple[Drawing, ...]:
             f"{words(curve.y_name)} over {words(curve.x_name)} with its band for "
             f"{', '.join(member.label for member in members)}."
         )
-        notes = dict.fromkeys(member.result.curve.note for member in members)
-        caption = " ".join(
-            (
-                "Drawn over the range that the data visited; beyond it the model extrapolates.",
-                *(note for note in notes if note),
-            )
-        )
+        caption = "Drawn over the range that the data visited; beyond it the model extrapolates."
         drawings.append(draw(curves(members, indices), f"curve-{number}", alt, caption))
     return tuple(drawings)
 
 
 def _signals(chosen: Chosen) -> tuple[Drawing, ...]:
-    """Overlay each signal that has an axis of its own, one trial of each group."""
+    """Overlay the signals of one trial of each group, an axis for each set they all have."""
     drawings = []
-    for index, signal in enumerate(_own_axis(chosen)):
-        alt = f"{words(signal).capitalize()} over time in the strongest trial of each group."
-        figure = signal_overlay([(s, t) for _, s, t in chosen], [i for i, _, _ in chosen], signal)
+    trials = [(section, trial) for _, section, trial in chosen]
+    colours = [index for index, _, _ in chosen]
+    for index, panel in enumerate(_common_panels(chosen)):
+        names = ", ".join(words(name) for name in panel.names)
+        alt = f"At the highest setting of each group, over time: {names}."
+        figure = signal_overlay(trials, colours, panel)
         drawings.append(draw(figure, f"overlay-{index}", alt, alt))
     return tuple(drawings)
 
@@ -109,17 +106,18 @@ def _fits(chosen: Chosen) -> tuple[Drawing, ...]:
     if len(outputs) != 1:
         return ()
     alt = (
-        f"Measured and fitted {words(chosen[0][2].output)} over time in the strongest trial of "
+        f"Measured and fitted {words(chosen[0][2].output)} over time at the highest setting of "
         "each group; shaded samples did not enter the fit."
     )
     return (draw(fits_side_by_side([(s, t) for _, s, t in chosen]), "fits", alt, alt),)
 
 
-def _own_axis(chosen: Chosen) -> list[str]:
-    """Return the signals that are alone on their axis in every group."""
-    alone = [
-        {p.names[0] for p in panels(section.result.trials) if len(p.names) == 1}
-        for _, section, _ in chosen
+def _common_panels(chosen: Chosen) -> list[Panel]:
+    """Return the panels that every group has, each with the same signals."""
+    all_panels = [panels(section.result.trials) for _, section, _ in chosen]
+    return [
+        panel
+        for panel in all_panels[0]
+        if all(panel in others for others in all_panels)
+        and all(name in trial.signals for name in panel.names for _, _, trial in chosen)
     ]
-    common = set.intersection(*alone)
-    return [name for name in chosen[0][2].signals if name in common]

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from rigd.identify.report.section import Provenance, ReportSection
-
-_TEMPLATES = Path(__file__).parent / "templates"
 
 
 def render_report(sections: Sequence[ReportSection], provenance: Provenance, *, title: str) -> str:
@@ -27,32 +24,14 @@ def render_report(sections: Sequence[ReportSection], provenance: Provenance, *, 
 
     """
     _check(sections)
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    from markupsafe import Markup
-
-    from rigd.identify.report.palette import style_sheet_variables
-    from rigd.identify.report.plots.axes import unit_text, words
+    # Here, so that a command that only names this module does not wait for matplotlib.
+    from rigd.identify.report.page import fill_page
     from rigd.identify.report.svg import drawing_style
     from rigd.identify.report.view import build_view
 
-    environment = Environment(
-        loader=FileSystemLoader(_TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters.update(unit=unit_text, words=words)
-    style = (_TEMPLATES / "report.css").read_text(encoding="utf-8")
     with drawing_style():
         view = build_view(sections)
-    return environment.get_template("report.html.jinja").render(
-        title=title,
-        view=view,
-        provenance=provenance,
-        style=Markup(style_sheet_variables() + style),
-    )
+    return fill_page(view, provenance, title)
 
 
 def _check(sections: Sequence[ReportSection]) -> None:

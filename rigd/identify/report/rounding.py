@@ -36,7 +36,7 @@ def number(value: float, places: int | None = None, *, digits: int = BARE_DIGITS
     if not math.isfinite(value):
         return "undefined"
     if value == 0.0:
-        return "0"
+        return f"{0.0:.{max(places or 0, 0)}f}"
     exponent = math.floor(math.log10(abs(value)))
     bare = places is None
     if places is None:
@@ -47,6 +47,11 @@ def number(value: float, places: int | None = None, *, digits: int = BARE_DIGITS
     mantissa = f"{value / 10.0**exponent:.{max(places + exponent, 0)}f}"
     power = str(exponent).translate(_SUPERSCRIPT)
     return _signed(f"{_trimmed(mantissa) if bare else mantissa}×10{power}")
+
+
+def count(value: float) -> str:
+    """Return a whole number with its thousands set apart by narrow spaces."""
+    return f"{value:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}")
 
 
 def percent(share: float) -> str:

@@ -73,9 +73,7 @@ def _line(start: StartOutcome, lowest: float, names: tuple[str, ...]) -> StartLi
         best=rise <= SAME_MINIMUM,
         converged=start.converged,
         iterations=start.iterations,
-        ends=tuple(
-            (_value(start.end.get(name)), _value(start.start.get(name))) for name in names
-        ),
+        ends=tuple((_value(start.end.get(name)), _value(start.start.get(name))) for name in names),
     )
 
 

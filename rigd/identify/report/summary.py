@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from rigd.identify.report.rounding import (
     DIGITS,
@@ -20,7 +21,10 @@ from rigd.identify.report.rounding import (
 from rigd.identify.report.section import ReportSection
 from rigd.identify.result import ParameterEstimate, Verdict
 
-NO_VALUE = "not identifiable"
+#: What stands where a number would be.
+NO_VALUE: Final = {Verdict.BIASED: "biased, no value"}
+UNKNOWN: Final = "not identifiable"
+NO_INTERVAL: Final = "none given"
 
 
 @dataclass(frozen=True)
@@ -92,15 +96,17 @@ def _row(section: ReportSection, p: ParameterEstimate, derived: bool) -> Summary
         low=low,
         high=high,
         reference=reference,
-        estimate_text=_estimate(p.estimate, low, high) if known else NO_VALUE,
+        estimate_text=_estimate(p.estimate, low, high)
+        if known
+        else NO_VALUE.get(p.verdict, UNKNOWN),
         spread_text=spread(p.estimate, low, high) if known else "",
-        interval_text=interval(low, high),
+        interval_text=interval(low, high) if known else NO_INTERVAL,
         reference_text="" if reference is None else number(reference),
         comparison="" if reference is None else _comparison(p, reference),
         sentence=p.sentence,
         advice=p.advice,
         source=p.source if known else "",
-        flags=p.flags,
+        flags=tuple(flag for flag in p.flags if flag != p.verdict.value),
     )
 
 

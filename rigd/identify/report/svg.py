@@ -16,12 +16,12 @@ from typing import Any, Final
 
 import matplotlib as mpl
 from markupsafe import Markup
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from rigd.identify.report.palette import GRID, INK, MUTED, VARIABLES
 
-_SETTINGS: Final[dict[str, Any]] = {
+# Any: releases of matplotlib differ in whether a setting is a str or a Literal to the checker.
+_SETTINGS: Final[dict[Any, Any]] = {
     # Text stays text: searchable, read aloud, and set in the font of the page.
     "svg.fonttype": "none",
     "svg.hashsalt": "rigd",
@@ -113,7 +113,7 @@ def draw(figure: Figure, name: str, alt: str, caption: str = "") -> Drawing:
     """
     text = StringIO()
     with mpl.rc_context({"svg.hashsalt": name}):
-        FigureCanvasSVG(figure).print_svg(text, metadata=_NO_METADATA)
+        figure.savefig(text, format="svg", metadata=_NO_METADATA)
     return Drawing(Markup(_for_page(text.getvalue(), alt)), alt, caption)
 
 

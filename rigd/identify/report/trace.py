@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from rigd.identify.result import BoolArray, FloatArray
@@ -30,7 +32,7 @@ def thin(x: FloatArray, y: FloatArray, columns: int = COLUMNS) -> tuple[FloatArr
         return x, y
     edges = np.linspace(0, n, columns + 1).astype(np.intp)
     keep: list[int] = []
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in pairwise(edges):
         piece = y[first:last]
         finite = np.flatnonzero(np.isfinite(piece))
         if finite.size == 0:

@@ -13,7 +13,7 @@ from rigd.identify.report.comparison import Comparison, comparison
 from rigd.identify.report.layout import Panel, featured, panels
 from rigd.identify.report.plots import correlation, profile, residual, trial
 from rigd.identify.report.plots.axes import words
-from rigd.identify.report.rounding import interval, number
+from rigd.identify.report.rounding import count, interval, number
 from rigd.identify.report.section import ReportSection
 from rigd.identify.report.starts import StartTable, start_table
 from rigd.identify.report.summary import SummaryRow, summary_rows
@@ -92,10 +92,11 @@ def _facts(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
         ("Model", result.model),
         ("Method", result.method),
         ("Confidence of all intervals", f"{100 * result.confidence:g} %"),
-        ("Samples in the fit", f"{result.samples:,}".replace(",", "\N{NARROW NO-BREAK SPACE}")),
-        ("Worth as many independent samples", f"{result.effective_samples:,.0f}"),
+        ("Samples in the fit", count(result.samples)),
+        ("Worth as many independent samples", count(result.effective_samples)),
         ("Widening of errors by coloured residuals", f"× {number(result.inflation)}"),
         ("Cost at the minimum", number(result.cost)),
+        ("Range visited", result.visited),
     )
 
 
@@ -150,9 +151,7 @@ def _residuals(anchor: str, result: IdentificationResult) -> tuple[Drawing, ...]
     )
 
 
-def _profiles(
-    anchor: str, found: Sequence[Profile], symbols: Mapping[str, str]
-) -> Drawing | None:
+def _profiles(anchor: str, found: Sequence[Profile], symbols: Mapping[str, str]) -> Drawing | None:
     if not found:
         return None
     said = "; ".join(f"{p.name} {interval(p.low, p.high)} {p.unit}" for p in found)

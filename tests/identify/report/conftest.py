@@ -1,4 +1,4 @@
-"""A made-up identification of three floors: the shapes and cases of a real one, without its cost."""
+"""A made-up identification of three floors: the cases of a real one, without its cost."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigd.identify.report import Attachment, Facts, Provenance, ReferenceCurve, ReportSection
+from rigd.identify.report import (
+    Attachment,
+    Facts,
+    Provenance,
+    ReferenceCurve,
+    ReportSection,
+    render_report,
+)
 from rigd.identify.result import (
     Autocorrelation,
     Curve,
@@ -43,7 +50,7 @@ def friction(v: FloatArray, table: tuple[float, ...]) -> FloatArray:
 
 
 def estimates(table: tuple[float, ...]) -> tuple[ParameterEstimate, ...]:
-    v_s, mu_c, mu_s, s0, s1, s2 = table
+    _, mu_c, mu_s, s0, s1, s2 = table
     flat = "The profile stays below its threshold over the whole grid from 0.0001 to 10 m/s."
     help_v_s = "Reach slip speeds above V_s: hold the carriage and drive the wheel."
     return (
@@ -129,7 +136,7 @@ def result(
     v = np.geomspace(0.002, 0.12, 80)
     g = friction(v, table)
     width = 0.004 + 0.006 * np.abs(np.log(v / 0.02))
-    lag = np.arange(300) * 1e-3
+    lag = np.arange(300, dtype=np.float64) * 1e-3
     starts = tuple(
         StartOutcome(
             dict(zip(NAMES, table, strict=True)),
@@ -174,7 +181,7 @@ def result(
             ResidualTest("Ljung-Box", 812.3, 1e-9, False, "Neighbouring residuals are alike."),
             ResidualTest("Slip and force agree in sign", 0.93, None, True, "Correlation 0.93."),
         ),
-        autocorrelation=Autocorrelation(lag, np.exp(-lag / 0.03) * np.cos(lag * 60), 0.012),
+        autocorrelation=Autocorrelation(lag, np.cos(60 * lag) / (1 + (lag / 0.03) ** 2), 0.012),
         preprocessing=Preprocessing(
             statements=("Savitzky-Golay, 31 ms, on slip and force alike.",),
             settings={"window_s": 0.031, "order": 2.0, "filter": "Savitzky-Golay"},
@@ -202,7 +209,9 @@ def section(floor: str = "Natural stone", **options: int) -> ReportSection:
 def provenance() -> Provenance:
     return Provenance(
         facts=(
-            Facts("Recording stone.mcap", {"sha256": "9f2c" * 16, "procedure": "lugre", "seed": "7"}),
+            Facts(
+                "Recording stone.mcap", {"sha256": "9f2c" * 16, "procedure": "lugre", "seed": "7"}
+            ),
             Facts("Software", {"rigd": "0.1.0", "git revision": "4708940"}),
         ),
         attachments=(Attachment("procedures/lugre.yaml", "trial:\n  current: 1.5 A\n"),),
@@ -213,6 +222,18 @@ def provenance() -> Provenance:
 def make_section() -> Callable[..., ReportSection]:
     """Return the maker of a section, ten trials of 2000 samples unless told otherwise."""
     return section
+
+
+@pytest.fixture(scope="session")
+def three_floors() -> list[ReportSection]:
+    """Return the size of a real report: three floors, ten trials each, 2000 samples a trial."""
+    return [section(floor, seed=seed) for seed, floor in enumerate(FLOORS)]
+
+
+@pytest.fixture(scope="session")
+def page(three_floors: list[ReportSection], provenance: Provenance) -> str:
+    """Return the report on :func:`three_floors`."""
+    return render_report(three_floors, provenance, title="Three floors")
 
 
 @pytest.fixture(scope="session")

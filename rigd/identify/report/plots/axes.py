@@ -37,7 +37,7 @@ def grid(
     width: float,
     height: float,
     *,
-    margins: Margins = Margins(),  # noqa: B008  (frozen)
+    margins: Margins = Margins(),
     share: bool = False,
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure of ``width`` x ``height`` inches and its axes, row by row.
@@ -82,8 +82,8 @@ def unit_text(unit: str) -> str:
 
 
 def words(name: str) -> str:
-    """Return a name from a program as words."""
-    return name.replace("_", " ")
+    """Return a name from a program as words; one that begins with a letter is a symbol, as V_r."""
+    return name if name[1:2] in ("", "_") else name.replace("_", " ")
 
 
 def plain_log(ax: Axes, which: str) -> None:

@@ -13,14 +13,20 @@ from rigd.identify.report.plots.axes import Margins, grid
 from rigd.identify.report.rounding import number
 from rigd.identify.result import FloatArray
 
+#: Width of a cell in inches.
+CELL = 0.55
 POSITIVE, NEGATIVE = SERIES[1], SERIES[0]
 
 
 def correlation(names: Sequence[str], matrix: FloatArray) -> Figure:
     """Return the (p, p) matrix: shade for strength, hue for sign, the number in each cell."""
     count = len(names)
-    size = 1.6 + 0.52 * count
-    figure, (ax,) = grid(1, 1, size + 0.4, size, margins=Margins(left=0.9, bottom=0.75, top=0.1))
+    # The longest name sets the room: 0.065 inches a letter, turned by 35 degrees below the axis.
+    letters = 0.065 * max(len(name) for name in names)
+    margins = Margins(left=0.25 + letters, bottom=0.25 + 0.6 * letters, top=0.1)
+    size = CELL * count
+    width = size + margins.left + margins.right
+    figure, (ax,) = grid(1, 1, width, size + margins.top + margins.bottom, margins=margins)
     for row in range(count):
         for column in range(count):
             value = float(matrix[row, column])

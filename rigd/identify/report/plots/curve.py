@@ -24,7 +24,7 @@ def curves(sections: Sequence[ReportSection], colours: Sequence[int]) -> Figure:
     figure, (ax,) = grid(1, 1, 9.0, 3.7, margins=Margins(right=2.6))
     for section, index in zip(sections, colours, strict=True):
         curve, colour = section.result.curve, series(index)
-        ax.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.18, linewidth=0)
+        ax.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.25, linewidth=0)
         ax.plot(curve.x, curve.y, color=colour, linewidth=1.8, label=section.label)
         if section.reference_curve is not None and curve.x.size:
             reference = section.reference_curve

@@ -16,6 +16,8 @@ from rigd.identify.result import FloatArray, Profile
 COLUMNS = 3
 #: The ordinate ends at this multiple of the threshold: above it nothing is decided.
 CEILING = 4.0
+#: Below a span of one decade a logarithmic axis would have no tick to read.
+DECADE = 10.0
 
 
 def profiles(found: Sequence[Profile], symbols: Mapping[str, str]) -> Figure:
@@ -39,24 +41,25 @@ def _one(ax: Axes, profile: Profile, symbol: str) -> None:
     ax.plot(values, cost, ".-", color=series(0), markersize=3.5, linewidth=1.2)
     ax.axhline(profile.threshold, color=FITTED, linewidth=1.0, linestyle=(0, (4, 2)))
     if values.size:
-        low = profile.low if profile.low is not None else float(values.min())
-        high = profile.high if profile.high is not None else float(values.max())
-        ax.axvspan(low, high, color=series(0), alpha=0.10, linewidth=0)
-    for end in (profile.low, profile.high):
-        if end is not None:
-            ax.axvline(end, color=INK, linewidth=0.7, linestyle=":")
-    if profile.log_axis and values.size and values.min() > 0.0:
-        plain_log(ax, "x")
+        begin = profile.low if profile.low is not None else float(values.min())
+        end = profile.high if profile.high is not None else float(values.max())
+        ax.axvspan(begin, end, color=series(0), alpha=0.10, linewidth=0)
+    for bound in (profile.low, profile.high):
+        if bound is not None:
+            ax.axvline(bound, color=INK, linewidth=0.7, linestyle=":")
+    low, high = _window(values, cost, CEILING * profile.threshold)
+    ax.set_xlim(low, high)
     ax.set_ylim(-0.05 * profile.threshold, CEILING * profile.threshold)
-    ax.set_xlim(*_window(values, cost, CEILING * profile.threshold))
+    if profile.log_axis and 0.0 < DECADE * low < high:
+        plain_log(ax, "x")
     ax.set_xlabel(f"{symbol} [{unit_text(profile.unit)}]")
     ax.set_ylabel("rise of −2 ln L [–]")
 
 
-def _window(values: FloatArray, cost: FloatArray, ceiling: float) -> tuple[float | None, float | None]:
+def _window(values: FloatArray, cost: FloatArray, ceiling: float) -> tuple[float, float]:
     """Return the part of the grid where the profile is below the ceiling, and a point each side."""
     low = np.flatnonzero(cost <= ceiling)
     if low.size == 0 or values.size < 2:
-        return None, None
+        return 0.0, 1.0
     first, last = max(int(low[0]) - 1, 0), min(int(low[-1]) + 1, values.size - 1)
     return float(values[first]), float(values[last])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import cycle
+from typing import Final
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,8 +13,8 @@ from matplotlib.figure import Figure
 from rigd.identify.report.layout import Panel
 from rigd.identify.report.palette import FITTED, INK, MEASURED, series
 from rigd.identify.report.plots.axes import (
-    few_ticks,
     SHARED,
+    few_ticks,
     grid,
     label,
     shade_unused,
@@ -26,6 +28,7 @@ from rigd.identify.result import TrialFit
 
 TIME = ("time", "s")
 SMALL_COLUMNS = 5
+DASHES: Final = ("solid", (0, (4, 2)), (0, (1, 1.5)))
 #: A small multiple is a fifth as wide as a page: it needs a fifth of the points, and some spare.
 SMALL_TRACE = COLUMNS // 3
 
@@ -39,10 +42,10 @@ def one_trial(trial: TrialFit, panels: Sequence[Panel]) -> Figure:
     fit, residuals = axes[-2], axes[-1]
     if len(panels) % 2:
         # An odd number leaves a hole: the residual fills it, and the fit has a row to itself.
-        fit, residuals = axes[-2], axes[-3]
+        residuals = axes[-3]
+        left, right = fit.get_position(), axes[-1].get_position()
         axes[-1].remove()
-        whole_row = axes[-2].get_subplotspec().get_gridspec()[-1, :]
-        fit.set_subplotspec(whole_row)
+        fit.set_position((left.x0, left.y0, right.x1 - left.x0, left.height))
     draw_fit(fit, trial)
     draw_residual(residuals, trial)
     return figure
@@ -52,9 +55,7 @@ def small_multiples(trials: Sequence[TrialFit]) -> Figure:
     """Return measured and fitted output of all trials on common axes."""
     columns = min(SMALL_COLUMNS, len(trials))
     rows = math.ceil(len(trials) / columns)
-    figure, axes = grid(
-        rows, columns, 11.0, SHARED.top + 1.5 * rows, margins=SHARED, share=True
-    )
+    figure, axes = grid(rows, columns, 11.0, SHARED.top + 1.5 * rows, margins=SHARED, share=True)
     for ax, trial in zip(axes, trials, strict=False):
         _traces(ax, trial, SMALL_TRACE)
         ax.set_title(trial.label, fontsize=7.5)
@@ -70,18 +71,20 @@ def small_multiples(trials: Sequence[TrialFit]) -> Figure:
 
 
 def signal_overlay(
-    chosen: Sequence[tuple[ReportSection, TrialFit]], colours: Sequence[int], name: str
+    chosen: Sequence[tuple[ReportSection, TrialFit]], colours: Sequence[int], panel: Panel
 ) -> Figure:
-    """Return one signal of one trial of each section on one axis."""
+    """Return one panel with a trial of each section: a colour per section, a dash per signal."""
     figure, (ax,) = grid(1, 1, 5.4, 2.8)
+    single = len(panel.names) == 1
     for (section, trial), index in zip(chosen, colours, strict=True):
-        signal = trial.signals[name]
-        ax.plot(
-            *thin(trial.t_s, signal.values),
-            color=series(index),
-            label=f"{section.label}, {trial.condition}",
-        )
-    label(ax, *TIME, name, chosen[0][1].signals[name].unit)
+        for name, dash in zip(panel.names, cycle(DASHES), strict=False):
+            ax.plot(
+                *thin(trial.t_s, trial.signals[name].values),
+                color=series(index),
+                linestyle=dash,
+                label=f"{section.label}, {trial.condition if single else words(name)}",
+            )
+    label(ax, *TIME, panel.names[0] if single else _common(panel.names), panel.unit)
     ax.legend(loc="best")
     return figure
 
@@ -134,6 +137,6 @@ def _traces(ax: Axes, trial: TrialFit, columns: int) -> None:
 
 
 def _common(names: Sequence[str]) -> str:
-    """Return the last word that all names share, such as ``speed``; ``signals`` if there is none."""
+    """Return the last word that all names share, such as ``speed``; else ``signals``."""
     last = {words(name).split()[-1] if words(name).split() else "" for name in names}
     return last.pop() if len(last) == 1 else "signals"

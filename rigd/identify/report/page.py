@@ -1,0 +1,44 @@
+"""The page around the view: templates, style sheet, and the filters they use."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Final
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from rigd.identify.report.palette import style_sheet_variables
+from rigd.identify.report.plots.axes import unit_text, words
+from rigd.identify.report.section import Provenance
+from rigd.identify.report.view import View
+
+_TEMPLATES: Final = Path(__file__).parent / "templates"
+_SUBSCRIPT: Final = re.compile(r"_(\w+)")
+
+
+def fill_page(view: View, provenance: Provenance, title: str) -> str:
+    """Return the HTML page that shows ``view``; every text of the user's is escaped."""
+    environment = Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters.update(unit=unit_text, words=words, subscripts=subscripts)
+    # The style sheet is ours and holds quotation marks: it must not be escaped.
+    style = (_TEMPLATES / "report.css").read_text(encoding="utf-8")
+    return environment.get_template("report.html.jinja").render(
+        title=title,
+        view=view,
+        provenance=provenance,
+        style=Markup(style_sheet_variables() + style),
+    )
+
+
+def subscripts(symbol: str) -> Markup:
+    """Return a symbol such as ``σ_1 + σ_2`` with what follows an underscore set low."""
+    return Markup(_SUBSCRIPT.sub(r"<sub>\1</sub>", str(escape(symbol))))
