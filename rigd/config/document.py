@@ -136,7 +136,7 @@ def parse_document(text: str, path: Path) -> Document:
         raise composer.explain(error) from error
     except ReaderError as error:
         raise ConfigError(
-            f"character U+{ord(error.character):04X} may not stand in YAML",
+            f"character U+{ord(text[error.position]):04X} may not stand in YAML",
             place=_place_of(text, error.position, str(path)), hint="remove it",
         ) from error  # fmt: skip
     # The library lets slip what its own code meets in text it did not expect.
@@ -222,7 +222,9 @@ class _Composer:
                     place=place, hint="remove one of the two",
                 )  # fmt: skip
             self.keys[here] = place
-            mapping[key] = self._node(next(events), events, here)
+            value = mapping[key] = self._node(next(events), events, here)
+            if value is None:  # the parser places nothing where the next thing begins
+                self.values[here] = place
         return mapping
 
     def _refuse_extras(self, event: Event, place: Place) -> None:

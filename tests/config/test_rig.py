@@ -1,0 +1,147 @@
+"""Rig files: what the shipped one becomes, and every way to get one wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rigd.config.loader import load_rig, parse_rig
+from rigd.model import ConfigError
+from rigd.model.limits import Action, Priority, SetpointLimit
+
+Spoil = Callable[[str, str], str]
+FILE = Path("rig.yaml")
+
+
+def place_of(text: str, token: str) -> str:
+    head = text[: text.index(token)]
+    return f"{head.count(chr(10)) + 1}:{len(head) - head.rfind(chr(10))}"
+
+
+def test_shipped_rig(rig_path: Path) -> None:
+    rig = load_rig("lugre-1")
+    assert rig.name == "lugre-1"
+    assert rig.period_ns == 1_000_000
+    assert rig.plant is not None
+    assert rig.plant.model == "lugre"
+    servo = rig.devices["wheel_servo"]
+    assert servo.limits == {"current": SetpointLimit(-1.6, 1.6, 2000.0, 0.0)}
+    assert rig.devices["longitudinal_belt"].limits["engaged"].rest == 1.0
+    channel = rig.channel("carriage.position")
+    assert channel is not None
+    assert channel.unit == "m"
+    assert rig.setpoint("wheel_servo.current") is not None
+    assert rig.channel("wheel_servo.nothing") is None
+    near = next(one for one in rig.interlocks if one.name == "overrun_near")
+    assert (near.low, near.high, near.action) == (-0.04, None, Action.ABORT)
+    assert near.priority is Priority.CRITICAL
+    assert rig.constants["wheel_radius"].value == pytest.approx(0.05)
+    assert rig.source.text == rig_path.read_text()
+
+
+def test_every_actuator_has_a_limit_within_the_devices_own() -> None:
+    for device in load_rig("lugre-1").devices.values():
+        assert set(device.limits) == {setpoint.name for setpoint in device.setpoints}
+        for setpoint in device.setpoints:
+            limit = device.limits[setpoint.name]
+            assert setpoint.low <= limit.low <= limit.rest <= limit.high <= setpoint.high
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "token", "parts"),
+    [
+        ("cycle: 1 kHz", "cicle: 1 kHz", "cicle", ["unknown key 'cicle'", "did you mean 'cycle'"]),
+        ("cycle: 1 kHz", "cycle: 1000", "1000", ["has no unit: write '1000 Hz'"]),
+        ("cycle: 1 kHz", "cycle: 1 ms", "1 ms", ["'1 ms' is in ms, expected Hz"]),
+        ("cycle: 1 kHz", "cycle: 50 Hz", "50 Hz", ["'50 Hz' must be at least 100 Hz"]),
+        ("cycle: 1 kHz", "cycle: 9 kHz", "9 kHz", ["'9 kHz' must be at most 5000 Hz"]),
+        ("cycle: 1 kHz", "cycle: 1 kHq", "1 kHq", ["unknown unit 'kHq'"]),
+        ("rig: lugre-1", "rig: Lugre 1", "Lugre 1", ["'Lugre 1' is not a valid name"]),
+        ("\nrig: lugre-1", "\nrig:", "rig:\n", ["expected text, found nothing"]),
+        ("driver: sim-lugre-truth", "driver: sim-lugre-thruth", "sim-lugre-thruth",
+         ["no driver 'sim-lugre-thruth' is installed", "did you mean 'sim-lugre-truth'"]),
+        ("model: lugre", "model: lugree", "lugree", ["no plant 'lugree'", "'lugre'"]),
+        ("floor: stone", "floor: ston", "ston\n", ["'ston' is not one of", "'stone'"]),
+        ("floor: stone", "flor: stone", "flor", ["unknown key 'flor'", "did you mean 'floor'"]),
+        ("{axis: wheel}", "{axis: weel}", "weel", ["'weel' is not one of wheel, carriage"]),
+        ("{axis: wheel}", "{axes: wheel}", "axes", ["unknown key 'axes'", "'axis'"]),
+        ("low: -1.6 A, high: 1.6 A", "low: -1.6 V, high: 1.6 A", "-1.6 V",
+         ["'-1.6 V' is in V, expected A"]),
+        ("low: -1.6 A, high: 1.6 A", "low: -1.6 A, high: 2.6 A", "2.6 A",
+         ["2.6 A is above 2 A", "the device's own current"]),
+        ("low: -1.6 A, high: 1.6 A", "low: 1.7 A, high: 1.6 A", "1.7 A", ["is above high 1.6 A"]),
+        ("rate: 2000 A/s", "rate: 2000 A", "2000 A}", ["'2000 A' is in A, expected A/s"]),
+        ("rate: 2000 A/s", "rate: 0 A/s", "0 A/s}", ["must be above 0"]),
+        (", rate: 2000 A/s", "", "{low: -1.6", ["key 'rate' is missing"]),
+        ("      current: {low", "      curent: {low", "curent",
+         ["wheel_servo has no setpoint 'curent'", "did you mean 'current'"]),
+        ("    limits:\n      current: {low: -1.6 A, high: 1.6 A, rate: 2000 A/s}\n", "",
+         "driver: sim-lugre-amplifier", ["takes the setpoint 'current', but has no limit"]),
+        ("source: wheel_encoder.angle", "source: wheel_encoder.angel", "wheel_encoder.angel",
+         ["no channel 'wheel_encoder.angel'", "'wheel_encoder.angle'"]),
+        ("low: -1.8 A\n    high: 1.8 A", "low: 1.8 A\n    high: -1.8 A", "1.8 A\n    high: -1.8",
+         ["low 1.8 A is not below high -1.8 A"]),
+        ("high: 1.65 m", "high: 1.65 mm/s", "1.65 mm/s", ["is in mm/s, expected m"]),
+        ("high: 1.65 m", "high: wheel_servo.current", "wheel_servo.current\n",
+         ["wheel_servo.current is in A, expected m"]),
+        ("high: 1.65 m", "high: carriage.positon", "carriage.positon", ["'carriage.position'"]),
+        ("high: 1.65 m", "high: 3 m", "3 m",
+         ["3 m is above 1.8 m", "what the channel can measure"]),
+        ("delay: 20 ms", "delay: -20 ms", "-20 ms", ["'-20 ms' must be at least 0 s"]),
+        ("deadband: 0.1 A", "deadband: 0.1 m", "0.1 m\n", ["'0.1 m' is in m, expected A"]),
+        ("name: over_current", "name: overrun_far", "overrun_far\n    source: wheel",
+         ["interlock 'overrun_far' stands twice"]),
+        ("gravity: 9.81 m/s^2", "gravity: fast", "fast\n", ["cannot read 'fast'"]),
+        ("interlocks:\n", "interlocks: 1\nx:\n", "1\nx:", ["expected a list, found '1'"]),
+        ("{axis: wheel}", "[axis, wheel]", "[axis", ["expected a mapping", "a list of 2"]),
+        ("constants:", "constant:", "constant:", ["unknown key 'constant'", "'constants'"]),
+    ],
+)  # fmt: skip
+def test_problem_at_its_place(
+    spoil: Spoil, old: str, new: str, token: str, parts: list[str]
+) -> None:
+    text = spoil(old, new)
+    with pytest.raises(ConfigError) as caught:
+        parse_rig(text, FILE)
+    shown = str(caught.value)
+    assert f"rig.yaml:{place_of(text, token)}: " in shown
+    for part in parts:
+        assert part in shown
+
+
+def test_all_problems_are_reported_in_the_order_of_the_file(rig_text: str) -> None:
+    text = (
+        rig_text.replace("cycle: 1 kHz", "cycle: 1 s")
+        .replace("action: abort", "action: abrot")
+        .replace("title:", "titel:")
+    )
+    with pytest.raises(ConfigError) as caught:
+        parse_rig(text, FILE)
+    errors = [caught.value, *caught.value.others]
+    assert len(errors) == 3 + text.count("abrot")  # title missing, titel unknown, cycle
+    lines = [error.place.line for error in errors if error.place is not None]
+    assert lines == sorted(lines)
+    assert len(lines) == len(errors)
+
+
+def test_bad_options_of_two_devices_are_reported_together(rig_text: str) -> None:
+    text = rig_text.replace("axis: wheel", "axis: x").replace("axis: lateral", "axis: y")
+    with pytest.raises(ConfigError) as caught:
+        parse_rig(text, FILE)
+    assert len(caught.value.others) == 1
+
+
+def test_stale_after_below_two_cycles_is_refused(spoil: Spoil) -> None:
+    text = spoil("cycle: 1 kHz", "cycle: 100 Hz").replace(
+        "stale_after: 20 ms", "stale_after: 15 ms"
+    )
+    with pytest.raises(ConfigError, match="less than two cycles"):
+        parse_rig(text, FILE)
+
+
+def test_options_of_the_wrong_axis_are_refused_by_the_driver(spoil: Spoil) -> None:
+    text = spoil("{axis: wheel}", "{axis: wheel, distance_per_count: 1 mm/count}")
+    with pytest.raises(ConfigError, match="belongs to 'axis: carriage'"):
+        parse_rig(text, FILE)

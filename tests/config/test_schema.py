@@ -1,0 +1,39 @@
+"""The shipped schema of rig files is the one the code gives, and fits the shipped files."""
+
+from __future__ import annotations
+
+import json
+
+import jsonschema
+import pytest
+from ruamel.yaml import YAML
+
+from rigd.config.schema import rig_schema
+from rigd.config.shipped import shipped_folder
+
+
+def test_file_is_current() -> None:
+    file = shipped_folder("schemas") / "rig.schema.json"
+    assert json.loads(file.read_text()) == rig_schema(), "run: make schemas"
+
+
+def test_every_key_is_described() -> None:
+    schema = rig_schema()
+    parts = [schema, *schema["$defs"].values()]
+    bare = [
+        f"{part['title']}.{key}"
+        for part in parts
+        for key, value in part.get("properties", {}).items()
+        if not value.get("description")
+    ]
+    assert bare == []
+
+
+def test_shipped_rig_is_valid_and_a_misspelt_one_is_not() -> None:
+    validator = jsonschema.Draft202012Validator(rig_schema())
+    file = shipped_folder("configs") / "sim_lugre.yaml"
+    data = YAML(typ="safe", pure=True).load(file.read_text())
+    validator.validate(data)
+    data["cicle"] = data.pop("cycle")
+    with pytest.raises(jsonschema.ValidationError):
+        validator.validate(data)

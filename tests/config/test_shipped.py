@@ -1,0 +1,48 @@
+"""Finding files by path and by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rigd.config.shipped import find_file, shipped_folder
+from rigd.model import ConfigError
+
+
+def test_by_name_in_the_file_and_by_file_name() -> None:
+    shipped = shipped_folder("configs") / "sim_lugre.yaml"
+    assert find_file("lugre-1", "configs").resolve() == shipped
+    assert find_file("sim_lugre", "configs").resolve() == shipped
+    assert find_file("configs/sim_lugre.yaml", "configs").resolve() == shipped
+
+
+def test_shipped_path_works_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = find_file("procedures/quick.yaml", "procedures")
+    assert found == shipped_folder("procedures") / "quick.yaml"
+
+
+def test_own_file_goes_before_the_shipped_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    own = tmp_path / "configs" / "mine.yaml"
+    own.parent.mkdir()
+    own.write_text("# mine\nrig: lugre-1\n")
+    assert find_file("lugre-1", "configs").resolve() == own
+
+
+def test_name_in_two_files_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.yaml").write_text("rig: twin\n")
+    with pytest.raises(ConfigError, match=r"could be a\.yaml and b\.yaml"):
+        find_file("twin", "configs")
+
+
+def test_unknown_name_gives_the_nearest() -> None:
+    with pytest.raises(ConfigError, match="did you mean 'quick'"):
+        find_file("quik", "procedures")
+    with pytest.raises(ConfigError, match=r"there is no rig 'configs/none\.yaml'"):
+        find_file("configs/none.yaml", "configs")
