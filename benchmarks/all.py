@@ -1,0 +1,49 @@
+"""Runs every benchmark, one after the other, and ends with one table of all figures.
+
+    make bench                      all of them, about 15 minutes
+    python benchmarks/all.py plant recording
+
+Wall time on a shared machine says little: figures are ratios of runs interleaved with their
+baseline, in CPU time where the peer allows it.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from figures import PREFIX
+
+HERE = Path(__file__).parent
+#: In the order to run; each prints its own table and `figure:` lines.
+BENCHES = ("startup", "check", "plant", "simulated_run", "recording", "identify", "kill")
+
+
+def main() -> int:
+    """Run the named benches, or all, and print what they found."""
+    chosen = sys.argv[1:] or BENCHES
+    rows: list[list[str]] = []
+    failed = []
+    for name in chosen:
+        print(f"\n== {name}", flush=True)
+        with subprocess.Popen(
+            [sys.executable, str(HERE / f"{name}.py")], stdout=subprocess.PIPE, text=True
+        ) as process:
+            for line in process.stdout or ():
+                if line.startswith(PREFIX):
+                    rows.append([name, *(c.strip() for c in line[len(PREFIX) :].split("|"))])
+                print(line, end="", flush=True)
+        if process.returncode:
+            failed.append(name)
+    print("\n== figures")
+    widths = [max(len(row[column]) for row in rows) for column in range(5)] if rows else []
+    for row in rows:
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)))
+    for name in failed:
+        print(f"{name} FAILED")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
