@@ -11,6 +11,7 @@ from markupsafe import Markup, escape
 
 from rigd.identify.report.palette import style_sheet_variables
 from rigd.identify.report.plots.axes import unit_text, words
+from rigd.identify.report.rounding import number, probability
 from rigd.identify.report.section import Provenance
 from rigd.identify.report.view import View
 
@@ -28,7 +29,9 @@ def fill_page(view: View, provenance: Provenance, title: str) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters.update(unit=unit_text, words=words, subscripts=subscripts)
+    environment.filters.update(
+        unit=unit_text, words=words, subscripts=subscripts, number=number, probability=probability
+    )
     # The style sheet is ours and holds quotation marks: it must not be escaped.
     style = (_TEMPLATES / "report.css").read_text(encoding="utf-8")
     return environment.get_template("report.html.jinja").render(

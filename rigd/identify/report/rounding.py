@@ -11,6 +11,8 @@ DIGITS: Final = 2
 BARE_DIGITS: Final = 4
 #: Powers of ten outside of which a number is written as mantissa and exponent.
 PLAIN_EXPONENTS: Final = range(-4, 6)
+#: Smaller p values say more about the test's assumptions than about the data.
+SMALLEST_P: Final = 1e-6
 #: Arms of an interval that differ by less than this share of the wider one read as one ±.
 SYMMETRY: Final = 0.25
 
@@ -47,6 +49,13 @@ def number(value: float, places: int | None = None, *, digits: int = BARE_DIGITS
     mantissa = f"{value / 10.0**exponent:.{max(places + exponent, 0)}f}"
     power = str(exponent).translate(_SUPERSCRIPT)
     return _signed(f"{_trimmed(mantissa) if bare else mantissa}×10{power}")
+
+
+def probability(value: float) -> str:
+    """Return ``p = 0.031``; a p value too small to mean anything is only bounded."""
+    if value < SMALLEST_P:
+        return f"p < {number(SMALLEST_P)}"
+    return f"p = {number(value, digits=DIGITS)}"
 
 
 def count(value: float) -> str:

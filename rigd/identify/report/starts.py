@@ -53,7 +53,7 @@ def start_table(result: IdentificationResult) -> StartTable | None:
 
 
 def _sentence(count: int, same: int, stopped: int) -> str:
-    text = f"{same} of {count} starts reached the lowest cost to within {SAME_MINIMUM:.1%}"
+    text = f"{same} of {count} starts reached the lowest cost to within {100 * SAME_MINIMUM:g} %"
     if stopped:
         text += f"; {stopped} stopped before they had converged"
     if count > 1 and same == 1:

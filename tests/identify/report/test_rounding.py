@@ -4,7 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigd.identify.report.rounding import count, interval, number, percent, places_for, spread
+from rigd.identify.report.rounding import (
+    count,
+    interval,
+    number,
+    percent,
+    places_for,
+    probability,
+    spread,
+)
 
 
 @pytest.mark.parametrize(
@@ -69,6 +77,11 @@ def test_interval(low: float | None, high: float | None, text: str) -> None:
 )
 def test_spread_of_one(low: float | None, high: float | None, text: str) -> None:
     assert spread(1.0, low, high) == text
+
+
+def test_tiny_p_value_is_only_bounded() -> None:
+    assert probability(0.0) == "p < 1×10⁻⁶"
+    assert probability(0.0312) == "p = 0.031"
 
 
 def test_percent_and_count() -> None:

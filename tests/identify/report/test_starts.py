@@ -11,7 +11,7 @@ def test_lowest_cost_comes_first_and_is_counted(make_section: Maker) -> None:
     table = start_table(make_section(trials=1, samples=200).result)
     assert table is not None
     assert table.sentence == (
-        "6 of 12 starts reached the lowest cost to within 0.1%; "
+        "6 of 12 starts reached the lowest cost to within 0.1 %; "
         "2 stopped before they had converged."
     )
     assert [line.best for line in table.lines] == [True] * 6 + [False] * 6

@@ -42,7 +42,7 @@ def distribution(trials: Sequence[TrialFit], memory: Autocorrelation) -> Figure:
 
 def _histogram(ax: Axes, values: FloatArray, unit: str) -> None:
     ax.set_title("Histogram, with the normal density")
-    label(ax, "residual", unit, "density", f"1/({unit})" if unit not in ("", "1") else "1")
+    label(ax, "residual", unit, "density", _inverse(unit))
     if values.size == 0:
         return
     density, edges = np.histogram(values, bins=BINS, density=True)
@@ -52,6 +52,12 @@ def _histogram(ax: Axes, values: FloatArray, unit: str) -> None:
         x = np.linspace(edges[0], edges[-1], 200)
         z = (x - values.mean()) / scale
         ax.plot(x, np.exp(-0.5 * z * z) / (scale * np.sqrt(2.0 * np.pi)), color=FITTED)
+
+
+def _inverse(unit: str) -> str:
+    if unit in ("", "1"):
+        return "1"
+    return f"1/{unit}" if unit.isalpha() else f"1/({unit})"
 
 
 def _quantiles(ax: Axes, values: FloatArray) -> None:
