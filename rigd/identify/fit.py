@@ -20,6 +20,8 @@ from rigd.model.errors import DataError
 MAX_ITERATIONS = 60  #: starts that need more crawl along a ridge the data do not resolve
 RELATIVE_DECREASE = 1e-12  #: a step that gains less than this share of the cost ends the fit
 STEP_TOLERANCE = 1e-9  #: in scaled coordinates, where one is a factor e
+MAX_DAMPING = 1e12  #: beyond it the steps are below rounding
+MAX_STEP = 3.0  #: e-folds; a longer step is a linearisation far outside its validity
 HUBER_K = 1.345  #: 95 % efficiency on Gaussian residuals
 ROBUST_ROUNDS = 20
 MAD_TO_SIGMA = 1.4826
@@ -133,7 +135,7 @@ def fit(
             w = target
             now = equations(w)
             evaluations += 1
-        elif damping > 1e12 or predicted < RELATIVE_DECREASE * now.cost:
+        elif damping > MAX_DAMPING or 0.0 <= predicted < RELATIVE_DECREASE * now.cost:
             converged = True
         else:
             damping *= growth
@@ -160,8 +162,7 @@ def _damped_step(
     floor = 1e-9 * float(np.max(diagonal)) + np.finfo(float).tiny
     damped = matrix + damping * np.diag(np.maximum(diagonal, floor))
     step[free] = np.linalg.solve(damped + 1e-14 * floor * np.eye(free.size), -now.gradient[free])
-    # Ten e-folds in one step is a linearisation far outside its validity.
-    return np.clip(step, -3.0, 3.0)
+    return np.asarray(np.clip(step, -MAX_STEP, MAX_STEP))
 
 
 def multi_start(

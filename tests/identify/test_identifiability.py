@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from rigd.identify.identifiability import Candidate, Evidence, advise, fisher, judge, log_sd
+from rigd.identify.model import Model
+from rigd.identify.result import Verdict
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "bound", "verdict"),
+    [
+        (0.98, 1.02, None, Verdict.IDENTIFIABLE),
+        (0.7, 1.4, None, Verdict.WEAK),
+        (0.4, 2.5, None, Verdict.UNIDENTIFIABLE),
+        (None, 1.1, None, Verdict.UNIDENTIFIABLE),
+        (0.9, None, None, Verdict.UNIDENTIFIABLE),
+        (0.98, 1.02, 1.0, Verdict.UNIDENTIFIABLE),
+        (-0.1, 1.1, None, Verdict.UNIDENTIFIABLE),
+    ],
+)
+def test_verdicts(
+    low: float | None, high: float | None, bound: float | None, verdict: Verdict
+) -> None:
+    assert judge(Evidence(1.0, low, high, "m/s", bound))[0] is verdict
+
+
+def test_a_biased_method_never_reads_as_known() -> None:
+    verdict, sentence = judge(Evidence(1.0, 0.99, 1.01, "s/m", bias="Smeared."))
+    assert verdict is Verdict.BIASED
+    assert sentence == "Smeared."
+
+
+def test_the_sentence_says_which_side_is_open() -> None:
+    assert "at least 0.9 m/s" in judge(Evidence(1.0, 0.9, None, "m/s"))[1]
+    assert "at most 1.1 m/s" in judge(Evidence(1.0, None, 1.1, "m/s"))[1]
+
+
+def test_log_sd_inverts_the_interval() -> None:
+    assert log_sd(np.exp(-0.2 * 1.959964), np.exp(0.2 * 1.959964)) == pytest.approx(0.2)
+
+
+def test_advice_names_the_candidate_that_excites_the_parameter(
+    decay: Callable[..., Model],
+) -> None:
+    late, early = np.linspace(4.0, 5.0, 100), np.linspace(0.0, 1.0, 100)
+    theta = np.array([1.0, 1.0])
+    current = fisher(decay(np.zeros(100), late), theta, 0.01)
+    tests = (
+        Candidate("Measure late again", decay(np.zeros(100), late)),
+        Candidate("Measure the beginning", decay(np.zeros(100), early)),
+    )
+    assert advise(0, theta, current, tests, 0.01).startswith("Measure the beginning: predicted")
+    assert advise(0, theta, current, tests[:1], 0.01) == ""  # sqrt 2 is not worth a test
