@@ -65,8 +65,9 @@ def _note(
     where, kind, context = spot.path, detail["type"], detail.get("ctx", {})
     if kind == "missing":
         wanted = detail["loc"][-1]
-        doc = None if spot.parent is None else spot.parent.model_fields[str(wanted)].description
-        problems.add(document.place(where), f"key {wanted!r} is missing", _first_line(doc))
+        field = _field(spot.parent, wanted)
+        doc = None if field is None else _first_line(field.description)
+        problems.add(document.place(where), f"key {wanted!r} is missing", doc)
         return
     if kind == "extra_forbidden":
         known = () if spot.parent is None else _names(spot.parent)

@@ -19,7 +19,7 @@ from rigd.procedure.reader import Reader
 
 _CLAUSE = re.compile(
     r"\s*(?P<open>\|)?\s*(?P<channel>[A-Za-z_]\w*(?:\.\w+)?)\s*(?P<close>\|)?\s*"
-    r"(?P<sign>[<>])(?P<threshold>[^<>=].*?)(?:\sfor\s(?P<time>.+))?$",
+    r"(?P<sign>[<>])\s*(?P<threshold>[^<>=\s].*?)(?:\sfor\s(?P<time>.+))?$",
     re.DOTALL,
 )
 _JOIN = re.compile(r"\sand\s")

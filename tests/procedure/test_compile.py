@@ -1,0 +1,196 @@
+"""What a procedure compiles to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rigd.config.rig import RigConfig
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import load_procedure, parse_procedure
+from rigd.procedure.profiles import Chirp, Constant, Prbs, Ramp, Sine, Square, Table
+from rigd.procedure.program import (
+    AnswerKind,
+    Comparison,
+    CompiledProcedure,
+    Condition,
+    CycleProgram,
+    OnTimeout,
+    Prompt,
+    TrialLimit,
+)
+
+Compile = Callable[..., CompiledProcedure]
+
+
+def only_program(steps: tuple[object, ...]) -> CycleProgram:
+    (program,) = (step for step in steps if isinstance(step, CycleProgram))
+    return program
+
+
+def test_small_procedure(compile_text: Compile, small: str) -> None:
+    compiled = compile_text(small)
+    assert compiled.parameters == {"floor": "stone", "speed": 0.1, "rolling": 0.009}
+    assert compiled.units == {"current": "A", "speed": "mm/s", "rolling": "1"}
+    assert [trial.parameters["current"] for trial in compiled.trials] == [0.5, 1.0, 1.5]
+    assert [trial.number for trial in compiled.trials] == [1, 2, 3]
+
+    (prompt,) = compiled.prepare
+    assert prompt == Prompt(
+        "floor_prompt", "Lay stone and go at 100 mm/s.", AnswerKind.CHOICE,
+        choices=("stone",), answer="stone", changes="floor",
+    )  # fmt: skip
+
+    program = only_program(compiled.trials[1].steps)
+    assert program.limits == (TrialLimit("carriage.position", -0.03, 1.5),)
+    (drive,) = program.segments
+    assert drive.setpoints == {
+        "wheel_servo.current": Constant(1.0),
+        "longitudinal_belt.engaged": Constant(0.0),
+    }
+    assert drive.until == ((Condition("carriage.position", Comparison.ABOVE, 1.0),),)
+    assert (drive.duration_s, drive.timeout_s, drive.on_timeout) == (None, 4.0, OnTimeout.NEXT)
+
+    (back,) = only_program(compiled.trials[1].after).segments
+    assert back.setpoints == {"longitudinal_belt.speed": Constant(-0.1)}
+    (row,) = back.until
+    assert row == (
+        Condition("carriage.position", Comparison.BELOW, 0.002),
+        Condition("longitudinal_belt.speed", Comparison.BELOW, 0.003, magnitude=True, for_s=0.2),
+    )
+
+    assert compiled.decimation == {"cycle": 1, "wheel_servo": 1, "truth": 10}
+    assert compiled.identify is not None
+    assert compiled.identify.constants == {"mass": 3.9593, "rolling_resistance": 0.009}
+    assert compiled.identify.group_by == ("floor",)
+
+
+def test_overrides(compile_text: Compile, small: str) -> None:
+    compiled = compile_text(small, floor="pvc", speed="0.2 m/s", current="0.7 A")
+    assert compiled.parameters == {
+        "floor": "pvc", "speed": 0.2, "rolling": 0.022, "current": 0.7,
+    }  # fmt: skip
+    assert [trial.parameters["current"] for trial in compiled.trials] == [0.7]
+
+
+def test_repeats_are_trials_of_their_own(compile_text: Compile, small: str) -> None:
+    compiled = compile_text(small.replace("prepare:", "repeats: 2\n\nprepare:", 1))
+    shown = [(one.number, one.repeat, one.parameters["current"]) for one in compiled.trials]
+    assert shown == [(1, 1, 0.5), (2, 2, 0.5), (3, 1, 1.0), (4, 2, 1.0), (5, 1, 1.5), (6, 2, 1.5)]
+
+
+def test_random_order_is_a_permutation_that_the_seed_repeats(
+    compile_text: Compile, small: str
+) -> None:
+    def numbers(seed: int) -> list[int]:
+        text = small.replace("sweep:", f"repeats: 5\nsweep:\n  order: random\n  seed: {seed}", 1)
+        return [trial.number for trial in compile_text(text).trials]
+
+    assert sorted(numbers(1)) == list(range(1, 16))
+    assert numbers(1) == numbers(1)
+    assert numbers(1) != numbers(2)
+    assert numbers(1) != sorted(numbers(1))
+
+
+def test_grid_is_combined_with_rows_of_zip(compile_text: Compile, small: str) -> None:
+    text = small.replace(
+        "  grid:\n    current: {from: 0.5 A, to: 1.5 A, step: 0.5 A}",
+        "  grid:\n    floor: [pvc, stone]\n"
+        "  zip:\n    current: [1 A, 0.5 A]\n    speed: [10 mm/s, 2 cm/s]",
+    ).replace("Lay ${floor} and go at ${speed}.", "Go.").replace(
+        'choices: ["${floor}"]\n    answer: ${floor}\n    changes: floor', ""
+    )  # fmt: skip
+    points = [
+        tuple(trial.parameters[name] for name in ("floor", "current", "speed", "rolling"))
+        for trial in compile_text(text).trials
+    ]
+    assert points == [
+        ("pvc", 1.0, 0.01, 0.022), ("pvc", 0.5, 0.02, 0.022),
+        ("stone", 1.0, 0.01, 0.009), ("stone", 0.5, 0.02, 0.009),
+    ]  # fmt: skip
+    compiled = compile_text(text)
+    assert compiled.identify is not None
+    # The sweep varies the floor: the constant is the trial parameter of this name.
+    assert compiled.identify.constants["rolling_resistance"] == "rolling"
+
+
+def test_range_gives_decimal_values(compile_text: Compile, small: str) -> None:
+    text = small.replace("{from: 0.5 A, to: 1.5 A, step: 0.5 A}",
+                         "{from: 0.15 A, to: 1.5 A, step: 0.15 A}")  # fmt: skip
+    values = [trial.parameters["current"] for trial in compile_text(text).trials]
+    assert values == [0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2, 1.35, 1.5]
+
+
+@pytest.mark.parametrize(
+    ("source", "profile"),
+    [
+        ("{ramp: {to: 1 A, over: 2 s}}", Ramp(None, 1.0, 2.0)),
+        ("{ramp: {from: 1 A, to: 0 A, over: 200 ms}}", Ramp(1.0, 0.0, 0.2)),
+        ("{sine: {amplitude: 0.5 A, frequency: 2 Hz}}", Sine(0.5, 2.0)),
+        ("{square: {amplitude: 1 A, frequency: 2 Hz, offset: 0.1 A}}", Square(1.0, 2.0, 0.1)),
+        ("{chirp: {amplitude: 1 A, from: 1 Hz, to: 20 Hz, over: 4 s, spacing: logarithmic}}",
+         Chirp(1.0, 1.0, 20.0, 4.0, logarithmic=True)),
+        ("{prbs: {amplitude: 1 A, bit: 20 ms, order: 7, seed: 3}}", Prbs(1.0, 0.02, 7, seed=3)),
+        ("{table: {times: [0 s, 1 s], values: [0 A, 1 A], hold: true}}",
+         Table((0.0, 1.0), (0.0, 1.0), hold=True)),
+    ],
+)  # fmt: skip
+def test_profiles(compile_text: Compile, small: str, source: str, profile: object) -> None:
+    text = small.replace("wheel_servo.current: ${current}", f"wheel_servo.current: {source}")
+    (drive,) = only_program(compile_text(text).trials[0].steps).segments
+    assert drive.setpoints["wheel_servo.current"] == profile
+
+
+def test_when_chooses_steps(rig: RigConfig) -> None:
+    compiled = compile_procedure(load_procedure("recommended_identification"), rig)
+    names = [
+        [segment.name for segment in only_program(trial.steps).segments[2:]]
+        for trial in compiled.trials
+    ]
+    assert (
+        names == [["drive"]] * 3 + [["accelerate", "brake with the motor"]] * 4 + [["reverse"]] * 3
+    )
+
+
+def masses_asked(compiled: CompiledProcedure) -> list[tuple[int, object]]:
+    return [
+        (trial.number, step.answer)
+        for trial in compiled.trials
+        for step in trial.steps
+        if isinstance(step, Prompt)
+    ]
+
+
+def test_prompt_once_per_value(rig: RigConfig) -> None:
+    procedure = load_procedure("validation_masses")
+    compiled = compile_procedure(procedure, rig)
+    assert masses_asked(compiled) == [(1, 3.9593), (9, 2.9593), (17, 1.9593)]
+    # Resumed after trial 10: whoever starts again is asked for the weights again.
+    resumed = compile_procedure(procedure, rig, done=range(1, 11))
+    assert (11, 2.9593) in masses_asked(resumed)
+    assert compiled.identify is not None
+    assert compiled.identify.constants["mass"] == "mass"
+
+
+@pytest.mark.parametrize(
+    ("name", "trials"),
+    [
+        ("quick", 1),
+        ("constant_current", 10),
+        ("lateral_sweep", 32),
+        ("recommended_identification", 10),
+        ("validation_masses", 24),
+    ],
+)
+def test_shipped_procedures(rig: RigConfig, name: str, trials: int) -> None:
+    compiled = compile_procedure(load_procedure(name), rig)
+    assert len(compiled.trials) == trials
+    assert compiled.decimation == {**dict.fromkeys(rig.devices, 1), "cycle": 1}
+
+
+def test_text_of_a_procedure_travels(rig: RigConfig) -> None:
+    procedure = load_procedure("quick")
+    again = parse_procedure(procedure.file.text, Path("elsewhere.yaml"))
+    assert compile_procedure(again, rig) == compile_procedure(procedure, rig)

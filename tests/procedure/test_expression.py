@@ -1,0 +1,104 @@
+"""Expressions: arithmetic with units, and errors at the right character."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rigd.model import parse_unit
+from rigd.procedure.expression import ExpressionError, Number, Value, parse_expression
+
+SCOPE: dict[str, Value] = {
+    "current": Number(2.0, parse_unit("A").dimension),
+    "rig.radius": Number(0.05, parse_unit("m").dimension),
+    "floor": "stone",
+}
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "unit"),
+    [
+        ("0.15 A", 0.15, "A"),
+        ("15 deg", math.pi / 12, "rad"),
+        ("0.5 * ${current} + 0.1 A", 1.1, "A"),
+        ("-${current}", -2.0, "A"),
+        ("--1 A", 1.0, "A"),
+        ("-(1 A - ${current}) * 2", 2.0, "A"),
+        ("2 m / ${rig.radius}", 40.0, "1"),
+        ("2 m/s * 3 s", 6.0, "m"),
+        ("600 mm - 4 cm", 0.56, "m"),
+        ("1e3 1/m", 1000.0, "1/m"),
+        ("3 N m/A", 3.0, "N m/A"),
+        ("9.81 m/s²", 9.81, "m/s^2"),
+        ("1 / 4", 0.25, "1"),
+        ("10 - 4 - 3", 3.0, "1"),
+        ("12 / 4 / 3", 1.0, "1"),
+        ("1 + 2 * 3", 7.0, "1"),
+    ],
+)
+def test_value(text: str, value: float, unit: str) -> None:
+    result = parse_expression(text).value(SCOPE)
+    assert isinstance(result, Number)
+    assert result.value == pytest.approx(value, rel=1e-12)
+    assert result.dimension == parse_unit(unit).dimension
+
+
+def test_name_for_a_word_is_the_word() -> None:
+    assert parse_expression(" ${floor} ").value(SCOPE) == "stone"
+
+
+def test_names_are_known_before_evaluation() -> None:
+    assert parse_expression("${a} * (2 + ${rig.b})").names == {"a", "rig.b"}
+
+
+@pytest.mark.parametrize(
+    ("text", "offset", "part"),
+    [
+        ("", 0, "missing"),
+        ("1 A +", 5, "missing"),
+        ("current", 0, "found 'current'"),
+        ("1 A + 1 m", 4, "cannot add m and A"),
+        ("1 A - 2", 4, "cannot subtract a plain number and A"),
+        ("2 * ${nothing}", 4, "unknown name '${nothing}'"),
+        ("2 * ${floor}", 4, "is the word 'stone'"),
+        ("1 / 0", 2, "division by zero"),
+        ("1 / (1 A - 1 A)", 2, "division by zero"),
+        ("(1 A", 4, "')' is missing"),
+        ("1 A)", 3, "cannot read ')'"),
+        ("1 Q", 1, "unknown unit 'Q'"),
+        ("1e999 A", 0, "too large"),
+        ("1e300 * 1e300", 6, "too large"),
+        ("(" * 50, 21, "deeper than 20"),
+        ("1" * 400, 0, "longer than 300"),
+        ("${Current}", 0, "found '${Current}'"),
+    ],
+)
+def test_error_at_its_character(text: str, offset: int, part: str) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        parse_expression(text).value(SCOPE)
+    assert caught.value.offset == offset
+    assert part in str(caught.value)
+
+
+NUMBERS = st.floats(0.001, 1000).map(lambda x: float(f"{x:.4g}"))
+
+
+@settings(derandomize=True, deadline=None)
+@given(NUMBERS, NUMBERS, NUMBERS, st.sampled_from("+-*/"), st.sampled_from("+-*/"))
+def test_precedence_is_that_of_python(a: float, b: float, c: float, op1: str, op2: str) -> None:
+    text = f"{a!r} {op1} {b!r} {op2} {c!r}"
+    result = parse_expression(text).value({})
+    assert isinstance(result, Number)
+    assert result.value == pytest.approx(eval(text), rel=1e-12)
+
+
+@settings(derandomize=True, deadline=None)
+@given(st.text("0123456789.eE+-*/() ${}abmAs^°µ", max_size=40))
+def test_any_text_is_a_value_or_an_expression_error(text: str) -> None:
+    try:
+        parse_expression(text).value(SCOPE)
+    except ExpressionError as error:
+        assert 0 <= error.offset <= len(text)

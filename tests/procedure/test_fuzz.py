@@ -1,0 +1,92 @@
+"""Whatever stands in a procedure file: a program, or a ConfigError with places."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from rigd.config.document import parse_document
+from rigd.config.loader import load_rig
+from rigd.config.shipped import shipped_folder
+from rigd.model import ConfigError
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import parse_procedure
+
+RIG = load_rig("lugre-1")
+FILE = Path("p.yaml")
+TEXTS = {file.stem: file.read_text() for file in shipped_folder("procedures").glob("*.yaml")}
+FUZZ = settings(
+    max_examples=100, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+)
+PIECES = st.sampled_from(
+    [*"{}[]:,#&*!|>'\"%@`?-~\t\n .$\\\0é()+/", "${", "}", "${current}", " * 1e300", " / 0", "- ",
+     " for ", " and ", " > ", "1 A", "nan", "1e999 m", "km^99", "-", "0", "null", "\n  x: 1\n"]
+)  # fmt: skip
+
+
+def check(text: str) -> None:
+    try:
+        compile_procedure(parse_procedure(text, FILE), RIG)
+    except ConfigError as error:
+        for one in (error, *error.others):
+            assert one.place is not None
+            assert one.message
+
+
+@FUZZ
+@given(st.data())
+def test_spoilt_file(data: st.DataObject) -> None:
+    text = TEXTS[data.draw(st.sampled_from(sorted(TEXTS)))]
+    at = data.draw(st.integers(0, len(text)))
+    length = data.draw(st.integers(0, 40))
+    check(text[:at] + data.draw(PIECES) + text[at + length :])
+
+
+@FUZZ
+@given(st.data())
+def test_values_exchanged(data: st.DataObject) -> None:
+    """Any value at the place of any other: right YAML, wrong meaning."""
+    text = TEXTS[data.draw(st.sampled_from(sorted(TEXTS)))]
+    lines = text.split("\n")
+    pairs = [n for n, line in enumerate(lines) if ": " in line and not line.startswith("#")]
+    one, other = data.draw(st.sampled_from(pairs)), data.draw(st.sampled_from(pairs))
+    head, value = lines[one].split(": ", 1)[0], lines[other].split(": ", 1)[1]
+    lines[one] = f"{head}: {value}"
+    check("\n".join(lines))
+
+
+@FUZZ
+@given(st.text(max_size=200))
+def test_any_text(text: str) -> None:
+    check(text)
+
+
+def _named_by_the_author(path: tuple[str | int, ...]) -> bool:
+    """Whether a key is a name of the author's own: of a parameter, a table, a constant."""
+    return (len(path) == 2 and path[0] in ("parameters", "tables")) or (
+        path[:2] in (("identify", "constants"), ("identify", "signals")) and len(path) == 3
+    )
+
+
+CASES = [
+    (name, path)
+    for name, text in sorted(TEXTS.items())
+    for path in parse_document(text, FILE).keys
+    if not _named_by_the_author(path)
+]
+
+
+@pytest.mark.parametrize("name", sorted(TEXTS))
+def test_no_misspelt_key_goes_unnoticed(name: str) -> None:
+    text = TEXTS[name]
+    for path in [path for case, path in CASES if case == name]:
+        place = parse_document(text, FILE).keys[path]
+        lines = text.split("\n")
+        line, start, key = lines[place.line - 1], place.column - 1, str(path[-1])
+        assert line[start:].startswith(key)
+        lines[place.line - 1] = f"{line[:start]}{key}zz{line[start + len(key) :]}"
+        with pytest.raises(ConfigError):
+            compile_procedure(parse_procedure("\n".join(lines), FILE), RIG)
