@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rigd.identify.report import ReportSection
-from rigd.identify.report.layout import Panel, featured, panels
+from rigd.identify.report.layout import Panel, featured, names_condition, panels
 from rigd.identify.result import Signal, TrialFit
 
 
@@ -33,6 +33,21 @@ def test_words_for_conditions_fall_back_to_the_output(trials: tuple[TrialFit, ..
 def test_no_trial_no_choice() -> None:
     with pytest.raises(ValueError, match="no trial"):
         featured(())
+
+
+@pytest.mark.parametrize(
+    ("label", "condition", "said"),
+    [
+        ("1.5 A, repeat 2", "1.50 A", True),
+        ("run 7 on wet stone", "wet stone", True),
+        ("run 7", "1.5 A", False),
+        ("run 7", "wet stone", False),
+    ],
+)
+def test_label_may_say_the_condition(
+    trials: tuple[TrialFit, ...], label: str, condition: str, said: bool
+) -> None:
+    assert names_condition(replace(trials[0], label=label, condition=condition)) is said
 
 
 def test_small_signals_get_an_axis_of_their_own(trials: tuple[TrialFit, ...]) -> None:
