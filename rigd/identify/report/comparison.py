@@ -82,7 +82,10 @@ def _curves(sections: Sequence[ReportSection]) -> tuple[Drawing, ...]:
             f"{words(curve.y_name)} over {words(curve.x_name)} with its band for "
             f"{', '.join(member.label for member in members)}."
         )
-        caption = "Drawn over the range that the data visited; beyond it the model extrapolates."
+        caption = (
+            "Drawn over the range that the data visited; beyond it the model extrapolates. "
+            "A band that leaves the axis is wider than drawn."
+        )
         drawings.append(draw(curves(members, indices), f"curve-{number}", alt, caption))
     return tuple(drawings)
 

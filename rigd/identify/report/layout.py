@@ -61,6 +61,14 @@ def panels(trials: Sequence[TrialFit]) -> tuple[Panel, ...]:
     return tuple(found)
 
 
+def names_condition(trial: TrialFit) -> bool:
+    """Return whether the label already says the condition, be it in other digits."""
+    if trial.condition in trial.label:
+        return True
+    said = _condition(trial.condition)
+    return bool(np.isfinite(said)) and said == _condition(trial.label)
+
+
 def _condition(text: str) -> float:
     match = _QUANTITY.search(text)
     if match is None:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rigd.identify.report.comparison import Comparison, comparison
-from rigd.identify.report.layout import Panel, featured, panels
+from rigd.identify.report.layout import Panel, featured, names_condition, panels
 from rigd.identify.report.plots import correlation, profile, residual, trial
 from rigd.identify.report.plots.axes import words
 from rigd.identify.report.rounding import count, interval, number
@@ -102,8 +102,7 @@ def _facts(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
 
 def _trial_view(name: str, one: TrialFit, shared: Sequence[Panel]) -> TrialView:
     used = int(one.used.sum())
-    # A label often names the condition already.
-    condition = "" if one.condition in one.label else f"{one.condition}: "
+    condition = "" if names_condition(one) else f"{one.condition}: "
     quality = (
         f"{condition}RMS {number(one.rms, digits=3)} {one.unit}, R² {number(one.r_squared, 3)}, "
         f"{used} of {one.used.size} samples used"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rigd.identify.report.palette import series
@@ -13,6 +14,8 @@ from rigd.identify.report.section import ReportSection
 
 #: A range of x that spans more than this factor is drawn on a logarithmic axis.
 LOG_SPAN = 30.0
+#: A band may reach this multiple of the curves' size beyond them; the rest of it is cut.
+BAND_ROOM = 1.0
 
 
 def curves(sections: Sequence[ReportSection], colours: Sequence[int]) -> Figure:
@@ -37,12 +40,26 @@ def curves(sections: Sequence[ReportSection], colours: Sequence[int]) -> Figure:
                 linewidth=1.1,
                 label=f"{section.label}: {reference.label}",
             )
+    _limit(ax, sections)
     first = sections[0].result.curve
     label(ax, first.x_name, first.x_unit, first.y_name, first.y_unit)
     if _spans_decades([section.result.curve.x for section in sections]):
         plain_log(ax, "x")
     ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     return figure
+
+
+def _limit(ax: Axes, sections: Sequence[ReportSection]) -> None:
+    """Cut bands that would flatten every curve, where the data say next to nothing."""
+    fitted = np.concatenate([section.result.curve.y for section in sections])
+    low = min(float(np.nanmin(section.result.curve.low)) for section in sections)
+    high = max(float(np.nanmax(section.result.curve.high)) for section in sections)
+    bottom, top = float(np.nanmin(fitted)), float(np.nanmax(fitted))
+    room = BAND_ROOM * max(top - bottom, abs(top), abs(bottom))
+    low, high = max(low, bottom - room), min(high, top + room)
+    spare = 0.05 * (high - low)
+    if spare > 0.0:
+        ax.set_ylim(low - spare, high + spare)
 
 
 def _spans_decades(ranges: Sequence[np.ndarray]) -> bool:

@@ -118,7 +118,7 @@ def draw_fit(ax: Axes, trial: TrialFit, *, legend: bool = True) -> None:
     _traces(ax, trial, COLUMNS)
     label(ax, *TIME, trial.output, trial.unit)
     if legend:
-        ax.legend(loc="upper right", ncols=2)
+        ax.legend(loc="best", ncols=2)
 
 
 def draw_residual(ax: Axes, trial: TrialFit) -> None:
