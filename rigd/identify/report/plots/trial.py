@@ -28,6 +28,8 @@ from rigd.identify.result import TrialFit
 
 TIME = ("time", "s")
 SMALL_COLUMNS = 5
+#: Letters that fit above a small axis; the whole label stands above the large figure.
+SMALL_TITLE = 30
 DASHES: Final = ("solid", (0, (4, 2)), (0, (1, 1.5)))
 #: A small multiple is a fifth as wide as a page: it needs a fifth of the points, and some spare.
 SMALL_TRACE = COLUMNS // 3
@@ -58,7 +60,7 @@ def small_multiples(trials: Sequence[TrialFit]) -> Figure:
     figure, axes = grid(rows, columns, 11.0, SHARED.top + 1.5 * rows, margins=SHARED, share=True)
     for ax, trial in zip(axes, trials, strict=False):
         _traces(ax, trial, SMALL_TRACE)
-        ax.set_title(trial.label, fontsize=7.5)
+        ax.set_title(_clipped(trial.label), fontsize=7.5)
     for ax in axes[len(trials) :]:
         ax.remove()
     few_ticks(axes[: len(trials)], x=4)
@@ -134,6 +136,10 @@ def _traces(ax: Axes, trial: TrialFit, columns: int) -> None:
     ax.plot(*measured, color=MEASURED, linewidth=0.8, label="measured")
     ax.plot(*thin(trial.t_s, trial.fitted, columns), color=FITTED, linewidth=1.4, label="fitted")
     shade_unused(ax, trial.t_s, trial.used)
+
+
+def _clipped(text: str) -> str:
+    return text if len(text) <= SMALL_TITLE else f"{text[: SMALL_TITLE - 1]}…"
 
 
 def _common(names: Sequence[str]) -> str:
