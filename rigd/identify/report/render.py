@@ -11,7 +11,7 @@ def render_report(sections: Sequence[ReportSection], provenance: Provenance, *, 
     """Return the report on ``sections`` as the text of a self-contained HTML page.
 
     The page loads nothing and runs no script; it prints, and follows the reader's choice of a
-    light or dark screen. The same input gives the same text, byte for byte. Costs about 2 s for
+    light or dark screen. The same input gives the same text, byte for byte. Costs about 2.5 s for
     each group of ten trials; matplotlib is imported on the first call.
 
     Args:
