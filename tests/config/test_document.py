@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import random
+import re
 from pathlib import Path
 
 import pytest
 
+from rigd.config import document as document_module
 from rigd.config.document import MAX_BYTES, parse_document, read_document
+from rigd.config.shipped import shipped_folder
 from rigd.model import ConfigError, Place
 
 FILE = Path("rig.yaml")
@@ -26,6 +30,35 @@ def test_places_of_keys_and_values() -> None:
     assert document.key_place(("a", "bc")) == Place("rig.yaml", 2, 3)
     assert document.place(("a", "bc")) == Place("rig.yaml", 2, 7)
     assert document.place(("a", "bc", 1)) == Place("rig.yaml", 2, 11)
+
+
+PIECES = [
+    *"{}[]:,#&*!|>'\"%@`?-~ \n.$\\é()+/", ": ", "- ", " #", "{a:b}", "[a:b]", ":x", "?x", "a:",
+    ", ", "\n\n", "|\n", ">-\n", "${a}", "\n  ",
+]  # fmt: skip
+
+
+def test_both_parsers_read_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fast parser may refuse what it likes, but never read a file another way."""
+    text = (shipped_folder("configs") / "sim_lugre.yaml").read_text()
+    lines = text.split("\n")
+    rng = random.Random(1)
+    agreed = 0
+    for _ in range(1500):
+        first = rng.randrange(len(lines))
+        spoilt = "\n".join(lines[first : first + 8])
+        for _ in range(rng.randrange(4)):
+            at = rng.randrange(len(spoilt) + 1)
+            spoilt = spoilt[:at] + rng.choice(PIECES) + spoilt[at + rng.choice([0, 0, 1, 3]) :]
+        try:
+            fast = parse_document(spoilt, FILE)
+        except ConfigError:
+            continue
+        with monkeypatch.context() as patch:
+            patch.setattr(document_module, "_UNUSUAL", re.compile(""))
+            assert parse_document(spoilt, FILE) == fast
+        agreed += 1
+    assert agreed > 400
 
 
 def test_place_inside_text_counts_the_quote() -> None:
