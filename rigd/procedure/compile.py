@@ -201,4 +201,37 @@ def _identify(
             constants[name] = value.value
         elif value is not None:
             reader.note(path, f"{value!r} is a word, expected a quantity")
-    return IdentifyPlan(plan.model, plan.signals, constants, tuple(plan.group_by))
+    return IdentifyPlan(
+        plan.model,
+        plan.signals,
+        constants,
+        tuple(plan.group_by),
+        _reference(reader, source, base),
+        "" if plan.reference is None else plan.reference.label,
+    )
+
+
+def _reference(reader: Reader, source: ProcedureSource, base: Scope) -> dict[str, float]:
+    """Return the published values for the choice that ``base`` makes; empty where it makes none."""
+    reference = None if source.identify is None else source.identify.reference
+    if reference is None:
+        return {}
+    path: Path_ = ("identify", "reference")
+    parameter = source.parameters.get(reference.by)
+    if parameter is None or not parameter.choices:
+        with_choices = [name for name, one in source.parameters.items() if one.choices]
+        reader.note((*path, "by"), f"{reference.by!r} is not a parameter with choices",
+                    suggest(reference.by, with_choices))  # fmt: skip
+        return {}
+    for choice in reference.values:
+        if choice not in parameter.choices:
+            reader.note_key((*path, "values", choice),
+                            f"{choice!r} is not a choice of {reference.by}",
+                            suggest(choice, parameter.choices))  # fmt: skip
+    values = {}
+    for choice, texts in reference.values.items():
+        for name, text in texts.items():
+            value = reader.value((*path, "values", choice, name), text, base)
+            if isinstance(value, Number) and base.get(reference.by) == choice:
+                values[name] = value.value
+    return values

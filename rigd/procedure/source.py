@@ -307,6 +307,17 @@ class TrialSource(Source):
     """Brings the rig back to where the next trial starts; plays also when a trial ended early."""
 
 
+class ReferenceSource(Source):
+    """Published values to print beside the estimates."""
+
+    label: Annotated[str, StringConstraints(min_length=1, max_length=80)]
+    """Where they come from."""
+    by: Name
+    """The parameter with choices that decides which values are compared."""
+    values: Annotated[dict[Name, dict[Name, Expression]], Field(min_length=1)]
+    """For each choice, the value of each parameter of the model."""
+
+
 class IdentifySource(Source):
     """What `rigd identify` makes of the recording."""
 
@@ -318,6 +329,8 @@ class IdentifySource(Source):
     """Known quantities of the model."""
     group_by: Annotated[list[Name], OneOrMore()] = Field(default_factory=list)
     """Parameters whose values separate one identification from the next."""
+    reference: ReferenceSource | None = None
+    """Published values to print beside the estimates."""
 
 
 def _record_kind(value: object) -> Any:

@@ -14,7 +14,9 @@ from rigd.config.shipped import shipped_folder
 
 def test_file_is_current() -> None:
     file = shipped_folder("schemas") / "rig.schema.json"
-    assert json.loads(file.read_text()) == rig_schema(), "run: make schemas"
+    assert json.loads(file.read_text()) == rig_schema(), (
+        "run: rigd schema rig > schemas/rig.schema.json"
+    )
 
 
 def test_every_key_is_described() -> None:

@@ -17,7 +17,7 @@ FILES = sorted(shipped_folder("procedures").glob("*.yaml"))
 
 def test_file_is_current() -> None:
     file = shipped_folder("schemas") / "procedure.schema.json"
-    assert json.loads(file.read_text()) == procedure_schema(), "run: make schemas"
+    assert json.loads(file.read_text()) == procedure_schema(), "run: rigd schema procedure"
 
 
 def test_every_key_is_described() -> None:
