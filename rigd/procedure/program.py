@@ -128,13 +128,16 @@ class IdentifyPlan:
 
     A constant is an SI value or, where the sweep varies it, the name of the trial parameter that
     gives it. ``group_by`` names the parameters whose values separate one identification from the
-    next.
+    next. ``reference`` holds published values of the model's parameters (SI), ``reference_label``
+    where they come from; they are printed beside the estimates and never used.
     """
 
     model: str
     signals: Mapping[str, str]
     constants: Mapping[str, float | str]
     group_by: tuple[str, ...] = ()
+    reference: Mapping[str, float] = field(default_factory=dict)
+    reference_label: str = ""
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,10 @@ Template = Annotated[str, StringConstraints(min_length=1, max_length=2000)]
 StepName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][\w /.-]*$", max_length=60)]
 
 
+#: A parameter of a model as its field writes it: `V_s`, `mu_c`.
+ModelParameter = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+
+
 @dataclass(frozen=True)
 class OneOrMore:
     """Marks a list that may be written as its only item."""
@@ -314,7 +318,7 @@ class ReferenceSource(Source):
     """Where they come from."""
     by: Name
     """The parameter with choices that decides which values are compared."""
-    values: Annotated[dict[Name, dict[Name, Expression]], Field(min_length=1)]
+    values: Annotated[dict[Name, dict[ModelParameter, Expression]], Field(min_length=1)]
     """For each choice, the value of each parameter of the model."""
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from rigd.config.rig import RigConfig
+from rigd.model import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure, parse_procedure
 from rigd.procedure.profiles import Chirp, Constant, Prbs, Ramp, Sine, Square, Table
@@ -188,6 +189,19 @@ def test_shipped_procedures(rig: RigConfig, name: str, trials: int) -> None:
     compiled = compile_procedure(load_procedure(name), rig)
     assert len(compiled.trials) == trials
     assert compiled.decimation == {**dict.fromkeys(rig.devices, 1), "cycle": 1}
+
+
+def test_published_values_follow_the_floor(compile_text: Compile, small: str) -> None:
+    text = small + (
+        "  reference:\n    label: Table I\n    by: floor\n"
+        "    values:\n      stone: {V_s: 1.9 m/s}\n      pvc: {V_s: 4.4 mm/s}\n"
+    )
+    for floor, value in (("stone", 1.9), ("pvc", 0.0044)):
+        plan = compile_text(text, floor=floor).identify
+        assert plan is not None
+        assert (plan.reference, plan.reference_label) == ({"V_s": value}, "Table I")
+    with pytest.raises(ConfigError, match="'ice' is not a choice of floor"):
+        compile_text(text.replace("      pvc: {V_s", "      ice: {V_s"))
 
 
 def test_text_of_a_procedure_travels(rig: RigConfig) -> None:

@@ -65,9 +65,11 @@ def test_any_text(text: str) -> None:
 
 
 def _named_by_the_author(path: tuple[str | int, ...]) -> bool:
-    """Whether a key is a name of the author's own: of a parameter, a table, a constant."""
-    return (len(path) == 2 and path[0] in ("parameters", "tables")) or (
-        path[:2] in (("identify", "constants"), ("identify", "signals")) and len(path) == 3
+    """Whether a key is a name the file itself, or the model it feeds, gives its meaning."""
+    return (
+        (len(path) == 2 and path[0] in ("parameters", "tables"))
+        or (len(path) == 3 and path[:2] in (("identify", "constants"), ("identify", "signals")))
+        or (len(path) == 5 and path[:3] == ("identify", "reference", "values"))
     )
 
 
