@@ -59,6 +59,8 @@ def run_metadata(
             "signals": json.dumps(dict(plan.signals), sort_keys=True),
             "constants": json.dumps(dict(plan.constants), sort_keys=True),
             "group_by": json.dumps(list(plan.group_by)),
+            "reference": json.dumps(dict(plan.reference), sort_keys=True),
+            "reference_label": plan.reference_label,
         }
     return records
 

@@ -94,12 +94,12 @@ def evaluate(
         result = model.identify(
             trials, starts=options.starts, seed=options.seed, robust=options.robust
         )
-        reference = trials[0][0].reference
-        if reference is None:
+        plan = trials[0][0].plan
+        if not plan.reference:
             sections.append(ReportSection(label, result))
             continue
-        curve = model.reference_curve(reference.label, reference.values, result)
-        sections.append(ReportSection(label, result, reference.values, reference.label, curve))
+        curve = model.reference_curve(plan.reference_label, plan.reference, result)
+        sections.append(ReportSection(label, result, plan.reference, plan.reference_label, curve))
     titles = dict.fromkeys(section.result.title for section in sections)
     return Evaluation(", ".join(titles), tuple(sections), _provenance(sweeps, options))
 

@@ -69,19 +69,22 @@ def _trial(sweep: RecordedSweep, trial: TrialInfo) -> LugreTrial:
 
 
 def _constants(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> LugreConstants:
-    plans = {sweep.path: sweep.plan.constants for sweep, _ in trials}
-    (first_path, first), *others = plans.items()
-    missing = [name for name in CONSTANTS if name not in first]
-    if missing:
-        raise DataError(f"{first_path}: its plan lacks the constants {', '.join(missing)}")
-    for path, constants in others:
-        if constants != first:
-            raise DataError(
-                f"{first_path} and {path} were recorded with different constants "
-                f"({dict(first)} and {dict(constants)})",
-                hint="identify them one by one",
-            )
-    values = {name: float(first[name]) for name in CONSTANTS}
+    """Return what all ``trials`` have in common.
+
+    Raises:
+        DataError: a constant is missing, or differs between trials.
+    """
+    first_sweep, first_trial = trials[0]
+    values = {name: first_sweep.constant(first_trial, name) for name in CONSTANTS}
+    for sweep, trial in trials:
+        for name, value in values.items():
+            other = sweep.constant(trial, name)
+            if other != value:
+                raise DataError(
+                    f"{name} is {value:g} in trial {first_trial.number} of {first_sweep.path} and "
+                    f"{other:g} in trial {trial.number} of {sweep.path}",
+                    hint="they cannot be fitted together: add what changed to `group_by`",
+                )
     return LugreConstants(
         mass_kg=values["mass"],
         wheel_radius_m=values["wheel_radius"],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,21 +20,12 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Reference:
-    """Published values to print beside the estimates, in the units of the parameters."""
-
-    label: str
-    values: Mapping[str, float]
-
-
-@dataclass(frozen=True)
 class RecordedSweep:
     """One recording with what it says about its own identification."""
 
     recording: Recording
     info: RunInfo
     plan: IdentifyPlan
-    reference: Reference | None
 
     @property
     def path(self) -> Path:
@@ -62,6 +52,22 @@ class RecordedSweep:
         if name in self.info.parameters:
             return self.info.parameters[name]
         raise DataError(f"{self.path}: there is no parameter {name!r} to group by")
+
+    def constant(self, trial: TrialInfo, name: str) -> float:
+        """Return a known quantity of the model in SI, as it was in ``trial``.
+
+        Raises:
+            DataError: the plan does not have it, or it follows a parameter the trial lacks.
+        """
+        value = self.plan.constants.get(name)
+        if isinstance(value, str):  # it follows a swept parameter
+            value = trial.parameters.get(value)
+        if not isinstance(value, int | float):
+            raise DataError(
+                f"{self.path}: the constant {name!r} is not known",
+                hint="give it under `identify: constants:` in the procedure",
+            )
+        return float(value)
 
     def signals(self, trial: TrialInfo) -> tuple[FloatArray, dict[str, FloatArray]]:
         """Return time in s since the trial began (n,) and every signal of the plan (n,), SI.
@@ -129,8 +135,9 @@ def open_sweep(path: Path) -> RecordedSweep:
             signals=json.loads(plan["signals"]),
             constants=json.loads(plan["constants"]),
             group_by=tuple(json.loads(plan["group_by"])),
+            reference=json.loads(plan.get("reference", "{}")),
+            reference_label=plan.get("reference_label", ""),
         ),
-        _reference(plan),
     )
     if not sweep.trials:
         raise DataError(
@@ -138,10 +145,3 @@ def open_sweep(path: Path) -> RecordedSweep:
             hint=f"`rigd run --resume {path}` plays the missing ones",
         )
     return sweep
-
-
-def _reference(plan: Mapping[str, str]) -> Reference | None:
-    if "reference" not in plan:
-        return None
-    read = json.loads(plan["reference"])
-    return Reference(str(read["label"]), {k: float(v) for k, v in read["values"].items()})
