@@ -102,6 +102,8 @@ def parse_unit(text: str) -> Unit:
     plain = symbol.translate(_SUPERSCRIPTS).replace("·", " ").replace("*", " ").replace("/", " / ")
     factor, dimension, sign = 1.0, list(NO_DIMENSION), 1
     words = plain.split()
+    if not words:
+        raise ValueError(f"cannot read {text!r} as a unit")
     if words[-1] == "/":
         raise ValueError(f"unit {text!r} ends in '/'")
     for word in words:
