@@ -106,5 +106,13 @@ def print_parameters(evaluation: Evaluation) -> None:
         table.add_row(*map(escape, cells), style="" if row.known else "dim")
         last = row.section
     console.print(table)
-    for advice in dict.fromkeys(row.advice for row in rows if row.advice):
-        console.print(f"· {escape(advice)}")
+    advised: dict[str, list[str]] = {}
+    for row in rows:
+        # The first sentence says what to do; the report has the rest.
+        if row.advice:
+            first = row.advice.partition(". ")[0].rstrip(".")
+            advised.setdefault(first, []).append(f"{row.name} ({row.section})")
+    if advised:
+        console.print("\nwhat would help:")
+    for advice, names in advised.items():
+        console.print(f"  {escape(', '.join(names))}: {escape(advice)}.")

@@ -23,6 +23,9 @@ SPAN_NS: Final = 1_000_000_000
 #: ... and holds this much: without it, a slow stream would be all headers. Rewriting 32 KiB at
 #: each flush costs 10 µs.
 MIN_BYTES: Final = 32 * 1024
+#: Events are few but tell which trial a sample belongs to: damage in the middle of a file must
+#: not cost those before it.
+EVENTS_SPAN_NS: Final = 10_000_000_000
 #: Sealed whatever it spans: the chunk size of the MCAP library and Foxglove's advice.
 MAX_BYTES: Final = 1024 * 1024
 
@@ -112,7 +115,7 @@ class OpenRows:
 
 
 class OpenEvents:
-    """Open chunk of ``/events``: messages of any size, sealed by size only, as they are rare."""
+    """Open chunk of ``/events``: messages of any size, sealed by span or size."""
 
     def __init__(self, channel: int, sequence: int, start_ns: int) -> None:
         """Begin with message number ``sequence``; event times count from ``start_ns``."""
@@ -131,7 +134,9 @@ class OpenEvents:
     @property
     def full(self) -> bool:
         """Whether the chunk takes no further event."""
-        return len(self._records) >= MIN_BYTES
+        if len(self._records) >= MIN_BYTES:
+            return True
+        return bool(self._times) and abs(self._times[-1] - self._times[0]) >= EVENTS_SPAN_NS
 
     def add(self, event: Event) -> None:
         """Take one event.

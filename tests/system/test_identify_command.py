@@ -1,0 +1,149 @@
+"""The main job end to end: run, record, identify; the truth is the plant's parameters.
+
+The tolerances are those measured for this method on this rig with noise, vibration and
+quantisation on (physics notes of the rig, acceptance items 3 and 5).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.command import rigd
+
+TRUTH: dict[str, dict[str, float]] = {
+    "stone": {"V_s": 1.9643, "mu_c": 0.12, "mu_s": 0.1205, "sigma_0": 11.451, "sigma_2": 2.449},
+    "pvc": {"V_s": 0.0044, "mu_c": 0.12, "mu_s": 0.15, "sigma_0": 49.933, "sigma_2": 2.8084},
+    "paperboard": {
+        "V_s": 0.817, "mu_c": 0.04, "mu_s": 0.07, "sigma_0": 54.724, "sigma_2": 2.4028,
+    },
+}  # fmt: skip
+#: Relative tolerances of sigma_0, sigma_2 and g from 5 to 50 mm/s.
+TOLERANCE = {
+    "stone": (0.02, 0.015, 0.02),
+    "pvc": (0.025, 0.015, 0.02),
+    "paperboard": (0.06, 0.04, 0.07),
+}
+MUST_BE_FLAGGED = {
+    "stone": ["V_s", "mu_s-mu_c"],
+    "pvc": [],
+    "paperboard": ["V_s", "mu_c"],
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three recordings, one per floor, and the report on them."""
+    folder = tmp_path_factory.mktemp("sweep")
+    for floor in TRUTH:
+        done = rigd(
+            "run", "constant_current", "--rig", "lugre-1", "--set", f"floor={floor}",
+            "--seed", "11", "--output", f"{floor}.mcap", cwd=folder,
+        )  # fmt: skip
+        assert done.code == 0, done.err
+    return folder
+
+
+@pytest.fixture(scope="module")
+def results(folder: Path) -> dict[str, Any]:
+    found = {}
+    for floor in TRUTH:
+        done = rigd("identify", f"{floor}.mcap", "--json", "--no-report", cwd=folder)
+        assert done.code == 0, done.err
+        found[floor] = done.json
+    return found
+
+
+@pytest.mark.parametrize("floor", TRUTH)
+def test_what_is_identifiable_is_right(results: dict[str, Any], floor: str) -> None:
+    truth, parameters = TRUTH[floor], results[floor]["parameters"]
+    stiffness, viscous, curve = TOLERANCE[floor]
+    assert parameters["sigma_0"]["estimate"] == pytest.approx(truth["sigma_0"], rel=stiffness)
+    assert parameters["sigma_2"]["estimate"] == pytest.approx(truth["sigma_2"], rel=viscous)
+    inside = [p for p in results[floor]["friction_curve"] if 0.005 <= p["V_r"] <= 0.05]
+    assert len(inside) >= 5
+    for point in inside:
+        decay = math.exp(-math.sqrt(point["V_r"] / truth["V_s"]))
+        g = truth["mu_c"] + (truth["mu_s"] - truth["mu_c"]) * decay
+        assert point["g"] == pytest.approx(g, rel=curve)
+        assert point["low"] <= point["g"] <= point["high"]
+
+
+@pytest.mark.parametrize("floor", TRUTH)
+def test_what_is_not_identifiable_is_called_that(results: dict[str, Any], floor: str) -> None:
+    found = {**results[floor]["parameters"], **results[floor]["derived"]}
+    for name in MUST_BE_FLAGGED[floor]:
+        assert not found[name]["identifiable"], name
+        assert found[name]["low"] is None
+        assert found[name]["high"] is None
+    # The damping is biased by this method: never printed as known.
+    assert not found["sigma_1"]["identifiable"]
+    assert found["sigma_0"]["identifiable"]
+    assert found["sigma_2"]["identifiable"]
+
+
+@pytest.mark.parametrize("floor", TRUTH)
+def test_the_json_has_the_promised_shape(results: dict[str, Any], floor: str) -> None:
+    result = results[floor]
+    assert list(result["parameters"]) == ["V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2"]
+    units = {name: one["unit"] for name, one in result["parameters"].items()}
+    assert units == {
+        "V_s": "m/s", "mu_c": "1", "mu_s": "1", "sigma_0": "1/m", "sigma_1": "s/m",
+        "sigma_2": "s/m",
+    }  # fmt: skip
+    for one in result["parameters"].values():
+        assert {"estimate", "low", "high", "unit", "identifiable"} <= one.keys()
+    assert {"V_r", "g", "low", "high"} == result["friction_curve"][0].keys()
+    assert result["group"] == floor
+
+
+def test_several_recordings_make_one_report_grouped_by_floor(folder: Path) -> None:
+    done = rigd(
+        "identify", "stone.mcap", "pvc.mcap", "paperboard.mcap", "--report", "all.html", cwd=folder
+    )
+    assert done.code == 0, done.err
+    page = (folder / "all.html").read_text()
+    for words in ("stone", "pvc", "paperboard", "Table I of the paper", "not identifiable"):
+        assert words in page
+        assert words in done.out
+    assert "all.html" in done.out
+    assert "http" not in page.replace("http://www.w3.org", "")
+    # Provenance: which file, which procedure, which seed.
+    assert "stone.mcap" in page
+    assert "constant_current" in page
+
+
+def test_identifying_twice_gives_the_same_numbers(folder: Path, results: dict[str, Any]) -> None:
+    again = rigd("identify", "pvc.mcap", "--json", "--no-report", cwd=folder)
+    assert again.json == results["pvc"]
+
+
+def test_a_robust_fit_agrees_where_there_are_no_outliers(
+    folder: Path, results: dict[str, Any]
+) -> None:
+    done = rigd("identify", "pvc.mcap", "--json", "--no-report", "--robust", cwd=folder)
+    assert done.code == 0, done.err
+    plain = results["pvc"]["parameters"]["sigma_0"]["estimate"]
+    assert done.json["parameters"]["sigma_0"]["estimate"] == pytest.approx(plain, rel=0.05)
+
+
+def test_an_interrupted_sweep_is_identified_from_what_is_complete(folder: Path) -> None:
+    stone = (folder / "stone.mcap").read_bytes()
+    torn = folder / "torn.mcap"
+    torn.write_bytes(stone[: len(stone) * 3 // 4])
+    assert rigd("recover", "torn.mcap", cwd=folder).code == 0
+    done = rigd("identify", "torn.mcap", "--json", "--no-report", cwd=folder)
+    assert done.code == 0, done.err
+    assert len(done.json["trials"]) < 9
+
+
+def test_json_holds_no_nan(folder: Path) -> None:
+    done = rigd("identify", "stone.mcap", "--json", "--no-report", cwd=folder)
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(f"{constant} is no JSON")
+
+    json.loads(done.out, parse_constant=refuse)
