@@ -259,8 +259,14 @@ def _join(node: Operation, left: Number, right: Number) -> Number:
     return joined
 
 
+#: Derived units that people know better than their base units.
+_NAMED: Final = {parse_unit(name).dimension: name for name in ("N", "V", "W", "Pa", "ohm", "H")}
+
+
 def describe(dimension: Dimension) -> str:
-    """Return a dimension in SI base units for a person: ``kg m/s^2``, or ``a plain number``."""
+    """Return a dimension for a person: ``N``, ``kg m/s``, or ``a plain number``."""
+    if dimension in _NAMED:
+        return _NAMED[dimension]
     above = [_power(base, n) for base, n in zip(BASES, dimension, strict=True) if n > 0]
     below = [_power(base, -n) for base, n in zip(BASES, dimension, strict=True) if n < 0]
     if not above and not below:

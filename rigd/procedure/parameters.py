@@ -42,8 +42,11 @@ class Parameter:
         if self.choices:
             return f"{self.name} is a word", "one of " + ", ".join(self.choices)
         if value.dimension != parse_unit(self.unit).dimension:
-            found = describe(value.dimension)
-            return f"{self.name} is given in {found}, expected {self.unit}", (
+            kind = describe(value.dimension)
+            given = f"{value.value:.6g} {kind}"
+            if not any(value.dimension):
+                given = f"{value.value:.6g}, {kind}"
+            return f"{self.name} is given as {given}, expected {self.unit}", (
                 f"such as '1 {self.unit}'" if self.unit != "1" else "give a plain number"
             )
         if value.value < self.low or value.value > self.high:
