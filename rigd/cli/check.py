@@ -55,6 +55,7 @@ def _check(given: str, rig: object) -> str:
     from rigd.config.loader import load_rig
     from rigd.config.rig import RigConfig
     from rigd.config.shipped import find_file
+    from rigd.evaluate.models import needs_of
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import load_procedure
 
@@ -66,6 +67,8 @@ def _check(given: str, rig: object) -> str:
     if not isinstance(rig, RigConfig):
         return "a procedure, right in itself; give --rig to check it against a rig"
     compiled = compile_procedure(procedure, rig, {})
+    if compiled.identify is not None:
+        needs_of(compiled.identify, procedure.document.key_place(("identify",)))
     return f"procedure {compiled.name}, {len(compiled.trials)} trials on {rig.name}: right"
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rigd.evaluate import Evaluation
+    from rigd.evaluate.evaluation import Evaluation
 
 HELP = "identify friction parameters from recordings, and write a report"
 EXAMPLES = """\
@@ -46,7 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Identify, report, print."""
-    from rigd.evaluate import Options, evaluate
+    from rigd.evaluate.evaluation import Options, evaluate
     from rigd.model.errors import ConfigError, RecordingError
 
     if not 1 <= args.starts <= 1000:

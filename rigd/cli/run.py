@@ -88,6 +88,7 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.daemon.execute import RunRequest, execute
     from rigd.daemon.resume import read_resume_point
     from rigd.engine.answers import Answers, OwnAnswers
+    from rigd.evaluate.models import needs_of
     from rigd.model.errors import ConfigError
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import load_procedure
@@ -112,6 +113,8 @@ def execute(args: argparse.Namespace) -> int:
     source = load_procedure(procedure_name)
     done = frozenset[int]() if resume is None else resume.done
     procedure = compile_procedure(source, rig, overrides, done=done)
+    if procedure.identify is not None:
+        needs_of(procedure.identify, source.document.key_place(("identify",)))
     seed = args.seed if args.seed is not None else 1 if resume is None else resume.seed
     if args.dry_run:
         return _dry_run(procedure, rig, seed, as_json=args.json)

@@ -1,5 +1,5 @@
-"""Recordings to arrays to an identification to a report."""
+"""Recordings to arrays to an identification to a report.
 
-from rigd.evaluate.evaluation import Evaluation, Options, evaluate
-
-__all__ = ["Evaluation", "Options", "evaluate"]
+Import :mod:`rigd.evaluate.evaluation` to evaluate, :mod:`rigd.evaluate.models` for what each model
+needs; this package itself imports nothing, so that checking a plan stays fast.
+"""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 
 from rigd import __version__
-from rigd.evaluate import lugre
+from rigd.evaluate.models import needs_of
 from rigd.evaluate.source import RecordedSweep, open_sweep
 from rigd.identify.report import (
     Attachment,
@@ -20,9 +20,6 @@ from rigd.identify.report import (
 )
 from rigd.model.errors import DataError
 from rigd.record import TrialInfo
-
-#: What `identify: {model: …}` may name; each module offers `identify` and `reference_curve`.
-MODELS: dict[str, ModuleType] = {"lugre": lugre}
 
 
 @dataclass(frozen=True)
@@ -82,12 +79,7 @@ def evaluate(
     models = {sweep.plan.model for sweep in sweeps}
     if len(models) > 1:
         raise DataError(f"the recordings identify different models: {', '.join(sorted(models))}")
-    (name,) = models
-    if name not in MODELS:
-        raise DataError(
-            f"{sweeps[0].path}: there is no model {name!r} (there are: {', '.join(MODELS)})"
-        )
-    model = MODELS[name]
+    model = import_module(needs_of(sweeps[0].plan).module)
     sections = []
     for label, trials in _groups(sweeps).items():
         tell(f"{label}: {len(trials)} trials")

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from rigd.evaluate.models import MODELS
 from rigd.evaluate.source import RecordedSweep
 from rigd.identify.fit import Loss
 from rigd.identify.lugre import LugreConstants, LugreTrial, Settings, identify_lugre
@@ -14,8 +15,7 @@ from rigd.identify.result import IdentificationResult
 from rigd.model.errors import DataError
 from rigd.record import TrialInfo
 
-SIGNALS = ("wheel_angle", "carriage_position", "acceleration", "motor_current")
-CONSTANTS = ("mass", "wheel_radius", "guide_friction", "rolling_resistance", "gravity")
+CONSTANTS = MODELS["lugre"].constants
 
 
 def identify(
@@ -44,9 +44,6 @@ def reference_curve(
 
 
 def _trial(sweep: RecordedSweep, trial: TrialInfo) -> LugreTrial:
-    missing = [name for name in SIGNALS if name not in sweep.plan.signals]
-    if missing:
-        raise DataError(f"{sweep.path}: its plan lacks the signals {', '.join(missing)}")
     t_s, signals = sweep.signals(trial)
     current = trial.parameters.get("current")
     if not isinstance(current, int | float):

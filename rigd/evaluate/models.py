@@ -1,0 +1,83 @@
+"""The models that `identify: {model: …}` may name, and what each needs. Imports nothing heavy."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from rigd.model.errors import ConfigError, Place
+from rigd.procedure.program import IdentifyPlan
+
+
+@dataclass(frozen=True)
+class ModelNeeds:
+    """Names that a plan must give, and the trial parameter that method and labels rest on.
+
+    ``module`` offers ``identify`` and ``reference_curve``.
+    """
+
+    module: str
+    signals: tuple[str, ...]
+    constants: tuple[str, ...]
+    parameters: tuple[str, ...]  #: of the model, for the reference
+    trial_parameter: str
+
+
+MODELS: Final = {
+    "lugre": ModelNeeds(
+        module="rigd.evaluate.lugre",
+        signals=("wheel_angle", "carriage_position", "acceleration", "motor_current"),
+        constants=("mass", "wheel_radius", "guide_friction", "rolling_resistance", "gravity"),
+        parameters=("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2"),
+        trial_parameter="current",
+    )
+}
+
+
+def needs_of(plan: IdentifyPlan, place: Place | None = None) -> ModelNeeds:
+    """Return what the model of ``plan`` needs, once the plan gives all of it and nothing else.
+
+    ``place`` is where the plan stands in its file, for the error.
+
+    Raises:
+        ConfigError: no such model, or a signal, constant or reference that is missing or unknown.
+    """
+    if plan.model not in MODELS:
+        raise ConfigError(
+            f"identify: there is no model {plan.model!r}",
+            hint=_nearest(plan.model, MODELS),
+            place=place,
+        )
+    needs = MODELS[plan.model]
+    for kind, given, wanted in (
+        ("signal", plan.signals, needs.signals),
+        ("constant", plan.constants, needs.constants),
+    ):
+        missing = [name for name in wanted if name not in given]
+        if missing:
+            raise ConfigError(
+                f"identify: model {plan.model} needs the {kind} {', '.join(missing)}",
+                hint=f"give it under `identify: {kind}s:` in the procedure",
+                place=place,
+            )
+    for kind, given_names, known in (
+        ("signal", plan.signals, needs.signals),
+        ("constant", plan.constants, needs.constants),
+        ("reference", plan.reference, needs.parameters),
+    ):
+        for name in given_names:
+            if name not in known:
+                raise ConfigError(
+                    f"identify: model {plan.model} has no {kind} {name!r}",
+                    hint=_nearest(name, known),
+                    place=place,
+                )
+    return needs
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    names = list(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    return f"did you mean {close[0]!r}?" if close else "there are: " + ", ".join(names)
