@@ -61,6 +61,8 @@ def _check(given: str, rig: object) -> str:
 
     if _is_rig(given):
         checked = load_rig(given)
+        if checked.plant is not None:
+            checked.plant.plant_class.files(checked.plant.config)
         channels = sum(len(device.channels) for device in checked.devices.values())
         return f"rig {checked.name}, {len(checked.devices)} devices, {channels} channels: right"
     procedure = load_procedure(find_file(given, "procedures"))

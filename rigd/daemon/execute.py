@@ -165,6 +165,9 @@ def _attachments(request: RunRequest) -> list[Attachment]:
         "procedure.yaml": request.procedure_text,
         "rig.yaml": request.rig.source.text,
     }
+    plant = request.rig.plant
+    if plant is not None:
+        texts.update(plant.plant_class.files(plant.config))
     return [Attachment(name, "application/yaml", text.encode()) for name, text in texts.items()]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
@@ -27,6 +28,17 @@ class Plant(ABC):
         self.config = config
         self.period_ns = period_ns
         self.seed = seed
+
+    @classmethod
+    def files(cls, config: Any) -> Mapping[str, str]:
+        """Return name and text of the files, beyond the rig file, that the plant is made from.
+
+        They are attached to recordings, and checked by ``rigd check``.
+
+        Raises:
+            ConfigError: one of them is wrong.
+        """
+        return {}
 
     @abstractmethod
     def advance(self, t_ns: int) -> None:

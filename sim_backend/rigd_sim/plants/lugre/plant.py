@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
@@ -90,6 +91,18 @@ class LugrePlant(Plant):
             self._constants, self._state, self._commands, self._readings, self._seed, 0, 0
         )
         self.readings = self._shown.tolist()
+
+    @classmethod
+    def files(cls, config: LugreConfig) -> Mapping[str, str]:
+        """Return the file of physical parameters as ``plant.yaml``.
+
+        Raises:
+            ConfigError: it is not physical, or cannot be read.
+
+        """
+        path = find_parameters(config.parameters)
+        load_parameters(path)
+        return {"plant.yaml": path.read_text("utf-8")}
 
     def advance(self, t_ns: int) -> None:
         """Integrate to ``t_ns`` and take all readings; see :class:`rigd.sdk.Plant`.
