@@ -48,7 +48,8 @@ def main() -> None:
             rows.append((rig_s / wall, rig_s / cpu))
             print(
                 f"{rig_s:6.1f} s of rig time in {wall:5.2f} s wall, {cpu:5.2f} s CPU: "
-                f"{rig_s / wall:5.1f} x, {1e3 * cpu / rig_s:5.1f} us CPU a cycle, {size / 1e6:.1f} MB"
+                f"{rig_s / wall:5.1f} x, {1e3 * cpu / rig_s:5.1f} us CPU a cycle, "
+                f"{size / 1e6:.1f} MB"
             )
     at_least("simulated run, rig time / wall time", statistics.median(r[0] for r in rows), 20)
     noted("simulated run, rig time / CPU time", statistics.median(r[1] for r in rows), "x")

@@ -88,8 +88,8 @@ def execute(
     streams = _streams(wiring.cycle, request.procedure)
     resume = request.resume
     if resume is not None:
-        resume.check_same("procedure.yaml", request.procedure_text)
-        resume.check_same("rig.yaml", request.rig.source.text)
+        for name, text in _texts(request).items():
+            resume.check_same(name, text)
         path = resume.path
         writer = RecordingWriter.append(path, streams=streams)
     else:
@@ -99,7 +99,10 @@ def execute(
             path,
             streams=streams,
             metadata=_metadata(request, clock),
-            attachments=_attachments(request),
+            attachments=[
+                Attachment(name, "application/yaml", text.encode())
+                for name, text in _texts(request).items()
+            ],
             start_ns=clock.start_ns,
             compression=request.compression,
         )
@@ -160,7 +163,8 @@ def _metadata(request: RunRequest, clock: Clock) -> dict[str, dict[str, str]]:
     )
 
 
-def _attachments(request: RunRequest) -> list[Attachment]:
+def _texts(request: RunRequest) -> dict[str, str]:
+    """Return the files the run is made from, by the name they are attached under."""
     texts = {
         "procedure.yaml": request.procedure_text,
         "rig.yaml": request.rig.source.text,
@@ -168,7 +172,7 @@ def _attachments(request: RunRequest) -> list[Attachment]:
     plant = request.rig.plant
     if plant is not None:
         texts.update(plant.plant_class.files(plant.config))
-    return [Attachment(name, "application/yaml", text.encode()) for name, text in texts.items()]
+    return texts
 
 
 def _new_path(request: RunRequest) -> Path:

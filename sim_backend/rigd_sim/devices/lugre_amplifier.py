@@ -46,10 +46,8 @@ class LugreAmplifier(Driver):
             Channel(
                 "current_raw", "V", "monitor output at the card", -volts, volts, raw_of="current"
             ),
-            Channel("setpoint", "A", "current demanded of the amplifier", -limit, limit),
         )
         self._scale = -scale if config.monitor_inverted else scale
-        self._setpoint = 0.0
 
     def open(self) -> None:
         """Do nothing: the plant stands as soon as the rig does."""
@@ -59,13 +57,12 @@ class LugreAmplifier(Driver):
         self._demand(0.0, enabled=True)
 
     def read(self, t_ns: int) -> Sequence[float]:
-        """Return current, monitor volts, setpoint, status (enabled 1, limited 2, saturated 4)."""
+        """Return current, monitor volts, status (enabled 1, limited 2, saturated 4)."""
         readings = self.link.readings_at(t_ns)
         volts = readings[layout.CURRENT_VOLTS]
         return (
             (volts - self.config.monitor_zero) * self._scale,
             volts,
-            self._setpoint,
             int(readings[layout.AMPLIFIER_STATUS]),
         )
 
@@ -76,15 +73,13 @@ class LugreAmplifier(Driver):
             DeviceError: the setpoint is NaN; the one before it holds.
 
         """
-        self._setpoint = accepted(self.setpoints[0], setpoints[0])
-        self.link.commands[layout.WHEEL_CURRENT] = self._setpoint
+        self.link.commands[layout.WHEEL_CURRENT] = accepted(self.setpoints[0], setpoints[0])
 
     def make_safe(self) -> None:
         """Switch the output off."""
         self._demand(0.0, enabled=False)
 
     def _demand(self, current: float, *, enabled: bool) -> None:
-        self._setpoint = current
         if self.link is not None:
             self.link.commands[layout.WHEEL_CURRENT] = current
             self.link.commands[layout.WHEEL_ENABLED] = float(enabled)
