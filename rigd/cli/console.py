@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Self, TextIO
@@ -52,6 +54,15 @@ class RunDisplay:
         traceback: TracebackType | None,
     ) -> None:
         self._bar.stop()
+
+    @contextmanager
+    def quiet(self) -> Iterator[None]:
+        """Take the bar off the screen for a while."""
+        self._bar.stop()
+        try:
+            yield
+        finally:
+            self._bar.start()
 
     def announce(self, path: Path) -> None:
         """Say where the samples go, before the first one does."""
@@ -126,9 +137,13 @@ class ConsoleAnswers:
 
     by = "operator"
 
-    def __init__(self, lines: TextIO, screen: TextIO) -> None:
+    def __init__(
+        self, lines: TextIO, screen: TextIO, quieten: Callable[[], AbstractContextManager[None]]
+    ) -> None:
+        """``quieten`` keeps the progress bar off the screen while a question stands there."""
         self._lines = lines
         self._screen = screen
+        self._quieten = quieten
 
     def can_answer(self, prompt: Prompt) -> bool:
         """Return whether a person sits at both ends."""
@@ -140,6 +155,10 @@ class ConsoleAnswers:
         Raises:
             ProcedureError: the terminal went away.
         """
+        with self._quieten():
+            return self._ask(prompt)
+
+    def _ask(self, prompt: Prompt) -> Answer:
         while True:
             self._screen.write(f"\n{prompt.text}\n{_invitation(prompt)}: ")
             self._screen.flush()

@@ -50,8 +50,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="RUN",
         help="go on with an interrupted sweep, in its file; procedure and rig default to its own",
     )
-    parser.add_argument(
+    asked = parser.add_mutually_exclusive_group()
+    asked.add_argument(
         "--yes", action="store_true", help="answer prompts with the procedure's own answers"
+    )
+    asked.add_argument(
+        "--ask", action="store_true", help="ask at this terminal, also on a simulated rig"
     )
     parser.add_argument(
         "--seed", type=_seed, metavar="N", help="seed of the simulation (default 1)"
@@ -118,9 +122,6 @@ def execute(args: argparse.Namespace) -> int:
     seed = args.seed if args.seed is not None else 1 if resume is None else resume.seed
     if args.dry_run:
         return _dry_run(procedure, rig, seed, as_json=args.json)
-    answers: Answers = OwnAnswers()
-    if rig.plant is None and not args.yes:
-        answers = ConsoleAnswers(sys.stdin, sys.stderr)
     request = RunRequest(
         procedure,
         source.file.text,
@@ -135,6 +136,9 @@ def execute(args: argparse.Namespace) -> int:
         overrides=overrides,
     )
     with RunDisplay(procedure, rig.name, quiet=args.quiet or args.json) as display:
+        answers: Answers = OwnAnswers()
+        if args.ask or (rig.plant is None and not args.yes):
+            answers = ConsoleAnswers(sys.stdin, sys.stderr, display.quiet)
         recorded = execute(
             request,
             answers=answers,

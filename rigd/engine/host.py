@@ -6,8 +6,8 @@ rows and events reach the sink, so that in virtual time a recording repeats bit 
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 
 from rigd.engine.clock import Clock, idle, monotonic_ns
 from rigd.engine.cycle import Cycle
@@ -71,28 +71,36 @@ class InProcessHost:
             pass
         return outcome
 
-    def ask(self, question: Callable[[], object]) -> Outcome | None:
+    def ask(self, question: Callable[[], None]) -> Outcome | None:
         """Run ``question`` in a thread; the cycle goes on at rest until it returns.
 
-        In virtual time the world stands still instead. Returns an outcome where the cycle had to
-        act meanwhile (an interlock, a stop); the question is then left behind.
+        In virtual time the world stands still instead, unless a person wants out. Returns an
+        outcome where the cycle had to act meanwhile (an interlock, a stop); the question is then
+        left behind in its thread, which dies with the process.
         """
-        if self.virtual:
-            question()
-            return None
+        answered = threading.Event()
+        errors: list[Exception] = []
+
+        def put() -> None:
+            try:
+                question()
+            except Exception as error:  # noqa: BLE001 - raised again below, in the run's thread
+                errors.append(error)
+            finally:
+                answered.set()
+
         self.cycle.load(None)
-        # Not a `with` block: leaving it would wait for an answer that may never come.
-        pool = ThreadPoolExecutor(1, thread_name_prefix="prompt")
-        asked: Future[object] = pool.submit(question)
-        try:
-            while not asked.done():
-                outcome = self._step()
-                if outcome is not None:
-                    return outcome
-            asked.result()
-            return None
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+        threading.Thread(target=put, name="prompt", daemon=True).start()
+        while not answered.is_set():
+            if self.virtual and self.cycle.control.verb is None:
+                answered.wait(0.05)
+                continue
+            outcome = self._step()
+            if outcome is not None:
+                return outcome
+        if errors:
+            raise errors[0]
+        return None
 
     def rest_while(self, condition: Callable[[], bool]) -> Outcome | None:
         """Keep the rig at rest as long as ``condition`` holds; return an outcome as :meth:`ask`."""

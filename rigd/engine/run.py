@@ -271,10 +271,10 @@ class Run:
     def _prompt(self, prompt: Prompt) -> Outcome | None:
         self._event("prompt", {"name": prompt.name, "text": prompt.text})
         given: list[Answer] = []
-        outcome = self.host.ask(lambda: given.append(self.answers.answer(prompt)))
-        if outcome is not None:
-            return outcome
         try:
+            outcome = self.host.ask(lambda: given.append(self.answers.answer(prompt)))
+            if outcome is not None:
+                return outcome
             answer = check_answer(prompt, given[0])
         except ProcedureError as error:
             return Outcome(Ending.FAILED, error.message)
