@@ -1,0 +1,103 @@
+"""The command line: help that teaches, nothing heavy imported for it, errors without tracebacks."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from support.command import rigd
+
+from rigd import __version__
+from rigd.cli import main as cli
+from rigd.model.errors import Exit
+
+COMMANDS = [command.__name__.rpartition(".")[2] for command in cli.COMMANDS]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_teaches_by_example(command: str, tmp_path: Path) -> None:
+    shown = rigd(command, "--help", cwd=tmp_path)
+    assert shown.code == 0
+    assert "example" in shown.out
+    assert f"rigd {command}" in shown.out
+
+
+def test_help_names_every_command_and_every_exit_code(tmp_path: Path) -> None:
+    shown = rigd("--help", cwd=tmp_path).out
+    for command in COMMANDS:
+        assert f"  {command}" in shown
+    for code in Exit:
+        assert f"{int(code)}  " in shown
+
+
+def test_help_and_version_import_nothing_heavy(tmp_path: Path) -> None:
+    script = (
+        "import sys\n"
+        "from rigd.cli.main import build_parser\n"
+        "build_parser().format_help()\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'pydantic', 'mcap', 'rich', 'pyarrow', 'matplotlib'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    assert done.stdout.strip() == "[]"
+    assert rigd("--version", cwd=tmp_path).out.strip() == f"rigd {__version__}"
+
+
+def test_checking_a_file_imports_no_numerics(tmp_path: Path) -> None:
+    script = (
+        "import sys\n"
+        "from rigd.cli.main import main\n"
+        "main(['check', 'constant_current', '--rig', 'lugre-1'])\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'mcap', 'rich', 'pyarrow', 'matplotlib'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    assert done.stdout.strip().splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
+def test_completion_scripts_know_every_command(shell: str, tmp_path: Path) -> None:
+    script = rigd("completion", shell, cwd=tmp_path)
+    assert script.code == 0
+    for command in COMMANDS:
+        assert command in script.out
+
+
+def test_bash_completes_a_command(tmp_path: Path) -> None:
+    (tmp_path / "rigd.bash").write_text(rigd("completion", "bash", cwd=tmp_path).out)
+    done = subprocess.run(
+        [
+            "bash", "-c",
+            "source rigd.bash; COMP_WORDS=(rigd ide); COMP_CWORD=1; _shtab_rigd 2>/dev/null; "
+            'echo "${COMPREPLY[@]}"',
+        ],
+        cwd=tmp_path, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.split() == ["identify"]
+
+
+def test_a_bug_is_reported_as_one(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr("rigd.config.loader.load_rig", broken)
+    code = cli.main(["check", "lugre-1", "--rig", "lugre-1"])
+    assert code == Exit.INTERNAL
+    assert "this is a bug in rigd" in capsys.readouterr().err
+
+
+def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
+    done = subprocess.run(
+        f"{sys.executable} -m rigd schema rig | head -1",
+        shell=True, cwd=tmp_path, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout == "{\n"
+    assert done.stderr == ""
