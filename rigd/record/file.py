@@ -88,27 +88,27 @@ class RecordingFile:
             RecordingError: the system refuses; the file is as the last commit left it.
 
         """
-        start = self._sealed
-        at = start + len(sealed)
+        at, crc = self._sealed + len(sealed), zlib.crc32(sealed, self._crc)
+        parts = [sealed]
         for chunk in chunks:
             self._summary.add_chunk(chunk, at)
-            at += len(chunk.data)
-        new = sealed + b"".join(chunk.data for chunk in chunks)
-        crc = zlib.crc32(new, self._crc)
+            crc = _crc_of(chunk, crc)
+            parts += chunk.parts
+            at += chunk.size
+        seal_at, seal_crc = at, crc
         placed: list[tuple[int, Chunk]] = []
         for chunk in still_open:
             placed.append((at, chunk))
-            at += len(chunk.data)
-        opened = b"".join(chunk.data for chunk in still_open)
-        tail = opened + self._summary.tail(at, zlib.crc32(opened, crc), placed)
+            crc = _crc_of(chunk, crc)
+            at += chunk.size
+        opened = b"".join(part for chunk in still_open for part in chunk.parts)
+        tail = opened + self._summary.tail(at, crc, placed)
         try:
-            self._replace(new + tail)
+            self._replace([*parts, tail])
         except OSError as error:
             raise write_error(self.path, error) from error
-        self._sealed = start + len(new)
-        self._crc = crc
-        self._tail = tail
-        self._open_size = len(opened)
+        self._sealed, self._crc = seal_at, seal_crc
+        self._tail, self._open_size = tail, len(opened)
 
     def sync(self) -> None:
         """Wait until the disk has what was committed.
@@ -130,22 +130,29 @@ class RecordingFile:
         self._journal.close(remove=not self._torn)
         os.close(fd)
 
-    def _replace(self, data: bytes) -> None:
-        """Write ``data`` over the tail; put the tail back where that fails."""
+    def _replace(self, parts: Sequence[bytes]) -> None:
+        """Write ``parts`` over the tail; put the tail back where that fails."""
         if self._open_size:
             self._journal.save(Saved(self._sealed, self._tail[: self._open_size]))
+        size = sum(map(len, parts))
         self._torn = True
         try:
-            write_all(self._fd, data, self._sealed)
-            if len(data) < len(self._tail):
-                os.ftruncate(self._fd, self._sealed + len(data))
+            write_all(self._fd, parts, self._sealed)
+            if size < len(self._tail):
+                os.ftruncate(self._fd, self._sealed + size)
         except OSError:
             # The blocks under the old tail are allocated, so this needs no space.
-            write_all(self._fd, self._tail, self._sealed)
+            write_all(self._fd, (self._tail,), self._sealed)
             os.ftruncate(self._fd, self._sealed + len(self._tail))
             self._torn = False
             raise
         self._torn = False
+
+
+def _crc_of(chunk: Chunk, crc: int) -> int:
+    for part in chunk.parts:
+        crc = zlib.crc32(part, crc)
+    return crc
 
 
 def lock(fd: int, path: Path) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -23,6 +24,9 @@ _HEAD: Final = struct.Struct("<8sQQI")  #: magic, offset, length, CRC of payload
 def journal_path(recording: Path) -> Path:
     """Return where the journal of a recording stands while it is being written."""
     return recording.with_name(recording.name + ".journal")
+
+
+_MAX_PARTS: Final = os.sysconf("SC_IOV_MAX")
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class Journal:
             flags = os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
             self._fd = os.open(self._path, flags, 0o644)
         head = _HEAD.pack(_MAGIC, saved.offset, len(saved.data), _crc(saved.offset, saved.data))
-        write_all(self._fd, head + saved.data, 0)
+        write_all(self._fd, (head, saved.data), 0)
 
     def close(self, *, remove: bool) -> None:
         """Close the journal, and remove it when the recording no longer needs it."""
@@ -78,18 +82,23 @@ def read_journal(recording: Path) -> Saved | None:
     return Saved(offset, data)
 
 
-def write_all(fd: int, data: bytes, offset: int) -> None:
-    """Write ``data`` at ``offset``, in one call where the system lets us.
+def write_all(fd: int, parts: Sequence[bytes], offset: int) -> None:
+    """Write ``parts`` one after the other at ``offset``, in one call where the system lets us.
 
     Raises:
         OSError: the disk is full, a limit is reached, the disk fails; part may be written.
 
     """
-    view = memoryview(data)
-    while view:
-        written = os.pwrite(fd, view, offset)
-        view = view[written:]
-        offset += written
+    for start in range(0, len(parts), _MAX_PARTS):
+        some = parts[start : start + _MAX_PARTS]
+        size = sum(map(len, some))
+        written = os.pwritev(fd, some, offset)
+        if written < size:
+            # Cut short: say it in the system's words, by asking for the rest.
+            view = memoryview(b"".join(some))
+            while written < size:
+                written += os.pwrite(fd, view[written:], offset + written)
+        offset += size
 
 
 def _crc(offset: int, data: bytes) -> int:

@@ -62,7 +62,7 @@ def _recover(fd: int, path: Path) -> RecoveryReport:
     if not found.intact:
         saved = read_journal(path)
         if saved is not None and _journal_has_more(found, saved):
-            write_all(fd, saved.data, saved.offset)
+            write_all(fd, (saved.data,), saved.offset)
             os.ftruncate(fd, saved.offset + len(saved.data))
             found, from_journal = _scan(fd, path), True
         lost = max(size - found.data_end, 0)
@@ -122,7 +122,7 @@ def _finish(fd: int, found: Scan, problem: str) -> None:
     added = found.missing_index + build_extras(mark, (), contents.start_ns, start, contents)
     end = found.data_end + len(added)
     tail = SummaryWriter(contents).tail(end, zlib.crc32(added, found.data_crc), ())
-    write_all(fd, added + tail, found.data_end)
+    write_all(fd, (added, tail), found.data_end)
     os.ftruncate(fd, end + len(tail))
     os.fdatasync(fd)
     found.data_end = end

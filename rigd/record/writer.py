@@ -31,8 +31,9 @@ from rigd.record.openchunk import OpenChunk, OpenEvents, OpenRows
 from rigd.record.prefix import EVENTS_CHANNEL, Attachment, build_extras, build_prefix
 from rigd.record.resume import open_for_append
 
-#: Sealed chunks held in memory before they are written without being asked, about 8 MiB.
-MAX_WAITING: Final = 8
+#: Sealed chunks held in memory before they are written without being asked, about 4 MiB: enough
+#: for the compressing thread to work beside the caller, little enough to stay in a cache.
+MAX_WAITING: Final = 4
 DEFAULT_SYNC_S: Final = 1.0
 
 
