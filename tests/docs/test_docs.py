@@ -1,0 +1,220 @@
+"""Everything in docs/ runs: commands, Python and files, in the order in which they stand.
+
+A fenced block says by its info string what becomes of it:
+
+- ``sh``: run with ``sh -eu`` in the document's folder; ``exit=N`` where it must end with N;
+- ``python``: run in that folder, warnings are errors;
+- ``yaml file=NAME``: a whole file, written to that folder and checked;
+- ``yaml part``: top-level keys, put in place of those of a small procedure or of the shipped rig,
+  which is then checked;
+- ``text output``: what the ``sh`` block before it printed;
+- ``yaml fragment`` and ``text``: for people; counted, so that none is left unchecked by accident.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from rigd.config.document import parse_document
+from rigd.config.loader import load_rig, parse_rig
+from rigd.config.shipped import shipped_folder
+from rigd.config.source import RigSource
+from rigd.model import ConfigError
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import load_procedure
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+DOCUMENTS = ("procedures.md", "rigs.md", "recordings.md", "identification.md")
+#: Blocks that nothing runs, by document.
+UNCHECKED = {"procedures.md": 1, "rigs.md": 0, "recordings.md": 0, "identification.md": 2}
+TIMEOUT_S = 60
+
+_FENCE = re.compile(
+    r"^(?P<indent> *)```(?P<info>[^`\n]*)\n(?P<body>.*?)^(?P=indent)```$", re.M | re.S
+)
+_LINK = re.compile(r"\]\((?!https?://)(?P<file>[^)#\s]*)(?:#(?P<anchor>[^)\s]+))?\)")
+_TOP_KEY = re.compile(r"^([a-z]+):", re.M)
+
+#: What ``yaml part`` blocks of procedures are put into.
+SKELETON = """\
+procedure: part
+title: A part of the documentation
+doc: Checked with the rest of a small procedure around it.
+parameters:
+  floor: {doc: Floor, choices: [stone, pvc, paperboard], default: stone}
+  current: {doc: Current, unit: A, default: 0.5 A, min: 0.1 A, max: 1.5 A}
+trial:
+  steps:
+    - step: drive
+      set: {wheel_servo.current: "${current}"}
+      for: 0.1 s
+"""
+
+
+@dataclass(frozen=True)
+class Block:
+    """One fenced block: the words of its info string, its text, and the line it begins in."""
+
+    words: tuple[str, ...]
+    body: str
+    line: int
+
+    @property
+    def kind(self) -> str:
+        """What becomes of it."""
+        if self.words[:1] == ("yaml",) and self.options.keys() >= {"file"}:
+            return "yaml file"
+        return " ".join(word for word in self.words if "=" not in word)
+
+    @property
+    def options(self) -> dict[str, str]:
+        """The ``name=value`` words."""
+        return dict(word.split("=", 1) for word in self.words if "=" in word)
+
+
+def blocks(name: str) -> list[Block]:
+    """Return the fenced blocks of a document in order."""
+    text = (DOCS / name).read_text("utf-8")
+    found = []
+    for match in _FENCE.finditer(text):
+        indent = match["indent"]
+        body = "".join(line.removeprefix(indent) for line in match["body"].splitlines(True))
+        line = text.count("\n", 0, match.start()) + 1
+        found.append(Block(tuple(match["info"].split()), body, line))
+    return found
+
+
+def folder_of_checkout(folder: Path) -> Path:
+    """Make ``folder`` look like the checkout, as far as the documents name its folders."""
+    (folder / "configs").symlink_to(shipped_folder("configs"))
+    (folder / "procedures").symlink_to(shipped_folder("procedures"))
+    return folder
+
+
+def ended(command: list[str], folder: Path, expected: int) -> str:
+    """Run a command and return what it printed, both streams; it must end with ``expected``."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        env={**os.environ, "PATH": path},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    assert done.returncode == expected, done.stdout
+    assert "Traceback" not in done.stdout, done.stdout
+    return done.stdout
+
+
+def with_part(whole: str, part: str) -> str:
+    """Return ``whole`` with the top-level keys of ``part`` in place of its own."""
+    given = set(_TOP_KEY.findall(part))
+    kept = [
+        piece
+        for piece in re.split(r"(?m)^(?=[a-z]+:)", whole)
+        if not given.intersection(_TOP_KEY.findall(piece))
+    ]
+    return "".join(kept) + part
+
+
+def check_part(part: str, folder: Path) -> None:
+    """Check the top-level keys of a rig or procedure file, with the rest of a file around them."""
+    rig = load_rig("lugre-1")
+    if set(_TOP_KEY.findall(part)) <= RigSource.model_fields.keys():
+        parse_rig(with_part(rig.source.text, part), rig.source.path)
+        return
+    file = folder / "part.yaml"
+    file.write_text(with_part(SKELETON, part), "utf-8")
+    compile_procedure(load_procedure(file), rig)
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_every_block_does_what_it_says(name: str, tmp_path: Path) -> None:
+    folder = folder_of_checkout(tmp_path)
+    unchecked, printed = 0, ""
+    for block in blocks(name):
+        where = f"{name}:{block.line}"
+        match block.kind:
+            case "sh":
+                expected = int(block.options.get("exit", "0"))
+                try:
+                    printed = ended(["sh", "-euc", block.body], folder, expected)
+                except AssertionError as error:
+                    raise AssertionError(f"{where}\n{error}") from error
+            case "python":
+                ended([sys.executable, "-W", "error", "-c", block.body], folder, 0)
+            case "text output":
+                assert printed == block.body, where
+            case "yaml file":
+                (folder / block.options["file"]).write_text(block.body, "utf-8")
+                ended(
+                    [
+                        sys.executable,
+                        "-m",
+                        "rigd",
+                        "check",
+                        block.options["file"],
+                        "--rig",
+                        "lugre-1",
+                    ],
+                    folder,
+                    0,
+                )
+            case "yaml part":
+                check_part(block.body, folder)
+            case "yaml fragment" | "text":
+                unchecked += 1
+            case other:
+                pytest.fail(f"{where}: nothing is done with a block of {other!r}")
+    assert unchecked == UNCHECKED[name]
+
+
+def test_no_document_is_forgotten() -> None:
+    assert {path.name for path in DOCS.glob("*.md")} == set(DOCUMENTS)
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_links_lead_somewhere(name: str) -> None:
+    text = (DOCS / name).read_text("utf-8")
+    for match in _LINK.finditer(text):
+        target = DOCS / (match["file"] or name)
+        assert target.is_file(), match[0]
+        if match["anchor"]:
+            titles = re.findall(r"^#+ (.+)$", target.read_text("utf-8"), re.M)
+            anchors = {re.sub(r"[^\w -]", "", title).lower().replace(" ", "-") for title in titles}
+            assert match["anchor"] in anchors, match[0]
+
+
+def test_a_wrong_part_is_noticed(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="no stream 'carrige'"):
+        check_part("record:\n  carrige: 1\n", tmp_path)
+    with pytest.raises(ConfigError, match=r"no channel 'carrige\.position'"):
+        check_part(
+            "interlocks:\n"
+            "  - {name: far, source: carrige.position, high: 1 m, action: stop, message: Far.}\n",
+            tmp_path,
+        )
+
+
+def test_parts_replace_and_do_not_repeat_keys() -> None:
+    whole = with_part(SKELETON, "parameters:\n  speed: {doc: Speed, default: 1}\n")
+    data = parse_document(whole, Path("part.yaml")).data
+    assert isinstance(data, dict)
+    assert data["parameters"] == {"speed": {"doc": "Speed", "default": "1"}}
+    assert "trial" in data
+
+
+@pytest.mark.parametrize("code", ["exit 3", "echo Traceback"])
+def test_a_command_that_fails_is_noticed(code: str, tmp_path: Path) -> None:
+    with pytest.raises(AssertionError):
+        ended(["sh", "-euc", code], tmp_path, 0)
