@@ -49,17 +49,22 @@ class Ramp:
 
 @dataclass(frozen=True)
 class Sine:
-    """``offset + amplitude sin(2 pi frequency t + phase)``."""
+    """``offset + amplitude sin(2 pi frequency t + phase)``.
+
+    With ``fade_s`` the amplitude falls in a straight line to nothing within that time.
+    """
 
     amplitude: float
     frequency_hz: float
     offset: float = 0.0
     phase_rad: float = 0.0
+    fade_s: float = math.inf
 
     def at(self, t_s: float, initial: float) -> float:
         """Return the setpoint ``t_s`` after the segment began; ``initial`` is what held before."""
         angle = 2 * math.pi * self.frequency_hz * t_s + self.phase_rad
-        return self.offset + self.amplitude * math.sin(angle)
+        amplitude = self.amplitude * max(0.0, 1.0 - t_s / self.fade_s)
+        return self.offset + amplitude * math.sin(angle)
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,10 @@ class SetpointReader:
         frequency = self._positive(("sine", "frequency"), source.frequency, "Hz")
         phase = self._number(("sine", "phase"), source.phase, "rad")
         self._check_rate(("sine",), 2 * math.pi * frequency * abs(amplitude))
-        return Sine(amplitude, frequency, offset, phase)
+        fade = math.inf
+        if source.fade is not None:
+            fade = self._positive(("sine", "fade"), source.fade, "s")
+        return Sine(amplitude, frequency, offset, phase, fade)
 
     def _chirp(self, source: ChirpSource) -> Chirp:
         offset, amplitude = self._swing("chirp", source.offset, source.amplitude)

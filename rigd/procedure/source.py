@@ -164,6 +164,8 @@ class SineSource(Source):
     """Value in the middle; by default zero."""
     phase: Expression = "0 deg"
     """Where the sine begins."""
+    fade: Expression | None = None
+    """In this time the swing falls in a straight line to nothing."""
 
 
 class SquareSource(Source):

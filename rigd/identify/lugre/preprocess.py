@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.signal import savgol_filter
 
-from rigd.identify.lugre.drive import Drive, find_drive
+from rigd.identify.lugre.drive import MIN_REST_S, Drive, find_drive
 from rigd.identify.lugre.model import SlipForce
 from rigd.identify.lugre.trial import LugreConstants, LugreTrial, sampling_period_s
 from rigd.identify.result import FloatArray, Preprocessing, TrialRejection
@@ -28,14 +28,20 @@ class Guards:
 
     ``window_s``: Savitzky-Golay window, the same for slip and force. ``order``: its polynomial.
     ``min_speed_m_s``: below this carriage speed Eq. 34 does not hold (friction at rest equals
-    the applied force). ``min_travel_m``: a trial that moves less did not move.
-    ``min_used_s``: a trial with less usable data than this is left out.
+    the applied force). ``min_travel_m``, ``min_peak_m_s``: a trial that moves less, or never
+    faster, creeps or does not move, and its few samples near standstill say nothing about sliding
+    (0.15 A on stone peaks at 33 mm/s). ``still_m`` and ``settle_s``: the accelerometer's zero is
+    taken where the carriage has stayed within the one for at least the other (0.5 s of "rest" on
+    PVC that begin with a moving carriage cost sigma_0 17 %). ``min_used_s``: a trial with less usable data than this is left out.
     """
 
     window_s: float = 0.031
     order: int = 2
     min_speed_m_s: float = 0.03
     min_travel_m: float = 0.05
+    min_peak_m_s: float = 0.1
+    still_m: float = 0.1e-3
+    settle_s: float = 0.1
     min_used_s: float = 0.1
     min_trials: int = 3
 
@@ -116,7 +122,14 @@ def process_trial(
     if end - drive.start < 2 * window:
         return TrialRejection(trial.label, "the drive is shorter than two filter windows")
     rim = direction * constants.wheel_radius_m * trial.wheel_angle_rad[:end]
-    bias = float(np.mean(trial.acceleration_m_s2[: drive.start - window]))
+    rest = _rest(position, drive.start - window, guards, period)
+    if (rest.stop - rest.start) * period < MIN_REST_S:
+        return TrialRejection(
+            trial.label,
+            f"the carriage stands still for only {1e3 * (rest.stop - rest.start) * period:.0f} ms "
+            f"before the current step, need {1e3 * MIN_REST_S:.0f} ms for the accelerometer's zero",
+        )
+    bias = float(np.mean(trial.acceleration_m_s2[rest]))
     acceleration = direction * (trial.acceleration_m_s2[:end] - bias)
 
     # The filter runs over the drive alone: reaching across the step it would smear the jump of
@@ -126,6 +139,13 @@ def process_trial(
     wheel_speed[moving] = rate(rim[moving], period, window, guards.order)
     carriage_speed[moving] = rate(position[moving], period, window, guards.order)
     inertial[moving] = constants.mass_kg * smooth(acceleration[moving], window, guards.order)
+    peak = float(np.max(np.abs(carriage_speed)))
+    if peak < guards.min_peak_m_s:
+        return TrialRejection(
+            trial.label,
+            f"the carriage creeps: {1e3 * peak:.0f} mm/s at most, need "
+            f"{1e3 * guards.min_peak_m_s:.0f} mm/s",
+        )
     slip = wheel_speed - carriage_speed
     slip[: drive.start + 1] = 0.0
     traction = inertial + constants.resistance_n * np.sign(carriage_speed)
@@ -147,6 +167,14 @@ def process_trial(
         trial.label, trial.current_a, trial.t_s[:end], wheel_speed, carriage_speed, traction,
         samples, drive, bias,
     )  # fmt: skip
+
+
+def _rest(position: FloatArray, end: int, guards: Guards, period_s: float) -> slice:
+    """Return the last stretch before sample ``end`` in which the carriage has come to rest."""
+    moved = np.flatnonzero(np.abs(position[:end] - position[end]) > guards.still_m)
+    if moved.size == 0:
+        return slice(0, end)
+    return slice(min(int(moved[-1]) + 1 + round(guards.settle_s / period_s), end), end)
 
 
 def window_samples(guards: Guards, period_s: float) -> int:
@@ -202,7 +230,7 @@ def _account(
             f"Speeds and acceleration come from the same zero-phase Savitzky-Golay filter (order "
             f"{guards.order}, {window} samples, {1e3 * window * kept[0].samples.period_s:.0f} ms), "
             "run over the drive alone so that the jump at the current step is not smeared.",
-            "The accelerometer's zero is its mean over the rest before each step.",
+            "The accelerometer's zero is its mean over the standstill before each step.",
             "Traction is F = m a + guide friction + rolling resistance, both kinetic.",
             f"Samples slower than {guards.min_speed_m_s} m/s, within half a window of a current "
             "step, and after the end of the drive do not count; slip is zero before the step.",
