@@ -13,7 +13,8 @@ examples:
   rigd check configs/sim_lugre.yaml
   rigd check procedures/*.yaml --rig lugre-1     also names, units and limits against the rig
 
-  Without --rig a procedure is checked for its own sense only: language, units, expressions.
+  Without --rig only the keys of a procedure and their shapes are checked: names, units and
+  expressions mean something on a rig.
   Exit code 0: every file is right; 2: at least one is not.
 """
 
@@ -71,7 +72,9 @@ def _check(given: str, rig: object) -> str:
     compiled = compile_procedure(procedure, rig, {})
     if compiled.identify is not None:
         needs_of(compiled.identify, procedure.document.key_place(("identify",)))
-    return f"procedure {compiled.name}, {len(compiled.trials)} trials on {rig.name}: right"
+    count = len(compiled.trials)
+    trials = "1 trial" if count == 1 else f"{count} trials"
+    return f"procedure {compiled.name}, {trials} on {rig.name}: right"
 
 
 def _is_rig(given: str) -> bool:
@@ -83,7 +86,9 @@ def _is_rig(given: str) -> bool:
     if not path.is_file():
         try:
             find_file(given, "procedures")
-        except ConfigError:
+        except ConfigError as error:
+            if path.suffix:
+                raise ConfigError(f"there is no file {given!r}", hint=error.hint) from error
             return True
         return False
     with path.open("rb") as stream:

@@ -69,7 +69,8 @@ class RunDisplay:
         if not self._quiet:
             self._console.print(
                 f"[bold]{escape(self._procedure.name)}[/] on {escape(self._rig)}, "
-                f"{len(self._procedure.trials)} trials, recording to [cyan]{escape(str(path))}[/]"
+                f"{_count(len(self._procedure.trials), 'trial')}, "
+                f"recording to [cyan]{escape(str(path))}[/]"
             )
 
     def watch(self, progress: RunProgress) -> None:
@@ -106,19 +107,23 @@ class RunDisplay:
             f"{result.trials_done} of {result.trials_total} trials, "
             f"{result.run_s:.1f} s of rig time"
         )
-        for number in result.incomplete:
-            console.print(f"  trial {number} ended early")
+        for number, why in result.incomplete:
+            console.print(f"  trial {number} ended early: {escape(why)}")
         for line in (*result.trips, *result.problems):
             console.print(f"  [red]{escape(line)}[/]")
         if result.missed_cycles:
-            console.print(f"  {result.missed_cycles} cycles were missed")
+            console.print(f"  {result.missed_cycles} of {result.cycles} cycles were missed")
         path = escape(str(recorded.path))
         if result.trials_done < result.trials_total:
-            console.print(f"go on with:  rigd run … --resume {path}", soft_wrap=True)
+            console.print(f"go on with:  rigd run --resume {path}", soft_wrap=True)
         elif result.exit_code is Exit.OK and self._procedure.identify is not None:
             console.print(f"identify:    rigd identify {path}", soft_wrap=True)
         else:
             console.print(f"recording:   {path}", soft_wrap=True)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def describe_trial(trial: TrialPlan, procedure: CompiledProcedure) -> str:
@@ -128,7 +133,7 @@ def describe_trial(trial: TrialPlan, procedure: CompiledProcedure) -> str:
         for name, value in trial.parameters.items()
         if name not in procedure.parameters or procedure.parameters[name] != value
     ]
-    text = ", ".join(words) or f"trial {trial.number}"
+    text = ", ".join(words) or "no sweep"
     return text if trial.repeat == 1 else f"{text}, repeat {trial.repeat}"
 
 

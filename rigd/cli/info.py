@@ -44,12 +44,15 @@ def execute(args: argparse.Namespace) -> int:
     else:
         _print(info)
     if args.attachments is not None:
-        args.attachments.mkdir(parents=True, exist_ok=True)
         for one in recording.attachments.values():
             # An attachment's name comes from a file: never let it point outside the folder.
-            target = args.attachments / Path(one.name).name
+            name = Path(one.name)
+            if name.is_absolute() or ".." in name.parts:
+                name = Path(name.name)
+            target = args.attachments / name
             if target.exists():
                 raise RecordingError(f"{target} exists already")
+            target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(one.data)
             print(f"wrote {target}")
     return 0
@@ -70,6 +73,9 @@ def _print(info: RunInfo) -> None:
         "state": info.state + (f": {info.reason}" if info.reason else ""),
         "trials": f"{info.trials_done} complete, {len(info.trials)} begun",
         "parameters": ", ".join(f"{name} = {value}" for name, value in info.parameters.items()),
+        "--set": ", ".join(
+            f"{name}={value}" for name, value in info.metadata.get("overrides", {}).items()
+        ),
         "attached": ", ".join(info.attachments),
     }
     for name, text in facts.items():

@@ -117,6 +117,9 @@ def execute(args: argparse.Namespace) -> int:
     source = load_procedure(procedure_name)
     done = frozenset[int]() if resume is None else resume.done
     procedure = compile_procedure(source, rig, overrides, done=done)
+    if resume is not None and len(done) == len(procedure.trials):
+        print(f"{resume.path}: all {len(done)} trials are complete, nothing is missing")
+        return 0
     if procedure.identify is not None:
         needs_of(procedure.identify, source.document.key_place(("identify",)))
     seed = args.seed if args.seed is not None else 1 if resume is None else resume.seed
@@ -157,7 +160,7 @@ def execute(args: argparse.Namespace) -> int:
                     "exit_code": int(result.exit_code),
                     "trials_done": result.trials_done,
                     "trials_total": result.trials_total,
-                    "incomplete_trials": list(result.incomplete),
+                    "incomplete_trials": {str(n): why for n, why in result.incomplete},
                     "run_s": round(result.run_s, 6),
                     "missed_cycles": result.missed_cycles,
                     "trips": list(result.trips),
@@ -199,23 +202,30 @@ def split_assignment(text: str) -> tuple[str, str]:
 
 
 def _seed(text: str) -> int:
-    value = int(text)
-    if not 0 <= value < 2**32:
-        raise argparse.ArgumentTypeError("must be between 0 and 4294967295")
-    return value
+    if text.isdecimal() and int(text) < 2**32:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 to 4294967295")
 
 
 def _pace(text: str) -> float:
-    value = float(text)
-    if not 0.01 <= value <= 100:
-        raise argparse.ArgumentTypeError("must be between 0.01 and 100")
-    return value
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if 0.01 <= value <= 100:
+        return value
+    raise argparse.ArgumentTypeError(f"{text!r} is no number from 0.01 to 100")
 
 
 def _time(text: str) -> int:
     from datetime import UTC, datetime
 
-    moment = datetime.fromisoformat(text)
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no time such as 2026-11-21T08:00:00"
+        ) from error
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=UTC)
     return int(moment.timestamp()) * 1_000_000_000

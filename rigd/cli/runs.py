@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 HELP = "list the recordings of a folder"
@@ -50,13 +51,14 @@ def execute(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps([info_json(info) for info in catalogue.runs], indent=2))
         return 0
-    console = Console(highlight=False)
+    # Piped, a line is a line: nothing folds.
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
     table = Table(box=None, pad_edge=False)
     for name in ("recording", "procedure", "rig", "state"):
         table.add_column(name, overflow="fold")
     for name in ("trials", "s", "MB"):
         table.add_column(name, justify="right")
-    table.add_column("parameters", overflow="fold")
+    table.add_column("set", overflow="fold")
     for info in catalogue.runs:
         total = info.metadata.get("run", {}).get("trials", "?")
         texts = (
@@ -67,7 +69,9 @@ def execute(args: argparse.Namespace) -> int:
             f"{info.trials_done}/{total}",
             f"{info.duration_s:.0f}",
             f"{info.size / 1e6:.1f}",
-            ", ".join(f"{name}={value}" for name, value in info.parameters.items()),
+            ", ".join(
+                f"{name}={value}" for name, value in info.metadata.get("overrides", {}).items()
+            ),
         )
         table.add_row(*map(escape, texts))
     console.print(table)

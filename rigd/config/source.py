@@ -48,7 +48,7 @@ class DeviceSource(Source):
     """One device of the rig."""
 
     driver: FileName
-    """Driver of the device; `rigd drivers` lists those installed."""
+    """Name of an installed driver."""
     options: Annotated[dict[str, Any], BeforeValidator(_nothing_is_empty)] = {}
     """Options of the driver."""
     limits: Annotated[dict[Name, LimitSource], BeforeValidator(_nothing_is_empty)] = {}

@@ -87,14 +87,17 @@ def execute(
     wiring = wire(request.rig, clock, control, request.seed)
     streams = _streams(wiring.cycle, request.procedure)
     resume = request.resume
+    done = frozenset[int]() if resume is None else resume.done
     if resume is not None:
         for name, text in _texts(request).items():
             resume.check_same(name, text)
         path = resume.path
-        writer = RecordingWriter.append(path, streams=streams)
+        mode = _metadata(request, clock)["run"]["mode"]
+        writer = RecordingWriter.append(
+            path, streams=streams, metadata={"resumed": {"mode": mode, "trials": str(len(done))}}
+        )
     else:
         path = request.output or _new_path(request)
-        path.parent.mkdir(parents=True, exist_ok=True)
         writer = RecordingWriter.create(
             path,
             streams=streams,
@@ -121,7 +124,7 @@ def execute(
         control,
         answers or OwnAnswers(),
         change=None if wiring.plant is None else wiring.plant.change,
-        done=frozenset() if resume is None else resume.done,
+        done=done,
         watch=watch,
         extra_checks=(lambda: _disk_check(path.parent),),
     )
@@ -164,19 +167,28 @@ def _metadata(request: RunRequest, clock: Clock) -> dict[str, dict[str, str]]:
 
 
 def _texts(request: RunRequest) -> dict[str, str]:
-    """Return the files the run is made from, by the name they are attached under."""
+    """Return the files the run is made from, by the name they are attached under.
+
+    Files of the plant keep their place beside the rig file, so that both written out again make
+    the same rig.
+    """
     texts = {
         "procedure.yaml": request.procedure_text,
         "rig.yaml": request.rig.source.text,
     }
     plant = request.rig.plant
     if plant is not None:
-        texts.update(plant.plant_class.files(plant.config))
+        folder = request.rig.source.path.resolve().parent
+        for path, text in plant.plant_class.files(plant.config).items():
+            whole = path.resolve()
+            beside = whole.is_relative_to(folder)
+            texts[str(whole.relative_to(folder)) if beside else path.name] = text
     return texts
 
 
 def _new_path(request: RunRequest) -> Path:
     """Return a path in the folder that no file has yet: time, procedure, floor or the like."""
+    request.folder.mkdir(parents=True, exist_ok=True)
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     words = [stamp, request.procedure.name]
     plan = request.procedure.identify

@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 
-from rigd.engine.clock import Clock, idle, monotonic_ns
+from rigd.engine.clock import Clock, monotonic_ns
 from rigd.engine.cycle import Cycle
 from rigd.engine.player import Outcome
 from rigd.engine.ring import Ring
@@ -89,7 +89,10 @@ class InProcessHost:
             finally:
                 answered.set()
 
-        self.cycle.load(None)
+        # Rest first, so that what holds afterwards does not depend on how fast the answer came.
+        outcome = self.rest_while(lambda: not self.cycle.limiter.at_rest())
+        if outcome is not None:
+            return outcome
         threading.Thread(target=put, name="prompt", daemon=True).start()
         while not answered.is_set():
             if self.virtual and self.cycle.control.verb is None:
@@ -106,8 +109,6 @@ class InProcessHost:
         """Keep the rig at rest as long as ``condition`` holds; return an outcome as :meth:`ask`."""
         self.cycle.load(None)
         while condition():
-            if self.virtual:
-                idle(0.05)
             outcome = self._step()
             if outcome is not None:
                 return outcome

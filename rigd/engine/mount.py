@@ -13,8 +13,10 @@ from rigd.sdk import Driver
 CYCLE_STREAM = Stream(
     "cycle",
     (
-        Channel("scheduled", "s", "when this cycle was due, since the start of the run"),
-        Channel("actual", "s", "when it began, since the start of the run"),
+        Channel(
+            "scheduled", "s", "when this cycle was due, since the run (or its resumed part) began"
+        ),
+        Channel("actual", "s", "when it did begin, on the same clock"),
         Channel("spent", "s", "how long it took; 0 in virtual time"),
     ),
     doc="Timing of the control cycle itself",

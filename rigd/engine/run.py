@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rigd.engine.answers import Answer, Answers, check_answer
+from rigd.engine.clock import idle
 from rigd.engine.control import Control
 from rigd.engine.cycle import Cycle
 from rigd.engine.host import InProcessHost
@@ -18,10 +19,12 @@ from rigd.engine.player import Ending, Outcome
 from rigd.engine.preflight import preflight
 from rigd.engine.sink import Sink
 from rigd.model.errors import Blocked, Exit, ProcedureError, RigdError
-from rigd.model.limits import Action
 from rigd.model.states import RunEvent, RunState, next_state
-from rigd.procedure.program import CompiledProcedure, Prompt, Step, TrialPlan
+from rigd.procedure.program import AnswerKind, CompiledProcedure, Prompt, Step, TrialPlan
 from rigd.record.events import NO_TRIAL
+
+#: Beyond this share of missed cycles a recording is not what it looks like.
+MISSED_SHARE = 0.05
 
 #: ``change(quantity, value)``: what a simulated rig does when a prompt was answered.
 ChangePlant = Callable[[str, float | str], None]
@@ -44,7 +47,7 @@ class RunResult:
     """How a run ended: the final state, why, and the exit code that says so to a script.
 
     ``ending`` is the word for it that the recording holds and people read: complete, stopped,
-    aborted, estopped, tripped, faulted or failed.
+    aborted, estopped, tripped, faulted, incomplete or blocked.
     """
 
     state: RunState
@@ -54,7 +57,8 @@ class RunResult:
     trials_done: int
     trials_total: int
     run_s: float
-    incomplete: tuple[int, ...] = ()  #: numbers of trials that ended early
+    incomplete: tuple[tuple[int, str], ...] = ()  #: trials that ended early, and why
+    cycles: int = 0
     missed_cycles: int = 0
     trips: tuple[str, ...] = ()
     problems: tuple[str, ...] = ()  #: what went wrong while making the rig safe
@@ -91,7 +95,7 @@ class Run:
     _trial: TrialPlan | None = None
     _trials_done: int = 0
     _aborted: bool = False
-    _incomplete: list[int] = field(default_factory=list)
+    _incomplete: list[tuple[int, str]] = field(default_factory=list)
 
     @property
     def cycle(self) -> Cycle:
@@ -181,7 +185,20 @@ class Run:
             self._to(RunEvent.SAFE)
         else:
             self._to(RunEvent.FINISHED)
+        if code is Exit.OK:
+            return self._judge(reason)
         return reason, code
+
+    def _judge(self, reason: str) -> tuple[str, Exit]:
+        """Return what to call a run that came to its end but is not what was asked for."""
+        counters = self.cycle.counters
+        if counters.missed > MISSED_SHARE * (counters.cycles + counters.missed):
+            share = 100 * counters.missed / (counters.cycles + counters.missed)
+            return f"{share:.0f} % of the cycles were missed: run at a lower pace", Exit.FAILED
+        if self._incomplete:
+            early = len(self._incomplete)
+            return f"{early} of {len(self.procedure.trials)} trials ended early", Exit.FAILED
+        return reason, Exit.OK
 
     def _sequence(self) -> None:
         self._play_steps(self.procedure.prepare, "prepare")
@@ -209,10 +226,15 @@ class Run:
         if self.state is RunState.RUNNING:
             self._to(RunEvent.PAUSE)
         self._to(RunEvent.TRIAL_ENDED)
-        outcome = self.host.rest_while(lambda: self.control.pause_wanted)
+        outcome = self.host.rest_while(self._still_paused)
         if outcome is not None:
             raise self._way_out(outcome)
         self._to(RunEvent.RESUME)
+
+    def _still_paused(self) -> bool:
+        if self.host.virtual:
+            idle(0.05)
+        return self.control.pause_wanted
 
     def _play_trial(self, trial: TrialPlan) -> None:
         self._trial = trial
@@ -234,7 +256,7 @@ class Run:
             reason = outcome.reason or "all steps played"
             ends_run = outcome.trip is not None and outcome.trip.interlock.latch
             if outcome.ending is Ending.TRIAL_ENDED and not ends_run:
-                self._incomplete.append(trial.number)
+                self._incomplete.append((trial.number, outcome.reason))
             elif outcome.ending is not Ending.DONE:
                 raise self._way_out(outcome)
             self._play_steps(trial.after, "after")
@@ -280,7 +302,12 @@ class Run:
             return Outcome(Ending.FAILED, error.message)
         self._event(
             "answer",
-            {"name": prompt.name, "answer": answer, "unit": prompt.unit, "by": self.answers.by},
+            {
+                "name": prompt.name,
+                "answer": answer,
+                "unit": prompt.unit if prompt.kind is AnswerKind.NUMBER else "",
+                "by": self.answers.by,
+            },
         )
         if prompt.changes is not None and self.change is not None:
             self.change(prompt.changes, answer)
@@ -349,11 +376,12 @@ class Run:
             len(self.procedure.trials),
             self.progress.run_s,
             tuple(self._incomplete),
+            self.cycle.counters.cycles,
             self.cycle.counters.missed,
             tuple(
-                f"{trip.interlock.name}: {trip.reason}"
+                f"{trip.interlock.name} ({trip.interlock.action.name.lower()}): {trip.reason}"
+                + (f" - {trip.interlock.message}" if trip.interlock.message else "")
                 for trip in self.cycle.trips
-                if trip.interlock.action >= Action.WARN
             ),
             tuple(problems),
         )
@@ -371,6 +399,6 @@ def _ending(code: Exit, state: RunState, aborted: bool) -> str:
         Exit.OK: "complete",
         Exit.STOPPED: "stopped",
         Exit.TRIPPED: "faulted" if state is RunState.FAULTED else "tripped",
-        Exit.FAILED: "failed",
+        Exit.FAILED: "incomplete",
     }
     return words.get(code, "faulted")

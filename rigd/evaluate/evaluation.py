@@ -37,6 +37,7 @@ class Evaluation:
 
     title: str
     sections: tuple[ReportSection, ...]
+    recordings: tuple[tuple[Path, ...], ...]  #: those of each section
     provenance: Provenance
 
     def report(self) -> str:
@@ -52,10 +53,10 @@ class Evaluation:
         groups = [
             {
                 "group": section.label,
-                "recordings": [facts.title for facts in self.provenance.facts],
+                "recordings": [str(path) for path in paths],
                 **section.result.to_json(),
             }
-            for section in self.sections
+            for section, paths in zip(self.sections, self.recordings, strict=True)
         ]
         return groups[0] if len(groups) == 1 else {"groups": groups}
 
@@ -81,11 +82,13 @@ def evaluate(
         raise DataError(f"the recordings identify different models: {', '.join(sorted(models))}")
     model = import_module(needs_of(sweeps[0].plan).module)
     sections = []
+    recordings = []
     for label, trials in _groups(sweeps).items():
         tell(f"{label}: {len(trials)} trials")
         result = model.identify(
             trials, starts=options.starts, seed=options.seed, robust=options.robust
         )
+        recordings.append(tuple(dict.fromkeys(sweep.path for sweep, _ in trials)))
         plan = trials[0][0].plan
         if not plan.reference:
             sections.append(ReportSection(label, result))
@@ -93,7 +96,9 @@ def evaluate(
         curve = model.reference_curve(plan.reference_label, plan.reference, result)
         sections.append(ReportSection(label, result, plan.reference, plan.reference_label, curve))
     titles = dict.fromkeys(section.result.title for section in sections)
-    return Evaluation(", ".join(titles), tuple(sections), _provenance(sweeps, options))
+    return Evaluation(
+        ", ".join(titles), tuple(sections), tuple(recordings), _provenance(sweeps, options)
+    )
 
 
 def _groups(

@@ -115,10 +115,18 @@ def _check_reachable(
             reader.problems.add(
                 reader.document.inside(path, start),
                 f"{_describe(condition, channel)} can never be reached: {owner} "
-                f"{format_quantity(low, channel.unit)} to {format_quantity(high, channel.unit)}",
+                f"{_between(low, high, channel.unit)}",
                 hint,
             )
             return
+
+
+def _between(low: float, high: float, unit: str) -> str:
+    if math.isinf(low):
+        return f"below {format_quantity(high, unit)}"
+    if math.isinf(high):
+        return f"above {format_quantity(low, unit)}"
+    return f"between {format_quantity(low, unit)} and {format_quantity(high, unit)}"
 
 
 def _precedes(condition: Condition, low: float, high: float) -> bool:

@@ -184,7 +184,7 @@ def _describe(channel: Channel) -> str:
 
 
 def _range(channel: Channel) -> str:
-    return f"{channel.low:.17g} .. {channel.high:.17g}"
+    return f"{channel.low!r} .. {channel.high!r}"
 
 
 def _one_line(text: str) -> str:

@@ -83,11 +83,9 @@ def rehearse(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> Rehears
     peaks = tuple(_peaks(procedure, rig, sink))
     refusals = list(sink.trips)
     refusals += [f"a setpoint of {name} is beyond its limit" for name in sorted(sink.cut)]
-    if result.exit_code and not sink.trips:
+    if result.exit_code and not sink.trips and not result.incomplete:
         refusals.append(result.reason)
-    if result.incomplete:
-        numbers = ", ".join(map(str, result.incomplete))
-        refusals.append(f"trials {numbers} would end early")
+    refusals += [f"trial {n} would end early: {why}" for n, why in result.incomplete]
     steps = tuple(_step_rows(procedure, sink, clock.now()))
     return Rehearsal(clock.now() * 1e-9, steps, peaks, tuple(dict.fromkeys(refusals)), result)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
@@ -30,8 +31,8 @@ class Plant(ABC):
         self.seed = seed
 
     @classmethod
-    def files(cls, config: Any) -> Mapping[str, str]:
-        """Return name and text of the files, beyond the rig file, that the plant is made from.
+    def files(cls, config: Any) -> Mapping[Path, str]:
+        """Return path and text of the files, beyond the rig file, that the plant is made from.
 
         They are attached to recordings, and checked by ``rigd check``.
 

@@ -138,7 +138,9 @@ def test_an_interlock_that_ends_trials_lets_the_sweep_go_on() -> None:
         procedure([move("one", 0.5, 5.0)], [move("two", 0.1)], after=[move("back", -0.5, 0.5)])
     ).execute()
     assert bench.sink.steps() == ["one", "back", "two", "back", "home"]
-    assert result.incomplete == (1,)
+    assert [number for number, _ in result.incomplete] == [1]
+    assert result.ending == "incomplete"
+    assert "1 of 2 trials" in result.reason
 
 
 @pytest.mark.parametrize("early", ["timeout", "limit"])
@@ -153,7 +155,9 @@ def test_a_trial_that_ends_early_is_marked_and_the_rig_comes_back(early: str) ->
     ends = [data for _, kind, _, data in bench.sink.events if kind == "trial_end"]
     assert [end["complete"] for end in ends] == [False, True]
     assert bench.sink.steps()[1:] == ["back", "two", "back", "home"]
-    assert result.incomplete == (1,)
+    assert [number for number, _ in result.incomplete] == [1]
+    assert result.ending == "incomplete"
+    assert "1 of 2 trials" in result.reason
 
 
 def test_a_fault_in_a_trial_plays_nothing_more() -> None:

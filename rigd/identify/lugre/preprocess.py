@@ -32,7 +32,8 @@ class Guards:
     faster, creeps or does not move, and its few samples near standstill say nothing about sliding
     (0.15 A on stone peaks at 33 mm/s). ``still_m`` and ``settle_s``: the accelerometer's zero is
     taken where the carriage has stayed within the one for at least the other (0.5 s of "rest" on
-    PVC that begin with a moving carriage cost sigma_0 17 %). ``min_used_s``: a trial with less usable data than this is left out.
+    PVC that begin with a moving carriage cost sigma_0 17 %). ``min_used_s``: a trial with less
+    usable data than this is left out.
     """
 
     window_s: float = 0.031

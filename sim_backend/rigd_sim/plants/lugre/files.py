@@ -59,13 +59,19 @@ def load_parameters(path: Path) -> LugreParameters:
         raise ConfigError.several(
             [
                 ConfigError(
-                    f"{'.'.join(map(str, item['loc'])) or 'parameters'}: "
-                    f"{item['msg'].removeprefix('Value error, ')}",
+                    f"{'.'.join(map(str, item['loc'])) or 'parameters'}: {_words(item)}",
                     place=_place(path, tree, item["loc"]),
+                    hint="configs/plants/lugre.yaml shows every key with its unit",
                 )
                 for item in error.errors(include_url=False, include_context=False)
             ]
         ) from None
+
+
+def _words(item: Any) -> str:
+    """Return what is wrong with one entry, in words of the file rather than of the library."""
+    known = {"extra_forbidden": "unknown key", "missing": "this key is missing"}
+    return known.get(item["type"], str(item["msg"]).removeprefix("Value error, "))
 
 
 def _place(path: Path, tree: Any, location: tuple[int | str, ...]) -> Place:

@@ -93,8 +93,8 @@ class LugrePlant(Plant):
         self.readings = self._shown.tolist()
 
     @classmethod
-    def files(cls, config: LugreConfig) -> Mapping[str, str]:
-        """Return the file of physical parameters as ``plant.yaml``.
+    def files(cls, config: LugreConfig) -> Mapping[Path, str]:
+        """Return the file of physical parameters.
 
         Raises:
             ConfigError: it is not physical, or cannot be read.
@@ -102,7 +102,7 @@ class LugrePlant(Plant):
         """
         path = find_parameters(config.parameters)
         load_parameters(path)
-        return {"plant.yaml": path.read_text("utf-8")}
+        return {path: path.read_text("utf-8")}
 
     def advance(self, t_ns: int) -> None:
         """Integrate to ``t_ns`` and take all readings; see :class:`rigd.sdk.Plant`.
