@@ -10,10 +10,14 @@ from rich.table import Table
 
 from rigd.rehearsal import Rehearsal
 
+LEAST_WIDTH = 120
+
 
 def print_rehearsal(rehearsal: Rehearsal) -> None:
     """Print the step table, the duration, the peaks beside their limits, and the verdict."""
+    # Names of channels must stay whole: below this width the terminal may wrap, not the table.
     console = Console(highlight=False)
+    console = Console(highlight=False, width=max(console.width, LEAST_WIDTH))
     console.print(_steps(rehearsal))
     console.print(f"estimated duration: [bold]{rehearsal.duration_s:.1f} s[/] of rig time\n")
     console.print(_peaks(rehearsal))
@@ -27,22 +31,31 @@ def print_rehearsal(rehearsal: Rehearsal) -> None:
 
 def _steps(rehearsal: Rehearsal) -> Table:
     table = Table(title="steps", title_justify="left", box=None, pad_edge=False)
-    for name in ("block", "step", "setpoints", "ends when"):
-        table.add_column(name, overflow="fold")
+    table.add_column("block")
+    table.add_column("step")
+    table.add_column("setpoints")
+    table.add_column("ends when")
     table.add_column("played", justify="right")
-    table.add_column("s", justify="right")
+    table.add_column("seconds", justify="right")
     for row in rehearsal.steps:
         spread = f"{row.shortest_s:.2f}"
         if row.longest_s - row.shortest_s >= 0.005:
             spread += f" .. {row.longest_s:.2f}"
-        texts = (row.block, row.name, row.setpoints, row.ends, str(row.played), spread)
+        texts = (
+            row.block,
+            row.name,
+            "\n".join(row.setpoints),
+            "\n".join(row.ends),
+            str(row.played),
+            spread,
+        )
         table.add_row(*map(escape, texts))
     return table
 
 
 def _peaks(rehearsal: Rehearsal) -> Table:
     table = Table(title="predicted peaks", title_justify="left", box=None, pad_edge=False)
-    table.add_column("channel")
+    table.add_column("channel", no_wrap=True)
     for name in ("lowest", "highest", "limits"):
         table.add_column(name, justify="right")
     table.add_column("unit")

@@ -19,21 +19,9 @@ from rigd.engine.mount import CYCLE_STREAM
 from rigd.engine.run import Run, RunResult
 from rigd.engine.wiring import wire
 from rigd.model.limits import Action
-from rigd.procedure.program import CompiledProcedure, CycleProgram, Segment
+from rigd.procedure.program import CompiledProcedure, CycleProgram
 from rigd.rehearsal.peaks import PeakSink
-
-
-@dataclass(frozen=True)
-class StepRow:
-    """One step of the table: what it does, and its duration over all trials, in s."""
-
-    block: str
-    name: str
-    setpoints: str
-    ends: str
-    played: int
-    shortest_s: float
-    longest_s: float
+from rigd.rehearsal.steps import StepRow, step_rows
 
 
 @dataclass(frozen=True)
@@ -86,7 +74,7 @@ def rehearse(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> Rehears
     if result.exit_code and not sink.trips and not result.incomplete:
         refusals.append(result.reason)
     refusals += [f"trial {n} would end early: {why}" for n, why in result.incomplete]
-    steps = tuple(_step_rows(procedure, sink, clock.now()))
+    steps = step_rows(procedure, rig, sink.steps, clock.now())
     return Rehearsal(clock.now() * 1e-9, steps, peaks, tuple(dict.fromkeys(refusals)), result)
 
 
@@ -126,57 +114,3 @@ def _peaks(procedure: CompiledProcedure, rig: RigConfig, sink: PeakSink) -> Iter
                     bound.channel, "" if channel is None else channel.unit, low, high,
                     bound.low, bound.high, "trial limit",
                 )  # fmt: skip
-
-
-def _step_rows(procedure: CompiledProcedure, sink: PeakSink, end_ns: int) -> Iterator[StepRow]:
-    """Yield one row per step of the procedure, in the order of first play."""
-    blocks = dict(_segments(procedure))
-    durations: dict[str, list[float]] = {}
-    ends = [t_ns for t_ns, _, _ in sink.steps[1:]] + [end_ns]
-    for (t_ns, _, name), until in zip(sink.steps, ends, strict=True):
-        durations.setdefault(name, []).append((until - t_ns) * 1e-9)
-    for name, played in durations.items():
-        block, segment = blocks[name]
-        yield StepRow(
-            block, name, _describe_setpoints(segment), _describe_end(segment),
-            len(played), min(played), max(played),
-        )  # fmt: skip
-
-
-def _segments(procedure: CompiledProcedure) -> Iterator[tuple[str, tuple[str, Segment]]]:
-    """Yield every segment by name with its block, that of the first trial which plays it last."""
-    blocks = [("prepare", procedure.prepare)]
-    for trial in procedure.trials:
-        blocks += [("trial", trial.steps), ("after", trial.after)]
-    blocks.append(("finish", procedure.finish))
-    for block, steps in reversed(blocks):
-        for step in steps:
-            if isinstance(step, CycleProgram):
-                for segment in step.segments:
-                    yield segment.name, (block, segment)
-
-
-def _describe_setpoints(segment: Segment) -> str:
-    words = []
-    for name, profile in segment.setpoints.items():
-        value = getattr(profile, "value", None)
-        shown = type(profile).__name__.lower() if value is None else f"{value:.6g}"
-        words.append(f"{name} = {shown}")
-    return ", ".join(words)
-
-
-def _describe_end(segment: Segment) -> str:
-    ways = []
-    for row in segment.until:
-        conditions = []
-        for one in row:
-            source = f"|{one.channel}|" if one.magnitude else one.channel
-            held = f" for {one.for_s:g} s" if one.for_s else ""
-            conditions.append(f"{source} {one.comparison.value} {one.threshold:.6g}{held}")
-        ways.append(" and ".join(conditions))
-    if segment.duration_s is not None:
-        ways.append(f"after {segment.duration_s:g} s")
-    text = " or ".join(ways)
-    if segment.timeout_s is not None:
-        text += f" (at most {segment.timeout_s:g} s)"
-    return text

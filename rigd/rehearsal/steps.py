@@ -1,0 +1,121 @@
+"""The step table of a dry run: what each step does, when it ends, how long it took."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from rigd.config.rig import RigConfig
+from rigd.model.units import format_quantity
+from rigd.procedure.profiles import Constant, Profile, Ramp
+from rigd.procedure.program import CompiledProcedure, Condition, CycleProgram, Segment
+
+
+@dataclass(frozen=True)
+class StepRow:
+    """One step of the table: what it does, and its duration over all trials, in s.
+
+    ``setpoints`` and ``ends`` hold a line each; what the sweep varies is given as a range.
+    """
+
+    block: str
+    name: str
+    setpoints: tuple[str, ...]
+    ends: tuple[str, ...]
+    played: int
+    shortest_s: float
+    longest_s: float
+
+
+def step_rows(
+    procedure: CompiledProcedure,
+    rig: RigConfig,
+    played: Sequence[tuple[int, int, str]],
+    end_ns: int,
+) -> tuple[StepRow, ...]:
+    """Return one row per step, in the order of first play.
+
+    ``played`` holds (time in ns, trial number, step name) as the cycle entered them.
+    """
+    variants: dict[str, list[Segment]] = {}
+    blocks: dict[str, str] = {}
+    for block, segment in _segments(procedure):
+        variants.setdefault(segment.name, []).append(segment)
+        blocks[segment.name] = block
+    durations: dict[str, list[float]] = {}
+    ends = [t_ns for t_ns, _, _ in played[1:]] + [end_ns]
+    for (t_ns, _, name), until in zip(played, ends, strict=True):
+        durations.setdefault(name, []).append((until - t_ns) * 1e-9)
+    return tuple(
+        StepRow(
+            blocks[name],
+            name,
+            tuple(_setpoints(variants[name], rig)),
+            tuple(_ends(variants[name], rig)),
+            len(seconds),
+            min(seconds),
+            max(seconds),
+        )
+        for name, seconds in durations.items()
+    )
+
+
+def _segments(procedure: CompiledProcedure) -> Iterator[tuple[str, Segment]]:
+    blocks = [("prepare", procedure.prepare)]
+    for trial in procedure.trials:
+        blocks += [("trial", trial.steps), ("after", trial.after)]
+    blocks.append(("finish", procedure.finish))
+    for block, steps in blocks:
+        for step in steps:
+            if isinstance(step, CycleProgram):
+                for segment in step.segments:
+                    yield block, segment
+
+
+def _setpoints(variants: Sequence[Segment], rig: RigConfig) -> Iterator[str]:
+    for name in dict.fromkeys(name for one in variants for name in one.setpoints):
+        channel = rig.setpoint(name)
+        unit = "1" if channel is None else channel.unit
+        profiles = [one.setpoints[name] for one in variants if name in one.setpoints]
+        constants = [one.value for one in profiles if isinstance(one, Constant)]
+        if len(constants) == len(profiles):
+            yield f"{name} = {_range(constants, unit)}"
+        else:
+            yield f"{name}: {_profile(profiles[0], unit)}"
+
+
+def _profile(profile: Profile, unit: str) -> str:
+    kind = type(profile).__name__.lower()
+    if isinstance(profile, Ramp):
+        return f"{kind} to {format_quantity(profile.end, unit)} in {profile.duration_s:g} s"
+    amplitude = getattr(profile, "amplitude", None)
+    return kind if amplitude is None else f"{kind} of {format_quantity(amplitude, unit)}"
+
+
+def _ends(variants: Sequence[Segment], rig: RigConfig) -> Iterator[str]:
+    first = variants[0]
+    for position, row in enumerate(first.until):
+        words = []
+        for place, condition in enumerate(row):
+            thresholds = [one.until[position][place].threshold for one in variants]
+            words.append(_condition(condition, thresholds, rig))
+        yield " and ".join(words)
+    if first.duration_s is not None:
+        yield f"after {_range([one.duration_s or 0.0 for one in variants], 's')}"
+    if first.timeout_s is not None:
+        yield f"at most {_range([one.timeout_s or 0.0 for one in variants], 's')}"
+
+
+def _condition(condition: Condition, thresholds: Sequence[float], rig: RigConfig) -> str:
+    channel = rig.channel(condition.channel)
+    unit = "1" if channel is None else channel.unit
+    source = f"|{condition.channel}|" if condition.magnitude else condition.channel
+    held = f" for {condition.for_s:g} s" if condition.for_s else ""
+    return f"{source} {condition.comparison.value} {_range(thresholds, unit)}{held}"
+
+
+def _range(values: Sequence[float], unit: str) -> str:
+    low, high = min(values), max(values)
+    if low == high:
+        return format_quantity(low, unit)
+    return f"{low:.6g} .. {format_quantity(high, unit)}"
