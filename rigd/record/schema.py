@@ -184,7 +184,7 @@ def _describe(channel: Channel) -> str:
 
 
 def _range(channel: Channel) -> str:
-    return f"{channel.low!r} .. {channel.high!r}"
+    return f"{channel.low:.12g} .. {channel.high:.12g}"
 
 
 def _one_line(text: str) -> str:
