@@ -21,6 +21,9 @@ examples:
   A parameter that the data do not determine is called that, with the excitation that would help.
 """
 
+#: What the verdict adds, said once below the table instead of in every row.
+FROM_HERE = " from this excitation"
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
@@ -78,6 +81,7 @@ def print_parameters(evaluation: Evaluation) -> None:
     from rich.table import Table
 
     from rigd.identify.report import summary_rows
+    from rigd.identify.result import Verdict
 
     rows = summary_rows(evaluation.sections)
     referenced = {s.reference_label for s in evaluation.sections if s.reference}
@@ -102,7 +106,7 @@ def print_parameters(evaluation: Evaluation) -> None:
         ]
         if referenced:
             cells.append(row.reference_text)
-        cells.append(row.verdict.value)
+        cells.append(row.verdict.value.removesuffix(FROM_HERE))
         table.add_row(*map(escape, cells), style="" if row.known else "dim")
         last = row.section
     console.print(table)
@@ -112,6 +116,8 @@ def print_parameters(evaluation: Evaluation) -> None:
         if row.advice:
             first = row.advice.partition(". ")[0].rstrip(".")
             advised.setdefault(first, []).append(f"{row.name} ({row.section})")
+    if any(row.verdict is Verdict.UNIDENTIFIABLE for row in rows):
+        console.print(f"\nnot identifiable:{FROM_HERE}; no number is printed for what is not known")
     if advised:
         console.print("\nwhat would help:")
     for advice, names in advised.items():
