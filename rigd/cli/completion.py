@@ -21,7 +21,5 @@ def execute(args: argparse.Namespace) -> int:
     """Print the script."""
     import shtab
 
-    from rigd.cli.main import build_parser
-
-    print(shtab.complete(build_parser(), shell=args.shell))
+    print(shtab.complete(args.parser, shell=args.shell))
     return 0

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rigd.daemon.execute import Recorded
 from rigd.daemon.provenance import format_parameter
 from rigd.engine.answers import Answer
-from rigd.engine.run import Progress as RunProgress
+from rigd.engine.result import Progress as RunProgress
 from rigd.model.errors import Exit, ProcedureError
 from rigd.model.states import RunState
 from rigd.model.units import parse_quantity, parse_unit

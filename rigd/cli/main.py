@@ -63,7 +63,7 @@ def build_parser() -> argparse.ArgumentParser:
         )
         subparser.add_argument("--debug", action="store_true", help="show tracebacks of errors")
         command.configure(subparser)
-        subparser.set_defaults(execute=command.execute)
+        subparser.set_defaults(execute=command.execute, parser=parser)
     return parser
 
 

@@ -17,13 +17,14 @@ from rigd.engine.clock import Clock, VirtualClock, WallClock
 from rigd.engine.control import Control
 from rigd.engine.cycle import Cycle
 from rigd.engine.host import InProcessHost
-from rigd.engine.run import Progress, Run, RunResult
+from rigd.engine.result import Progress, RunResult
+from rigd.engine.run import Run
 from rigd.engine.wiring import wire
 from rigd.model.channels import Stream
 from rigd.model.errors import Blocked, RecordingError
 from rigd.procedure.program import CompiledProcedure
 from rigd.record import Attachment, RecordingWriter
-from rigd.record.chunks import Compression
+from rigd.record.compression import Compression
 
 #: Virtual time begins here, one day later per seed, so that files repeat bit for bit.
 VIRTUAL_EPOCH_NS = int(datetime(2020, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000_000

@@ -17,6 +17,7 @@ from rigd.engine.cycle import Cycle
 from rigd.engine.host import InProcessHost
 from rigd.engine.player import Ending, Outcome
 from rigd.engine.preflight import preflight
+from rigd.engine.result import Progress, RunResult, ending_word
 from rigd.engine.sink import Sink
 from rigd.model.errors import Blocked, Exit, ProcedureError, RigdError
 from rigd.model.states import RunEvent, RunState, next_state
@@ -28,40 +29,6 @@ MISSED_SHARE = 0.05
 
 #: ``change(quantity, value)``: what a simulated rig does when a prompt was answered.
 ChangePlant = Callable[[str, float | str], None]
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Where a run stands, for whoever watches."""
-
-    state: RunState
-    step: str
-    trials_done: int
-    trials_total: int
-    trial: TrialPlan | None
-    run_s: float  #: time of the run so far, in s
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """How a run ended: the final state, why, and the exit code that says so to a script.
-
-    ``ending`` is the word for it that the recording holds and people read: complete, stopped,
-    aborted, estopped, tripped, faulted, incomplete or blocked.
-    """
-
-    state: RunState
-    ending: str
-    reason: str
-    exit_code: Exit
-    trials_done: int
-    trials_total: int
-    run_s: float
-    incomplete: tuple[tuple[int, str], ...] = ()  #: trials that ended early, and why
-    cycles: int = 0
-    missed_cycles: int = 0
-    trips: tuple[str, ...] = ()
-    problems: tuple[str, ...] = ()  #: what went wrong while making the rig safe
 
 
 @dataclass
@@ -139,7 +106,7 @@ class Run:
             # In this order: nothing that can fail or take time comes before a safe rig.
             problems = self.cycle.make_safe()
             try:
-                self._end(_ending(code, self.state, self._aborted), reason)
+                self._end(ending_word(code, self.state, aborted=self._aborted), reason)
             finally:
                 self._close()
         return self._result(reason, code, problems)
@@ -369,7 +336,7 @@ class Run:
     def _result(self, reason: str, code: Exit, problems: Sequence[str]) -> RunResult:
         return RunResult(
             self.state,
-            _ending(code, self.state, self._aborted),
+            ending_word(code, self.state, aborted=self._aborted),
             reason,
             Exit.TRIPPED if problems else code,
             self._trials_done,
@@ -385,20 +352,3 @@ class Run:
             ),
             tuple(problems),
         )
-
-
-def _ending(code: Exit, state: RunState, aborted: bool) -> str:
-    """Return the word for how a run ended."""
-    if state is RunState.ESTOPPED:
-        return "estopped"
-    if state is RunState.BLOCKED:
-        return "blocked"
-    if aborted:
-        return "aborted"
-    words = {
-        Exit.OK: "complete",
-        Exit.STOPPED: "stopped",
-        Exit.TRIPPED: "faulted" if state is RunState.FAULTED else "tripped",
-        Exit.FAILED: "incomplete",
-    }
-    return words.get(code, "faulted")

@@ -16,7 +16,8 @@ from rigd.engine.clock import VirtualClock
 from rigd.engine.control import Control
 from rigd.engine.host import InProcessHost
 from rigd.engine.mount import CYCLE_STREAM
-from rigd.engine.run import Run, RunResult
+from rigd.engine.result import RunResult
+from rigd.engine.run import Run
 from rigd.engine.wiring import wire
 from rigd.model.limits import Action
 from rigd.procedure.program import CompiledProcedure, CycleProgram

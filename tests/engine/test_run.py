@@ -8,7 +8,7 @@ import pytest
 from support.bench import Axis, Bench, move, procedure
 
 from rigd.engine.control import Verb
-from rigd.engine.run import Progress
+from rigd.engine.result import Progress
 from rigd.model.errors import Blocked, DeviceError, Exit, RecordingError
 from rigd.model.limits import Action, Interlock
 from rigd.model.states import RunState
