@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from rigd.model import Channel, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import Recording, RecordingWriter
-from rigd.record.chunks import Compression
+from rigd.record.compression import Compression
 from rigd.record.schema import schema_text
 
 FIELDS: Final = 12

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -19,6 +18,7 @@ from mcap.records import (
 )
 
 from rigd.record.chunks import MESSAGE_INDEX_HEAD, Chunk
+from rigd.record.crc import crc32
 from rigd.record.wire import (
     FOOTER,
     FRAME,
@@ -82,7 +82,7 @@ class SummaryWriter:
     def __init__(self, contents: Contents) -> None:
         self.contents = contents
         self._index = bytearray(b"".join(map(encode, contents.chunks)))
-        self._index_crc = zlib.crc32(self._index)
+        self._index_crc = crc32(self._index)
 
     def add_chunk(self, chunk: Chunk, offset: int) -> None:
         """Take a finished chunk into the index; it stands at ``offset`` for good."""
@@ -90,7 +90,7 @@ class SummaryWriter:
         encoded = encode(index)
         self.contents.chunks.append(index)
         self._index += encoded
-        self._index_crc = zlib.crc32(encoded, self._index_crc)
+        self._index_crc = crc32(encoded, self._index_crc)
         _count(self.contents, chunk)
 
     def tail(self, data_end: int, data_crc: int, open_chunks: Iterable[tuple[int, Chunk]]) -> bytes:
@@ -129,7 +129,7 @@ class SummaryWriter:
         rest = b"".join((open_index, *(group for _, group in groups), offsets))
         # The CRC covers the footer up to itself (https://mcap.dev/spec#footer-op0x02).
         footer = FOOTER.pack(Opcode.FOOTER, FOOTER.size - FRAME.size, start, at, 0)[:-4]
-        crc = zlib.crc32(footer, zlib.crc32(rest, self._index_crc))
+        crc = crc32(footer, crc32(rest, self._index_crc))
         return b"".join((self._index, rest, footer, crc.to_bytes(4, "little")))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
@@ -12,6 +11,7 @@ from typing import Self
 from rigd.model import RecordingError
 from rigd.record.chunks import Chunk
 from rigd.record.contents import SummaryWriter
+from rigd.record.crc import crc32
 from rigd.record.journal import Journal, Saved, write_all
 
 
@@ -88,8 +88,8 @@ class RecordingFile:
             RecordingError: the system refuses; the file is as the last commit left it.
 
         """
-        at, crc = self._sealed + len(sealed), zlib.crc32(sealed, self._crc)
-        parts = [sealed]
+        at, crc = self._sealed + len(sealed), crc32(sealed, self._crc)
+        parts: list[bytes | memoryview] = [sealed]
         for chunk in chunks:
             self._summary.add_chunk(chunk, at)
             crc = _crc_of(chunk, crc)
@@ -130,7 +130,7 @@ class RecordingFile:
         self._journal.close(remove=not self._torn)
         os.close(fd)
 
-    def _replace(self, parts: Sequence[bytes]) -> None:
+    def _replace(self, parts: Sequence[bytes | memoryview]) -> None:
         """Write ``parts`` over the tail; put the tail back where that fails."""
         if self._open_size:
             self._journal.save(Saved(self._sealed, self._tail[: self._open_size]))
@@ -151,7 +151,7 @@ class RecordingFile:
 
 def _crc_of(chunk: Chunk, crc: int) -> int:
     for part in chunk.parts:
-        crc = zlib.crc32(part, crc)
+        crc = crc32(part, crc)
     return crc
 
 

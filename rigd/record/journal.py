@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import os
 import struct
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from rigd.record.crc import crc32
 
 _MAGIC: Final = b"rigdjrn1"
 _HEAD: Final = struct.Struct("<8sQQI")  #: magic, offset, length, CRC of payload and offset
@@ -82,7 +83,7 @@ def read_journal(recording: Path) -> Saved | None:
     return Saved(offset, data)
 
 
-def write_all(fd: int, parts: Sequence[bytes], offset: int) -> None:
+def write_all(fd: int, parts: Sequence[bytes | memoryview], offset: int) -> None:
     """Write ``parts`` one after the other at ``offset``, in one call where the system lets us.
 
     Raises:
@@ -102,4 +103,4 @@ def write_all(fd: int, parts: Sequence[bytes], offset: int) -> None:
 
 
 def _crc(offset: int, data: bytes) -> int:
-    return zlib.crc32(data, zlib.crc32(offset.to_bytes(8, "little")))
+    return crc32(data, crc32(offset.to_bytes(8, "little")))

@@ -6,15 +6,17 @@ the same rows always make the same file.
 
 from __future__ import annotations
 
+from collections import deque
+from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from rigd.model import Stream
+from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
-from rigd.record.chunks import Block, blob_dtype, message_dtype
+from rigd.record.chunks import LOG_TIME_AT, Block, Times, blob_dtype, message_dtype
 from rigd.record.events import CDR_HEADER, Event, event_message
 from rigd.record.wire import FRAME
 
@@ -28,6 +30,8 @@ MIN_BYTES: Final = 32 * 1024
 EVENTS_SPAN_NS: Final = 10_000_000_000
 #: Sealed whatever it spans: the chunk size of the MCAP library and Foxglove's advice.
 MAX_BYTES: Final = 1024 * 1024
+#: Latest time that a row's int64 holds; seen as unsigned, later ones are negative.
+MAX_NS: Final = 2**63 - 1
 
 
 class OpenChunk(Protocol):
@@ -39,12 +43,26 @@ class OpenChunk(Protocol):
         ...
 
     def block(self) -> Block:
-        """Return a copy of what is held."""
+        """Return what is held, good until more is taken."""
         ...
 
-    def clear(self) -> None:
-        """Forget what is held, keep counting the sequence."""
+    def take(self) -> Block:
+        """Return what is held and begin anew; good until given back."""
         ...
+
+    def give_back(self) -> None:
+        """Let the memory of the block that was taken first be filled again."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Records:
+    """An array of whole Message records, and views of what changes in it."""
+
+    bytes: memoryview
+    sequence: NDArray[np.uint32]
+    times: Times  #: (n, 2) log and publish time
+    values: NDArray[np.void]
 
 
 class OpenRows:
@@ -57,61 +75,107 @@ class OpenRows:
         self.count = 0
         self._dtype = row_dtype(stream)
         self._blob = blob_dtype(stream)
-        dtype = message_dtype(self._blob.itemsize - 8)
-        capacity = max(MAX_BYTES // dtype.itemsize, 1)
-        self._least = min(-(-MIN_BYTES // dtype.itemsize), capacity)
-        self._records: NDArray[np.void] = np.zeros(capacity, dtype)
-        self._records["opcode"] = Opcode.MESSAGE
-        self._records["length"] = dtype.itemsize - FRAME.size
-        self._records["channel"] = channel
-        self._records["sequence"] = np.arange(sequence, sequence + capacity) & 0xFFFFFFFF
-        self._records["cdr"] = np.frombuffer(CDR_HEADER, "<u4")[0]
-        # Views of the three columns that each call fills.
-        self._log_time = self._records["log_time"]
-        self._publish_time = self._records["publish_time"]
-        self._values = self._records["values"]
+        self._message = message_dtype(self._blob.itemsize - 8)
+        self._capacity = max(MAX_BYTES // self._message.itemsize, 1)
+        self._least = min(-(-MIN_BYTES // self._message.itemsize), self._capacity)
+        self._offsets = np.arange(self._capacity, dtype=np.uint64) * np.uint64(
+            self._message.itemsize
+        )
+        self._first_ns = 0  #: time of the first row held
+        self._sequence = sequence  #: number of the first row held
+        self._taken: deque[_Records] = deque()
+        self._spare: list[_Records] = []
+        self._begin()
 
     @property
     def full(self) -> bool:
         """Whether the chunk takes no further row."""
-        return self.count == len(self._records)
-
-    def fill(self, rows: NDArray[np.void]) -> int:
-        """Copy rows up to where the chunk must be sealed; return how many.
-
-        ``rows`` are of the stream's row dtype, not empty.
-        """
-        block = rows[: len(self._records) - self.count].view(self._blob)
-        times = block["t_ns"]
-        first = times[0] if self.count == 0 else self._log_time[0]
-        if not 0 <= int(times[-1]) - int(first) < SPAN_NS:
-            # Unsigned: a clock that steps back makes a huge span, and so seals as well.
-            needed = max(self._least - self.count, 0)
-            late = np.flatnonzero(times[needed:] - first >= SPAN_NS)
-            if late.size:
-                block = block[: needed + int(late[0])]
-                times = block["t_ns"]
-        end = self.count + len(block)
-        self._log_time[self.count : end] = times
-        self._publish_time[self.count : end] = times
-        self._values[self.count : end] = block["values"]
-        self.count = end
-        return len(block)
-
-    def block(self) -> Block:
-        """Return a copy of what is held."""
-        held = self._records[: self.count]
-        offsets = np.arange(self.count, dtype=np.uint64) * np.uint64(held.dtype.itemsize)
-        return Block(self.channel, held.tobytes(), self._log_time[: self.count].copy(), offsets)
-
-    def clear(self) -> None:
-        """Forget what is held, keep counting the sequence."""
-        self._records["sequence"] += np.uint32(self.count)
-        self.count = 0
+        return self.count == self._capacity
 
     def accepts(self, rows: NDArray[np.void]) -> bool:
         """Return whether ``rows`` have the layout of the stream."""
         return rows.dtype is self._dtype or rows.dtype == self._dtype
+
+    def fill(self, rows: NDArray[np.void]) -> int:
+        """Copy rows up to where the chunk must be sealed; return how many.
+
+        ``rows`` are of the stream's row dtype, not empty. Called for every few rows of a run:
+        each numpy call counts.
+
+        Raises:
+            RecordingError: the first time is before 1970.
+
+        """
+        block = rows.view(self._blob)
+        start = self.count
+        if len(block) > self._capacity - start:
+            block = block[: self._capacity - start]
+        times = block["t_ns"]
+        first_ns: int = times.item(0)
+        if first_ns > MAX_NS:
+            raise before_1970(first_ns - (1 << 64), self.stream.name)
+        if not start:
+            self._first_ns = first_ns
+        if not 0 <= times.item(-1) - self._first_ns < SPAN_NS:
+            block = block[: self._fitting(times)]
+            times = block["t_ns"]
+        end = start + len(block)
+        self._times[start:end] = times[:, None]
+        self._values[start:end] = block["values"]
+        self.count = end
+        return len(block)
+
+    def block(self) -> Block:
+        """Return what is held, good until more is taken."""
+        count = self.count
+        return Block(
+            self.channel,
+            self._records.bytes[: count * self._message.itemsize],
+            self._times[:count, 0],
+            self._offsets[:count],
+        )
+
+    def take(self) -> Block:
+        """Return what is held and begin anew; good until given back."""
+        block = self.block()
+        self._taken.append(self._records)
+        self._sequence += self.count
+        self.count = 0
+        self._begin()
+        return block
+
+    def give_back(self) -> None:
+        """Let the memory of the block that was taken first be filled again."""
+        self._spare.append(self._taken.popleft())
+
+    def _fitting(self, times: Times) -> int:
+        """Return how many rows belong into the chunk where its span may end within them.
+
+        Unsigned: a clock that steps back makes a huge span, and so seals as well.
+        """
+        needed = max(self._least - self.count, 0)
+        late = np.flatnonzero(times[needed:] - np.uint64(self._first_ns) >= SPAN_NS)
+        return needed + int(late[0]) if late.size else len(times)
+
+    def _begin(self) -> None:
+        """Fill other records from now on."""
+        self._records = self._spare.pop() if self._spare else self._new_records()
+        self._records.sequence[:] = np.arange(self._sequence, self._sequence + self._capacity)
+        # Looked up at every call.
+        self._times, self._values = self._records.times, self._records.values
+
+    def _new_records(self) -> _Records:
+        array = np.zeros(self._capacity, self._message)
+        array["opcode"] = Opcode.MESSAGE
+        array["length"] = self._message.itemsize - FRAME.size
+        array["channel"] = self.channel
+        array["cdr"] = np.frombuffer(CDR_HEADER, "<u4")[0]
+        return _Records(
+            bytes=array.data.cast("B"),
+            sequence=array["sequence"],
+            times=np.ndarray((len(array), 2), "<u8", array, LOG_TIME_AT, (array.itemsize, 8)),
+            values=array["values"],
+        )
 
 
 class OpenEvents:
@@ -142,9 +206,12 @@ class OpenEvents:
         """Take one event.
 
         Raises:
+            RecordingError: its time is before 1970.
             TypeError: its data holds something that JSON has no form for.
 
         """
+        if event.t_ns < 0:
+            raise before_1970(event.t_ns, "events")
         message = event_message(event, self.channel, self._sequence, self._start_ns)
         self._times.append(event.t_ns)
         self._offsets.append(len(self._records))
@@ -152,12 +219,25 @@ class OpenEvents:
         self._sequence += 1
 
     def block(self) -> Block:
-        """Return a copy of what is held."""
+        """Return what is held, good until more is taken."""
         times, offsets = np.array(self._times, np.uint64), np.array(self._offsets, np.uint64)
-        return Block(self.channel, bytes(self._records), times, offsets)
+        return Block(self.channel, memoryview(bytes(self._records)), times, offsets)
 
-    def clear(self) -> None:
-        """Forget what is held, keep counting the sequence."""
+    def take(self) -> Block:
+        """Return what is held and begin anew; good until given back."""
+        block = self.block()
         self._records.clear()
         self._times.clear()
         self._offsets.clear()
+        return block
+
+    def give_back(self) -> None:
+        """Do nothing: blocks of events are copies."""
+
+
+def before_1970(t_ns: int, stream: str) -> RecordingError:
+    """Return what to tell the user about a time that MCAP cannot hold."""
+    return RecordingError(
+        f"a row of {stream!r} has the time {t_ns} ns, before 1970",
+        hint="Times are ns since the Unix epoch.",
+    )

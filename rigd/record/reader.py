@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
 from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
 from rigd.record.contents import Contents, parse_footer, parse_summary
+from rigd.record.crc import crc32
 from rigd.record.decode import message_payloads, rows_of_chunk
 from rigd.record.events import Event, parse_event
 from rigd.record.prefix import FORMAT_METADATA, START_KEY, Attachment
@@ -185,7 +185,7 @@ class Recording:
                 except Malformed as error:
                     raise damaged(self.path, error) from error
                 crc = int.from_bytes(record.content[-4:], "little")
-                if crc and zlib.crc32(record.content[:-4]) != crc:
+                if crc and crc32(record.content[:-4]) != crc:
                     raise damaged(self.path, f"the CRC of attachment {index.name!r} differs")
                 found[index.name] = Attachment(content.name, content.media_type, content.data)
         return found
@@ -283,7 +283,7 @@ def _indexed(fd: int) -> tuple[Contents, int]:
     if not len(MAGIC) <= start <= size - ending:
         raise Malformed("its footer points outside of the file")
     summary = _bytes_at(fd, start, size - start)
-    if crc and zlib.crc32(summary[: -len(MAGIC) - 4]) != crc:
+    if crc and crc32(summary[: -len(MAGIC) - 4]) != crc:
         raise Malformed("the CRC of its summary does not match")
     contents = parse_summary(summary[:-ending])
     if contents.messages and not contents.chunks:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from rigd.model import RecordingError
 from rigd.record.contents import SummaryWriter, rows_of
+from rigd.record.crc import crc32
 from rigd.record.file import lock, write_error
 from rigd.record.journal import Saved, journal_path, read_journal, write_all
 from rigd.record.prefix import build_extras
@@ -121,7 +121,7 @@ def _finish(fd: int, found: Scan, problem: str) -> None:
     mark = {} if marked else {RECOVERY_METADATA: {"problem": problem}}
     added = found.missing_index + build_extras(mark, (), contents.start_ns, start, contents)
     end = found.data_end + len(added)
-    tail = SummaryWriter(contents).tail(end, zlib.crc32(added, found.data_crc), ())
+    tail = SummaryWriter(contents).tail(end, crc32(added, found.data_crc), ())
     write_all(fd, (added, tail), found.data_end)
     os.ftruncate(fd, end + len(tail))
     os.fdatasync(fd)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass, field
 
 from mcap.opcode import Opcode
@@ -24,6 +23,7 @@ from rigd.record.chunks import (
     unpack_chunk,
 )
 from rigd.record.contents import Contents, add_record, parse_footer
+from rigd.record.crc import crc32
 from rigd.record.wire import DATA_END, FOOTER, MAGIC, Malformed, Record, decode, record_at
 
 
@@ -63,11 +63,11 @@ def scan(buffer: memoryview) -> Scan:
             raise Malformed("the file has no header")
         found.data_end = header.end
         walk(buffer, found)
-        found.data_crc = zlib.crc32(buffer[: found.data_end])
+        found.data_crc = crc32(buffer[: found.data_end])
         _check_end(buffer, found)
     except Malformed as error:
         found.problem = str(error)
-        found.data_crc = zlib.crc32(buffer[: found.data_end])
+        found.data_crc = crc32(buffer[: found.data_end])
     return found
 
 
@@ -98,7 +98,7 @@ def walk(buffer: memoryview, found: Scan, base: int = 0) -> None:
 def _take_small(record: Record, found: Scan, base: int) -> None:
     start, length = base + record.start, record.end - record.start
     if record.opcode == Opcode.ATTACHMENT:
-        if zlib.crc32(record.content[:-4]) != int.from_bytes(record.content[-4:], "little"):
+        if crc32(record.content[:-4]) != int.from_bytes(record.content[-4:], "little"):
             raise Malformed("an attachment whose CRC does not match its data")
         attachment = decode(Attachment, record.content)
         found.contents.attachments.append(
@@ -194,7 +194,7 @@ def _check_end(buffer: memoryview, found: Scan) -> None:
     summary_start, summary_crc = parse_footer(buffer)
     if summary_start != found.data_end + DATA_END.size:
         raise Malformed("the summary does not follow the data")
-    if summary_crc and zlib.crc32(buffer[summary_start : -len(MAGIC) - 4]) != summary_crc:
+    if summary_crc and crc32(buffer[summary_start : -len(MAGIC) - 4]) != summary_crc:
         raise Malformed("the CRC of the summary does not match")
     if summary_start > len(buffer) - len(MAGIC) - FOOTER.size:
         raise Malformed("the summary is cut short")

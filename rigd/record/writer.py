@@ -12,9 +12,7 @@ flush, :mod:`~rigd.record.journal`); when the power fails, what came after the l
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
@@ -23,13 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
-from rigd.record.chunks import Block, Chunk, Compression, build_chunk
+from rigd.record.compression import Compression
 from rigd.record.contents import SummaryWriter
 from rigd.record.events import NO_TRIAL, Event
 from rigd.record.file import RecordingFile
 from rigd.record.openchunk import OpenChunk, OpenEvents, OpenRows
 from rigd.record.prefix import EVENTS_CHANNEL, Attachment, build_extras, build_prefix
 from rigd.record.resume import open_for_append
+from rigd.record.sealing import Sealer, open_chunk
 
 #: Sealed chunks held in memory before they are written without being asked, about 4 MiB: enough
 #: for the compressing thread to work beside the caller, little enough to stay in a cache.
@@ -57,14 +56,12 @@ class RecordingWriter:
     ) -> None:
         """Use :meth:`create` or :meth:`append`."""
         self._file = file
-        self._compression = compression
         self._rows = {
             name: OpenRows(stream, channel, counts.get(channel, 0))
             for name, (channel, stream) in streams.items()
         }
         self._events = OpenEvents(EVENTS_CHANNEL, counts.get(EVENTS_CHANNEL, 0), start_ns)
-        self._waiting: deque[Future[Chunk]] = deque()
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="compress")
+        self._sealer = Sealer(compression)
         self._changed = False
         self._closed = False
         self._error: RecordingError | None = None
@@ -145,7 +142,7 @@ class RecordingWriter:
             clock=clock,
         )
         if extras:
-            writer._commit(extras, (), ())
+            writer._commit(extras, ())
         return writer
 
     def write(self, stream: str, rows: NDArray[np.void]) -> None:
@@ -156,7 +153,8 @@ class RecordingWriter:
                 earlier error.
 
         """
-        self._check()
+        if self._error is not None or self._closed:
+            self._check()
         held = self._rows.get(stream)
         if held is None:
             raise RecordingError(
@@ -167,14 +165,11 @@ class RecordingWriter:
                 f"rows for stream {stream!r} have the wrong layout: {rows.dtype}",
                 hint="Build them with rigd.model.rows.row_dtype(stream).",
             )
-        if not len(rows):
-            return
-        _check_time(int(rows["t_ns"][0]), stream)
-        self._changed = True
-        position = 0
-        while position < len(rows):
-            position += held.fill(rows[position:])
-            if held.full or position < len(rows):
+        count, position = len(rows), 0
+        while position < count:
+            position += held.fill(rows[position:] if position else rows)
+            self._changed = True
+            if position < count or held.full:
                 self._seal(held)
 
     def event(
@@ -187,7 +182,6 @@ class RecordingWriter:
 
         """
         self._check()
-        _check_time(t_ns, "events")
         try:
             self._events.add(Event(t_ns, kind, NO_TRIAL if trial is None else trial, data or {}))
         except (TypeError, ValueError) as error:
@@ -205,9 +199,7 @@ class RecordingWriter:
         """
         self._check()
         if self._changed:
-            held = [chunk.block() for chunk in self._open() if chunk.count]
-            # Uncompressed: they are written again at each flush until they are sealed.
-            self._commit(b"", self._sealed(), [build_chunk(block, "none") for block in held])
+            self._commit(b"", [chunk for chunk in self._open() if chunk.count])
             self._changed = False
         if self._sync_interval_s is not None:
             now = self._clock()
@@ -230,10 +222,10 @@ class RecordingWriter:
                 for chunk in self._open():
                     if chunk.count:
                         self._seal(chunk)
-                self._commit(b"", self._sealed(), ())
+                self._commit(b"", ())
                 self._guard(self._file.sync)
         finally:
-            self._thread.shutdown(cancel_futures=True)
+            self._sealer.close()
             self._file.close()
 
     def __enter__(self) -> Self:
@@ -252,19 +244,14 @@ class RecordingWriter:
         return [self._events, *self._rows.values()]
 
     def _seal(self, held: OpenChunk) -> None:
-        block: Block = held.block()
-        held.clear()
-        self._waiting.append(self._thread.submit(build_chunk, block, self._compression))
-        if len(self._waiting) >= MAX_WAITING and not self._closed:
+        self._sealer.seal(held)
+        if len(self._sealer) >= MAX_WAITING and not self._closed:
             self.flush()
 
-    def _sealed(self) -> list[Chunk]:
-        chunks = [future.result() for future in self._waiting]
-        self._waiting.clear()
-        return chunks
-
-    def _commit(self, sealed: bytes, chunks: Sequence[Chunk], still_open: Sequence[Chunk]) -> None:
-        self._guard(lambda: self._file.commit(sealed, chunks, still_open))
+    def _commit(self, extras: bytes, still_open: Sequence[OpenChunk]) -> None:
+        chunks, behind = self._sealer.chunks(), [open_chunk(held) for held in still_open]
+        self._guard(lambda: self._file.commit(extras, chunks, behind))
+        self._sealer.written()
 
     def _guard(self, action: Callable[[], None]) -> None:
         """Do ``action``; an error is kept, as nothing may be written after a gap."""
@@ -279,11 +266,3 @@ class RecordingWriter:
             raise self._error
         if self._closed:
             raise RecordingError(f"{self._file.path} is closed and takes nothing more")
-
-
-def _check_time(t_ns: int, stream: str) -> None:
-    if t_ns < 0:
-        raise RecordingError(
-            f"a row of {stream!r} has the time {t_ns} ns, before 1970",
-            hint="Times are ns since the Unix epoch.",
-        )

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rigd.model import Stream
 from rigd.record import Recording, RecordingWriter, recover
-from rigd.record.chunks import Compression
+from rigd.record.compression import Compression
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]

@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from rigd.model import RecordingError, Stream
 from rigd.record import NO_TRIAL, Event, Recording, RecordingWriter
-from rigd.record.chunks import Compression
+from rigd.record.compression import Compression
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]
