@@ -29,6 +29,8 @@ from rigd.record.compression import Compression
 #: Virtual time begins here, one day later per seed, so that files repeat bit for bit.
 VIRTUAL_EPOCH_NS = int(datetime(2020, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000_000
 DAY_NS = 86_400_000_000_000
+#: Seeds share a day from here on: the year 2239, short of where int64 nanoseconds end (2262).
+SEED_DAYS = 80_000
 #: A resumed run goes on this long after the last sample of the one before.
 RESUME_GAP_NS = 1_000_000_000
 #: Below this much free disk a run does not start.
@@ -141,7 +143,7 @@ def execute(
 def _clock(request: RunRequest) -> Clock:
     start_ns = request.start_ns
     if start_ns is None:
-        start_ns = VIRTUAL_EPOCH_NS + request.seed % 100_000 * DAY_NS
+        start_ns = VIRTUAL_EPOCH_NS + request.seed % SEED_DAYS * DAY_NS
     if request.resume is not None:
         # Later than everything in the file: time never goes back within a recording.
         start_ns = max(start_ns, request.resume.end_ns + RESUME_GAP_NS)

@@ -27,9 +27,19 @@ def identify(
         DataError: a signal or constant is missing, constants differ between recordings, or the
             data cannot answer the question.
     """
-    constants = _constants(trials)
     settings = Settings(starts=starts, seed=seed, loss=Loss.HUBER if robust else Loss.SQUARES)
-    return identify_lugre([_trial(sweep, one) for sweep, one in trials], constants, settings)
+    return identify_lugre(*arrays(trials), settings)
+
+
+def arrays(
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]],
+) -> tuple[list[LugreTrial], LugreConstants]:
+    """Return what the identification takes, one object per trial and what they have in common.
+
+    Raises:
+        DataError: a signal or constant is missing, or a constant differs between trials.
+    """
+    return [_trial(sweep, one) for sweep, one in trials], _constants(trials)
 
 
 def reference_curve(

@@ -1,0 +1,25 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rigd.config.loader import load_rig
+from rigd.daemon.execute import RunRequest, execute
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import load_procedure
+from rigd.record import Recording, run_info
+
+
+@pytest.mark.parametrize("seed", [79_999, 99_999, 2**31])
+def test_no_seed_runs_past_the_end_of_int64_nanoseconds(tmp_path: Path, seed: int) -> None:
+    rig, source = load_rig("lugre-1"), load_procedure("quick")
+    request = RunRequest(
+        compile_procedure(source, rig, {}), source.file.text, rig, seed, output=tmp_path / "q.mcap"
+    )
+    info = run_info(Recording.open(execute(request).path))
+    assert info.state == "complete"
+    assert info.trials
+    for trial in info.trials:
+        assert trial.end_ns is not None
+        assert 0 < trial.start_ns < trial.end_ns < 2**63
