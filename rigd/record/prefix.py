@@ -17,6 +17,7 @@ from rigd.record.wire import MAGIC, encode
 
 #: Metadata record that rigd itself reads back.
 FORMAT_METADATA: Final = "rigd"
+LIBRARY: Final = "rigd "  #: how the library in the header of our files begins
 START_KEY: Final = "start_ns"
 EVENTS_CHANNEL: Final = 1  #: so that streams follow from 2
 
@@ -47,7 +48,7 @@ def build_prefix(
         raise RecordingError(f"metadata named {FORMAT_METADATA!r} is the recording's own")
     contents = Contents()
     data = bytearray(MAGIC)
-    data += encode(mcap.Header(Profile.ROS2, f"rigd {__version__}"))
+    data += encode(mcap.Header(Profile.ROS2, f"{LIBRARY}{__version__}"))
     types = [schema.EVENTS_TYPE, *schema.type_names(streams)]
     texts = [schema.EVENTS_SCHEMA, *map(schema.schema_text, streams)]
     topics = [schema.EVENTS_TOPIC, *(f"/{stream.name}" for stream in streams)]

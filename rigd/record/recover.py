@@ -12,7 +12,7 @@ from rigd.record.contents import SummaryWriter, rows_of
 from rigd.record.crc import crc32
 from rigd.record.file import lock, write_error
 from rigd.record.journal import Saved, journal_path, read_journal, write_all
-from rigd.record.prefix import build_extras
+from rigd.record.prefix import LIBRARY, build_extras
 from rigd.record.scan import Scan, scan, walk
 from rigd.record.wire import Malformed, map_file
 
@@ -39,7 +39,8 @@ def recover(path: Path) -> RecoveryReport:
     ``recovery``; its run counts as interrupted, as it has no ``run_end`` event.
 
     Raises:
-        RecordingError: missing, empty, no MCAP file, being written, or the disk refuses.
+        RecordingError: missing, empty, no MCAP file, damaged but not written by rigd, being
+            written, or the disk refuses.
 
     """
     try:
@@ -60,6 +61,7 @@ def _recover(fd: int, path: Path) -> RecoveryReport:
     found = _scan(fd, path)
     problem, from_journal, lost = found.problem, False, 0
     if not found.intact:
+        _refuse_foreign(path, found)
         saved = read_journal(path)
         if saved is not None and _journal_has_more(found, saved):
             write_all(fd, (saved.data,), saved.offset)
@@ -77,6 +79,15 @@ def _recover(fd: int, path: Path) -> RecoveryReport:
         rows_kept={topics[number]: count for number, count in found.contents.counts.items()},
         lost_bytes=lost,
     )
+
+
+def _refuse_foreign(path: Path, found: Scan) -> None:
+    """Refuse to cut a file that may only be laid out in a way that rigd does not know."""
+    if not found.library.startswith(LIBRARY):
+        raise RecordingError(
+            f"{path} was written by {found.library!r} and is not as rigd expects: {found.problem}",
+            hint="rigd repairs in place only what it wrote; `mcap recover` makes a repaired copy.",
+        )
 
 
 def _scan(fd: int, path: Path) -> Scan:

@@ -9,6 +9,7 @@ from mcap.records import (
     Attachment,
     AttachmentIndex,
     ChunkIndex,
+    Header,
     Metadata,
     MetadataIndex,
 )
@@ -20,11 +21,12 @@ from rigd.record.chunks import (
     parse_chunk,
     parse_message_index,
     same_entries,
+    uniform_messages,
     unpack_chunk,
 )
 from rigd.record.contents import Contents, add_record, parse_footer
 from rigd.record.crc import crc32
-from rigd.record.wire import DATA_END, FOOTER, MAGIC, Malformed, Record, decode, record_at
+from rigd.record.wire import DATA_END, FOOTER, MAGIC, Malformed, Record, decode, record_at, records
 
 
 @dataclass
@@ -40,6 +42,7 @@ class Scan:
     data_crc: int = 0
     missing_index: bytes = b""
     problem: str = ""
+    library: str = ""  #: what wrote the file
 
     @property
     def intact(self) -> bool:
@@ -61,6 +64,7 @@ def scan(buffer: memoryview) -> Scan:
         header = record_at(buffer, len(MAGIC))
         if header.opcode != Opcode.HEADER:
             raise Malformed("the file has no header")
+        found.library = decode(Header, header.content).library
         found.data_end = header.end
         walk(buffer, found)
         found.data_crc = crc32(buffer[: found.data_end])
@@ -121,7 +125,12 @@ def _take_small(record: Record, found: Scan, base: int) -> None:
 
 def _take_chunk(buffer: memoryview, record: Record, found: Scan, base: int) -> None:
     head = parse_chunk(record.content)
-    messages = index_messages(unpack_chunk(head))
+    data = unpack_chunk(head)
+    if uniform_messages(data) is None:
+        # Other writers keep schemas and channels within the chunk that first needs them.
+        for inner in records(memoryview(data)):
+            add_record(found.contents, inner.opcode, inner.content)
+    messages = index_messages(data)
     unknown = messages.keys() - found.contents.channels.keys()
     if unknown:
         raise Malformed(f"a chunk of channel {min(unknown)}, which the file does not define")

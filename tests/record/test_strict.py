@@ -6,6 +6,7 @@ import hashlib
 import json
 import shutil
 import subprocess
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from rigd.model import Stream
 from rigd.record import Recording, RecordingWriter, recover
 from rigd.record.compression import Compression
+from rigd.record.wire import DATA_END, encode_data_end
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]
@@ -45,7 +47,14 @@ def check() -> Check:
     if not stamp.exists() or stamp.read_text() != wanted:
         PACKAGES.mkdir(parents=True, exist_ok=True)
         (PACKAGES / "package.json").write_text(wanted)
-        command = [npm, "install", "--no-package-lock", "--no-audit", "--no-fund"]
+        command = [
+            npm,
+            "install",
+            "--no-package-lock",
+            "--no-audit",
+            "--no-fund",
+            "--ignore-scripts",
+        ]
         done = subprocess.run(command, cwd=PACKAGES, capture_output=True, text=True, check=False)
         if done.returncode:
             pytest.fail(f"npm cannot install the strict MCAP check:\n{done.stderr}")
@@ -140,4 +149,9 @@ def test_the_check_itself_finds_a_wrong_offset(
     content[chunk.chunk_start_offset + chunk.chunk_length + 15 + 8] ^= 1  # first offset
     path.write_bytes(content)
     with pytest.raises(AssertionError, match="CRC of the data section"):
+        check(path)
+    end = Recording.open(path).data_end - DATA_END.size
+    content[end : end + DATA_END.size] = encode_data_end(zlib.crc32(content[:end]))
+    path.write_bytes(content)
+    with pytest.raises(AssertionError, match="no message at 1 of the chunk"):
         check(path)

@@ -1,0 +1,167 @@
+"""Files that something else wrote are read where that makes sense, and refused where not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, IndexType, Writer
+from numpy.typing import NDArray
+
+from rigd.model import RecordingError, Stream
+from rigd.record import Recording, RecordingWriter, recover
+
+Create = Callable[..., RecordingWriter]
+MakeRows = Callable[..., NDArray[np.void]]
+
+
+def repack(source: Path, target: Path, **options: object) -> None:
+    """Write all messages of a file anew with the mcap library, in order of time."""
+    with source.open("rb") as file, target.open("wb") as out:
+        writer = Writer(out, **options)  # type: ignore[arg-type]  # any of its keywords
+        writer.start("ros2", "another")
+        numbers: dict[int, int] = {}
+        for schema, channel, message in make_reader(file).iter_messages():
+            assert schema is not None
+            if channel.id not in numbers:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                numbers[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, number, channel.metadata
+                )
+            writer.add_message(
+                numbers[channel.id],
+                message.log_time,
+                message.data,
+                message.publish_time,
+                message.sequence,
+            )
+        writer.finish()  # type: ignore[no-untyped-call]  # the library leaves it untyped
+
+
+@pytest.fixture
+def ours(
+    create: Create, rows: MakeRows, servo: Stream, force: Stream, start_ns: int, tmp_path: Path
+) -> Path:
+    with create() as writer:
+        writer.write("wheel_servo", rows(servo, 2_500))
+        writer.write("force", rows(force, 2_500, seed=3))
+        writer.event(start_ns, "run_start", data={"by": "me"})
+    return tmp_path / "run.mcap"
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_a_repacked_recording_reads_the_same(
+    ours: Path, tmp_path: Path, compression: CompressionType
+) -> None:
+    """Another tool mixes the streams within its chunks."""
+    theirs = tmp_path / "theirs.mcap"
+    repack(ours, theirs, compression=compression, chunk_size=100_000)
+    expected, recording = Recording.open(ours), Recording.open(theirs)
+    assert recording.streams == expected.streams
+    for name in expected.streams:
+        assert recording.read(name).tobytes() == expected.read(name).tobytes()
+    assert recording.events() == expected.events()
+    assert not recording.written_by_rigd
+
+
+def test_a_cut_foreign_file_is_looked_into_but_not_cut_further(ours: Path, tmp_path: Path) -> None:
+    theirs = tmp_path / "theirs.mcap"
+    repack(ours, theirs, chunk_size=100_000)
+    assert recover(theirs).intact
+    chunk = Recording.open(theirs).contents.chunks[1]
+    content = theirs.read_bytes()[: chunk.chunk_start_offset + chunk.chunk_length + 40]
+    theirs.write_bytes(content)
+    expected = Recording.open(ours).read("force")
+    read = Recording.open(theirs, partial=True).read("force")
+    assert 0 < len(read) < len(expected)
+    assert read.tobytes() == expected[: len(read)].tobytes()
+    with pytest.raises(RecordingError, match="was written by 'another'"):
+        recover(theirs)
+    assert theirs.read_bytes() == content
+
+
+@pytest.mark.parametrize("options", [{"use_chunking": False}, {"index_types": IndexType.NONE}])
+def test_a_layout_that_rigd_does_not_know_is_never_repaired(
+    ours: Path, tmp_path: Path, options: dict[str, object]
+) -> None:
+    theirs = tmp_path / "theirs.mcap"
+    repack(ours, theirs, **options)
+    content = theirs.read_bytes()
+    with pytest.raises(RecordingError, match="only what it wrote"):
+        recover(theirs)
+    assert theirs.read_bytes() == content
+
+
+def test_plain_ros2_messages_of_float64_are_columns(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        point = writer.register_schema("a/msg/P", "ros2msg", b"# here\nfloat64 x  # m\nfloat64 y\n")
+        text = writer.register_schema("a/msg/S", "ros2msg", b"string data\n")
+        points = writer.register_channel("/arm/tip", "cdr", point)
+        words = writer.register_channel("/words", "cdr", text)
+        for number in range(3):
+            payload = b"\x00\x01\x00\x00" + np.array([number, -number], "<f8").tobytes()
+            writer.add_message(points, number, payload, number)
+            writer.add_message(words, number, b"\x00\x01\x00\x00", number)
+        writer.finish()  # type: ignore[no-untyped-call]  # the library leaves it untyped
+    recording = Recording.open(path)
+    assert list(recording.streams) == ["arm/tip"]
+    assert recording.other_topics == ("/words",)
+    assert recording.read("arm/tip")["y"].tolist() == [0.0, -1.0, -2.0]
+    assert recording.events() == []
+    with pytest.raises(RecordingError, match="no stream 'words'"):
+        recording.read("words")
+
+
+def test_big_endian_messages_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        schema = writer.register_schema("a/msg/P", "ros2msg", b"float64 x\n")
+        channel = writer.register_channel("/p", "cdr", schema)
+        writer.add_message(channel, 1, b"\x00\x00\x00\x00" + bytes(8), 1)
+        writer.finish()  # type: ignore[no-untyped-call]  # the library leaves it untyped
+    with pytest.raises(RecordingError, match="little-endian"):
+        Recording.open(path).read("p")
+
+
+@pytest.mark.parametrize("options", [{"use_chunking": False}, {"index_types": IndexType.NONE}])
+def test_files_without_a_chunk_index_are_refused(
+    ours: Path, tmp_path: Path, options: dict[str, object]
+) -> None:
+    theirs = tmp_path / "theirs.mcap"
+    repack(ours, theirs, **options)
+    with pytest.raises(RecordingError, match="not in indexed chunks"):
+        Recording.open(theirs)
+
+
+def test_no_flipped_byte_goes_unnoticed(ours: Path) -> None:
+    """Whatever byte is wrong: an error, or the same rows; never other rows, never a crash.
+
+    Walking the file finds every wrong byte, as the CRC of the data section covers all.
+    """
+    expected = Recording.open(ours).read("wheel_servo").tobytes()
+    content = bytearray(ours.read_bytes())
+    places = np.random.default_rng(11).integers(0, len(content), 300)
+    noticed = 0
+    for place in map(int, places):
+        content[place] ^= 0x41
+        ours.write_bytes(content)
+        content[place] ^= 0x41
+        try:
+            assert Recording.open(ours).read("wheel_servo").tobytes() == expected
+        except RecordingError:
+            noticed += 1
+        try:
+            found = Recording.open(ours, partial=True)
+            assert found.problem
+            assert expected.startswith(found.read("wheel_servo").tobytes())
+        except RecordingError:
+            noticed += 1
+    assert noticed > 50

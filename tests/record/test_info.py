@@ -1,0 +1,120 @@
+"""What a recording says of its run, and finding runs by it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from rigd.model import RecordingError, Stream
+from rigd.record import Event, Filters, Recording, RecordingWriter, list_runs, run_info, trials
+from rigd.record.catalogue import same_value
+from rigd.record.info import run_state
+
+Create = Callable[..., RecordingWriter]
+MakeRows = Callable[..., NDArray[np.void]]
+
+
+def play(writer: RecordingWriter, rows: NDArray[np.void], *, end: bool = True) -> None:
+    """Record two trials of one second, of which the second stops half way."""
+    start = int(rows["t_ns"][0])
+    writer.event(start, "run_start")
+    for number, complete in ((1, True), (2, False)):
+        at = start + number * 1_000_000_000
+        parameters = {"speed": 0.1 * number}
+        data = {"repeat": 1, "parameters": parameters, "units": {"speed": "m/s"}}
+        writer.event(at, "trial_start", number, data)
+        ended = {"complete": complete, "reason": "carriage.position > 1.4 m"}
+        writer.event(at + 500_000_000, "trial_end", number, ended)
+    writer.write("wheel_servo", rows)
+    if end:
+        writer.event(int(rows["t_ns"][-1]), "run_end", None, {"state": "done", "reason": "all"})
+
+
+def test_a_run_is_summed_up(create: Create, rows: MakeRows, servo: Stream, tmp_path: Path) -> None:
+    with create() as writer:
+        play(writer, rows(servo, 4_001))
+    info = run_info(Recording.open(tmp_path / "run.mcap"))
+    assert (info.procedure, info.rig, info.mode) == ("sweep", "bench", "simulated")
+    assert (info.state, info.reason, info.recovered) == ("done", "all", False)
+    assert (info.trials_done, len(info.trials)) == (1, 2)
+    assert info.trials[1].parameters == {"speed": 0.2}
+    assert not info.trials[1].complete
+    assert info.trials[1].reason == "carriage.position > 1.4 m"
+    moved, pressed = info.streams
+    assert (moved.stream.name, moved.rows, pressed.rows) == ("wheel_servo", 4_001, 0)
+    assert moved.rate_hz == pytest.approx(1000.0)
+    assert pressed.rate_hz == 0.0
+    assert info.duration_s == pytest.approx(4.0)
+    assert info.attachments == ("rig.yaml",)
+    assert info.size == (tmp_path / "run.mcap").stat().st_size
+
+
+def test_a_run_without_its_end_was_interrupted() -> None:
+    started, ended = Event(1, "run_start"), Event(2, "run_end", data={"state": "done"})
+    assert run_state([]) == ("interrupted", "")
+    assert run_state([started]) == ("interrupted", "")
+    assert run_state([started, ended]) == ("done", "")
+    assert run_state([started, ended, Event(3, "run_start")]) == ("interrupted", "")
+    assert run_state([started, Event(3, "run_start"), Event(4, "run_end")]) == ("complete", "")
+
+
+def test_a_trial_that_was_cut_off_ends_where_the_run_goes_on() -> None:
+    attempts = trials(
+        [
+            Event(10, "trial_start", 1),
+            Event(30, "run_start"),
+            Event(40, "trial_start", 1),
+            Event(50, "trial_end", 1, {"complete": True}),
+            Event(60, "trial_start", 2),
+        ]
+    )
+    assert [(one.number, one.start_ns, one.end_ns, one.complete) for one in attempts] == [
+        (1, 10, 30, False),
+        (1, 40, 50, True),
+        (2, 60, None, False),
+    ]
+
+
+def test_runs_are_found_by_what_they_are(
+    create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
+) -> None:
+    with create("a.mcap") as writer:
+        play(writer, rows(servo, 100))
+    other = {"run": {"procedure": "creep", "rig": "bench"}, "parameters": {"torque": "1 A"}}
+    with create("b.mcap", metadata=other) as writer:
+        play(writer, rows(servo, 100), end=False)
+    (tmp_path / "c.mcap").write_bytes(b"nonsense" * 10)
+
+    def names(**wanted: object) -> list[str]:
+        found = list_runs(tmp_path, Filters(**wanted))  # type: ignore[arg-type]  # by keyword
+        return [run.path.name for run in found.runs]
+
+    assert names() == ["a.mcap", "b.mcap"]
+    assert names(procedure="creep") == ["b.mcap"]
+    assert names(rig="bench", state="done") == ["a.mcap"]
+    assert names(state="interrupted") == ["b.mcap"]
+    assert names(parameters={"torque": "150 mA"}) == ["a.mcap"]
+    assert names(parameters={"speed": "0.2 m/s"}) == ["a.mcap", "b.mcap"]
+    assert names(parameters={"speed": "0.3 m/s"}) == []
+    (broken,) = list_runs(tmp_path).broken
+    assert broken.path.name == "c.mcap"
+    with pytest.raises(RecordingError, match="no folder"):
+        list_runs(tmp_path / "none")
+
+
+@pytest.mark.parametrize(
+    ("wanted", "actual", "same"),
+    [
+        ("0.15 A", "150 mA", True),
+        ("0.15 A", "0.15 V", False),
+        ("0.15 A", "0.150001 A", False),
+        ("left", "left", True),
+        ("left", "1 A", False),
+    ],
+)
+def test_parameters_are_equal_as_text_or_quantity(wanted: str, actual: str, same: bool) -> None:
+    assert same_value(wanted, actual) is same
