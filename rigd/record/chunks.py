@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rigd.model import Stream
 from rigd.model.rows import row_dtype
-from rigd.record.compression import Compression, Compressor, decompress
+from rigd.record.compression import Compression, decompress
 from rigd.record.crc import crc32
 from rigd.record.wire import FRAME, Malformed, records
 
@@ -91,9 +91,8 @@ class Chunk:
         )
 
 
-def build_chunk(block: Block, compression: Compression, compress: Compressor) -> Chunk:
-    """Return the block as a chunk with CRC and message index; ``compress`` does ``compression``."""
-    packed = compress(block.records)
+def build_chunk(block: Block, compression: Compression, packed: bytes | memoryview) -> Chunk:
+    """Return the block as a chunk with CRC and message index; ``packed`` are its records."""
     name = b"" if compression == "none" else compression.encode()
     start_ns, end_ns = int(block.times.min()), int(block.times.max())
     size, crc = len(block.records), crc32(block.records)

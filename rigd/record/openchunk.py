@@ -6,8 +6,6 @@ the same rows always make the same file.
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
@@ -46,23 +44,9 @@ class OpenChunk(Protocol):
         """Return what is held, good until more is taken."""
         ...
 
-    def take(self) -> Block:
-        """Return what is held and begin anew; good until given back."""
+    def clear(self) -> None:
+        """Forget what is held, keep counting the sequence."""
         ...
-
-    def give_back(self) -> None:
-        """Let the memory of the block that was taken first be filled again."""
-        ...
-
-
-@dataclass(frozen=True)
-class _Records:
-    """An array of whole Message records, and views of what changes in it."""
-
-    bytes: memoryview
-    sequence: NDArray[np.uint32]
-    times: Times  #: (n, 2) log and publish time
-    values: NDArray[np.void]
 
 
 class OpenRows:
@@ -75,17 +59,25 @@ class OpenRows:
         self.count = 0
         self._dtype = row_dtype(stream)
         self._blob = blob_dtype(stream)
-        self._message = message_dtype(self._blob.itemsize - 8)
-        self._capacity = max(MAX_BYTES // self._message.itemsize, 1)
-        self._least = min(-(-MIN_BYTES // self._message.itemsize), self._capacity)
-        self._offsets = np.arange(self._capacity, dtype=np.uint64) * np.uint64(
-            self._message.itemsize
-        )
+        dtype = message_dtype(self._blob.itemsize - 8)
+        self._capacity = max(MAX_BYTES // dtype.itemsize, 1)
+        self._least = min(-(-MIN_BYTES // dtype.itemsize), self._capacity)
         self._first_ns = 0  #: time of the first row held
-        self._sequence = sequence  #: number of the first row held
-        self._taken: deque[_Records] = deque()
-        self._spare: list[_Records] = []
-        self._begin()
+        records = np.zeros(self._capacity, dtype)
+        records["opcode"] = Opcode.MESSAGE
+        records["length"] = dtype.itemsize - FRAME.size
+        records["channel"] = channel
+        records["sequence"] = np.arange(sequence, sequence + self._capacity) & 0xFFFFFFFF
+        records["cdr"] = np.frombuffer(CDR_HEADER, "<u4")[0]
+        self._itemsize = dtype.itemsize
+        self._bytes = records.data.cast("B")
+        self._sequence = records["sequence"]
+        # Log and publish time as two columns, which each call fills at once.
+        self._times = np.ndarray(
+            (self._capacity, 2), np.uint64, records, LOG_TIME_AT, (dtype.itemsize, 8)
+        )
+        self._values = records["values"]
+        self._offsets: Times = np.arange(self._capacity, dtype=np.uint64) * dtype.itemsize
 
     @property
     def full(self) -> bool:
@@ -130,23 +122,15 @@ class OpenRows:
         count = self.count
         return Block(
             self.channel,
-            self._records.bytes[: count * self._message.itemsize],
+            self._bytes[: count * self._itemsize],
             self._times[:count, 0],
             self._offsets[:count],
         )
 
-    def take(self) -> Block:
-        """Return what is held and begin anew; good until given back."""
-        block = self.block()
-        self._taken.append(self._records)
-        self._sequence += self.count
+    def clear(self) -> None:
+        """Forget what is held, keep counting the sequence."""
+        self._sequence += np.uint32(self.count)
         self.count = 0
-        self._begin()
-        return block
-
-    def give_back(self) -> None:
-        """Let the memory of the block that was taken first be filled again."""
-        self._spare.append(self._taken.popleft())
 
     def _fitting(self, times: Times) -> int:
         """Return how many rows belong into the chunk where its span may end within them.
@@ -156,26 +140,6 @@ class OpenRows:
         needed = max(self._least - self.count, 0)
         late = np.flatnonzero(times[needed:] - np.uint64(self._first_ns) >= SPAN_NS)
         return needed + int(late[0]) if late.size else len(times)
-
-    def _begin(self) -> None:
-        """Fill other records from now on."""
-        self._records = self._spare.pop() if self._spare else self._new_records()
-        self._records.sequence[:] = np.arange(self._sequence, self._sequence + self._capacity)
-        # Looked up at every call.
-        self._times, self._values = self._records.times, self._records.values
-
-    def _new_records(self) -> _Records:
-        array = np.zeros(self._capacity, self._message)
-        array["opcode"] = Opcode.MESSAGE
-        array["length"] = self._message.itemsize - FRAME.size
-        array["channel"] = self.channel
-        array["cdr"] = np.frombuffer(CDR_HEADER, "<u4")[0]
-        return _Records(
-            bytes=array.data.cast("B"),
-            sequence=array["sequence"],
-            times=np.ndarray((len(array), 2), "<u8", array, LOG_TIME_AT, (array.itemsize, 8)),
-            values=array["values"],
-        )
 
 
 class OpenEvents:
@@ -223,16 +187,11 @@ class OpenEvents:
         times, offsets = np.array(self._times, np.uint64), np.array(self._offsets, np.uint64)
         return Block(self.channel, memoryview(bytes(self._records)), times, offsets)
 
-    def take(self) -> Block:
-        """Return what is held and begin anew; good until given back."""
-        block = self.block()
+    def clear(self) -> None:
+        """Forget what is held, keep counting the sequence."""
         self._records.clear()
         self._times.clear()
         self._offsets.clear()
-        return block
-
-    def give_back(self) -> None:
-        """Do nothing: blocks of events are copies."""
 
 
 def before_1970(t_ns: int, stream: str) -> RecordingError:

@@ -1,8 +1,9 @@
 """Writes recordings: rows in, a complete MCAP file on disk after every flush.
 
 Rows become MCAP messages by one copy into a numpy array of whole Message records
-(:mod:`~rigd.record.openchunk`); sealed chunks are compressed in a thread. The bytes of a closed
-file depend on the sequence of calls that gave data, not on flushes, threads or wall time.
+(:mod:`~rigd.record.openchunk`). The bytes of a closed file depend on the sequence of calls that
+gave data, not on flushes or wall time. Chunks are compressed where they are sealed, in at most
+2 ms: a thread for it was tried, and cost more than it freed.
 
 What can be lost: nothing that was flushed, when the process is killed (also in the middle of a
 flush, :mod:`~rigd.record.journal`); when the power fails, what came after the last
@@ -21,18 +22,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
-from rigd.record.compression import Compression
+from rigd.record.chunks import Chunk, build_chunk
+from rigd.record.compression import Compression, compressor
 from rigd.record.contents import SummaryWriter
 from rigd.record.events import NO_TRIAL, Event
 from rigd.record.file import RecordingFile
 from rigd.record.openchunk import OpenChunk, OpenEvents, OpenRows
 from rigd.record.prefix import EVENTS_CHANNEL, Attachment, build_extras, build_prefix
 from rigd.record.resume import open_for_append
-from rigd.record.sealing import Sealer, open_chunk
 
-#: Sealed chunks held in memory before they are written without being asked, about 4 MiB: enough
-#: for the compressing thread to work beside the caller, little enough to stay in a cache.
-MAX_WAITING: Final = 4
+#: Sealed chunks of this size together are written without being asked.
+MAX_WAITING_BYTES: Final = 1024 * 1024
 DEFAULT_SYNC_S: Final = 1.0
 
 
@@ -61,7 +61,10 @@ class RecordingWriter:
             for name, (channel, stream) in streams.items()
         }
         self._events = OpenEvents(EVENTS_CHANNEL, counts.get(EVENTS_CHANNEL, 0), start_ns)
-        self._sealer = Sealer(compression)
+        self._compression = compression
+        self._compress = compressor(compression)
+        self._waiting: list[Chunk] = []  #: sealed and not yet written
+        self._waiting_bytes = 0
         self._changed = False
         self._closed = False
         self._error: RecordingError | None = None
@@ -225,7 +228,6 @@ class RecordingWriter:
                 self._commit(b"", ())
                 self._guard(self._file.sync)
         finally:
-            self._sealer.close()
             self._file.close()
 
     def __enter__(self) -> Self:
@@ -244,14 +246,21 @@ class RecordingWriter:
         return [self._events, *self._rows.values()]
 
     def _seal(self, held: OpenChunk) -> None:
-        self._sealer.seal(held)
-        if len(self._sealer) >= MAX_WAITING and not self._closed:
+        block = held.block()
+        chunk = build_chunk(block, self._compression, self._compress(block.records))
+        held.clear()
+        self._waiting.append(chunk)
+        self._waiting_bytes += chunk.size
+        if self._waiting_bytes >= MAX_WAITING_BYTES and not self._closed:
             self.flush()
 
     def _commit(self, extras: bytes, still_open: Sequence[OpenChunk]) -> None:
-        chunks, behind = self._sealer.chunks(), [open_chunk(held) for held in still_open]
-        self._guard(lambda: self._file.commit(extras, chunks, behind))
-        self._sealer.written()
+        blocks = [held.block() for held in still_open]
+        # Not compressed: they are written again at each flush until they are sealed.
+        behind = [build_chunk(block, "none", block.records) for block in blocks]
+        self._guard(lambda: self._file.commit(extras, self._waiting, behind))
+        self._waiting.clear()
+        self._waiting_bytes = 0
 
     def _guard(self, action: Callable[[], None]) -> None:
         """Do ``action``; an error is kept, as nothing may be written after a gap."""
