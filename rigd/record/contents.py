@@ -171,8 +171,11 @@ def add_record(contents: Contents, opcode: int, content: memoryview) -> None:
 
 
 def rows_of(index: ChunkIndex) -> int:
-    """Return the number of messages of a chunk of one channel, from the size of its index."""
-    return (index.message_index_length - MESSAGE_INDEX_HEAD.size) // 16
+    """Return the number of messages of a chunk from the size of its index.
+
+    Exact for a chunk of one channel; of several, not less than there are.
+    """
+    return max(index.message_index_length - MESSAGE_INDEX_HEAD.size, 0) // 16
 
 
 def parse_footer(tail: memoryview) -> tuple[int, int]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
 from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
-from rigd.record.contents import Contents, parse_footer, parse_summary
+from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
 from rigd.record.crc import crc32
 from rigd.record.decode import message_payloads, rows_of_chunk
 from rigd.record.events import Event, parse_event
@@ -121,7 +121,7 @@ class Recording:
     ) -> NDArray[np.void]:
         """Return the rows with ``start_ns <= t_ns < end_ns``, in the order of the file.
 
-        The dtype is that of :func:`~rigd.model.rows.row_dtype`; cost about 0.3 µs per row of 12
+        The dtype is that of :func:`~rigd.model.rows.row_dtype`; cost about 0.1 µs per row of 12
         channels.
 
         Raises:
@@ -132,9 +132,13 @@ class Recording:
         low = 0 if start_ns is None else start_ns
         high = _LAST_NS if end_ns is None else end_ns
         dtype = row_dtype(description)
+        chunks = self._chunks(channel, low, high)
+        # Filled piece by piece: joining them at the end would touch twice the memory. Every row
+        # has 16 bytes of index in the file, whatever a damaged one may claim.
+        most = min(sum(map(rows_of, chunks)), self.size // 16)
+        joined, end = np.empty(most, blob_dtype(description)), 0
         with _opened(self.path) as fd:
-            pieces: list[NDArray[np.void]] = []
-            for index in self._chunks(channel, low, high):
+            for index in chunks:
                 data = self._unpack(fd, index, check_crc=check_crc)
                 try:
                     rows = rows_of_chunk(data, channel, blob_dtype(description))
@@ -143,9 +147,11 @@ class Recording:
                 if index.message_start_time < low or index.message_end_time >= high:
                     times = rows["t_ns"].astype(np.int64)
                     rows = rows[(times >= low) & (times < high)]
-                pieces.append(rows)
-            joined = np.concatenate([np.empty(0, blob_dtype(description)), *pieces])
-        return joined.view(dtype)
+                if end + len(rows) > most:
+                    raise damaged(self.path, "a chunk has more messages than its index")
+                joined[end : end + len(rows)] = rows
+                end += len(rows)
+        return joined[:end].view(dtype)
 
     def events(self) -> list[Event]:
         """Return all events in the order of the file; none where the file has no ``/events``.
@@ -286,7 +292,7 @@ def _indexed(fd: int) -> tuple[Contents, int]:
     if crc and crc32(summary[: -len(MAGIC) - 4]) != crc:
         raise Malformed("the CRC of its summary does not match")
     contents = parse_summary(summary[:-ending])
-    if contents.messages and not contents.chunks:
+    if contents.messages > sum(map(rows_of, contents.chunks)):
         raise Malformed("its messages are not in indexed chunks")
     return contents, start
 

@@ -131,8 +131,15 @@ def test_big_endian_messages_are_refused(tmp_path: Path) -> None:
         Recording.open(path).read("p")
 
 
-@pytest.mark.parametrize("options", [{"use_chunking": False}, {"index_types": IndexType.NONE}])
-def test_files_without_a_chunk_index_are_refused(
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"use_chunking": False},
+        {"index_types": IndexType.NONE},
+        {"index_types": IndexType.ALL & ~IndexType.MESSAGE},
+    ],
+)
+def test_files_without_all_indexes_are_refused(
     ours: Path, tmp_path: Path, options: dict[str, object]
 ) -> None:
     theirs = tmp_path / "theirs.mcap"
