@@ -16,7 +16,7 @@ V_S, MU_C, RATIO, SIGMA_0, SIGMA_1, SIGMA_2 = range(6)
 #: Fitted coordinates. ln(mu_s/mu_c) >= 0 keeps static friction at or above Coulomb friction, and
 #: makes "no Stribeck effect" a bound that can be reached and recognised.
 PARAMETERS = (
-    Parameter("V_s", "m/s", 1e-4, 10.0, 0.01),
+    Parameter("V_s", "m/s", 1e-4, 10.0, 0.05),
     Parameter("mu_c", "1", 1e-4, 2.0, 0.1),
     Parameter("ln(mu_s/mu_c)", "1", 0.0, 4.0, 0.2, Scaling.LINEAR),
     Parameter("sigma_0", "1/m", 0.1, 1e4, 30.0),
