@@ -93,6 +93,11 @@ class SummaryWriter:
         self._index_crc = crc32(encoded, self._index_crc)
         _count(self.contents, chunk)
 
+    @property
+    def index_size(self) -> int:
+        """Bytes of the index of finished chunks: what grows with the length of a run."""
+        return len(self._index)
+
     def tail(self, data_end: int, data_crc: int, open_chunks: Iterable[tuple[int, Chunk]]) -> bytes:
         """Return all that follows the data, which ends at byte ``data_end`` of the file.
 

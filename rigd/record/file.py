@@ -81,8 +81,23 @@ class RecordingFile:
             raise write_error(path, error) from error
         return file
 
-    def commit(self, sealed: bytes, chunks: Sequence[Chunk], still_open: Sequence[Chunk]) -> None:
+    @property
+    def summary_size(self) -> int:
+        """Bytes that every complete commit writes again, for the sake of readers."""
+        return self._summary.index_size
+
+    def commit(
+        self,
+        sealed: bytes,
+        chunks: Sequence[Chunk],
+        still_open: Sequence[Chunk],
+        *,
+        complete: bool = True,
+    ) -> None:
         """Add ``sealed`` bytes and sealed chunks, then put open chunks and the summary behind.
+
+        Without ``complete`` the summary is left out: every row is in the file, but a reader needs
+        the file recovered first, should no complete commit follow.
 
         Raises:
             RecordingError: the system refuses; the file is as the last commit left it.
@@ -102,7 +117,7 @@ class RecordingFile:
             crc = _crc_of(chunk, crc)
             at += chunk.size
         opened = b"".join(part for chunk in still_open for part in chunk.parts)
-        tail = opened + self._summary.tail(at, crc, placed)
+        tail = opened + (self._summary.tail(at, crc, placed) if complete else b"")
         try:
             self._replace([*parts, tail])
         except OSError as error:

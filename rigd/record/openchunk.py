@@ -45,7 +45,7 @@ class OpenChunk(Protocol):
         ...
 
     def clear(self) -> None:
-        """Forget what is held, keep counting the sequence."""
+        """Begin anew, and count on; the last block stays good until more is taken."""
         ...
 
 
@@ -72,6 +72,7 @@ class OpenRows:
         self._itemsize = dtype.itemsize
         self._bytes = records.data.cast("B")
         self._sequence = records["sequence"]
+        self._sealed = 0  #: rows sealed since the sequence was brought up to date
         # Log and publish time as two columns, which each call fills at once.
         self._times = np.ndarray(
             (self._capacity, 2), np.uint64, records, LOG_TIME_AT, (dtype.itemsize, 8)
@@ -108,6 +109,8 @@ class OpenRows:
             raise before_1970(first_ns - (1 << 64), self.stream.name)
         if not start:
             self._first_ns = first_ns
+            self._sequence += np.uint32(self._sealed)
+            self._sealed = 0
         if not 0 <= times.item(-1) - self._first_ns < SPAN_NS:
             block = block[: self._fitting(times)]
             times = block["t_ns"]
@@ -128,8 +131,8 @@ class OpenRows:
         )
 
     def clear(self) -> None:
-        """Forget what is held, keep counting the sequence."""
-        self._sequence += np.uint32(self.count)
+        """Begin anew, and count on; the last block stays good until more is taken."""
+        self._sealed += self.count
         self.count = 0
 
     def _fitting(self, times: Times) -> int:
@@ -188,7 +191,7 @@ class OpenEvents:
         return Block(self.channel, memoryview(bytes(self._records)), times, offsets)
 
     def clear(self) -> None:
-        """Forget what is held, keep counting the sequence."""
+        """Begin anew, and count on; the last block is a copy, and so stays good."""
         self._records.clear()
         self._times.clear()
         self._offsets.clear()

@@ -34,6 +34,11 @@ from rigd.record.resume import open_for_append
 #: Sealed chunks of this size together are written without being asked.
 MAX_WAITING_BYTES: Final = 1024 * 1024
 DEFAULT_SYNC_S: Final = 1.0
+#: The summary grows by 0.7 kB per second of a rig of eight streams: 21 MB in a working day. Once
+#: it is longer than this (90 s), it is written again only so often; a run killed in between is
+#: `rigd recover`'s.
+SPARED_SUMMARY_BYTES: Final = 64 * 1024
+SUMMARY_INTERVAL_S: Final = 2.0
 
 
 class RecordingWriter:
@@ -70,7 +75,7 @@ class RecordingWriter:
         self._error: RecordingError | None = None
         self._sync_interval_s = sync_interval_s
         self._clock = clock
-        self._synced_at = clock()
+        self._synced_at = self._summarised_at = clock()
 
     @classmethod
     def create(
@@ -194,7 +199,7 @@ class RecordingWriter:
             self._seal(self._events)
 
     def flush(self) -> None:
-        """Put all that was given on disk, as a complete MCAP file.
+        """Put all that was given on disk, as a complete MCAP file (a long one every 2 s).
 
         Raises:
             RecordingError: the disk is full or fails; the file is as the last flush left it.
@@ -202,7 +207,8 @@ class RecordingWriter:
         """
         self._check()
         if self._changed:
-            self._commit(b"", [chunk for chunk in self._open() if chunk.count])
+            still_open = [chunk for chunk in self._open() if chunk.count]
+            self._commit(b"", still_open, complete=self._summary_due())
             self._changed = False
         if self._sync_interval_s is not None:
             now = self._clock()
@@ -251,14 +257,29 @@ class RecordingWriter:
         held.clear()
         self._waiting.append(chunk)
         self._waiting_bytes += chunk.size
-        if self._waiting_bytes >= MAX_WAITING_BYTES and not self._closed:
+        # What is not compressed is not copied either: it must be written before more is taken.
+        ready = self._waiting_bytes >= MAX_WAITING_BYTES or self._compression == "none"
+        if ready and not self._closed:
             self.flush()
 
-    def _commit(self, extras: bytes, still_open: Sequence[OpenChunk]) -> None:
+    def _summary_due(self) -> bool:
+        """Return whether this flush shall write the summary, as it does while that is short."""
+        now = self._clock()
+        long = self._file.summary_size > SPARED_SUMMARY_BYTES
+        if long and now - self._summarised_at < SUMMARY_INTERVAL_S:
+            return False
+        self._summarised_at = now
+        return True
+
+    def _commit(
+        self, extras: bytes, still_open: Sequence[OpenChunk], *, complete: bool = True
+    ) -> None:
         blocks = [held.block() for held in still_open]
         # Not compressed: they are written again at each flush until they are sealed.
         behind = [build_chunk(block, "none", block.records) for block in blocks]
-        self._guard(lambda: self._file.commit(extras, self._waiting, behind))
+        self._guard(
+            lambda: self._file.commit(extras, self._waiting, behind, complete=complete)
+        )
         self._waiting.clear()
         self._waiting_bytes = 0
 

@@ -58,7 +58,8 @@ def test_what_was_flushed_stays_readable(tmp_path: Path, limit: int) -> None:
     assert str(path) in result["errors"][0]
     assert "Free space" in result["errors"][0]
     read = Recording.open(path).read("fast")
-    assert len(read) == result["done"] > 0
+    # All that was flushed; of the call that failed, what had been sealed by then may be there too.
+    assert 0 < result["done"] <= len(read) < result["done"] + 130
     assert (read["c0"] == range(len(read))).all()
     assert recover(path).intact
     assert [one.name for one in tmp_path.iterdir()] == ["run.mcap"]
