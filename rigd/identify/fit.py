@@ -18,7 +18,7 @@ from rigd.identify.result import FloatArray
 from rigd.model.errors import DataError
 
 MAX_ITERATIONS = 60  #: starts that need more crawl along a ridge the data do not resolve
-RELATIVE_DECREASE = 1e-12  #: a step that gains less than this share of the cost ends the fit
+RELATIVE_DECREASE = 1e-12
 STEP_TOLERANCE = 1e-9  #: in scaled coordinates, where one is a factor e
 MAX_DAMPING = 1e12  #: beyond it the steps are below rounding
 MAX_STEP = 3.0  #: e-folds; a longer step is a linearisation far outside its validity
@@ -87,9 +87,11 @@ def fit(
     affine: Affine | None = None,
     weights: FloatArray | None = None,
     max_iterations: int = MAX_ITERATIONS,
+    relative_decrease: float = RELATIVE_DECREASE,
 ) -> Fit:
     """Return the least-squares fit from one start (natural units; the model's own by default).
 
+    It ends with a step that gains less than ``relative_decrease`` of the cost.
     Raises DataError when the cost is not finite at the start.
     """
     parameters = model.parameters
@@ -128,14 +130,14 @@ def fit(
         evaluations += 1
         gain = now.cost - cost
         if np.isfinite(cost) and gain > 0.0:
-            converged = gain < RELATIVE_DECREASE * now.cost
+            converged = gain < relative_decrease * now.cost
             ratio = gain / predicted if predicted > 0.0 else 1.0
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3)
             growth = 2.0
             w = target
             now = equations(w)
             evaluations += 1
-        elif damping > MAX_DAMPING or 0.0 <= predicted < RELATIVE_DECREASE * now.cost:
+        elif damping > MAX_DAMPING or 0.0 <= predicted < relative_decrease * now.cost:
             converged = True
         else:
             damping *= growth

@@ -11,8 +11,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from rigd.identify.model import Model, slopes
 from rigd.identify.result import FloatArray, Verdict
 from rigd.identify.uncertainty import scaled_pinv
@@ -28,7 +26,9 @@ class Evidence:
     """All that a verdict on one parameter rests on; ``low``/``high`` None where the end is open.
 
     ``bound`` is the end of the box the estimate sits on, if any. ``bias`` is a sentence on a bias
-    that the method is known to have for this parameter, empty if none.
+    that the method is known to have for this parameter, empty if none. ``allowed`` is the range
+    that the parameter may have at all: an end that reaches it is open, since the data did not stop
+    it. ``wider`` says what keeps an interval wide or open that a profile alone would close.
     """
 
     estimate: float
@@ -37,6 +37,22 @@ class Evidence:
     unit: str
     bound: float | None = None
     bias: str = ""
+    allowed: tuple[float, float] = (-math.inf, math.inf)
+    wider: str = ""
+
+    @property
+    def ends(self) -> tuple[float | None, float | None]:
+        """Return ``low`` and ``high`` within ``allowed``, None where the data do not stop them."""
+        least, most = self.allowed
+        low = None if self.low is None or self.low <= least else self.low
+        high = None if self.high is None or self.high >= most else self.high
+        return low, high
+
+    @property
+    def log_sd(self) -> float:
+        """Return the standard deviation of the logarithm; infinite where an end is open."""
+        low, high = self.ends
+        return math.inf if low is None or high is None else log_sd(low, high)
 
 
 def judge(evidence: Evidence) -> tuple[Verdict, str]:
@@ -44,14 +60,15 @@ def judge(evidence: Evidence) -> tuple[Verdict, str]:
 
     Not identifiable: on a bound, an open end, or a standard deviation of the logarithm above 0.35.
     """
-    low, high, unit = evidence.low, evidence.high, _unit(evidence.unit)
+    (low, high), unit = evidence.ends, _unit(evidence.unit)
+    wider = f" {evidence.wider}" if evidence.wider else ""
     if low is None or high is None:
-        side = {
-            (True, True): "neither upwards nor downwards",
-            (True, False): f"not downwards (at most {_text(high)}{unit})",
-            (False, True): f"not upwards (at least {_text(low)}{unit})",
-        }[(low is None, high is None)]
-        return Verdict.UNIDENTIFIABLE, f"The data do not limit it: {side}."
+        side = "neither upwards nor downwards"
+        if high is not None:
+            side = f"not downwards (at most {high:.3g}{unit})"
+        elif low is not None:
+            side = f"not upwards (at least {low:.3g}{unit})"
+        return Verdict.UNIDENTIFIABLE, f"The data do not limit it: {side}.{wider}"
     if evidence.bound is not None:
         return (
             Verdict.UNIDENTIFIABLE,
@@ -62,7 +79,7 @@ def judge(evidence: Evidence) -> tuple[Verdict, str]:
     if spread > UNIDENTIFIABLE_LOG_SD:
         return (
             Verdict.UNIDENTIFIABLE,
-            f"The data allow anything from {low:.3g} to {high:.3g}{unit}.",
+            f"The data allow anything from {low:.3g} to {high:.3g}{unit}.{wider}",
         )
     if evidence.bias:
         return Verdict.BIASED, evidence.bias
@@ -90,9 +107,28 @@ class Candidate:
     model: Model
 
 
-def predicted_sd(information: FloatArray) -> FloatArray:
-    """Return the Cramer-Rao standard deviations (p,) in scaled coordinates."""
-    return np.asarray(np.sqrt(np.maximum(np.diag(scaled_pinv(information)), 0.0)))
+@dataclass(frozen=True)
+class Advice:
+    """The candidate that helps most, and by what factor it shrinks the standard error."""
+
+    sentence: str
+    shrink: float
+
+    def remaining(self, log_sd: float, method_sd: float) -> float:
+        """Return the standard deviation left of ``log_sd`` when the test is added.
+
+        The part that comes from the method, ``method_sd``, stays whatever is recorded.
+        """
+        if not math.isfinite(log_sd):
+            return math.inf
+        chance = math.sqrt(max(log_sd**2 - method_sd**2, 0.0))
+        return math.hypot(chance / self.shrink, method_sd)
+
+
+def predicted_sd(information: FloatArray, direction: FloatArray) -> float:
+    """Return the Cramer-Rao standard deviation of ``direction @ scaled``."""
+    variance = float(direction @ scaled_pinv(information) @ direction)
+    return math.sqrt(max(variance, 0.0))
 
 
 def fisher(model: Model, theta: FloatArray, residual_sd: float) -> FloatArray:
@@ -102,33 +138,26 @@ def fisher(model: Model, theta: FloatArray, residual_sd: float) -> FloatArray:
 
 
 def advise(
-    index: int,
+    direction: FloatArray,
     theta: FloatArray,
     current: FloatArray,
     candidates: Sequence[Candidate],
     residual_sd: float,
-) -> str:
-    """Return which candidate would help parameter ``index`` most, and by how much.
+) -> Advice | None:
+    """Return which candidate would help the combination ``direction @ scaled`` (p,) most.
 
     ``current`` (p, p) is the Fisher information of the data at hand (with its inflation); a
-    candidate adds to it. An empty string: none shrinks the standard deviation by 1.5 or more.
+    candidate adds to it. None: none shrinks the standard deviation by 1.5 or more.
     """
-    now = predicted_sd(current)[index]
-    best_shrink, best = 1.0, ""
+    now = predicted_sd(current, direction)
+    best = Advice("", 1.0)
     for candidate in candidates:
         added = current + fisher(candidate.model, theta, residual_sd)
-        then = predicted_sd(added)[index]
-        shrink = now / then if then > 0.0 else 1.0
-        if shrink > best_shrink:
-            best_shrink, best = shrink, candidate.sentence
-    if best_shrink < WORTHWHILE_SHRINK:
-        return ""
-    return f"{best}: predicted to shrink its standard error {best_shrink:.1f} times."
+        then = predicted_sd(added, direction)
+        if then > 0.0 and now / then > best.shrink:
+            best = Advice(candidate.sentence, now / then)
+    return best if best.shrink >= WORTHWHILE_SHRINK else None
 
 
 def _unit(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
-
-
-def _text(value: float | None) -> str:
-    return "?" if value is None else f"{value:.3g}"

@@ -7,16 +7,18 @@ n/t ln(S/S_min) is compared with the chi-square quantile of one degree of freedo
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
 
 from rigd.identify.fit import Affine, Fit, fit
-from rigd.identify.model import Model
+from rigd.identify.model import Model, to_scaled
 from rigd.identify.result import FloatArray
 
-FAR = 4.0  #: the scan of a side ends where the statistic is this multiple of the threshold
+FAR = 4.0  #: refits spread no further than this multiple of the threshold
 
 
 @dataclass(frozen=True)
@@ -43,44 +45,46 @@ def scan(
     grid: FloatArray,
     *,
     inflation: float,
+    others: Sequence[FloatArray] = (),
     confidence: float = 0.95,
     max_iterations: int = 25,
 ) -> ProfileScan:
     """Return the profile of ``direction @ scaled`` over ``grid`` (scaled, ascending).
 
-    Each point starts from its inner neighbour, outwards from the best fit until the statistic is
-    ``FAR`` times the threshold; a point that ends below its inner neighbour gives that one a
-    second start. An end stays None when the statistic does not cross the threshold on that side
-    within the grid.
+    Refits spread from the best fit, from both ends of the grid, and from ``others`` (natural
+    parameters (p,) of other optima, or of points that another profile accepts). A point that gets
+    better offers itself to both its neighbours as a start, so that a second branch is followed
+    wherever one of the origins touches it; points are passed on while the statistic is below
+    ``FAR`` times the threshold. An end stays None when the statistic does not cross the threshold
+    on that side within the grid.
     """
     costs = np.full(len(grid), np.inf)
     thetas = np.tile(best.theta, (len(grid), 1))
     effective = float(np.count_nonzero(model.mask)) / inflation
     threshold = float(chi2.ppf(confidence, 1))
     beyond = best.cost * np.exp(FAR * threshold / effective)
+    # A gain that moves the statistic by less than a hundredth of the threshold is none.
+    worth = 1e-2 * threshold / effective
 
-    def refit(index: int, start: FloatArray) -> None:
+    def nearest(theta: FloatArray) -> int:
+        value = float(direction @ to_scaled(model.parameters, theta))
+        return int(np.argmin(np.abs(grid - value)))
+
+    origins = [(nearest(theta), theta) for theta in (best.theta, *others)]
+    waiting = deque([*origins, (0, best.theta), (len(grid) - 1, best.theta)])
+    while waiting:
+        index, start = waiting.popleft()
         held = Affine.holding(direction, float(grid[index]))
-        point = fit(model, start, affine=held, weights=best.weights, max_iterations=max_iterations)
-        if point.cost < costs[index]:
-            costs[index], thetas[index] = point.cost, point.theta
-
-    middle = int(np.argmin(np.abs(grid - float(direction @ best.scaled))))
-    refit(middle, best.theta)
-    reached = [middle]
-    for way in (range(middle - 1, -1, -1), range(middle + 1, len(grid))):
-        previous = middle
-        for index in way:
-            refit(index, thetas[previous])
-            reached.append(index)
-            previous = index
-            if costs[index] > beyond:
-                break
-    for index in sorted(reached, key=lambda i: -abs(i - middle)):
-        inward = index + (1 if index < middle else -1)
-        if index != middle and costs[index] < costs[inward]:
-            refit(inward, thetas[index])
-    done = np.array(sorted(reached))
+        point = fit(
+            model, start, affine=held, weights=best.weights, max_iterations=max_iterations,
+            relative_decrease=0.1 * worth,
+        )  # fmt: skip
+        if not point.cost < costs[index] * (1.0 - worth):
+            continue
+        costs[index], thetas[index] = point.cost, point.theta
+        if point.cost <= beyond:
+            waiting += [(i, point.theta) for i in (index - 1, index + 1) if 0 <= i < len(grid)]
+    done = np.flatnonzero(np.isfinite(costs))
     grid, costs, thetas = grid[done], costs[done], thetas[done]
     floor = min(best.cost, float(np.min(costs)))
     statistic = effective * np.log(np.maximum(costs, floor) / max(floor, np.finfo(float).tiny))

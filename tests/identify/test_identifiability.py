@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rigd.identify.identifiability import Candidate, Evidence, advise, fisher, judge, log_sd
+from rigd.identify.identifiability import Advice, Candidate, Evidence, advise, fisher, judge, log_sd
 from rigd.identify.model import Model
 from rigd.identify.result import Verdict
 
@@ -53,5 +53,27 @@ def test_advice_names_the_candidate_that_excites_the_parameter(
         Candidate("Measure late again", decay(np.zeros(100), late)),
         Candidate("Measure the beginning", decay(np.zeros(100), early)),
     )
-    assert advise(0, theta, current, tests, 0.01).startswith("Measure the beginning: predicted")
-    assert advise(0, theta, current, tests[:1], 0.01) == ""  # sqrt 2 is not worth a test
+    amplitude = np.array([1.0, 0.0])
+    found = advise(amplitude, theta, current, tests, 0.01)
+    assert found is not None
+    assert found.sentence == "Measure the beginning"
+    assert found.shrink > 1.5
+    assert advise(amplitude, theta, current, tests[:1], 0.01) is None  # sqrt 2 is not worth a test
+
+
+def test_more_data_shrink_chance_but_not_the_method() -> None:
+    repeats = Advice("The same again", 2.0)
+    assert repeats.remaining(0.4, 0.0) == pytest.approx(0.2)
+    assert repeats.remaining(0.5, 0.4) == pytest.approx(np.hypot(0.15, 0.4))
+    assert repeats.remaining(np.inf, 0.0) == np.inf
+
+
+def test_an_end_beyond_the_allowed_range_is_open_and_never_printed() -> None:
+    evidence = Evidence(0.0189, 1.1e-5, 34.9, "m/s", allowed=(1e-4, 10.0), wider="(Why.)")
+    verdict, sentence = judge(evidence)
+    assert verdict is Verdict.UNIDENTIFIABLE
+    assert evidence.ends == (None, None)
+    assert evidence.log_sd == np.inf
+    assert sentence == "The data do not limit it: neither upwards nor downwards. (Why.)"
+    half = Evidence(0.0189, 0.001, 34.9, "m/s", allowed=(1e-4, 10.0))
+    assert judge(half)[1] == "The data do not limit it: not upwards (at least 0.001 m/s)."

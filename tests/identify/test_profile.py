@@ -4,12 +4,20 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from rigd.identify.fit import fit
-from rigd.identify.model import Model
+from rigd.identify.model import (
+    Model,
+    NormalEquations,
+    Parameter,
+    Scaling,
+    stacked_normal_equations,
+)
 from rigd.identify.profile import axis, crossing, natural_ends, scan
 from rigd.identify.uncertainty import covariance
 
+FloatArray = NDArray[np.float64]
 T = np.linspace(-1.0, 1.0, 2000)
 
 
@@ -49,6 +57,51 @@ def test_an_end_the_data_leave_open_is_none(decay: Callable[..., Model]) -> None
     assert found.low is None
     assert found.high is not None and np.exp(found.high) < 0.05
     assert len(found.accepted) > 3
+
+
+class TwoBranches:
+    """r = 1 + x^2/100 + (y^2 - 1)^2 - 0.02 x y: equally low at left with y < 0, right with y > 0.
+
+    Held at one x, the cost over y has a minimum at either sign, and no step leads across.
+    """
+
+    parameters = (
+        Parameter("x", "1", -3.0, 3.0, -1.0, Scaling.LINEAR),
+        Parameter("y", "1", -3.0, 3.0, -1.0, Scaling.LINEAR),
+    )
+    trial_slices = (slice(0, 200),)
+    mask = np.ones(200)
+
+    def residuals(self, theta: FloatArray) -> FloatArray:
+        x, y = theta
+        return np.full(200, 1.0 + 0.01 * x**2 + (y**2 - 1.0) ** 2 - 0.02 * x * y)
+
+    def jacobian(self, theta: FloatArray) -> FloatArray:
+        x, y = theta
+        row = np.array([0.02 * x - 0.02 * y, 4.0 * y * (y**2 - 1.0) - 0.02 * x])
+        return np.tile(row, (200, 1))
+
+    def cost(self, theta: FloatArray, weights: FloatArray | None = None) -> float:
+        return self.normal_equations(theta, weights).cost
+
+    def normal_equations(
+        self, theta: FloatArray, weights: FloatArray | None = None
+    ) -> NormalEquations:
+        used = self.mask if weights is None else weights
+        return stacked_normal_equations(self.residuals(theta), self.jacobian(theta), used)
+
+
+def test_a_second_branch_is_followed_from_any_origin_that_touches_it() -> None:
+    model = TwoBranches()
+    left = fit(model, np.array([-1.0, -1.0]))
+    right = fit(model, np.array([1.0, 1.0]))
+    assert left.theta[1] < 0.0 < right.theta[1]
+    grid = np.linspace(-3.0, 3.0, 25)
+    alone = scan(model, left, axis(2, 0), grid, inflation=1.0)
+    both = scan(model, left, axis(2, 0), grid, inflation=1.0, others=[right.theta])
+    assert alone.high is not None and alone.high < 0.0
+    assert both.high is not None and both.high > 1.9
+    assert both.low == pytest.approx(-both.high, abs=0.05)
 
 
 def test_crossing_accepts_all_between_the_outermost_points() -> None:

@@ -69,6 +69,21 @@ def test_autocorrelation_time_of_a_known_process() -> None:
     assert autocorrelation_time(white, np.ones(TRIALS * SIZE), slices, 100) < 1.6
 
 
+def test_swings_of_a_vibration_do_not_make_coloured_residuals_white() -> None:
+    rng = np.random.default_rng(17)
+    t = np.arange(4000) * 1e-3
+    smooth = np.convolve(rng.standard_normal(len(t) + 30), np.full(31, 1.0 / 31), "valid")
+    residuals = smooth + 1.5 * np.std(smooth) * np.sin(2.0 * np.pi * 25.0 * t)
+    tau = autocorrelation_time(residuals, np.ones(len(t)), (slice(0, len(t)),), 150)
+    # All lags together give nearly nothing: what the smoothing adds, the vibration takes away.
+    assert 5.0 < tau < 31.0
+
+
+def test_alternating_residuals_are_never_better_than_white() -> None:
+    r = np.tile([1.0, -1.0], 500)
+    assert autocorrelation_time(r, np.ones(1000), (slice(0, 1000),), 100) == 1.0
+
+
 def test_jackknife_agrees_with_the_spread_between_trials(line: Callable[..., Model]) -> None:
     rng = np.random.default_rng(8)
     offsets = np.repeat(rng.standard_normal(TRIALS), SIZE)

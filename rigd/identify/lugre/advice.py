@@ -2,7 +2,7 @@
 
 Candidates are scaled from the visited slip, not from wishes: what the drive can reach is what it
 reached, times two with half the mass (F/F_N noise stays the same, slip grows as 1/m; lugre.md
-section 5).
+section 5). Only tests that this method can evaluate are candidates: one constant current each.
 """
 
 from __future__ import annotations
@@ -15,20 +15,18 @@ from rigd.identify.identifiability import Candidate
 from rigd.identify.lugre.model import LugreModel, SlipForce
 from rigd.identify.result import FloatArray
 
-REVERSAL_HZ = 2.0
-
 #: Parameters that no excitation within reach of the drive determines, and why (lugre.md section 5).
 OUT_OF_REACH = {
-    "V_s": "No test at the slip this drive reaches fixes V_s unless it lies within that range: it "
-    "needs slip up to V_s itself, which is a stronger drive or a much lighter carriage.",
+    "V_s": "It needs slip both well below V_s and up to V_s itself, which is a stronger drive or a "
+    "much lighter carriage; more of the same tests do not help.",
     "mu_c": "It needs slip well beyond V_s, so that the Stribeck effect has died away: a stronger "
     "drive or a lighter carriage.",
     "mu_s": "It needs slow, constant slip near break-away: constant currents just above the one "
     "that moves the carriage, or slow current ramps.",
     "mu_s-mu_c": "It needs the same test both far below and far above V_s; with the slip visited "
     "here the four-parameter model with mu_s = mu_c is all the data support.",
-    "sigma_1": "The method smears the start, where sigma_1 acts: record current reversals, and fit "
-    "the slip position instead of the force.",
+    "sigma_1": "The bias comes with the smoothing, not with the tests: no recording evaluated by "
+    "this method removes it.",
 }
 
 
@@ -38,10 +36,6 @@ def candidates(trials: Sequence[SlipForce], visited_m_s: float) -> tuple[Candida
         Candidate(
             "The same currents with half the carriage mass",
             LugreModel([_scaled(t, 2.0) for t in trials]),
-        ),
-        Candidate(
-            f"Current reversals at {REVERSAL_HZ:.0f} Hz, three tests",
-            LugreModel([_reversal(t, visited_m_s) for t in trials[:3]]),
         ),
         Candidate(
             "Slow constant currents near break-away, three tests",
@@ -55,11 +49,6 @@ def candidates(trials: Sequence[SlipForce], visited_m_s: float) -> tuple[Candida
 
 def _scaled(trial: SlipForce, factor: float) -> SlipForce:
     return _with_slip(trial, factor * trial.slip_m_s)
-
-
-def _reversal(trial: SlipForce, amplitude_m_s: float) -> SlipForce:
-    t = trial.period_s * np.arange(len(trial.slip_m_s))
-    return _with_slip(trial, amplitude_m_s * np.sin(2.0 * np.pi * REVERSAL_HZ * t))
 
 
 def _constant(trial: SlipForce, slip_m_s: float) -> SlipForce:

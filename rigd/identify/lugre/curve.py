@@ -12,13 +12,18 @@ from rigd.model.errors import DataError
 POINTS = 60
 SLIDING = 0.5  #: share of g at which the bristle counts as sliding
 #: The lowest and highest shares of the used samples are noise of the slip, not visited slip.
-TRIM = 0.005
+TRIM = 0.01
+RESOLVED = 10.0  #: slip below this many standard deviations of its noise is not resolved
 
 
-def visited_range(model: LugreModel, theta: FloatArray) -> tuple[float, float]:
+def visited_range(model: LugreModel, theta: FloatArray, noise_m_s: float) -> tuple[float, float]:
     """Return the slip range in m/s that the used samples cover while the bristle slides.
 
-    A bristle bent less than half way (|z| < g/2) feels its stiffness, hardly g.
+    A bristle bent less than half way (|z| < g/2) feels its stiffness, hardly g. The range begins
+    where the slip stands out of ``noise_m_s``, its standard deviation.
+
+    Raises:
+        DataError: no trial slides, or none at a slip that the sensors resolve.
     """
     bristle_only = theta.copy()
     bristle_only[[SIGMA_1, SIGMA_2]] = 0.0
@@ -30,14 +35,19 @@ def visited_range(model: LugreModel, theta: FloatArray) -> tuple[float, float]:
             "no trial bends the bristle half way to sliding: nothing is known about friction",
             hint="record trials with more current",
         )
-    low, high = np.quantile(used, [TRIM, 1.0 - TRIM])
-    return float(low), float(high)
+    low, high = (float(x) for x in np.quantile(used, [TRIM, 1.0 - TRIM]))
+    if high <= RESOLVED * noise_m_s:
+        raise DataError(
+            f"the slip reaches {1e3 * high:.2g} mm/s while the sensors resolve "
+            f"{1e3 * RESOLVED * noise_m_s:.2g} mm/s: nothing is known about friction",
+            hint="record trials with more current, or encoders with finer counts",
+        )
+    return max(low, RESOLVED * noise_m_s), high
 
 
 def friction_curve(spread: Spread, visited: tuple[float, float]) -> Curve:
     """Return g on ``visited`` with its 95 % band (pointwise)."""
-    low_slip = max(visited[0], 1e-3 * visited[1])
-    slip = np.geomspace(low_slip, visited[1], POINTS)
+    slip = np.geomspace(visited[0], visited[1], POINTS)
 
     def log_g(theta: FloatArray) -> FloatArray:
         return np.asarray(np.log(friction(theta, slip)))

@@ -12,9 +12,10 @@ from rigd.identify.fit import Fit, Loss, fit, multi_start, named, robust_fit
 from rigd.identify.lugre.curve import friction_curve, visited_range
 from rigd.identify.lugre.model import LugreModel
 from rigd.identify.lugre.preprocess import Guards, ProcessedSweep, ProcessedTrial, process
+from rigd.identify.lugre.profiles import polish, profiles, scan_all
 from rigd.identify.lugre.spread import Spread
 from rigd.identify.lugre.trial import LugreConstants, LugreTrial
-from rigd.identify.lugre.verdicts import derived, estimates, polish, profiles, scan_all
+from rigd.identify.lugre.verdicts import derived, estimates
 from rigd.identify.model import slopes
 from rigd.identify.result import (
     FloatArray,
@@ -70,8 +71,9 @@ def identify_lugre(
     cov = covariance(model, best, block)
     error = model.residuals(best.theta)
     inflation = autocorrelation_time(error, model.mask, model.trial_slices, block)
-    visited = visited_range(model, best.theta)
-    scans = scan_all(model, best, inflation)
+    noise = max(t.slip_noise_m_s for t in sweep.trials)
+    visited = visited_range(model, best.theta, noise)
+    scans = scan_all(model, best, fits, inflation)
     spread = Spread(
         theta=best.theta,
         slopes=slopes(model.parameters, best.theta),

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.signal import savgol_filter
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from rigd.identify.lugre.drive import MIN_REST_S, Drive, find_drive
 from rigd.identify.lugre.model import SlipForce
@@ -52,7 +52,8 @@ class ProcessedTrial:
     """One trial after method A: what the model takes, and what a plot shows beside it.
 
     All arrays (n,) from the first sample of the recording to the end of the drive; speeds in m/s,
-    ``traction_n`` in N. Trials that drove backwards are mirrored.
+    ``traction_n`` in N. Trials that drove backwards are mirrored. ``slip_noise_m_s`` is the
+    standard deviation that the encoders' counts leave in the slip after the filter.
     """
 
     label: str
@@ -64,6 +65,7 @@ class ProcessedTrial:
     samples: SlipForce
     drive: Drive
     acceleration_bias_m_s2: float
+    slip_noise_m_s: float
 
 
 @dataclass(frozen=True)
@@ -167,6 +169,7 @@ def process_trial(
     return ProcessedTrial(
         trial.label, trial.current_a, trial.t_s[:end], wheel_speed, carriage_speed, traction,
         samples, drive, bias,
+        slip_noise(rim[moving], position[moving], period, window, guards.order),
     )  # fmt: skip
 
 
@@ -200,6 +203,19 @@ def rate(position: FloatArray, period_s: float, window: int, order: int) -> Floa
     """Return d(position)/dt (n,) with zero phase, from the same polynomial as :func:`smooth`."""
     slope = savgol_filter(position, window, order, deriv=1, delta=period_s, mode="interp")
     return np.asarray(slope, dtype=np.float64)
+
+
+def slip_noise(
+    rim: FloatArray, position: FloatArray, period_s: float, window: int, order: int
+) -> float:
+    """Return the standard deviation in m/s that white noise of both positions leaves in the slip.
+
+    The noise of a position is seen in its second differences, sqrt(6) times as large there; what
+    the carriage really accelerates within one sample is a tenth of a count. Both arrays in m.
+    """
+    variance = sum(float(np.var(np.diff(x, 2))) / 6.0 for x in (rim, position))
+    gain = savgol_coeffs(window, order, deriv=1, delta=period_s)
+    return float(np.sqrt(variance * np.sum(gain**2)))
 
 
 def _check_sign(trials: Sequence[ProcessedTrial]) -> None:
@@ -251,6 +267,7 @@ def _account(
                 "drive_end_s": float(t.t_s[-1]),
                 "samples_used": float(np.count_nonzero(t.samples.mask)),
                 "max_slip_m_s": float(np.max(t.samples.slip_m_s)),
+                "slip_noise_m_s": t.slip_noise_m_s,
             }
             for t in kept
         },

@@ -17,7 +17,8 @@ class Quantity:
     """A reported quantity: ``value(theta)`` and ``gradient(theta)`` (6,) to natural parameters.
 
     ``direction`` is the combination of scaled coordinates that a profile can hold to hold the
-    logarithm of this quantity; None where there is none.
+    logarithm of this quantity; None where there is none. ``index`` is the fitted coordinate that
+    the quantity is, None for a combination.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Quantity:
     value: Callable[[FloatArray], float]
     gradient: Callable[[FloatArray], FloatArray]
     direction: tuple[float, ...] | None = None
+    index: int | None = None
 
     def log(self, theta: FloatArray) -> FloatArray:
         """Return the logarithm of the value, (1,)."""
@@ -70,14 +72,15 @@ STATIC = Quantity(
 )  # fmt: skip
 STIFFNESS = Quantity(
     "sigma_0", "σ_0", "1/m", "normalised bristle stiffness", _plain(SIGMA_0),
-    _plain_gradient(SIGMA_0),
+    _plain_gradient(SIGMA_0), index=SIGMA_0,
 )  # fmt: skip
 DAMPING = Quantity(
-    "sigma_1", "σ_1", "s/m", "normalised bristle damping", _plain(SIGMA_1), _plain_gradient(SIGMA_1)
-)
+    "sigma_1", "σ_1", "s/m", "normalised bristle damping", _plain(SIGMA_1),
+    _plain_gradient(SIGMA_1), index=SIGMA_1,
+)  # fmt: skip
 VISCOUS = Quantity(
     "sigma_2", "σ_2", "s/m", "normalised viscous friction", _plain(SIGMA_2),
-    _plain_gradient(SIGMA_2),
+    _plain_gradient(SIGMA_2), index=SIGMA_2,
 )  # fmt: skip
 TOTAL_DAMPING = Quantity(
     "sigma_1+sigma_2", "σ_1 + σ_2", "s/m", "force per slip speed right after a jump of the slip",

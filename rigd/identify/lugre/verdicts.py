@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rigd.identify.fit import Fit, fit
-from rigd.identify.identifiability import Evidence, advise, fisher, judge
-from rigd.identify.lugre.advice import OUT_OF_REACH, candidates
-from rigd.identify.lugre.model import (
-    MU_C,
-    PARAMETERS,
-    RATIO,
-    SIGMA_0,
-    SIGMA_1,
-    SIGMA_2,
-    V_S,
-    LugreModel,
+from rigd.identify.fit import Fit
+from rigd.identify.identifiability import (
+    UNIDENTIFIABLE_LOG_SD,
+    WORTHWHILE_SHRINK,
+    Advice,
+    Evidence,
+    advise,
+    fisher,
+    judge,
 )
+from rigd.identify.lugre.advice import OUT_OF_REACH, candidates
+from rigd.identify.lugre.model import MU_C, PARAMETERS, RATIO, V_S, LugreModel
+from rigd.identify.lugre.profiles import Scans, speed_on_bound
 from rigd.identify.lugre.quantities import (
     BY_COVARIANCE,
     PROFILED,
@@ -27,19 +27,13 @@ from rigd.identify.lugre.quantities import (
     Quantity,
 )
 from rigd.identify.lugre.spread import Spread
-from rigd.identify.profile import ProfileScan, axis, scan
-from rigd.identify.result import FloatArray, ParameterEstimate, Profile, Verdict
+from rigd.identify.profile import ProfileScan
+from rigd.identify.result import FloatArray, ParameterEstimate, Verdict
 from rigd.identify.uncertainty import Covariance
 
 Z_95 = 1.959964
-GRID_POINTS = 19
-POLISH_ROUNDS = 3
-POLISH_GAIN = 1e-6  #: a relative gain in cost too small to move any verdict
-#: Widest range a profile looks at, as factors of the estimate; an end beyond it counts as open.
-FRICTION_FACTORS = (0.05, 20.0)
-RATIO_GRID = np.concatenate([np.linspace(0.0, 0.5, 11), np.geomspace(0.6, 4.0, 7)])
-INDEX = {"V_s": V_S, "mu_c": MU_C, "mu_s": RATIO, "sigma_0": SIGMA_0, "sigma_1": SIGMA_1}
-INDEX["sigma_2"] = SIGMA_2
+OPEN_WITH_SPEED = "{0} is open {1}, and {2} with it {3}, whatever its own profile says."
+KNOWN = (Verdict.IDENTIFIABLE, Verdict.WEAK)
 
 #: Against known truths (lugre.md section 5, and benchmarks/identify.py).
 BIASES = {
@@ -51,41 +45,15 @@ BIASES = {
 
 
 @dataclass(frozen=True)
-class Scans:
-    """Profiles of V_s, mu_c, mu_s (logarithms) and of ln(mu_s/mu_c)."""
+class _Judged:
+    """An estimate, and the standard deviation of its logarithm (infinite where it is open).
 
-    speed: ProfileScan
-    coulomb: ProfileScan
-    static: ProfileScan
-    ratio: ProfileScan
+    ``method_sd`` is the part of it that more data do not shrink.
+    """
 
-
-def polish(model: LugreModel, best: Fit) -> Fit:
-    """Return the best fit found by walking along the V_s ridge, where plain steps crawl."""
-    speed = PROFILED[0]
-    direction = np.array(speed.direction, dtype=np.float64)
-    for _ in range(POLISH_ROUNDS):
-        found = scan(model, best, direction, _grid(speed, best.theta), inflation=1.0)
-        lowest = found.thetas[int(np.argmin(found.statistic))]
-        better = fit(model, lowest, weights=best.weights)
-        if not better.cost < best.cost * (1.0 - POLISH_GAIN):
-            break
-        best = replace(better, start=best.start)
-    return best
-
-
-def scan_all(model: LugreModel, best: Fit, inflation: float) -> Scans:
-    """Return the four profiles that decide on V_s, mu_c, mu_s and the Stribeck effect."""
-    speed, coulomb, static = (
-        scan(
-            model, best, np.array(q.direction, dtype=np.float64), _grid(q, best.theta),
-            inflation=inflation,
-        )
-        for q in PROFILED
-    )  # fmt: skip
-    ratio_grid = np.unique(np.append(RATIO_GRID, best.theta[RATIO]))
-    ratio = scan(model, best, axis(6, RATIO), ratio_grid, inflation=inflation)
-    return Scans(speed, coulomb, static, ratio)
+    entry: ParameterEstimate
+    log_sd: float
+    method_sd: float
 
 
 def estimates(
@@ -102,19 +70,31 @@ def estimates(
     tests = candidates(model.trials, visited[1])
     noise = cov.residual_sd * math.sqrt(inflation)
 
-    def helpful(name: str) -> str:
-        computed = advise(INDEX[name], best.theta, current, tests, noise)
-        return " ".join(text for text in (OUT_OF_REACH.get(name, ""), computed) if text)
+    def advised(quantity: Quantity, judged: _Judged) -> ParameterEstimate:
+        direction = spread.slopes * quantity.log_gradient(best.theta)[0]
+        help_ = advise(direction, best.theta, current, tests, noise)
+        return replace(judged.entry, advice=_advice(judged, help_))
 
-    found = [
-        _profiled(q, s, model, cov, spread, visited)
-        for q, s in zip(PROFILED, (scans.speed, scans.coulomb, scans.static), strict=True)
+    found = [advised(PROFILED[0], _speed(scans, cov, spread, visited))]
+    found += [
+        advised(q, _friction(q, s, scans, cov, spread))
+        for q, s in zip(PROFILED[1:], (scans.coulomb, scans.static), strict=True)
     ]
-    found += [_by_covariance(q, model, cov, spread) for q in BY_COVARIANCE]
-    return tuple(
-        entry if entry.verdict is Verdict.IDENTIFIABLE else _with_advice(entry, helpful(entry.name))
-        for entry in found
-    )
+    found += [advised(q, _by_covariance(q, cov, spread)) for q in BY_COVARIANCE]
+    return tuple(found)
+
+
+def _advice(judged: _Judged, computed: Advice | None) -> str:
+    """Return what would help; a computed test only where it leaves the parameter known."""
+    entry = judged.entry
+    if entry.verdict is Verdict.IDENTIFIABLE:
+        return ""
+    if entry.verdict is not Verdict.BIASED and computed is not None:
+        remaining = computed.remaining(judged.log_sd, judged.method_sd)
+        if remaining <= min(UNIDENTIFIABLE_LOG_SD, judged.log_sd / WORTHWHILE_SHRINK):
+            shrink = judged.log_sd / remaining
+            return f"{computed.sentence}: predicted to shrink its interval {shrink:.1f} times."
+    return OUT_OF_REACH.get(entry.name, "")
 
 
 def derived(
@@ -124,131 +104,156 @@ def derived(
     mu_c = float(best.theta[MU_C])
     rise = mu_c * math.expm1(best.theta[RATIO])
     low, high = scans.ratio.low, scans.ratio.high
-    if low is None or high is None:
-        verdict = Verdict.UNIDENTIFIABLE
+    ends: tuple[float | None, float | None] = (None, None)
+    verdict = Verdict.UNIDENTIFIABLE
+    if low is None:
+        sentence = "mu_s = mu_c fits these data as well: a Stribeck effect is not shown."
+    elif high is None or scans.speed.low is None or scans.speed.high is None:
         sentence = (
-            "mu_s = mu_c fits these data as well: a Stribeck effect is not shown."
-            if low is None
-            else f"It is above {mu_c * math.expm1(low):.2g}, but the data do not limit it upwards."
+            "There is a Stribeck effect, but the data do not limit its height: it depends on V_s, "
+            "which they leave open."
         )
-        ends: tuple[float | None, float | None] = (None, None)
     else:
         method = Z_95 * float(spread.method_sd(_height)[0])
         down = math.hypot(method, rise - mu_c * math.expm1(low))
         up = math.hypot(method, mu_c * math.expm1(high) - rise)
-        ends = (rise - down, rise + up)
+        ends = (max(rise - down, 0.0), rise + up)
         verdict, sentence = judge(Evidence(rise, *ends, "1"))
-        ends = ends if verdict in (Verdict.IDENTIFIABLE, Verdict.WEAK) else (None, None)
+        ends = ends if verdict in KNOWN else (None, None)
     stribeck = ParameterEstimate(
         "mu_s-mu_c", "μ_s - μ_c", "1", "height of the Stribeck effect", rise, *ends,
         None, verdict, sentence, "profile",
         advice="" if verdict is Verdict.IDENTIFIABLE else OUT_OF_REACH["mu_s-mu_c"],
     )  # fmt: skip
-    return stribeck, _by_covariance(TOTAL_DAMPING, model, None, spread)
+    return stribeck, _by_covariance(TOTAL_DAMPING, None, spread).entry
 
 
-def profiles(scans: Scans) -> tuple[Profile, ...]:
-    """Return the profiles for a report, in units."""
-    logs = zip(PROFILED, (scans.speed, scans.coulomb, scans.static), strict=True)
-    out = [
-        Profile(
-            q.name, q.unit, np.exp(s.values), s.statistic, s.threshold,
-            _exp(s.low), _exp(s.high),
-        )
-        for q, s in logs
-    ]  # fmt: skip
-    r = scans.ratio
-    ratio = Profile(
-        "ln(mu_s/mu_c)", "1", r.values, r.statistic, r.threshold, r.low, r.high, log_axis=False
+def _speed(scans: Scans, cov: Covariance, spread: Spread, visited: tuple[float, float]) -> _Judged:
+    """Return V_s; beyond the visited slip it is extrapolation whatever its interval."""
+    quantity = PROFILED[0]
+    value = quantity.value(spread.theta)
+    bounds = (PARAMETERS[V_S].low, PARAMETERS[V_S].high)
+    judged = _profiled(
+        quantity, scans.speed, _widened(quantity, scans.speed, spread), spread, bounds,
+        value if cov.on_bound[V_S] else None,
+    )  # fmt: skip
+    if visited[0] <= value <= visited[1]:
+        return judged
+    entry = replace(judged.entry, flags=("outside the visited slip range",))
+    if value < visited[0]:
+        return replace(judged, entry=entry)
+    sentence = f"{entry.sentence} It lies beyond the visited slip, {visited[1]:.3g} m/s: "
+    entry = replace(
+        entry, low=None, high=None, standard_error=None, verdict=Verdict.UNIDENTIFIABLE,
+        sentence=sentence + "extrapolation.",
+    )  # fmt: skip
+    return _Judged(entry, math.inf, judged.method_sd)
+
+
+def _friction(
+    quantity: Quantity, found: ProfileScan, scans: Scans, cov: Covariance, spread: Spread
+) -> _Judged:
+    """Return mu_c or mu_s, each open on the side on which V_s is.
+
+    With V_s free to grow, what is left of the Stribeck effect at the highest slip may be any part
+    of it, so that mu_c has no lower end; with V_s free to fall, the rise towards standstill may be
+    any height, so that mu_s has no upper end. The ends of their own profiles then show only where
+    the box of V_s stopped them.
+    """
+    low, high = _widened(quantity, found, spread)
+    why = ""
+    if quantity.name == "mu_c":
+        bounds = (PARAMETERS[MU_C].low, PARAMETERS[MU_C].high)
+        if scans.speed.high is None or speed_on_bound(found, found.low, PARAMETERS[V_S].high):
+            low, why = (
+                None,
+                "V_s is open upwards, and mu_c with it downwards, whatever its own profile says.",
+            )
+    else:
+        coulomb = _widened(PROFILED[1], scans.coulomb, spread)[0]
+        most = PARAMETERS[MU_C].high * math.exp(PARAMETERS[RATIO].high)
+        bounds = (PARAMETERS[MU_C].low, most)
+        low = None if low is None else max(low, coulomb or bounds[0])
+        if scans.speed.low is None or speed_on_bound(found, found.high, PARAMETERS[V_S].low):
+            high, why = (
+                None,
+                "V_s is open downwards, and mu_s with it upwards, whatever its own profile says.",
+            )
+    bound = spread.theta[MU_C] if quantity.name == "mu_c" and cov.on_bound[MU_C] else None
+    return _profiled(quantity, found, (low, high), spread, bounds, bound, why)
+
+
+def _widened(
+    quantity: Quantity, found: ProfileScan, spread: Spread
+) -> tuple[float | None, float | None]:
+    """Return the ends of a profile of a logarithm, joined with the method's own spread."""
+    centre = math.log(quantity.value(spread.theta))
+    method = Z_95 * float(spread.method_sd(quantity.log)[0])
+    low, high = found.low, found.high
+    return (
+        None if low is None else math.exp(centre - math.hypot(method, max(centre - low, 0.0))),
+        None if high is None else math.exp(centre + math.hypot(method, max(high - centre, 0.0))),
     )
-    return (*out, ratio)
 
 
 def _profiled(
     quantity: Quantity,
     found: ProfileScan,
-    model: LugreModel,
-    cov: Covariance,
+    ends: tuple[float | None, float | None],
     spread: Spread,
-    visited: tuple[float, float],
-) -> ParameterEstimate:
-    """Return an estimate whose interval is the profile's, widened by the method's own spread."""
+    allowed: tuple[float, float],
+    bound: float | None,
+    why: str = "",
+) -> _Judged:
+    """Return an estimate with the interval ``ends``; ``why`` they are wider than the profile."""
     value = quantity.value(spread.theta)
-    method = Z_95 * float(spread.method_sd(quantity.log)[0])
-    low = None if found.low is None else value * math.exp(
-        -math.hypot(method, max(math.log(value) - found.low, 0.0))
-    )  # fmt: skip
-    high = None if found.high is None else value * math.exp(
-        math.hypot(method, max(found.high - math.log(value), 0.0))
-    )  # fmt: skip
-    bound = value if quantity.name != "mu_s" and cov.on_bound[INDEX[quantity.name]] else None
-    if quantity.name != "V_s":
-        low = None if _speed_on_bound(found, found.low) else low
-        high = None if _speed_on_bound(found, found.high) else high
-    verdict, sentence = judge(Evidence(value, low, high, quantity.unit, bound))
-    flags: tuple[str, ...] = ()
-    if quantity.name == "V_s" and not visited[0] <= value <= visited[1]:
-        flags = ("outside the visited slip range",)
-        if value > visited[1]:
-            verdict = Verdict.UNIDENTIFIABLE
-            sentence += f" It lies beyond the visited slip, {visited[1]:.3g} m/s: extrapolation."
-    known = verdict in (Verdict.IDENTIFIABLE, Verdict.WEAK)
+    wider = why or _profile_alone(found)
+    evidence = Evidence(value, *ends, quantity.unit, bound, allowed=allowed, wider=wider)
+    verdict, sentence = judge(evidence)
+    known = verdict in KNOWN
+    low, high = evidence.ends
     error = spread.standard_error(quantity.log, quantity.log_gradient(spread.theta))
-    return ParameterEstimate(
+    entry = ParameterEstimate(
         quantity.name, quantity.symbol, quantity.unit, quantity.meaning, value,
         low if known else None, high if known else None,
-        float(error[0]) * value if known else None, verdict, sentence, "profile", flags,
+        float(error[0]) * value if known else None, verdict, sentence, "profile",
     )  # fmt: skip
+    return _Judged(entry, evidence.log_sd, float(spread.method_sd(quantity.log)[0]))
 
 
-def _by_covariance(
-    quantity: Quantity, model: LugreModel, cov: Covariance | None, spread: Spread
-) -> ParameterEstimate:
+def _profile_alone(found: ProfileScan) -> str:
+    """Return what the profile would say without the other sources, empty if it is open too."""
+    low, high = (None if end is None else f"{math.exp(end):.3g}" for end in (found.low, found.high))
+    if low is not None and high is not None:
+        closes = f"closes, {low} to {high}"
+    elif low is not None or high is not None:
+        closes = f"closes below at {low}" if low is not None else f"closes above at {high}"
+    else:
+        return ""
+    return f"(The profile alone {closes}; the choice of the filter window moves it further.)"
+
+
+def _by_covariance(quantity: Quantity, cov: Covariance | None, spread: Spread) -> _Judged:
     value = quantity.value(spread.theta)
     low, high, error = (
         float(x[0]) for x in spread.interval(quantity.log, quantity.log_gradient(spread.theta))
     )
     ends = (math.exp(low), math.exp(high))
     bias = BIASES.get(quantity.name, "")
-    bound = value if cov is not None and cov.on_bound[INDEX[quantity.name]] else None
-    verdict, sentence = judge(Evidence(value, *ends, quantity.unit, bound, bias))
-    known = verdict in (Verdict.IDENTIFIABLE, Verdict.WEAK)
-    return ParameterEstimate(
+    index = None if quantity.index is None else PARAMETERS[quantity.index]
+    on_bound = cov is not None and quantity.index is not None and cov.on_bound[quantity.index]
+    allowed = (0.0, math.inf) if index is None else (index.low, index.high)
+    evidence = Evidence(value, *ends, quantity.unit, value if on_bound else None, bias, allowed)
+    verdict, sentence = judge(evidence)
+    known = verdict in KNOWN
+    entry = ParameterEstimate(
         quantity.name, quantity.symbol, quantity.unit, quantity.meaning, value,
         ends[0] if known else None, ends[1] if known else None,
         error * value if known else None, verdict, sentence, "covariance",
         ("biased by this method",) if bias else (),
     )  # fmt: skip
-
-
-def _speed_on_bound(found: ProfileScan, end: float | None) -> bool:
-    """Whether an end of the interval is there only because V_s may not grow any further."""
-    if end is None:
-        return False
-    nearest = int(np.argmin(np.abs(found.values - end)))
-    return bool(found.thetas[nearest, V_S] >= PARAMETERS[V_S].high * (1.0 - 1e-6))
+    return _Judged(entry, evidence.log_sd, float(spread.method_sd(quantity.log)[0]))
 
 
 def _height(theta: FloatArray) -> FloatArray:
     return np.array([theta[MU_C] * math.expm1(theta[RATIO])])
-
-
-def _with_advice(entry: ParameterEstimate, advice: str) -> ParameterEstimate:
-    return replace(entry, advice=advice)
-
-
-def _grid(quantity: Quantity, theta: FloatArray) -> FloatArray:
-    """Return the logarithms to profile, the estimate among them."""
-    value = quantity.value(theta)
-    if quantity.name == "V_s":
-        ends = np.log([1e-4, 10.0])
-        points = np.linspace(ends[0], ends[1], GRID_POINTS)
-    else:
-        near = np.linspace(-0.3, 0.3, 13)
-        far = np.log([FRICTION_FACTORS[0], 0.1, 0.2, 0.4, 0.6, 1.6, 2.5, 5.0, 10.0, 20.0])
-        points = math.log(value) + np.concatenate([near, far])
-    return np.unique(np.append(points, math.log(value)))
-
-
-def _exp(value: float | None) -> float | None:
-    return None if value is None else math.exp(value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -108,6 +109,54 @@ def test_the_curve_stays_on_the_visited_slip(
     assert "extrapolation" in result.visited
 
 
+@pytest.mark.parametrize("floor", BOUNDS)
+def test_the_curve_begins_where_the_slip_is_resolved(identified: Identify, floor: str) -> None:
+    result = identified(floor, 1)
+    assert 0.001 <= result.curve.x[0] <= 0.005  # counts leave 0.2 mm/s of noise in the slip
+    assert np.all(result.curve.high - result.curve.low < 0.3 * result.curve.y)
+
+
+@pytest.mark.parametrize("floor", BOUNDS)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_friction_is_not_known_where_V_s_is_open(
+    identified: Identify, floor: str, seed: int
+) -> None:
+    result = identified(floor, seed)
+    speed = {p.name: p for p in result.profiles}["V_s"]
+    if speed.high is None:
+        assert not result.parameter("mu_c").identifiable
+        assert not result.parameter("mu_s-mu_c").identifiable
+    if speed.low is None:
+        assert not result.parameter("mu_s").identifiable
+
+
+@pytest.mark.parametrize("floor", BOUNDS)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_is_quoted_of_friction_holds_the_truth(
+    identified: Identify, bench: Callable[..., Any], floor: str, seed: int
+) -> None:
+    truth, result = bench(floor).truth, identified(floor, seed)
+    for name, value in (("V_s", truth.v_s), ("mu_c", truth.mu_c), ("mu_s", truth.mu_s)):
+        entry = result.parameter(name)
+        if entry.low is not None and entry.high is not None:
+            assert entry.low <= value <= entry.high, entry
+
+
+@pytest.mark.parametrize("floor", BOUNDS)
+def test_sentences_keep_to_the_allowed_and_the_possible(identified: Identify, floor: str) -> None:
+    result = identified(floor, 1)
+    limits = {"V_s": (1e-4, 10.0), "mu_c": (1e-4, 2.0), "mu_s": (1e-4, 110.0)}
+    for name, (least, most) in {**limits, "mu_s-mu_c": (0.0, 110.0)}.items():
+        entry = result.parameter(name)
+        bounded = entry.sentence if entry.verdict is Verdict.UNIDENTIFIABLE else ""
+        for number in re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", bounded):
+            assert least <= float(number) <= most, entry.sentence
+        for words in ("fit the slip position", "reversals"):
+            assert words not in entry.advice
+        if "No test" in entry.advice:
+            assert "predicted" not in entry.advice
+
+
 def test_json_has_the_promised_form(identified: Identify) -> None:
     text = json.dumps(identified("stone", 1).to_json(), allow_nan=False)
     data = json.loads(text)
@@ -129,7 +178,8 @@ def test_residuals_are_reported_as_coloured(identified: Identify) -> None:
     result = identified("pvc", 1)
     whiteness = {t.name: t for t in result.residual_tests}["whiteness (Ljung-Box)"]
     assert not whiteness.passed
-    assert result.inflation >= 1.0
+    # The 31 ms filter alone correlates white noise over 13.8 samples; vibration takes some of it.
+    assert 1.5 < result.inflation < 5.0
     assert result.effective_samples <= result.samples
     assert all(0.1 < t.rms < 0.35 for t in result.trials)  # N; vibration is 0.2 N
 
