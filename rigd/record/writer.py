@@ -277,9 +277,7 @@ class RecordingWriter:
         blocks = [held.block() for held in still_open]
         # Not compressed: they are written again at each flush until they are sealed.
         behind = [build_chunk(block, "none", block.records) for block in blocks]
-        self._guard(
-            lambda: self._file.commit(extras, self._waiting, behind, complete=complete)
-        )
+        self._guard(lambda: self._file.commit(extras, self._waiting, behind, complete=complete))
         self._waiting.clear()
         self._waiting_bytes = 0
 
