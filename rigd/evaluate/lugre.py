@@ -16,6 +16,8 @@ from rigd.model.errors import DataError
 from rigd.record import TrialInfo
 
 CONSTANTS = MODELS["lugre"].constants
+#: Carriage mass in kg at which the guide's friction was measured; that of the trials by default.
+FRICTION_MASS = "guide_friction_mass"
 
 
 def identify(
@@ -76,13 +78,17 @@ def _trial(sweep: RecordedSweep, trial: TrialInfo) -> LugreTrial:
 
 
 def _constants(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> LugreConstants:
-    """Return what all ``trials`` have in common.
+    """Return what all ``trials`` have in common; the guide's friction is that at their mass.
+
+    The guide carries its load at a lever, so that its friction is proportional to the mass
+    (Eqs. 20 and 21 of the paper); the plan may say at which mass it was measured.
 
     Raises:
-        DataError: a constant is missing, or differs between trials.
+        DataError: a constant is missing, not possible, or differs between trials.
     """
     first_sweep, first_trial = trials[0]
-    values = {name: first_sweep.constant(first_trial, name) for name in CONSTANTS}
+    given = [name for name in (*CONSTANTS, FRICTION_MASS) if _gives(trials, name)]
+    values = {name: first_sweep.constant(first_trial, name) for name in given}
     for sweep, trial in trials:
         for name, value in values.items():
             other = sweep.constant(trial, name)
@@ -92,10 +98,19 @@ def _constants(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> LugreConsta
                     f"{other:g} in trial {trial.number} of {sweep.path}",
                     hint="they cannot be fitted together: add what changed to `group_by`",
                 )
+    mass = values["mass"]
+    friction_mass = values.get(FRICTION_MASS, mass)
+    if not friction_mass > 0.0:
+        raise DataError(f"{FRICTION_MASS} is {friction_mass:g} kg, must be above 0 kg")
     return LugreConstants(
-        mass_kg=values["mass"],
+        mass_kg=mass,
         wheel_radius_m=values["wheel_radius"],
-        guide_friction_n=values["guide_friction"],
+        guide_friction_n=values["guide_friction"] * mass / friction_mass,
         rolling_resistance=values["rolling_resistance"],
         gravity_m_s2=values["gravity"],
     )
+
+
+def _gives(trials: Sequence[tuple[RecordedSweep, TrialInfo]], name: str) -> bool:
+    """Whether a constant must be looked up: it is not optional, or some plan gives it."""
+    return name in CONSTANTS or any(name in sweep.plan.constants for sweep, _ in trials)

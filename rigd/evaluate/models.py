@@ -15,7 +15,8 @@ from rigd.procedure.program import IdentifyPlan
 class ModelNeeds:
     """Names that a plan must give, and the trial parameter that method and labels rest on.
 
-    ``module`` offers ``identify`` and ``reference_curve``.
+    ``optional`` are constants that a plan may give. ``module`` offers ``identify`` and
+    ``reference_curve``.
     """
 
     module: str
@@ -23,6 +24,7 @@ class ModelNeeds:
     constants: tuple[str, ...]
     parameters: tuple[str, ...]  #: of the model, for the reference
     trial_parameter: str
+    optional: tuple[str, ...] = ()
 
 
 MODELS: Final = {
@@ -32,6 +34,7 @@ MODELS: Final = {
         constants=("mass", "wheel_radius", "guide_friction", "rolling_resistance", "gravity"),
         parameters=("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2"),
         trial_parameter="current",
+        optional=("guide_friction_mass",),
     )
 }
 
@@ -64,7 +67,7 @@ def needs_of(plan: IdentifyPlan, place: Place | None = None) -> ModelNeeds:
             )
     for kind, given_names, known in (
         ("signal", plan.signals, needs.signals),
-        ("constant", plan.constants, needs.constants),
+        ("constant", plan.constants, needs.constants + needs.optional),
         ("reference", plan.reference, needs.parameters),
     ):
         for name in given_names:

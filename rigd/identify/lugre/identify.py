@@ -80,7 +80,7 @@ def identify_lugre(
         coloured=cov.coloured,
         left_out=leave_one_trial_out(model, best),
         windows=_other_windows(trials, constants, settings, best),
-        ridge=scans.speed.accepted,
+        ridge=scans.accepted,
     )
     used = int(np.count_nonzero(model.mask))
     return IdentificationResult(

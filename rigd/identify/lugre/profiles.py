@@ -33,6 +33,12 @@ class Scans:
     static: ProfileScan
     ratio: ProfileScan
 
+    @property
+    def accepted(self) -> FloatArray:
+        """Return the natural parameters (m, 6) of all points that any of the profiles accepts."""
+        scans = (self.speed, self.coulomb, self.static, self.ratio)
+        return np.concatenate([found.accepted for found in scans])
+
 
 def polish(model: LugreModel, best: Fit) -> Fit:
     """Return the best fit found by walking along the V_s ridge, where plain steps crawl."""

@@ -5,8 +5,8 @@ For any function of the parameters (a parameter itself, g at one slip) the inter
 - chance: the larger of the coloured-noise sandwich and the jackknife over whole trials;
 - method: the root mean square change when the filter window is 10 ms shorter or longer, which
   stands for the smoothing and the vibration that passes it;
-- ridge: the range over all parameter sets that the profile of V_s accepts, because on that ridge
-  the cost is no parabola and a covariance sees only its local slope.
+- ridge: the range over all parameter sets that the profiles of V_s, mu_c, mu_s and mu_s/mu_c
+  accept, because there the cost is no parabola and a covariance sees only its local slope.
 
 The three are joined in quadrature, on each side by itself.
 """
