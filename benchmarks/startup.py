@@ -26,9 +26,7 @@ COMMANDS = {
 def wall_ms(arguments: list[str]) -> float:
     """Return the wall time of one process in ms."""
     start = time.perf_counter()
-    subprocess.run(
-        [sys.executable, *arguments], check=True, cwd=ROOT, stdout=subprocess.DEVNULL
-    )
+    subprocess.run([sys.executable, *arguments], check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
     return 1e3 * (time.perf_counter() - start)
 
 
