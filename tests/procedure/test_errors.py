@@ -112,7 +112,8 @@ END = "until: carriage.position > 1 m"
         (END, "until: carriage.position > 1.55 m", "carriage.position > 1.55",
          ["can never be reached", "the trial's limit keeps it between -0.03 m and 1.5 m"]),
         ("high: 1.5 m", "high: 1.79 m", "carriage.position > 1.7", ["overrun_far keeps it"]),
-        (END, "until: carriage.position > 2 m", "carriage.position > 2 m", ["measures between -0.1 m and"]),
+        (END, "until: carriage.position > 2 m", "carriage.position > 2 m",
+         ["measures between -0.1 m and"]),
         (END, "until: \"|carriage.position| < 0 m\"", "|carriage.position| <", ["never be"]),
         (END, "until: \"|carriage.position < 1 m\"", "|carriage.position <", ["cannot read"]),
         # prompts
