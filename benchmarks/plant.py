@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from figures import at_most
 from numpy.typing import NDArray
 
 from rigd.sdk import Driver
@@ -109,6 +110,7 @@ def compare(name: str, integrate_c: Integrate, *, vibration: bool, lateral: bool
         f"{name:<22}{ours:>10.1f}{theirs:>10.1f}{1e3 / ours:>12.1f}{1e3 / theirs:>12.1f}"
         f"{ratio:>8.2f}  {verdict:<5}{1e9 / (ours * CYCLES * CYCLE_STEPS):>9.0f}x{worst:>12.1e}"
     )
+    at_most(f"plant kernel / C -O3, {name}", ratio, TARGET_RATIO)
 
 
 def cycle() -> None:
@@ -145,7 +147,7 @@ def cycle() -> None:
             across.write((0.0, 1.0))
         whole.append((time.perf_counter_ns() - start) / CYCLES / 1e3)
     advance = statistics.median(alone)
-    print(f"advance with readings  {advance:6.2f} us a cycle (target {TARGET_US:g})")
+    at_most("plant, advance with readings", advance, TARGET_US, "us a cycle")
     print(f"with seven devices     {statistics.median(whole):6.2f} us a cycle")
 
 
