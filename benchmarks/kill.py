@@ -51,8 +51,8 @@ def kill_one(folder: Path, number: int, delay_s: float) -> tuple[float, bool]:
     )
     try:
         give_up = time.monotonic() + START_TIMEOUT_S
-        # More than attachments and schemas: the first samples are in.
-        while not path.exists() or path.stat().st_size < 30_000:
+        # More than attachments and schemas (40 kB): the first samples are in.
+        while not path.exists() or path.stat().st_size < 100_000:
             if process.poll() is not None or time.monotonic() > give_up:
                 raise RuntimeError(f"the run did not start (exit code {process.returncode})")
             time.sleep(0.01)
