@@ -112,7 +112,10 @@ class RunDisplay:
         for line in (*result.trips, *result.problems):
             console.print(f"  [red]{escape(line)}[/]")
         if result.missed_cycles:
-            console.print(f"  {result.missed_cycles} of {result.cycles} cycles were missed")
+            console.print(
+                f"  {result.missed_cycles} of {result.cycles + result.missed_cycles} cycles "
+                "were missed"
+            )
         path = escape(str(recorded.path))
         if result.trials_done < result.trials_total:
             console.print(f"go on with:  rigd run --resume {path}", soft_wrap=True)

@@ -128,16 +128,37 @@ def execute(
         answers or OwnAnswers(),
         change=None if wiring.plant is None else wiring.plant.change,
         done=done,
-        watch=watch,
+        watch=_Display(watch, tell, control).watch,
         extra_checks=(lambda: _disk_check(path.parent),),
     )
-    with heed_signals(control, tell):
+    with heed_signals(control):
         try:
             return Recorded(path, run.execute())
         except Blocked:
             if resume is None:
                 path.unlink()  # nothing moved: the file holds a few rows at rest
             raise
+
+
+@dataclass
+class _Display:
+    """Shows the run to a person, and lets it go on without when the terminal goes away."""
+
+    show: Callable[[Progress], None]
+    tell: Callable[[str], None]
+    control: Control
+    gone: bool = False
+
+    def watch(self, progress: Progress) -> None:
+        """Show notices, then where the run stands."""
+        if self.gone:
+            return
+        try:
+            while self.control.notices:
+                self.tell(self.control.notices.popleft())
+            self.show(progress)
+        except (OSError, SystemExit):  # rich ends the program where a pipe has closed
+            self.gone = True
 
 
 def _clock(request: RunRequest) -> Clock:
@@ -149,7 +170,8 @@ def _clock(request: RunRequest) -> Clock:
         start_ns = max(start_ns, request.resume.end_ns + RESUME_GAP_NS)
     if request.pace is None:
         return VirtualClock(request.rig.period_ns, start_ns)
-    return WallClock(request.rig.period_ns, request.pace)
+    earliest = 0 if request.resume is None else start_ns
+    return WallClock(request.rig.period_ns, request.pace, earliest)
 
 
 def _streams(cycle: Cycle, procedure: CompiledProcedure) -> list[Stream]:
@@ -191,7 +213,13 @@ def _texts(request: RunRequest) -> dict[str, str]:
 
 def _new_path(request: RunRequest) -> Path:
     """Return a path in the folder that no file has yet: time, procedure, floor or the like."""
-    request.folder.mkdir(parents=True, exist_ok=True)
+    try:
+        request.folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(
+            f"cannot make the folder {request.folder}: {error.strerror}",
+            hint="choose another --runs",
+        ) from error
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     words = [stamp, request.procedure.name]
     plan = request.procedure.identify

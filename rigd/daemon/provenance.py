@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+import shutil
 import subprocess
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -78,6 +79,8 @@ def git_revision() -> str:
     Empty where rigd is not run from a checkout.
     """
     if not (_PACKAGE.parent / ".git").exists():
+        return ""
+    if shutil.which("git") is None:
         return ""
     described = subprocess.run(
         ["git", "-C", str(_PACKAGE.parent), "describe", "--always", "--dirty", "--abbrev=12"],

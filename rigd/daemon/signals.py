@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -11,11 +11,12 @@ from rigd.engine.control import Control, Verb
 
 
 @contextmanager
-def heed_signals(control: Control, tell: Callable[[str], None]) -> Iterator[None]:
+def heed_signals(control: Control) -> Iterator[None]:
     """While inside, Ctrl-C, SIGTERM and SIGHUP stop the run; once more aborts, then drops power.
 
-    Ctrl-Z (or SIGUSR1) pauses after the trial under way, and resumes. ``tell`` gets a line for
-    the operator.
+    Ctrl-Z (or SIGUSR1) pauses after the trial under way, and resumes. A handler only sets flags
+    and leaves a line in ``control.notices``: the terminal it would print to may be what has just
+    gone. A signal that was ignored before (nohup) stays ignored.
     """
     words = {
         Verb.STOP: "stopping; once more aborts",
@@ -27,15 +28,20 @@ def heed_signals(control: Control, tell: Callable[[str], None]) -> Iterator[None
         name = signal.Signals(number).name
         verb = control.escalate(f"stopped by {name}")
         control.pause_wanted = False
-        tell(f"{name}: {words[verb]}")
+        control.notices.append(f"{name}: {words[verb]}")
 
     def pause(number: int, frame: FrameType | None) -> None:
         wanted = control.toggle_pause()
-        tell("pausing after this trial; Ctrl-Z resumes" if wanted else "resuming")
+        line = "pausing after this trial; Ctrl-Z resumes" if wanted else "resuming"
+        control.notices.append(line)
 
     handlers = dict.fromkeys((signal.SIGINT, signal.SIGTERM, signal.SIGHUP), end)
     handlers |= dict.fromkeys((signal.SIGTSTP, signal.SIGUSR1), pause)
-    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    before = {
+        number: signal.signal(number, handler)
+        for number, handler in handlers.items()
+        if signal.getsignal(number) is not signal.SIG_IGN
+    }
     try:
         yield
     finally:

@@ -48,9 +48,11 @@ class WallClock:
     A slot that has already passed is skipped, never caught up (no bursts).
     """
 
-    def __init__(self, period_ns: int, pace: float = 1.0) -> None:
+    def __init__(self, period_ns: int, pace: float = 1.0, earliest_ns: int = 0) -> None:
+        """``earliest_ns`` is a Unix time before which no slot may be: that of what is resumed."""
         self.period_ns = period_ns
-        self.start_ns = time.time_ns()
+        self.start_ns = max(time.time_ns(), earliest_ns)
+        self._earliest_ns = earliest_ns
         self._pace = pace
         self._origin: int | None = None
         self._slot = -1
@@ -59,7 +61,7 @@ class WallClock:
         """Sleep until the next slot that is not past, and return its number."""
         if self._origin is None:
             self._origin = time.monotonic_ns()
-            self.start_ns = time.time_ns()
+            self.start_ns = max(time.time_ns(), self._earliest_ns)
         slot = self._slot + 1
         elapsed = self.now()
         due = slot * self.period_ns

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from enum import IntEnum
 
 
@@ -20,6 +21,7 @@ class Control:
         self.verb: Verb | None = None
         self.reason = ""
         self.pause_wanted = False
+        self.notices: deque[str] = deque()  #: lines for the operator, shown by the run
 
     def request(self, verb: Verb, reason: str) -> None:
         """Ask for ``verb``; a weaker request never replaces a stronger one."""

@@ -16,12 +16,15 @@ from rigd.engine.limiter import Limiter
 from rigd.engine.mount import CYCLE_STREAM, Mount, MountedRig
 from rigd.engine.player import Ending, Outcome, Player
 from rigd.engine.ring import Ring
-from rigd.model.errors import DeviceError
+from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.limits import Action
 from rigd.procedure.program import CycleProgram
 
 #: A device without a new row for this long has failed, whether or not an interlock watches it.
 DEVICE_SILENT_NS = 100_000_000
+
+#: What a device's failure looks like, whoever must act on it.
+DEVICE_ERRORS = (DeviceError, LinkError, ProtocolError)
 
 #: ``emit(t_ns, kind, data)``: something happened that a person will want to read about.
 Emit = Callable[[int, str, Mapping[str, object]], None]
@@ -75,6 +78,7 @@ class Cycle:
         self._own_ring: tuple[Ring, int] | None = None
         self._values = [float("nan")] * len(rig.device_of)
         self._stamps = [0] * len(rig.mounts)
+        self._mute = {mount.name for mount in rig.mounts}
         self._rest = [limit.rest for limit in limiter.limits]
         self._wanted = list(self._rest)
         self._actuators = [mount for mount in rig.mounts if mount.driver.setpoints]
@@ -89,6 +93,20 @@ class Cycle:
         """Unix time of the slot under way, in ns."""
         return self.clock.start_ns + max(self._slot, 0) * self.clock.period_ns
 
+    @property
+    def mute(self) -> Sequence[str]:
+        """Names of devices that have not given a single row yet."""
+        return sorted(self._mute)
+
+    def ends_everything(self) -> str:
+        """Return why nothing may move any more: a latched trip, or one that still stands; or ""."""
+        for trip in self.trips:
+            if trip.interlock.latch and trip.interlock.action >= Action.END_TRIAL:
+                return f"interlock {trip.interlock.name} is latched: {trip.reason}"
+        for interlock in self.interlocks.active(Action.END_TRIAL):
+            return f"interlock {interlock.name} still stands tripped"
+        return ""
+
     def connect(self, rings: Mapping[str, Ring], decimation: Mapping[str, int], emit: Emit) -> None:
         """From now on push rows to ``rings``, every ``decimation[stream]``-th cycle."""
         self._emit = emit
@@ -101,8 +119,10 @@ class Cycle:
             self._own_ring = (rings[CYCLE_STREAM.name], decimation[CYCLE_STREAM.name])
 
     def load(self, program: CycleProgram | None) -> None:
-        """Play ``program`` from the next cycle on; None lets the setpoints go to rest."""
-        self._leaving = None
+        """Play ``program`` from the next cycle on; None lets the setpoints go to rest.
+
+        A way out that is being taken is not given up: it ends the new program at once.
+        """
         self._player = (
             None if program is None else Player(program, self.rig.readings, self.rig.setpoints)
         )
@@ -127,11 +147,15 @@ class Cycle:
             self._stamps = [t_ns] * len(self._stamps)
         self._slot = slot
 
-        outcome = self._read(t_ns)
-        if outcome is None:
-            outcome = self._decide(t_ns)
-            if outcome is None or outcome.ending is not Ending.ESTOPPED:
-                outcome = self._write(t_ns) or outcome
+        try:
+            outcome = self._read(t_ns)
+            if outcome is None:
+                outcome = self._decide(t_ns)
+                if outcome is None or outcome.ending is not Ending.ESTOPPED:
+                    outcome = self._write(t_ns) or outcome
+        except BaseException:
+            self.make_safe(t_ns)  # a bug in a driver: safe first, then let it be known
+            raise
         self._push(t_ns, slot, began)
         return outcome
 
@@ -140,11 +164,12 @@ class Cycle:
         for index, mount in enumerate(self.rig.mounts):
             try:
                 row = mount.driver.read(t_ns)
-            except DeviceError as error:
+            except DEVICE_ERRORS as error:
                 return self._fault(t_ns, f"{mount.name}: {error.message}")
             if row is not None:
                 values[mount.values] = row
                 stamps[index] = t_ns
+                self._mute.discard(mount.name)
             elif t_ns - stamps[index] > DEVICE_SILENT_NS:
                 silent_ms = DEVICE_SILENT_NS // 1_000_000
                 return self._fault(t_ns, f"{mount.name} gave no row for {silent_ms} ms")
@@ -155,7 +180,7 @@ class Cycle:
         for mount in self._actuators:
             try:
                 mount.driver.write(setpoints[mount.commands])
-            except DeviceError as error:
+            except DEVICE_ERRORS as error:
                 return self._fault(t_ns, f"{mount.name}: {error.message}")
         if self.limiter.cut != self._cut:
             self._report_cut(t_ns)
@@ -190,9 +215,10 @@ class Cycle:
             return None
         if leaving.ending is Ending.ESTOPPED:
             self.make_safe(t_ns)
-            return leaving
-        # Rest is reached by the limiter one cycle after it was wanted, and seen here.
-        return leaving if self.limiter.at_rest() else None
+        elif not self.limiter.at_rest():
+            return None  # rest is reached one cycle after it was wanted, and seen here
+        self._leaving = self._player = None
+        return leaving
 
     def _leave(self, outcome: Outcome) -> None:
         """Take the way out of the program, unless one at least as severe is being taken."""
@@ -202,6 +228,9 @@ class Cycle:
     def _heed_trip(self, trip: Trip) -> None:
         interlock = trip.interlock
         self.trips.append(trip)
+        ending = _ENDING_OF_ACTION.get(interlock.action)
+        if ending is not None:
+            self._leave(Outcome(ending, f"interlock {interlock.name}: {trip.reason}", trip))
         self._emit(
             trip.t_ns,
             "interlock",
@@ -215,13 +244,10 @@ class Cycle:
                 "message": interlock.message,
             },
         )
-        ending = _ENDING_OF_ACTION.get(interlock.action)
-        if ending is not None:
-            self._leave(Outcome(ending, f"interlock {interlock.name}: {trip.reason}", trip))
 
     def _fault(self, t_ns: int, reason: str) -> Outcome:
-        self._emit(t_ns, "fault", {"reason": reason})
         self.make_safe(t_ns)
+        self._emit(t_ns, "fault", {"reason": reason})
         return Outcome(Ending.FAULTED, reason)
 
     def _report_cut(self, t_ns: int) -> None:
@@ -259,6 +285,6 @@ class Cycle:
                 mount.driver.make_safe()
             except Exception as error:  # noqa: BLE001 - boundary: recorded, and the others go on
                 problems.append(f"{mount.name} could not be made safe: {error}")
-        for problem in problems:
+        for problem in problems:  # told once all are safe
             self._emit(self.t_ns if t_ns is None else t_ns, "fault", {"reason": problem})
         return problems

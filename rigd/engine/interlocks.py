@@ -103,6 +103,14 @@ class InterlockBank:
             if tripped and rule.interlock.action >= least
         ]
 
+    def violated(self, least: Action) -> list[Interlock]:
+        """Return the interlocks whose condition holds now, whatever their delay still allows."""
+        return [
+            rule.interlock
+            for rule, since in zip(self._rules, self._since, strict=True)
+            if since is not None and rule.interlock.action >= least
+        ]
+
     def acknowledge(self, name: str) -> None:
         """Let a latched interlock clear; it trips again at once if its condition still holds.
 

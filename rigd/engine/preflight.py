@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from rigd.engine.answers import Answers
 from rigd.engine.host import InProcessHost
+from rigd.engine.player import Ending, Outcome
 from rigd.model.errors import Blocked, DeviceError, LinkError, ProtocolError
 from rigd.model.limits import Action
 from rigd.procedure.program import CompiledProcedure, Prompt
@@ -19,8 +20,10 @@ def preflight(
     procedure: CompiledProcedure,
     answers: Answers,
     extra_checks: Sequence[Callable[[], Sequence[str]]] = (),
-) -> None:
+) -> Outcome | None:
     """Open every device, look at it at rest, and raise unless all is well.
+
+    Returns an outcome where a person stopped it meanwhile.
 
     Raises:
         Blocked: with every reason found, not only the first.
@@ -36,18 +39,21 @@ def preflight(
             opened = False
             reasons.append(f"{mount.name}: {error.message}")
     if opened:
+        outcome = host.run_cycles(PREFLIGHT_CYCLES)
+        if outcome is not None and outcome.trip is None and outcome.ending is not Ending.FAULTED:
+            return outcome
+        reasons += [] if outcome is None else [outcome.reason]
         reasons += _look(host)
     if reasons:
-        raise Blocked(reasons)
+        raise Blocked(list(dict.fromkeys(reasons)))
+    return None
 
 
 def _look(host: InProcessHost) -> Iterator[str]:
-    outcome = host.run_cycles(PREFLIGHT_CYCLES)
-    if outcome is not None:
-        yield outcome.reason
-        return
-    for interlock in host.cycle.interlocks.active(Action.END_TRIAL):
-        yield f"interlock {interlock.name} stands tripped"
+    for name in host.cycle.mute:
+        yield f"{name} gave no row in {PREFLIGHT_CYCLES} cycles"
+    for interlock in host.cycle.interlocks.violated(Action.END_TRIAL):
+        yield f"interlock {interlock.name} stands violated at rest"
 
 
 def _unanswerable(procedure: CompiledProcedure, answers: Answers) -> Iterator[str]:

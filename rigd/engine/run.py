@@ -114,10 +114,13 @@ class Run:
     def _live(self) -> tuple[str, Exit]:
         self._to(RunEvent.CHECK)
         try:
-            preflight(self.host, self.procedure, self.answers, self.extra_checks)
+            stopped = preflight(self.host, self.procedure, self.answers, self.extra_checks)
         except Blocked:
             self._to(RunEvent.BLOCK)
             raise
+        if stopped is not None:
+            self._to(RunEvent.STOP)
+            return stopped.reason, Exit.STOPPED
         self._event("run_start", {"procedure": self.procedure.name, "resumed": bool(self.done)})
         for mount in self.cycle.rig.mounts:
             mount.driver.arm()
@@ -131,9 +134,13 @@ class Run:
         except _WayOut as out:
             reason, code, final = out.outcome.reason, out.exit_code, out.final
             may_finish = out.may_finish
-            if may_finish:
-                self._to(RunEvent.STOP)
-                self._to(RunEvent.STOPPED)
+        barred = self.cycle.ends_everything()
+        if barred and may_finish:
+            may_finish, code, final = False, Exit.TRIPPED, RunEvent.FAULT
+            reason = reason if barred in reason else f"{reason}; {barred}"
+        elif may_finish and self.state is not RunState.FINISHING:
+            self._to(RunEvent.STOP)
+            self._to(RunEvent.STOPPED)
         if may_finish:
             try:
                 self._play_steps(self.procedure.finish, "finish")
@@ -174,6 +181,9 @@ class Run:
                 self._trials_done += 1
                 continue
             self._pause_point()
+            barred = self.cycle.ends_everything()
+            if barred:
+                raise self._way_out(Outcome(Ending.FAULTED, barred))
             self._play_trial(trial)
             self._trials_done += 1
 
@@ -277,7 +287,10 @@ class Run:
             },
         )
         if prompt.changes is not None and self.change is not None:
-            self.change(prompt.changes, answer)
+            try:
+                self.change(prompt.changes, answer)
+            except ValueError as error:
+                return Outcome(Ending.FAILED, f"prompt {prompt.name!r}: {error}")
         return None
 
     def _way_out(self, outcome: Outcome) -> _WayOut:
@@ -329,9 +342,14 @@ class Run:
         )
 
     def _close(self) -> None:
-        for mount in self.cycle.rig.mounts:
-            mount.driver.close()
-        self.sink.close()
+        try:
+            for mount in self.cycle.rig.mounts:
+                try:
+                    mount.driver.close()
+                except Exception as error:  # noqa: BLE001 - recorded, and the others go on
+                    self._event("fault", {"reason": f"{mount.name} could not be closed: {error}"})
+        finally:
+            self.sink.close()
 
     def _result(self, reason: str, code: Exit, problems: Sequence[str]) -> RunResult:
         return RunResult(

@@ -40,7 +40,7 @@ class PeakSink:
         """Keep steps, trips and setpoints that were cut."""
         if kind == "step":
             self.steps.append((t_ns, trial, str(data["name"])))
-        elif kind == "interlock":
+        elif kind == "interlock" and data["action"] != "warn":
             self.trips.append(f"interlock {data['name']} ({data['action']}): {data['reason']}")
         elif kind == "limit":
             names = data["setpoints"]

@@ -9,8 +9,8 @@ from support.bench import Axis, Bench, move, procedure
 
 from rigd.engine.control import Verb
 from rigd.engine.result import Progress
-from rigd.model.errors import Blocked, DeviceError, Exit, RecordingError
-from rigd.model.limits import Action, Interlock
+from rigd.model.errors import Blocked, DeviceError, Exit, LinkError, RecordingError
+from rigd.model.limits import Action, Interlock, SetpointLimit
 from rigd.model.states import RunState
 from rigd.procedure.program import (
     AnswerKind,
@@ -111,7 +111,7 @@ def test_a_stop_during_finish_can_be_escalated() -> None:
 @pytest.mark.parametrize(
     ("action", "latch", "finishes", "state"),
     [
-        (Action.STOP, False, True, RunState.DONE),
+        (Action.STOP, False, False, RunState.FAULTED),  # the axis still stands beyond it
         (Action.STOP, True, False, RunState.FAULTED),
         (Action.END_TRIAL, True, False, RunState.FAULTED),
         (Action.ABORT, False, False, RunState.DONE),
@@ -272,3 +272,107 @@ def test_a_pause_waits_for_the_end_of_the_trial_and_keeps_the_rig_at_rest() -> N
     assert order[0] is RunState.PAUSING
     assert order[-1] is RunState.PAUSED
     assert speeds_while_paused == [0.0]
+
+
+def spike(bench: Bench, from_s: float, to_s: float) -> None:
+    """The load reads 9 N from one time of the run to another, 1 N otherwise."""
+    start_ns = 1_000_000_000_000
+
+    def answer(t_ns: int) -> Sequence[float]:
+        inside = from_s <= (t_ns - start_ns) * 1e-9 < to_s
+        return (bench.axis.position, 9.0 if inside else 1.0)
+
+    bench.axis.answer = answer
+
+
+def test_after_a_stop_whose_cause_has_gone_finish_brings_the_rig_home() -> None:
+    bench = Bench(interlocks=(Interlock("load", "axis.load", high=5.0, action=Action.STOP),))
+    spike(bench, 0.2, 0.205)
+    result = bench.run(procedure([move("one", 0.5, 5.0)])).execute()
+    assert bench.sink.steps() == ["one", "home"]
+    assert result.exit_code is Exit.TRIPPED
+
+
+@pytest.mark.parametrize("offset_ms", range(0, 12))
+def test_a_trip_while_going_to_rest_before_a_prompt_is_never_lost(offset_ms: int) -> None:
+    latched = Interlock("load", "axis.load", high=5.0, action=Action.ABORT, latch=True)
+    bench = Bench(interlocks=(latched,), limit=SetpointLimit(-1.5, 1.5, 50.0))
+    # The first step ends 20 ms of preflight and 100 ms after the start; the ramp takes 10 ms.
+    spike(bench, 0.118 + offset_ms * 1e-3, 0.120 + offset_ms * 1e-3)
+    question = Prompt("go", "Go on?")
+    run = bench.run(procedure([move("one", 0.5), question, move("two", 0.5)]))
+    result = run.execute()
+    assert result.exit_code is Exit.TRIPPED
+    assert "home" not in bench.sink.steps()
+
+
+def test_a_latched_trip_while_stopping_keeps_finish_from_playing() -> None:
+    latched = Interlock("load", "axis.load", high=5.0, action=Action.STOP, latch=True)
+    bench = Bench(interlocks=(latched,), limit=SetpointLimit(-1.5, 1.5, 5.0))
+    run = bench.run(procedure([move("one", 0.5, 5.0)]))
+    spike(bench, 1.03, 1.04)
+
+    def press(progress: Progress) -> None:
+        if progress.run_s > 0.99:
+            bench.control.request(Verb.STOP, "button")
+
+    run.watch = press
+    result = run.execute()
+    assert "home" not in bench.sink.steps()
+    assert (result.state, result.exit_code) == (RunState.FAULTED, Exit.TRIPPED)
+    assert "latched" in result.reason
+
+
+def test_no_further_trial_while_an_interlock_still_stands_tripped() -> None:
+    far = Interlock("far", "axis.position", high=0.2, action=Action.END_TRIAL)
+    bench = Bench(interlocks=(far,))
+    result = bench.run(procedure([move("one", 0.5, 5.0)], [move("two", 0.5, 5.0)])).execute()
+    assert bench.sink.steps() == ["one"]
+    assert result.exit_code is Exit.TRIPPED
+    assert bench.axis.position < 0.3
+
+
+class LostAxis(Axis):
+    """Loses its link on the way, then cannot even be closed."""
+
+    def make_safe(self) -> None:
+        super().make_safe()
+        self.heard.append("safe")
+
+    def read(self, t_ns: int) -> Sequence[float] | None:
+        if self.position > 0.1:
+            raise LinkError("cable off")
+        return super().read(t_ns)
+
+    def close(self) -> None:
+        super().close()
+        raise RuntimeError("port gone")
+
+
+def test_a_lost_link_is_a_fault_made_safe_before_anything_is_told() -> None:
+    bench = Bench(axis=LostAxis())
+    order: list[str] = []
+    bench.axis.heard = order
+    bench.sink.heard = order
+    result = bench.run(procedure([move("one", 0.5, 5.0)])).execute()
+    assert result.state is RunState.FAULTED
+    assert order.index("safe") < order.index("fault")
+    assert bench.sink.closed  # although closing the axis failed
+
+
+def test_preflight_blocks_on_a_device_that_is_mute_and_on_a_violation_still_delayed() -> None:
+    mute = Bench()
+    mute.axis.answer = lambda t_ns: None
+    with pytest.raises(Blocked, match="axis gave no row"):
+        mute.run(procedure([move("one", 0.5)])).execute()
+    slow = Interlock("load", "axis.load", high=0.5, delay_s=1.0, action=Action.STOP)
+    with pytest.raises(Blocked, match="load stands violated"):
+        Bench(interlocks=(slow,)).run(procedure([move("one", 0.5)])).execute()
+
+
+def test_a_stop_during_preflight_is_a_stop_and_not_a_block() -> None:
+    bench = Bench()
+    bench.control.request(Verb.STOP, "button")
+    result = bench.run(procedure([move("one", 0.5)])).execute()
+    assert (result.state, result.ending, result.reason) == (RunState.DONE, "stopped", "button")
+    assert not bench.axis.armed

@@ -38,6 +38,7 @@ class Axis(Driver):
         self.safe_calls = 0
         self.armed = False
         self.closed = False
+        self.heard: list[str] = []
         self.answer: Callable[[int], Sequence[float] | None] | None = None
 
     def open(self) -> None:
@@ -81,12 +82,14 @@ class ListSink:
     events: list[tuple[int, str, int, Mapping[str, object]]] = field(default_factory=list)
     rows: dict[str, int] = field(default_factory=dict)
     closed: bool = False
+    heard: list[str] = field(default_factory=list)  #: kinds of events, in one list with others
 
     def write(self, stream: str, rows: Rows) -> None:
         self.rows[stream] = self.rows.get(stream, 0) + len(rows)
 
     def event(self, t_ns: int, kind: str, trial: int, data: Mapping[str, object]) -> None:
         self.events.append((t_ns, kind, trial, data))
+        self.heard.append(kind)
 
     def flush(self) -> None:
         pass
