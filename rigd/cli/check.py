@@ -71,7 +71,11 @@ def _check(given: str, rig: object) -> str:
         return "a procedure, right in itself; give --rig to check it against a rig"
     compiled = compile_procedure(procedure, rig, {})
     if compiled.identify is not None:
-        needs_of(compiled.identify, procedure.document.key_place(("identify",)))
+        needs_of(
+            compiled.identify,
+            procedure.document.key_place(("identify",)),
+            compiled.trials[0].parameters,
+        )
     count = len(compiled.trials)
     trials = "1 trial" if count == 1 else f"{count} trials"
     return f"procedure {compiled.name}, {trials} on {rig.name}: right"

@@ -121,7 +121,11 @@ def execute(args: argparse.Namespace) -> int:
         print(f"{resume.path}: all {len(done)} trials are complete, nothing is missing")
         return 0
     if procedure.identify is not None:
-        needs_of(procedure.identify, source.document.key_place(("identify",)))
+        needs_of(
+            procedure.identify,
+            source.document.key_place(("identify",)),
+            procedure.trials[0].parameters,
+        )
     seed = args.seed if args.seed is not None else 1 if resume is None else resume.seed
     if args.dry_run:
         return _dry_run(procedure, rig, seed, as_json=args.json)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -39,10 +39,15 @@ MODELS: Final = {
 }
 
 
-def needs_of(plan: IdentifyPlan, place: Place | None = None) -> ModelNeeds:
+def needs_of(
+    plan: IdentifyPlan,
+    place: Place | None = None,
+    trial_parameters: Collection[str] | None = None,
+) -> ModelNeeds:
     """Return what the model of ``plan`` needs, once the plan gives all of it and nothing else.
 
-    ``place`` is where the plan stands in its file, for the error.
+    ``place`` is where the plan stands in its file, for the error; ``trial_parameters`` are those
+    that the trials have, where that is known.
 
     Raises:
         ConfigError: no such model, or a signal, constant or reference that is missing or unknown.
@@ -77,6 +82,12 @@ def needs_of(plan: IdentifyPlan, place: Place | None = None) -> ModelNeeds:
                     hint=_nearest(name, known),
                     place=place,
                 )
+    if trial_parameters is not None and needs.trial_parameter not in trial_parameters:
+        raise ConfigError(
+            f"identify: model {plan.model} needs trials with a parameter {needs.trial_parameter!r}",
+            hint=_nearest(needs.trial_parameter, trial_parameters),
+            place=place,
+        )
     return needs
 
 

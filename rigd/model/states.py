@@ -1,8 +1,8 @@
 """The life of a run as one table: (state, event) -> state; anything else is refused.
 
 ``stop`` is controlled, ``abort`` ramps to zero now, ``estop`` drops power; each escalates the
-last. ``finish`` may move the rig and is therefore reachable only where nothing went wrong with
-the rig itself (a person's stop, or the end of the procedure).
+last. ``finish`` may move the rig and is therefore reachable only where the rig itself is well: at
+the end of the procedure, after a person's stop, a step that failed, or a trip that has cleared.
 """
 
 from __future__ import annotations
