@@ -54,6 +54,8 @@ def execute(args: argparse.Namespace) -> int:
 
     if not 1 <= args.starts <= 1000:
         raise ConfigError(f"--starts {args.starts} must be between 1 and 1000")
+    if args.report is not None and args.report.suffix == ".mcap":
+        raise ConfigError(f"--report {args.report} would overwrite a recording")
     options = Options(starts=args.starts, seed=args.seed, robust=args.robust)
     evaluation = evaluate(
         args.files, options, tell=lambda line: print(f"identifying {line}", file=sys.stderr)

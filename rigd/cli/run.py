@@ -117,6 +117,9 @@ def execute(args: argparse.Namespace) -> int:
     source = load_procedure(procedure_name)
     done = frozenset[int]() if resume is None else resume.done
     procedure = compile_procedure(source, rig, overrides, done=done)
+    if resume is not None:
+        resume.check_same("procedure.yaml", source.file.text)
+        resume.check_same("rig.yaml", rig.source.text)
     if resume is not None and len(done) == len(procedure.trials):
         print(f"{resume.path}: all {len(done)} trials are complete, nothing is missing")
         return 0

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import shutil
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
+from queue import SimpleQueue
 
 from rigd.config.rig import RigConfig
 from rigd.daemon.provenance import run_metadata
@@ -33,6 +35,8 @@ DAY_NS = 86_400_000_000_000
 SEED_DAYS = 80_000
 #: A resumed run goes on this long after the last sample of the one before.
 RESUME_GAP_NS = 1_000_000_000
+#: Progress that the display has not shown yet; more is skipped.
+MAX_UNSEEN = 20
 #: Below this much free disk a run does not start.
 LEAST_FREE_BYTES = 50_000_000
 
@@ -120,6 +124,7 @@ def execute(
         sink=writer,
         decimation=request.procedure.decimation,
     )
+    display = _Display(watch, tell, control)
     run = Run(
         request.procedure,
         host,
@@ -128,7 +133,7 @@ def execute(
         answers or OwnAnswers(),
         change=None if wiring.plant is None else wiring.plant.change,
         done=done,
-        watch=_Display(watch, tell, control).watch,
+        watch=display.watch,
         extra_checks=(lambda: _disk_check(path.parent),),
     )
     with heed_signals(control):
@@ -138,27 +143,47 @@ def execute(
             if resume is None:
                 path.unlink()  # nothing moved: the file holds a few rows at rest
             raise
+        finally:
+            display.close()
 
 
-@dataclass
 class _Display:
-    """Shows the run to a person, and lets it go on without when the terminal goes away."""
+    """Shows the run to a person from a thread of its own.
 
-    show: Callable[[Progress], None]
-    tell: Callable[[str], None]
-    control: Control
-    gone: bool = False
+    A terminal may be stopped (Ctrl-S), closed or full: the cycle waits for none of that.
+    """
+
+    def __init__(
+        self, show: Callable[[Progress], None], tell: Callable[[str], None], control: Control
+    ) -> None:
+        self._show = show
+        self._tell = tell
+        self._control = control
+        self._shown: SimpleQueue[str | Progress | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="display", daemon=True)
+        self._thread.start()
 
     def watch(self, progress: Progress) -> None:
-        """Show notices, then where the run stands."""
-        if self.gone:
-            return
+        """Hand over notices, then where the run stands; where nobody looks, skip."""
+        while self._control.notices:
+            self._shown.put(self._control.notices.popleft())
+        if self._shown.qsize() < MAX_UNSEEN:
+            self._shown.put(progress)
+
+    def close(self) -> None:
+        """Let what was handed over be shown, as far as the terminal takes it."""
+        self._shown.put(None)
+        self._thread.join(timeout=1.0)
+
+    def _work(self) -> None:
         try:
-            while self.control.notices:
-                self.tell(self.control.notices.popleft())
-            self.show(progress)
-        except (OSError, SystemExit):  # rich ends the program where a pipe has closed
-            self.gone = True
+            while (item := self._shown.get()) is not None:
+                if isinstance(item, str):
+                    self._tell(item)
+                else:
+                    self._show(item)
+        except (OSError, SystemExit):
+            return  # the terminal is gone (rich ends the program where a pipe has closed)
 
 
 def _clock(request: RunRequest) -> Clock:

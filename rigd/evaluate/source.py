@@ -72,11 +72,12 @@ class RecordedSweep:
     def signals(self, trial: TrialInfo) -> tuple[FloatArray, dict[str, FloatArray]]:
         """Return time in s since the trial began (n,) and every signal of the plan (n,), SI.
 
-        All stand on the times of the first signal's stream; a stream sampled at other times is
-        interpolated linearly.
+        All stand at the times of the first signal's stream. Nothing is interpolated: what is
+        missing would look like data.
 
         Raises:
-            DataError: a stream or channel that the plan names is not in the recording.
+            DataError: a stream or channel that the plan names is not in the recording, or has
+                other times.
         """
         times: NDArray[np.int64] | None = None
         columns: dict[str, FloatArray] = {}
@@ -92,8 +93,12 @@ class RecordedSweep:
             if times is None:
                 times = own
             elif len(own) != len(times) or not np.array_equal(own, times):
-                start = times[0]  # differences first: float64 cannot hold ns since 1970
-                values = np.interp(times - start, own - start, values)
+                raise DataError(
+                    f"{self.path}: in trial {trial.number}, stream {stream.name!r} has "
+                    f"{len(own)} samples that do not stand at the times of the {len(times)} of the "
+                    "first signal",
+                    hint="samples are missing or decimated: record all streams of the model whole",
+                )
             columns[name] = values
         if times is None:
             raise DataError(f"{self.path}: its plan of identification names no signals")

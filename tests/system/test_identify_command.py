@@ -147,3 +147,22 @@ def test_json_holds_no_nan(folder: Path) -> None:
         raise AssertionError(f"{constant} is no JSON")
 
     json.loads(done.out, parse_constant=refuse)
+
+
+def test_a_decimated_signal_is_refused_and_not_interpolated(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "procedures/constant_current.yaml").read_text()
+    streams = "{wheel_servo: 1, wheel_encoder: 1, carriage: 10, accelerometer: 1}"
+    (tmp_path / "lean.yaml").write_text(text.replace("record: all", f"record: {streams}"))
+    made = rigd("run", "lean.yaml", "--rig", "lugre-1", "--output", "lean.mcap", cwd=tmp_path)
+    assert made.code == 0, made.err
+    done = rigd("identify", "lean.mcap", cwd=tmp_path)
+    assert done.code == 7
+    assert "carriage" in done.err
+    assert "decimated" in done.err
+
+
+def test_a_report_never_overwrites_a_recording(folder: Path) -> None:
+    before = (folder / "stone.mcap").read_bytes()
+    done = rigd("identify", "stone.mcap", "--report", "stone.mcap", cwd=folder)
+    assert done.code == 2
+    assert (folder / "stone.mcap").read_bytes() == before
