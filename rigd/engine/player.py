@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, MutableSequence, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -161,15 +160,3 @@ def _watch(condition: Condition, readings: Mapping[str, int]) -> _Watch:
         condition.comparison is Comparison.ABOVE,
         round(condition.for_s * 1e9),
     )
-
-
-def reachable_duration_s(program: CycleProgram) -> float:
-    """Return the longest time the program can take by its own durations and timeouts, in s.
-
-    Infinite where a segment has neither.
-    """
-    total = 0.0
-    for segment in program.segments:
-        bounds = [one for one in (segment.duration_s, segment.timeout_s) if one is not None]
-        total += min(bounds) if bounds else math.inf
-    return total
