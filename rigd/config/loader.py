@@ -10,15 +10,23 @@ from rigd.config.binding import bind
 from rigd.config.document import Document, Path_, parse_document, read_document
 from rigd.config.problems import Problems, suggest
 from rigd.config.quantities import check_inside, rate_unit, read_quantity
-from rigd.config.registry import find_driver, find_plant
-from rigd.config.rig import DeviceConfig, PlantSetup, RigConfig, SourceFile
+from rigd.config.registry import find_driver, find_link, find_plant, find_simulation
+from rigd.config.rig import (
+    DeviceConfig,
+    LinkSetup,
+    PlantSetup,
+    RigConfig,
+    SimulationSetup,
+    SourceFile,
+    Supervision,
+    Waiver,
+)
 from rigd.config.shipped import find_file
 from rigd.config.source import DeviceSource, InterlockSource, LimitSource, RigSource
 from rigd.model.channels import Channel
 from rigd.model.errors import ConfigError, RigdError
 from rigd.model.limits import Action, Interlock, Priority, SetpointLimit
 from rigd.model.units import Quantity, parse_quantity, parse_unit
-from rigd.sdk import Driver
 
 
 def load_rig(given: str | Path) -> RigConfig:
@@ -47,9 +55,10 @@ def _build(document: Document) -> RigConfig:
     if source is None:
         problems.raise_any()
         raise ConfigError("the rig file cannot be used", place=document.place(()))
+    links = _links(document, source, problems)
     devices: dict[str, DeviceConfig] = {}
     for name, one in source.devices.items():
-        device = _device(document, name, one, problems)
+        device = _device(document, name, one, links, problems)
         if device is not None:
             devices[name] = device
     rig = RigConfig(
@@ -61,6 +70,11 @@ def _build(document: Document) -> RigConfig:
         interlocks=(),
         constants=_constants(document, source, problems),
         source=SourceFile(document.path, document.text),
+        links={name: link for name, link in links.items() if link is not None},
+        simulation=_simulation(document, source, problems),
+        supervision=Supervision(
+            source.supervision.cycle_silence, source.supervision.daemon_silence
+        ),
     )
     if len(devices) < len(source.devices):
         problems.raise_any()  # channels of a device that failed would all seem unknown
@@ -69,8 +83,65 @@ def _build(document: Document) -> RigConfig:
     return RigConfig(**{**vars(rig), "interlocks": interlocks})
 
 
+def _links(
+    document: Document, source: RigSource, problems: Problems
+) -> dict[str, LinkSetup | None]:
+    """Return every link by name; None for one that is wrong, so that its devices are spared."""
+    links: dict[str, LinkSetup | None] = {}
+    for name, one in source.links.items():
+        path: Path_ = ("links", name)
+        links[name] = None
+        try:
+            link_class = find_link(one.type)
+        except ConfigError as error:
+            problems.add(document.place((*path, "type")), error.message, error.hint)
+            continue
+        config = bind(document, link_class.Config, problems, (*path, "options"), data=one.options)
+        if config is not None:
+            links[name] = LinkSetup(name, one.type, link_class, config)
+    return links
+
+
+def _check_link(
+    document: Document,
+    path: Path_,
+    source: DeviceSource,
+    kind: str,
+    links: dict[str, LinkSetup | None],
+    problems: Problems,
+) -> None:
+    """Check that the device names a link where its driver needs one, and one of that kind."""
+    fitting = [name for name, link in links.items() if link and link.link_class.kind == kind]
+    if source.link is None:
+        if kind:
+            problems.add(
+                document.place((*path, "driver")),
+                f"{source.driver} needs a link of kind {kind}",
+                f"add 'link: {fitting[0]}'" if fitting else
+                "add one under `links:` and 'link: NAME' here",
+            )  # fmt: skip
+        return
+    place = document.place((*path, "link"))
+    if source.link not in links:
+        problems.add(place, f"there is no link {source.link!r}", suggest(source.link, links))
+    elif not kind:
+        problems.add(place, f"{source.driver} takes no link", "remove this line")
+    elif links[source.link] is not None and source.link not in fitting:
+        setup = links[source.link]
+        given = "" if setup is None else setup.link_class.kind
+        problems.add(
+            place,
+            f"{source.link} is a link of kind {given}, {source.driver} needs {kind}",
+            f"links of that kind: {', '.join(fitting) or 'none in this file'}",
+        )
+
+
 def _device(
-    document: Document, name: str, source: DeviceSource, problems: Problems
+    document: Document,
+    name: str,
+    source: DeviceSource,
+    links: dict[str, LinkSetup | None],
+    problems: Problems,
 ) -> DeviceConfig | None:
     path: Path_ = ("devices", name)
     try:
@@ -78,23 +149,28 @@ def _device(
     except ConfigError as error:
         problems.add(document.place((*path, "driver")), error.message, error.hint)
         return None
+    _check_link(document, path, source, driver_class.link_kind, links, problems)
     config = bind(document, driver_class.Config, problems, (*path, "options"), data=source.options)
     if config is None:
         return None
     try:
-        driver: Driver = driver_class(config, None)
+        driver = driver_class(config, None)
     except (ValueError, RigdError) as error:
         problems.add(document.place((*path, "options")), f"{source.driver}: {error}")
         return None
+    setpoints: tuple[Channel, ...] = getattr(driver, "setpoints", ())
+    waiver = source.waiver
     return DeviceConfig(
         name=name,
         driver=source.driver,
         driver_class=driver_class,
         config=config,
         channels=driver.channels,
-        setpoints=driver.setpoints,
+        setpoints=setpoints,
         has_status=driver.has_status,
-        limits=_limits(document, path, source.limits, driver.setpoints, problems),
+        limits=_limits(document, path, source.limits, setpoints, problems),
+        link=source.link,
+        waiver=None if waiver is None else Waiver(waiver.by, waiver.reason),
     )
 
 
@@ -169,6 +245,28 @@ def _plant(document: Document, source: RigSource, problems: Problems) -> PlantSe
     options: dict[str, Any] = dict(source.plant.model_extra or {})
     config = bind(document, plant_class.Config, problems, ("plant",), data=options)
     return None if config is None else PlantSetup(model, plant_class, config)
+
+
+def _simulation(
+    document: Document, source: RigSource, problems: Problems
+) -> SimulationSetup | None:
+    if source.simulation is None:
+        return None
+    model = source.simulation.model
+    try:
+        simulation_class = find_simulation(model)
+    except ConfigError as error:
+        problems.add(document.place(("simulation", "model")), error.message, error.hint)
+        return None
+    if source.plant is not None:
+        problems.add(
+            document.place(("simulation", "model")),
+            "a rig has either a `plant` (simulated in process) or a `simulation` (at the wire)",
+            "remove one of the two",
+        )
+    options: dict[str, Any] = dict(source.simulation.model_extra or {})
+    config = bind(document, simulation_class.Config, problems, ("simulation",), data=options)
+    return None if config is None else SimulationSetup(model, simulation_class, config)
 
 
 def _constants(document: Document, source: RigSource, problems: Problems) -> dict[str, Quantity]:

@@ -1,64 +1,67 @@
-"""Drivers and plants by name, found through entry points; nothing is imported before it is used."""
+"""What packages provide, found by entry point; nothing is imported before it is used."""
 
 from __future__ import annotations
 
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from typing import Final
+from typing import Final, TypeVar
 
 from rigd.config.problems import suggest
 from rigd.model.errors import ConfigError
-from rigd.sdk import Driver, Plant
+from rigd.sdk import AnyDriver, Link, Plant, Simulation
 
 DRIVERS: Final = "rigd.drivers"
+LINKS: Final = "rigd.links"
 PLANTS: Final = "rigd.plants"
+SIMULATIONS: Final = "rigd.simulations"
+
+T = TypeVar("T")
 
 
 @cache
 def installed(group: str) -> dict[str, EntryPoint]:
-    """Return the entry points of ``group`` (:data:`DRIVERS` or :data:`PLANTS`) by name."""
+    """Return the entry points of ``group`` (:data:`DRIVERS`, ...) by name."""
     return {point.name: point for point in entry_points(group=group)}
 
 
-def find_driver(name: str) -> type[Driver]:
+def find_driver(name: str) -> type[AnyDriver]:
     """Return the driver class called ``name``.
 
     Raises:
         ConfigError: no such driver is installed, or it cannot be loaded.
     """
-    found = _load(DRIVERS, "driver", name)
-    if isinstance(found, type) and issubclass(found, Driver):
-        return found
-    raise _not_a("Driver", DRIVERS, name)
+    return _find(DRIVERS, AnyDriver, "driver", name)
+
+
+def find_link(name: str) -> type[Link]:
+    """Return the link class called ``name``; raises as :func:`find_driver`."""
+    return _find(LINKS, Link, "link", name)  # type: ignore[type-abstract]
 
 
 def find_plant(name: str) -> type[Plant]:
-    """Return the plant class called ``name``.
-
-    Raises:
-        ConfigError: no such plant is installed, or it cannot be loaded.
-    """
-    found = _load(PLANTS, "plant", name)
-    if isinstance(found, type) and issubclass(found, Plant):
-        return found
-    raise _not_a("Plant", PLANTS, name)
+    """Return the plant class called ``name``; raises as :func:`find_driver`."""
+    return _find(PLANTS, Plant, "plant", name)  # type: ignore[type-abstract]
 
 
-def _load(group: str, kind: str, name: str) -> object:
+def find_simulation(name: str) -> type[Simulation]:
+    """Return the simulation class called ``name``; raises as :func:`find_driver`."""
+    return _find(SIMULATIONS, Simulation, "simulation", name)  # type: ignore[type-abstract]
+
+
+def _find(group: str, base: type[T], kind: str, name: str) -> type[T]:
     known = installed(group)
     if name not in known:
         raise ConfigError(f"no {kind} {name!r} is installed", hint=suggest(name, known))
     try:
-        return known[name].load()
+        found = known[name].load()
     except (ImportError, AttributeError) as error:
         raise ConfigError(
             f"{kind} {name!r} cannot be loaded: {error}",
             hint=f"reinstall the package that provides {known[name].value}",
         ) from error
-
-
-def _not_a(base: str, group: str, name: str) -> ConfigError:
-    return ConfigError(
-        f"{name!r} ({installed(group)[name].value}) is not a rigd.sdk.{base}",
+    if isinstance(found, type) and issubclass(found, base):
+        return found
+    raise ConfigError(
+        f"{name!r} ({known[name].value}) is not a rigd.sdk.{base.__name__}",
         hint="correct the entry point of the package that provides it",
     )

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rigd.model.channels import Channel, Stream
 from rigd.model.limits import Interlock, SetpointLimit
 from rigd.model.units import Quantity
-from rigd.sdk import Driver, DriverConfig, Plant, PlantConfig
+from rigd.sdk import (
+    AnyDriver,
+    DriverConfig,
+    Link,
+    LinkConfig,
+    Plant,
+    PlantConfig,
+    Simulation,
+    SimulationConfig,
+)
 
 
 @dataclass(frozen=True)
@@ -21,20 +30,49 @@ class SourceFile:
 
 
 @dataclass(frozen=True)
+class Waiver:
+    """Who takes it upon themselves that a device has no watchdog, and why."""
+
+    by: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class LinkSetup:
+    """One shared connection: ``link_class(config)`` makes it, nothing is opened yet."""
+
+    name: str
+    model: str
+    link_class: type[Link]
+    config: LinkConfig
+
+
+@dataclass(frozen=True)
+class Supervision:
+    """After how many seconds of silence a process is taken for dead."""
+
+    cycle_silence_s: float = 0.05
+    daemon_silence_s: float = 1.0
+
+
+@dataclass(frozen=True)
 class DeviceConfig:
     """One driver instance: ``driver_class(config, link)`` makes it, nothing is opened yet.
 
-    ``limits`` has exactly one entry for each of ``setpoints``.
+    ``limits`` has exactly one entry for each of ``setpoints``. ``link`` names the shared link
+    that the device stands on.
     """
 
     name: str
     driver: str
-    driver_class: type[Driver]
+    driver_class: type[AnyDriver]
     config: DriverConfig
     channels: tuple[Channel, ...]
     setpoints: tuple[Channel, ...]
     has_status: bool
     limits: Mapping[str, SetpointLimit]
+    link: str | None = None
+    waiver: Waiver | None = None
 
     @property
     def stream(self) -> Stream:
@@ -58,6 +96,15 @@ class PlantSetup:
 
 
 @dataclass(frozen=True)
+class SimulationSetup:
+    """The simulated devices behind the links: ``simulation_class(config)`` reaches them."""
+
+    model: str
+    simulation_class: type[Simulation]
+    config: SimulationConfig
+
+
+@dataclass(frozen=True)
 class RigConfig:
     """One bench, checked: what a rig file says, with its drivers found and their options valid."""
 
@@ -69,6 +116,9 @@ class RigConfig:
     interlocks: tuple[Interlock, ...]
     constants: Mapping[str, Quantity]
     source: SourceFile
+    links: Mapping[str, LinkSetup] = field(default_factory=dict)
+    simulation: SimulationSetup | None = None
+    supervision: Supervision = Supervision()
 
     def channel(self, name: str) -> Channel | None:
         """Return the measured channel called ``device.channel``, or None."""

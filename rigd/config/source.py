@@ -44,15 +44,46 @@ class LimitSource(Source):
     """Value that a controlled stop ramps to; by default zero."""
 
 
+class WaiverSource(Source):
+    """Lets a device be armed that nothing makes safe when this computer dies."""
+
+    by: Annotated[str, StringConstraints(min_length=1, max_length=100)]
+    """The person who decided it."""
+    reason: Annotated[str, StringConstraints(min_length=10, max_length=300)]
+    """Why nothing can happen: what else makes the device safe."""
+
+
+class LinkSource(Source):
+    """One connection that devices share."""
+
+    type: FileName
+    """Kind of link; `rigd drivers` lists them."""
+    options: Annotated[dict[str, Any], BeforeValidator(_nothing_is_empty)] = {}
+    """Options of the link."""
+
+
+class SupervisionSource(Source):
+    """When a process that says nothing is taken for dead."""
+
+    cycle_silence: Annotated[float, In("s"), Ge(0.005), Le(5)] = 0.05
+    """The cycle: its process is ended and the rig made safe over a second link."""
+    daemon_silence: Annotated[float, In("s"), Ge(0.1), Le(60)] = 1.0
+    """The daemon: the cycle makes the rig safe and ends."""
+
+
 class DeviceSource(Source):
     """One device of the rig."""
 
     driver: FileName
-    """Name of an installed driver."""
+    """Name of an installed driver; `rigd drivers` lists them."""
+    link: Name | None = None
+    """The link of this file that the device stands on, for drivers that share one."""
     options: Annotated[dict[str, Any], BeforeValidator(_nothing_is_empty)] = {}
     """Options of the driver."""
     limits: Annotated[dict[Name, LimitSource], BeforeValidator(_nothing_is_empty)] = {}
     """One entry for each setpoint of the device."""
+    waiver: WaiverSource | None = None
+    """Who takes it upon themselves that the device has no watchdog; recorded with every run."""
 
 
 class InterlockSource(Source):
@@ -91,6 +122,15 @@ class PlantSource(BaseModel):
     """Name of the plant; its options stand beside it."""
 
 
+class SimulationSource(BaseModel):
+    """The simulated devices that stand behind the links of this rig, with their options."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", use_attribute_docstrings=True)
+
+    model: FileName
+    """Name of the simulation; its options stand beside it."""
+
+
 class RigSource(Source):
     """A rig: its devices, limits, interlocks and constants."""
 
@@ -101,7 +141,13 @@ class RigSource(Source):
     cycle: Annotated[float, In("Hz"), Ge(100), Le(5000)]
     """How often devices are exchanged with and interlocks checked: 100 Hz to 5 kHz."""
     plant: PlantSource | None = None
-    """Only for a simulated rig."""
+    """Only for a rig simulated in process."""
+    simulation: SimulationSource | None = None
+    """Only for a rig whose devices `rigd sim` simulates at the wire."""
+    supervision: SupervisionSource = SupervisionSource()
+    """How the processes of rigd watch one another."""
+    links: Annotated[dict[Name, LinkSource], BeforeValidator(_nothing_is_empty)] = {}
+    """Connections that devices share, by name."""
     devices: Annotated[dict[Name, DeviceSource], Field(min_length=1, max_length=64)]
     """The devices by name."""
     interlocks: Annotated[list[InterlockSource], Field(max_length=256)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rigd.config.rig import RigConfig
+from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.engine.clock import Clock
 from rigd.engine.control import Control
 from rigd.engine.cycle import Cycle
@@ -13,6 +13,13 @@ from rigd.engine.limiter import Limiter
 from rigd.engine.mount import mount
 from rigd.model.errors import Blocked
 from rigd.sdk import Driver, Plant
+
+
+def _fast(device: DeviceConfig, link: object) -> Driver:
+    driver = device.driver_class(device.config, link)
+    if not isinstance(driver, Driver):
+        raise Blocked([f"{device.name}: {device.driver} cannot stand in the cycle"])
+    return driver
 
 
 @dataclass(frozen=True)
@@ -33,8 +40,7 @@ def wire(rig: RigConfig, clock: Clock, control: Control, seed: int) -> Wiring:
         raise Blocked([f"rig {rig.name!r} has no `plant`: only simulated rigs can run so far"])
     plant = rig.plant.plant_class(rig.plant.config, period_ns=rig.period_ns, seed=seed)
     devices: dict[str, tuple[str, Driver]] = {
-        name: (device.driver, device.driver_class(device.config, plant))
-        for name, device in rig.devices.items()
+        name: (device.driver, _fast(device, plant)) for name, device in rig.devices.items()
     }
     mounted = mount(devices)
     limits = [

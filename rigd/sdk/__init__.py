@@ -1,20 +1,39 @@
-"""All that the author of a driver or a plant imports."""
+"""All that the author of a driver, a link, a plant or a simulation imports."""
 
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
-from rigd.sdk.driver import Driver, DriverConfig
+from rigd.sdk.driver import (
+    AnyDriver,
+    Block,
+    BlockDriver,
+    Driver,
+    DriverConfig,
+    EmitRow,
+    SlowDriver,
+)
+from rigd.sdk.link import Link, LinkConfig
 from rigd.sdk.plant import Plant, PlantConfig
 from rigd.sdk.quantities import In
+from rigd.sdk.simulation import Simulation, SimulationConfig
 
 __all__ = [
+    "AnyDriver",
+    "Block",
+    "BlockDriver",
     "Channel",
     "DeviceError",
     "Driver",
     "DriverConfig",
+    "EmitRow",
     "In",
+    "Link",
+    "LinkConfig",
     "LinkError",
     "Plant",
     "PlantConfig",
     "ProtocolError",
+    "Simulation",
+    "SimulationConfig",
+    "SlowDriver",
     "Stream",
 ]

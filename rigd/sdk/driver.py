@@ -1,11 +1,17 @@
-"""The driver of a fast device: one exchange per cycle, and a say in what safe means."""
+"""The drivers of devices: fast ones exchange once per cycle, block ones stream, slow ones await.
+
+Whatever the kind, the author must say what safe means, and nothing here may wait without a bound.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from rigd.model.channels import Channel
@@ -20,33 +26,60 @@ class DriverConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
-class Driver(ABC):
-    """One device, exchanged with once per cycle.
-
-    A cycle first calls :meth:`read` on every device, then decides, then calls :meth:`write` on
-    every device that takes setpoints. Both must return within a bounded time, allocate nothing
-    that grows, and never sleep.
+class AnyDriver:
+    """What drivers of every kind have in common.
 
     The class declares ``Config`` (a :class:`DriverConfig`) and is constructed as
-    ``Driver(config, link)``. ``link`` is whatever the rig opened for it: a
-    :class:`~rigd.sdk.Plant` for devices simulated in process.
+    ``Driver(config, link)``; the constructor opens nothing. ``link`` is what the rig made for it:
+    the :class:`~rigd.sdk.Link` that the rig file names, a :class:`~rigd.sdk.Plant` for devices
+    simulated in process, or None where the driver opens a connection of its own (and while a rig
+    file is being checked).
     """
 
     #: Options the rig file may give.
     Config: ClassVar[type[DriverConfig]] = DriverConfig
     #: One line for a person: what the device is.
     title: ClassVar[str] = ""
+    #: The kind of link that ``link: NAME`` must lead to, as in ``links: {NAME: {type: KIND}}``;
+    #: "" for a driver that opens its own connection or stands on a plant.
+    link_kind: ClassVar[str] = ""
+
+    #: What is measured, in the order of a row.
+    channels: tuple[Channel, ...] = ()
+    #: Whether a row ends in an integer status word. Bit 31 is rigd's own: the row is stale.
+    has_status: bool = False
+    #: The device has failed once it has given no row for so long, in s.
+    silent_s: float = 0.1
+    #: What the device said it is, once it is open: type, serial number, firmware.
+    identity: str = ""
 
     def __init__(self, config: Any, link: Any) -> None:
         self.config = config
         self.link = link
 
-    #: What is measured, in the order of a row.
-    channels: tuple[Channel, ...] = ()
+    def preflight(self) -> Sequence[str]:
+        """Return what keeps this device from being armed, a sentence each; empty when fit."""
+        return ()
+
+
+class Driver(AnyDriver, ABC):
+    """A fast device, exchanged with once per cycle.
+
+    A cycle first lets every link take in what has arrived (:meth:`Link.begin`), calls
+    :meth:`read` on every device, then decides, then calls :meth:`write` on every device that
+    takes setpoints, then lets every link send (:meth:`Link.end`). All of these return within a
+    bounded time, allocate nothing that grows, and never sleep. ``open`` and ``prove_watchdog``
+    happen before the first cycle and may take seconds.
+    """
+
     #: What is commanded, in the order of :meth:`write`; ``low`` and ``high`` are the device's own.
     setpoints: tuple[Channel, ...] = ()
-    #: Whether a row ends in an integer status word.
-    has_status: bool = False
+    #: Whether another process may open the device anew to make it safe (see :meth:`rescue`).
+    second_link: ClassVar[bool] = False
+    #: The device is safe at most so long after it last heard from us, in s, by a watchdog of its
+    #: own; None where it has none. A device that takes setpoints cannot be armed without one,
+    #: unless the rig file holds a waiver.
+    watchdog_s: float | None = None
 
     @abstractmethod
     def open(self) -> None:
@@ -58,13 +91,28 @@ class Driver(ABC):
 
         """
 
-    def preflight(self) -> Sequence[str]:
-        """Return what keeps this device from being armed, a sentence each; empty when fit."""
-        return ()
+    def prove_watchdog(self) -> float:
+        """Fall silent once and return after how many seconds the device made itself safe.
+
+        Called after :meth:`open`, before :meth:`arm`, at zero setpoints; nothing may move.
+
+        Raises:
+            DeviceError: it did not within ``watchdog_s``.
+
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no watchdog to prove")
 
     @abstractmethod
     def arm(self) -> None:
-        """Enable the actuator, at rest; a sensor has nothing to do."""
+        """Begin to enable the actuator, at rest; a sensor has nothing to do.
+
+        Bounded like ``read``; what takes longer goes on in the cycles that follow, until
+        :meth:`ready`.
+        """
+
+    def ready(self) -> bool:
+        """Return whether the actuator is enabled; asked in every cycle after :meth:`arm`."""
+        return True
 
     @abstractmethod
     def read(self, t_ns: int) -> Sequence[float] | None:
@@ -88,5 +136,99 @@ class Driver(ABC):
         what safe means for the device.
         """
 
+    def rescue(self) -> None:
+        """Make the device safe over a link of this driver's own, opened anew; then close it.
+
+        Called on a fresh instance (with a fresh, unopened link) in another process, after the one
+        that drove the device was killed. Bounded to about 0.5 s. Only where ``second_link``.
+
+        Raises:
+            LinkError: the device cannot be reached.
+
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no second link")
+
     def close(self) -> None:
         """Close the link; closing twice is silent."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows taken together: ``times_ns`` int64 of shape (n,), ``values`` float64 of shape (n, k).
+
+    Times are CLOCK_MONOTONIC in ns, increasing; the k columns are in the order of ``channels``.
+    """
+
+    times_ns: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+
+class BlockDriver(AnyDriver, ABC):
+    """A device whose library blocks and hands over many rows at once; it takes no setpoints.
+
+    It runs in a helper process of its own, so it may wait. ``open``, ``start``, then
+    ``read_block`` again and again, then ``close``.
+    """
+
+    #: Rows per second, once open.
+    rate_hz: float = 0.0
+
+    @abstractmethod
+    def open(self) -> None:
+        """Open the device; see :meth:`Driver.open`."""
+
+    @abstractmethod
+    def start(self) -> None:
+        """Begin to sample."""
+
+    @abstractmethod
+    def read_block(self, timeout_s: float) -> Block | None:
+        """Wait for the next rows, at most ``timeout_s``; None when there are none yet.
+
+        Raises:
+            DeviceError: samples were lost, or the device is gone.
+
+        """
+
+    def close(self) -> None:
+        """Stop sampling and close; closing twice is silent."""
+
+
+#: ``emit(row)``: takes one row, the status word (an int) last where the driver has one.
+EmitRow = Callable[[Sequence[float]], None]
+
+
+class SlowDriver(AnyDriver, ABC):
+    """A slow device: a coroutine that runs until it is cancelled; it takes no setpoints.
+
+    It runs on the event loop of the daemon, beside other devices: it never blocks.
+    """
+
+    #: What a person may ask of it by name, and what that does: ``{"tare": "sets zero"}``.
+    actions: Mapping[str, str] = {}
+    silent_s: float = 2.0
+
+    @abstractmethod
+    async def open(self) -> None:
+        """Open the link and prove the device is the one expected; see :meth:`Driver.open`."""
+
+    @abstractmethod
+    async def run(self, emit: EmitRow) -> None:
+        """Hand every row to ``emit`` as it comes, until cancelled.
+
+        Raises:
+            DeviceError: the device reports a fault, or is gone.
+
+        """
+
+    async def act(self, action: str) -> str:
+        """Do one of ``actions`` while :meth:`run` goes on; return what the device said.
+
+        Raises:
+            DeviceError: the device refused.
+
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no action {action!r}")
+
+    async def close(self) -> None:
+        """Leave the device quiet (no stream left on) and close; closing twice is silent."""

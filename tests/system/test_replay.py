@@ -19,6 +19,7 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.record import Recording
 from rigd.record.compression import Compression
+from rigd.sdk import Driver
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
@@ -43,9 +44,11 @@ def test_replaying_the_setpoints_gives_the_readings(
 
     assert rig.plant is not None
     plant = rig.plant.plant_class(rig.plant.config, period_ns=rig.period_ns, seed=42)
-    drivers = {
-        name: device.driver_class(device.config, plant) for name, device in rig.devices.items()
-    }
+    drivers: dict[str, Driver] = {}
+    for name, device in rig.devices.items():
+        driver = device.driver_class(device.config, plant)
+        assert isinstance(driver, Driver)
+        drivers[name] = driver
     count = len(rows["truth"])
     assert count > 4000
     for index in range(count):

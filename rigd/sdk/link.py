@@ -1,0 +1,60 @@
+"""The link: the opened connection that several devices share, such as a CAN bus or a card."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict
+
+
+class LinkConfig(BaseModel):
+    """The options of one link in a rig file: frozen, every key known, every field documented."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+class Link(ABC):
+    """A connection shared by devices, opened before them and closed after them.
+
+    Constructed as ``Link(config)``; the constructor opens nothing. What it offers to the drivers
+    on it (send a frame, take a register) is between the two.
+    """
+
+    Config: ClassVar[type[LinkConfig]] = LinkConfig
+    #: One line for a person: what it connects.
+    title: ClassVar[str] = ""
+    #: What drivers name as their ``link_kind``; two links of one kind are interchangeable.
+    kind: ClassVar[str] = ""
+
+    def __init__(self, config: Any) -> None:
+        self.config = config
+
+    @abstractmethod
+    def open(self) -> None:
+        """Open the connection and make sure that it is ours alone; send nothing that moves.
+
+        Raises:
+            LinkError: it cannot be opened, or somebody else drives it.
+
+        """
+
+    def begin(self, t_ns: int) -> None:
+        """Take in what has arrived, at the start of the cycle at ``t_ns``; never waits.
+
+        Raises:
+            LinkError: the connection is lost.
+
+        """
+
+    def end(self, t_ns: int) -> None:
+        """Send what the devices wrote, at the end of the cycle at ``t_ns``; never waits.
+
+        Raises:
+            LinkError: the connection is lost.
+
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the connection; closing twice is silent."""

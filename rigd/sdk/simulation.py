@@ -1,0 +1,57 @@
+"""The simulation at the wire: devices in a process of their own, behind real connections."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict
+
+
+class SimulationConfig(BaseModel):
+    """The options of one simulation in a rig file: frozen, every key known and documented."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+class Simulation(ABC):
+    """Simulated devices that the drivers of a rig reach as they would reach real ones.
+
+    Constructed as ``Simulation(config)`` in the process that serves (``rigd sim``), and in those
+    that ask something of it (``rigd run`` answering a prompt, a fault campaign).
+    """
+
+    Config: ClassVar[type[SimulationConfig]] = SimulationConfig
+    title: ClassVar[str] = ""
+
+    def __init__(self, config: Any) -> None:
+        self.config = config
+
+    @abstractmethod
+    def serve(self, started: Callable[[Sequence[str]], None], stop: Callable[[], bool]) -> None:
+        """Serve until ``stop()``; ``started`` gets a line per device once all can be reached.
+
+        Raises:
+            LinkError: a name or port it needs is taken.
+
+        """
+
+    @abstractmethod
+    def ask(self, request: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Ask the process that serves: change the plant, inject a fault, show its state.
+
+        ``{"do": "change", "quantity": "floor", "value": "pvc"}``, ``{"do": "state"}``,
+        ``{"do": "fault", ...}``, ``{"do": "clear"}``.
+
+        Raises:
+            LinkError: nobody serves.
+            ValueError: the request cannot be met; says what can.
+
+        """
+
+    @classmethod
+    def files(cls, config: Any) -> Mapping[Path, str]:
+        """Return path and text of the files that it is made from; see :meth:`Plant.files`."""
+        return {}
