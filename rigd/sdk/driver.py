@@ -8,13 +8,15 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from rigd.model.channels import Channel
+
+if TYPE_CHECKING:  # a rig file is checked without numpy
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class DriverConfig(BaseModel):
