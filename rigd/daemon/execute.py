@@ -18,7 +18,7 @@ from rigd.engine.answers import Answers, OwnAnswers
 from rigd.engine.clock import Clock, VirtualClock, WallClock
 from rigd.engine.control import Control
 from rigd.engine.cycle import Cycle
-from rigd.engine.host import InProcessHost
+from rigd.engine.in_process import InProcessHost
 from rigd.engine.result import Progress, RunResult
 from rigd.engine.run import Run
 from rigd.engine.wiring import wire
@@ -128,7 +128,6 @@ def execute(
     run = Run(
         request.procedure,
         host,
-        writer,
         control,
         answers or OwnAnswers(),
         change=None if wiring.plant is None else wiring.plant.change,

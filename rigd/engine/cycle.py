@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from rigd.engine.clock import Clock
 from rigd.engine.control import Control, Verb
@@ -15,13 +16,14 @@ from rigd.engine.interlocks import InterlockBank, Trip
 from rigd.engine.limiter import Limiter
 from rigd.engine.mount import CYCLE_STREAM, Mount, MountedRig
 from rigd.engine.player import Ending, Outcome, Player
-from rigd.engine.ring import Ring
+from rigd.model.channels import STALE
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.limits import Action
 from rigd.procedure.program import CycleProgram
 
-#: A device without a new row for this long has failed, whether or not an interlock watches it.
-DEVICE_SILENT_NS = 100_000_000
+#: Between two programs setpoints are held for so long at most, then they go to rest: the next
+#: program may come from another process.
+HOLD_NS = 250_000_000
 
 #: What a device's failure looks like, whoever must act on it.
 DEVICE_ERRORS = (DeviceError, LinkError, ProtocolError)
@@ -42,6 +44,14 @@ _ENDING_OF_VERB = {
 }
 
 
+class RowSink(Protocol):
+    """Where the rows of one stream go; never waits."""
+
+    def push(self, t_ns: int, row: Sequence[float]) -> None:
+        """Take one row: the values in order, the status word (an int) last where there is one."""
+        ...
+
+
 def _nowhere(t_ns: int, kind: str, data: Mapping[str, object]) -> None:
     """Where events go before the cycle is connected."""
 
@@ -52,6 +62,7 @@ class CycleCounters:
 
     cycles: int = 0
     missed: int = 0  #: slots that passed without a cycle
+    stale: int = 0  #: rows that repeat an earlier one, as the device was late
 
 
 class Cycle:
@@ -74,14 +85,18 @@ class Cycle:
         self.segment = ""
         self.trips: list[Trip] = []  #: everything that tripped in this run
         self._emit: Emit = _nowhere
-        self._recorded: list[tuple[Mount, Ring, int]] = []
-        self._own_ring: tuple[Ring, int] | None = None
+        self._recorded: list[tuple[Mount, int, RowSink, int]] = []
+        self._own_ring: tuple[RowSink, int] | None = None
         self._values = [float("nan")] * len(rig.device_of)
         self._stamps = [0] * len(rig.mounts)
         self._mute = {mount.name for mount in rig.mounts}
         self._rest = [limit.rest for limit in limiter.limits]
         self._wanted = list(self._rest)
         self._actuators = [mount for mount in rig.mounts if mount.driver.setpoints]
+        self._links = tuple(rig.links.items())
+        self._silent_ns = [round(mount.driver.silent_s * 1e9) for mount in rig.mounts]
+        self._steady = [i for i, mount in enumerate(rig.mounts) if mount.driver.every_cycle]
+        self._hold_until_ns = 0
         self._player: Player | None = None
         self._leaving: Outcome | None = None
         self._heeded: Verb | None = None
@@ -93,10 +108,24 @@ class Cycle:
         """Unix time of the slot under way, in ns."""
         return self.clock.start_ns + max(self._slot, 0) * self.clock.period_ns
 
-    @property
-    def mute(self) -> Sequence[str]:
-        """Names of devices that have not given a single row yet."""
-        return sorted(self._mute)
+    def unfit(self) -> Sequence[str]:
+        """Return why the rig, looked at in rest, is not fit to be armed; a sentence each."""
+        reasons = [f"{name} gave no row" for name in sorted(self._mute)]
+        violated = self.interlocks.violated(Action.END_TRIAL)
+        return reasons + [f"interlock {one.name} stands violated at rest" for one in violated]
+
+    def unready(self) -> Sequence[str]:
+        """Return the names of the devices that are not enabled yet, after they were armed."""
+        return [mount.name for mount in self.rig.mounts if not mount.driver.ready()]
+
+    def arm(self) -> Outcome | None:
+        """Begin to enable every device; return an outcome where one refused (all are safe then)."""
+        for mount in self.rig.mounts:
+            try:
+                mount.driver.arm()
+            except DEVICE_ERRORS as error:
+                return self._fault(self.t_ns, f"{mount.name}: {error.message}")
+        return None
 
     def ends_everything(self) -> str:
         """Return why nothing may move any more: a latched trip, or one that still stands; or ""."""
@@ -107,12 +136,14 @@ class Cycle:
             return f"interlock {interlock.name} still stands tripped"
         return ""
 
-    def connect(self, rings: Mapping[str, Ring], decimation: Mapping[str, int], emit: Emit) -> None:
+    def connect(
+        self, rings: Mapping[str, RowSink], decimation: Mapping[str, int], emit: Emit
+    ) -> None:
         """From now on push rows to ``rings``, every ``decimation[stream]``-th cycle."""
         self._emit = emit
         self._recorded = [
-            (mount, rings[mount.name], decimation[mount.name])
-            for mount in self.rig.mounts
+            (mount, index, rings[mount.name], decimation[mount.name])
+            for index, mount in enumerate(self.rig.mounts)
             if mount.name in rings
         ]
         if CYCLE_STREAM.name in rings:
@@ -127,6 +158,7 @@ class Cycle:
             None if program is None else Player(program, self.rig.readings, self.rig.setpoints)
         )
         self.segment = ""
+        self._hold_until_ns = 0
 
     def readings(self) -> Mapping[str, float]:
         """Return the newest value of every channel."""
@@ -138,7 +170,7 @@ class Cycle:
         slot = clock.next_slot()
         began = clock.now()
         self.counters.cycles += 1
-        if slot != self._slot + 1:
+        if self._slot >= 0 and slot != self._slot + 1:
             missed = slot - self._slot - 1
             self.counters.missed += missed
             self._emit(self.t_ns, "late", {"missed_slots": missed})
@@ -160,6 +192,11 @@ class Cycle:
         return outcome
 
     def _read(self, t_ns: int) -> Outcome | None:
+        for name, link in self._links:
+            try:
+                link.begin(t_ns)
+            except DEVICE_ERRORS as error:
+                return self._fault(t_ns, f"{name}: {error.message}")
         values, stamps = self._values, self._stamps
         for index, mount in enumerate(self.rig.mounts):
             try:
@@ -170,8 +207,8 @@ class Cycle:
                 values[mount.values] = row
                 stamps[index] = t_ns
                 self._mute.discard(mount.name)
-            elif t_ns - stamps[index] > DEVICE_SILENT_NS:
-                silent_ms = DEVICE_SILENT_NS // 1_000_000
+            elif t_ns - stamps[index] > self._silent_ns[index]:
+                silent_ms = self._silent_ns[index] // 1_000_000
                 return self._fault(t_ns, f"{mount.name} gave no row for {silent_ms} ms")
         return None
 
@@ -182,6 +219,11 @@ class Cycle:
                 mount.driver.write(setpoints[mount.commands])
             except DEVICE_ERRORS as error:
                 return self._fault(t_ns, f"{mount.name}: {error.message}")
+        for name, link in self._links:
+            try:
+                link.end(t_ns)
+            except DEVICE_ERRORS as error:
+                return self._fault(t_ns, f"{name}: {error.message}")
         if self.limiter.cut != self._cut:
             self._report_cut(t_ns)
         return None
@@ -203,8 +245,11 @@ class Cycle:
                 return None
             if ended.ending is Ending.DONE:
                 self._player = None
+                self._hold_until_ns = t_ns + HOLD_NS
                 return ended
             self._leave(ended)
+        if self._leaving is None and t_ns < self._hold_until_ns:
+            return None
         self._wanted[:] = self._rest
         return self._left(t_ns)
 
@@ -245,6 +290,10 @@ class Cycle:
             },
         )
 
+    def give_up(self, waiting: Sequence[str]) -> Outcome:
+        """Make the rig safe, as the devices ``waiting`` did not become ready; return that."""
+        return self._fault(self.t_ns, f"{', '.join(waiting)} did not become ready to run")
+
     def _fault(self, t_ns: int, reason: str) -> Outcome:
         self.make_safe(t_ns)
         self._emit(t_ns, "fault", {"reason": reason})
@@ -257,22 +306,28 @@ class Cycle:
 
     def _push(self, t_ns: int, slot: int, began: int) -> None:
         setpoints, values = self.limiter.applied, self._values
-        for mount, ring, every in self._recorded:
-            if slot % every:
+        stamps, stale = self._stamps, 0
+        for index in self._steady:
+            stale += stamps[index] != t_ns
+        self.counters.stale += stale
+        for mount, index, ring, every in self._recorded:
+            fresh = stamps[index] == t_ns
+            if slot % every or not (fresh or mount.driver.every_cycle):
                 continue
             row = values[mount.values]
             if mount.driver.has_status:
                 status = row.pop()
                 # NaN: the device has not answered yet; all bits set says "unknown".
                 row += setpoints[mount.commands]
-                row.append(int(status) if status == status else 0xFFFFFFFF)
+                word = int(status) if status == status else 0xFFFFFFFF
+                row.append(word if fresh else word | STALE)
             else:
                 row += setpoints[mount.commands]
             ring.push(t_ns, row)
         if self._own_ring is not None and slot % self._own_ring[1] == 0:
             due = slot * self.clock.period_ns * 1e-9
             spent = (self.clock.now() - began) * 1e-9
-            self._own_ring[0].push(t_ns, (due, began * 1e-9, spent))
+            self._own_ring[0].push(t_ns, (due, began * 1e-9, spent, float(stale)))
 
     def make_safe(self, t_ns: int | None = None) -> Sequence[str]:
         """Bring every device to its safe state; return what went wrong, a sentence each.

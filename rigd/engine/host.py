@@ -1,157 +1,111 @@
-"""Runs the cycle and drains its rings into a sink, all in this process.
+"""The host: where the cycle runs, as the run sees it.
 
-The form for virtual time and for simulations paced to the wall clock. It owns the order in which
-rows and events reach the sink, so that in virtual time a recording repeats bit for bit.
+In virtual time, and for simulations paced otherwise than the wall, the cycle runs in this process
+(:class:`~rigd.engine.in_process.InProcessHost`); on real devices it is a process of its own
+(:class:`~rigd.engine.process_host.ProcessHost`). The run knows only this.
 """
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
 
-from rigd.engine.clock import Clock, monotonic_ns
-from rigd.engine.cycle import Cycle
+from rigd.engine.cycle import CycleCounters
+from rigd.engine.interlocks import Trip
 from rigd.engine.player import Outcome
-from rigd.engine.ring import Ring
-from rigd.engine.sink import Sink
 from rigd.procedure.program import CycleProgram
-from rigd.record.events import NO_TRIAL
-
-#: Rows wait at most this long before they are on disk (a killed recorder loses less than this).
-FLUSH_NS = 100_000_000
-#: Rings are drained this often, in time of the run.
-DRAIN_NS = 50_000_000
-#: In virtual time nothing is gained by draining often; larger blocks are cheaper.
-VIRTUAL_DRAIN_NS = 1_000_000_000
 
 
-class InProcessHost:
-    """Plays cycle programs to their end on a cycle in this process.
+class Host(Protocol):
+    """Plays cycle programs on the devices of a rig and records what they give.
 
-    Args:
-        cycle: the cycle, wired to its rig.
-        clock: the clock of that cycle.
-        virtual: whether that clock never waits.
-        sink: where rows go.
-        decimation: streams to record, and every how many cycles.
-        on_drain: called after each drain, for progress.
+    Whatever returns an :class:`Outcome` returns it where the cycle had to act: an interlock, a
+    request to stop, a device that failed. Every method may raise RecordingError where the
+    recording cannot be kept.
     """
 
-    def __init__(
-        self,
-        cycle: Cycle,
-        clock: Clock,
-        *,
-        virtual: bool,
-        sink: Sink,
-        decimation: Mapping[str, int],
-        on_drain: Callable[[], None] = lambda: None,
-    ) -> None:
-        self.cycle = cycle
-        self.virtual = virtual
-        self._sink = sink
-        self.on_drain = on_drain
-        every_ns = VIRTUAL_DRAIN_NS if virtual else DRAIN_NS
-        self._drain_every = max(1, every_ns // clock.period_ns)
-        # Ten times what one drain takes out: room for a disk that pauses.
-        self._rings = {
-            stream.name: Ring(stream, 10 * self._drain_every + 1000)
-            for stream in cycle.rig.streams
-            if stream.name in decimation
-        }
-        cycle.connect(self._rings, decimation, self._emit)
-        self.trial = NO_TRIAL  #: number of the trial that events belong to
-        self._cycles = 0
-        self._flushed_ns = monotonic_ns()
+    trial: int  #: number of the trial that events belong to
+    on_drain: Callable[[], None]  #: called now and then while something plays
 
-    def play(self, program: CycleProgram) -> Outcome:
-        """Play ``program`` to its end and return how it ended."""
-        self.cycle.load(program)
-        while (outcome := self._step()) is None:
-            pass
-        return outcome
+    @property
+    def virtual(self) -> bool:
+        """Whether the clock never waits."""
+        ...
 
-    def ask(self, question: Callable[[], None]) -> Outcome | None:
-        """Run ``question`` in a thread; the cycle goes on at rest until it returns.
+    @property
+    def t_ns(self) -> int:
+        """Unix time of the slot under way, in ns."""
+        ...
 
-        In virtual time the world stands still instead, unless a person wants out. Returns an
-        outcome where the cycle had to act meanwhile (an interlock, a stop); the question is then
-        left behind in its thread, which dies with the process.
-        """
-        answered = threading.Event()
-        errors: list[Exception] = []
+    @property
+    def run_s(self) -> float:
+        """Time of the run so far, in s."""
+        ...
 
-        def put() -> None:
-            try:
-                question()
-            except Exception as error:  # noqa: BLE001 - raised again below, in the run's thread
-                errors.append(error)
-            finally:
-                answered.set()
+    @property
+    def segment(self) -> str:
+        """Name of the step that plays."""
+        ...
 
-        # Rest first, so that what holds afterwards does not depend on how fast the answer came.
-        outcome = self.rest_while(lambda: not self.cycle.limiter.at_rest())
-        if outcome is not None:
-            return outcome
-        threading.Thread(target=put, name="prompt", daemon=True).start()
-        while not answered.is_set():
-            if self.virtual and self.cycle.control.verb is None:
-                answered.wait(0.05)
-                continue
-            outcome = self._step()
-            if outcome is not None:
-                return outcome
-        if errors:
-            raise errors[0]
-        return None
+    @property
+    def counters(self) -> CycleCounters:
+        """What the cycle counts about itself."""
+        ...
 
-    def rest_while(self, condition: Callable[[], bool]) -> Outcome | None:
-        """Keep the rig at rest as long as ``condition`` holds; return an outcome as :meth:`ask`."""
-        self.cycle.load(None)
-        while condition():
-            outcome = self._step()
-            if outcome is not None:
-                return outcome
-        return None
-
-    def run_cycles(self, count: int) -> Outcome | None:
-        """Run ``count`` cycles with the setpoints at rest."""
-        self.cycle.load(None)
-        for _ in range(count):
-            outcome = self._step()
-            if outcome is not None:
-                return outcome
-        return None
-
-    def _step(self) -> Outcome | None:
-        outcome = self.cycle.step()
-        self._cycles += 1
-        if self._cycles >= self._drain_every:
-            self.drain()
-        return outcome
-
-    def drain(self) -> None:
-        """Hand all waiting rows to the sink; flush when the last flush is old enough."""
-        self._cycles = 0
-        for name, ring in self._rings.items():
-            rows = ring.drain()
-            if len(rows):
-                self._sink.write(name, rows)
-        now = monotonic_ns()
-        # Half a drain early rather than half a drain late.
-        if now - self._flushed_ns >= FLUSH_NS - DRAIN_NS // 2:
-            self._sink.flush()
-            self._flushed_ns = now
-        self.on_drain()
-
-    def event(self, kind: str, data: Mapping[str, object]) -> None:
-        """Hand one event to the sink, stamped with the slot under way."""
-        self._emit(self.cycle.t_ns, kind, data)
-
-    def _emit(self, t_ns: int, kind: str, data: Mapping[str, object]) -> None:
-        self._sink.event(t_ns, kind, self.trial, data)
+    @property
+    def trips(self) -> Sequence[Trip]:
+        """Everything that tripped so far."""
+        ...
 
     @property
     def overruns(self) -> int:
         """Rows lost because a ring was full."""
-        return sum(ring.overruns for ring in self._rings.values())
+        ...
+
+    def open(self) -> Sequence[str]:
+        """Open every device and prove its watchdog; return what keeps the rig from being armed."""
+        ...
+
+    def unfit(self) -> Sequence[str]:
+        """Return why the rig, looked at in rest, is not fit to be armed; a sentence each."""
+        ...
+
+    def arm(self) -> Outcome | None:
+        """Enable every device, at rest."""
+        ...
+
+    def play(self, program: CycleProgram) -> Outcome:
+        """Play ``program`` to its end and return how it ended."""
+        ...
+
+    def ask(self, question: Callable[[], None]) -> Outcome | None:
+        """Run ``question``, which may wait for a person, while the rig stays at rest."""
+        ...
+
+    def rest_while(self, condition: Callable[[], bool]) -> Outcome | None:
+        """Keep the rig at rest as long as ``condition`` holds."""
+        ...
+
+    def run_cycles(self, count: int) -> Outcome | None:
+        """Run ``count`` cycles with the setpoints at rest."""
+        ...
+
+    def ends_everything(self) -> str:
+        """Return why nothing may move any more, or ""."""
+        ...
+
+    def drain(self) -> None:
+        """See to it that what was recorded so far is handed on."""
+        ...
+
+    def event(self, kind: str, data: Mapping[str, object]) -> None:
+        """Record one event, stamped with the slot under way."""
+        ...
+
+    def make_safe(self) -> Sequence[str]:
+        """Bring every device to its safe state; return what went wrong, a sentence each."""
+        ...
+
+    def close(self) -> None:
+        """Close every device, then finish the recording."""
+        ...

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from rigd.model.channels import Channel, Stream
-from rigd.sdk import Driver
+from rigd.sdk import Driver, Link
 
 #: What the cycle says about itself, once per cycle.
 CYCLE_STREAM = Stream(
@@ -18,6 +18,7 @@ CYCLE_STREAM = Stream(
         ),
         Channel("actual", "s", "when it did begin, on the same clock"),
         Channel("spent", "s", "how long it took; 0 in virtual time"),
+        Channel("stale", "1", "devices whose row of this cycle repeats an earlier one"),
     ),
     doc="Timing of the control cycle itself",
     source="rigd",
@@ -46,6 +47,7 @@ class MountedRig:
     mounts: tuple[Mount, ...]
     readings: Mapping[str, int]
     setpoints: Mapping[str, int]
+    links: Mapping[str, Link] = field(default_factory=dict)
 
     @cached_property
     def streams(self) -> tuple[Stream, ...]:
@@ -61,8 +63,12 @@ class MountedRig:
         return tuple(owners)
 
 
-def mount(devices: Mapping[str, tuple[str, Driver]]) -> MountedRig:
+def mount(
+    devices: Mapping[str, tuple[str, Driver]], links: Mapping[str, Link] | None = None
+) -> MountedRig:
     """Return the rig made of ``devices``: name -> (driver name, driver instance).
+
+    ``links`` are the connections they share, by name, in the order they are opened.
 
     A device's stream holds its readings, then the setpoint written in the same cycle as
     ``<name>_setpoint``, then its status word where it has one.
@@ -89,4 +95,4 @@ def mount(devices: Mapping[str, tuple[str, Driver]]) -> MountedRig:
             setpoints[f"{name}.{channel.name}"] = command_count + offset
         mounts.append(Mount(name, driver, stream, values, commands))
         value_count, command_count = values.stop, commands.stop
-    return MountedRig(tuple(mounts), readings, setpoints)
+    return MountedRig(tuple(mounts), readings, setpoints, links or {})

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from rigd.engine.answers import Answers
-from rigd.engine.host import InProcessHost
+from rigd.engine.host import Host
 from rigd.engine.player import Ending, Outcome
-from rigd.model.errors import Blocked, DeviceError, LinkError, ProtocolError
-from rigd.model.limits import Action
+from rigd.model.errors import Blocked
 from rigd.procedure.program import CompiledProcedure, Prompt
 
 #: Cycles read before arming, so that a dead sensor or a standing trip is seen at rest.
@@ -16,7 +15,7 @@ PREFLIGHT_CYCLES = 20
 
 
 def preflight(
-    host: InProcessHost,
+    host: Host,
     procedure: CompiledProcedure,
     answers: Answers,
     extra_checks: Sequence[Callable[[], Sequence[str]]] = (),
@@ -30,30 +29,17 @@ def preflight(
     """
     reasons = [reason for check in extra_checks for reason in check()]
     reasons += _unanswerable(procedure, answers)
-    opened = True
-    for mount in host.cycle.rig.mounts:
-        try:
-            mount.driver.open()
-            reasons += [f"{mount.name}: {reason}" for reason in mount.driver.preflight()]
-        except (LinkError, ProtocolError, DeviceError) as error:
-            opened = False
-            reasons.append(f"{mount.name}: {error.message}")
-    if opened:
+    closed = host.open()
+    reasons += closed
+    if not closed:
         outcome = host.run_cycles(PREFLIGHT_CYCLES)
         if outcome is not None and outcome.trip is None and outcome.ending is not Ending.FAULTED:
             return outcome
         reasons += [] if outcome is None else [outcome.reason]
-        reasons += _look(host)
+        reasons += host.unfit()
     if reasons:
         raise Blocked(list(dict.fromkeys(reasons)))
     return None
-
-
-def _look(host: InProcessHost) -> Iterator[str]:
-    for name in host.cycle.mute:
-        yield f"{name} gave no row in {PREFLIGHT_CYCLES} cycles"
-    for interlock in host.cycle.interlocks.violated(Action.END_TRIAL):
-        yield f"interlock {interlock.name} stands violated at rest"
 
 
 def _unanswerable(procedure: CompiledProcedure, answers: Answers) -> Iterator[str]:

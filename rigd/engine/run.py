@@ -13,12 +13,10 @@ from dataclasses import dataclass, field
 from rigd.engine.answers import Answer, Answers, check_answer
 from rigd.engine.clock import idle
 from rigd.engine.control import Control
-from rigd.engine.cycle import Cycle
-from rigd.engine.host import InProcessHost
+from rigd.engine.host import Host
 from rigd.engine.player import Ending, Outcome
 from rigd.engine.preflight import preflight
 from rigd.engine.result import Progress, RunResult, ending_word
-from rigd.engine.sink import Sink
 from rigd.model.errors import Blocked, Exit, ProcedureError, RigdError
 from rigd.model.states import RunEvent, RunState, next_state
 from rigd.procedure.program import AnswerKind, CompiledProcedure, Prompt, Step, TrialPlan
@@ -50,8 +48,7 @@ class Run:
     """
 
     procedure: CompiledProcedure
-    host: InProcessHost
-    sink: Sink
+    host: Host
     control: Control
     answers: Answers
     change: ChangePlant | None = None
@@ -65,21 +62,15 @@ class Run:
     _incomplete: list[tuple[int, str]] = field(default_factory=list)
 
     @property
-    def cycle(self) -> Cycle:
-        """The cycle that plays this run."""
-        return self.host.cycle
-
-    @property
     def progress(self) -> Progress:
         """Where the run stands now."""
-        clock = self.cycle.clock
         return Progress(
             self.state,
-            self.cycle.segment,
+            self.host.segment,
             self._trials_done,
             len(self.procedure.trials),
             self._trial,
-            (self.cycle.t_ns - clock.start_ns) * 1e-9,
+            self.host.run_s,
         )
 
     def execute(self) -> RunResult:
@@ -104,11 +95,11 @@ class Run:
             raise
         finally:
             # In this order: nothing that can fail or take time comes before a safe rig.
-            problems = self.cycle.make_safe()
+            problems = self.host.make_safe()
             try:
                 self._end(ending_word(code, self.state, aborted=self._aborted), reason)
             finally:
-                self._close()
+                self.host.close()
         return self._result(reason, code, problems)
 
     def _live(self) -> tuple[str, Exit]:
@@ -122,8 +113,11 @@ class Run:
             self._to(RunEvent.STOP)
             return stopped.reason, Exit.STOPPED
         self._event("run_start", {"procedure": self.procedure.name, "resumed": bool(self.done)})
-        for mount in self.cycle.rig.mounts:
-            mount.driver.arm()
+        failed = self.host.arm()
+        if failed is not None:
+            out = self._way_out(failed)
+            self._to(out.final if out.final is not RunEvent.FINISHED else RunEvent.STOP)
+            return failed.reason, out.exit_code
         self._to(RunEvent.ARM)
         self._to(RunEvent.START)
         reason, code, final = "all trials played", Exit.OK, RunEvent.FINISHED
@@ -134,7 +128,7 @@ class Run:
         except _WayOut as out:
             reason, code, final = out.outcome.reason, out.exit_code, out.final
             may_finish = out.may_finish
-        barred = self.cycle.ends_everything()
+        barred = self.host.ends_everything()
         if barred and may_finish:
             may_finish, code, final = False, Exit.TRIPPED, RunEvent.FAULT
             reason = reason if barred in reason else f"{reason}; {barred}"
@@ -165,7 +159,7 @@ class Run:
 
     def _judge(self, reason: str) -> tuple[str, Exit]:
         """Return what to call a run that came to its end but is not what was asked for."""
-        counters = self.cycle.counters
+        counters = self.host.counters
         if counters.missed > MISSED_SHARE * (counters.cycles + counters.missed):
             share = 100 * counters.missed / (counters.cycles + counters.missed)
             return f"{share:.0f} % of the cycles were missed: run at a lower pace", Exit.FAILED
@@ -181,7 +175,7 @@ class Run:
                 self._trials_done += 1
                 continue
             self._pause_point()
-            barred = self.cycle.ends_everything()
+            barred = self.host.ends_everything()
             if barred:
                 raise self._way_out(Outcome(Ending.FAULTED, barred))
             self._play_trial(trial)
@@ -336,20 +330,11 @@ class Run:
                 "reason": reason,
                 "trials_done": self._trials_done,
                 "trials_total": len(self.procedure.trials),
-                "missed_cycles": self.cycle.counters.missed,
+                "missed_cycles": self.host.counters.missed,
+                "stale_rows": self.host.counters.stale,
                 "overruns": self.host.overruns,
             },
         )
-
-    def _close(self) -> None:
-        try:
-            for mount in self.cycle.rig.mounts:
-                try:
-                    mount.driver.close()
-                except Exception as error:  # noqa: BLE001 - recorded, and the others go on
-                    self._event("fault", {"reason": f"{mount.name} could not be closed: {error}"})
-        finally:
-            self.sink.close()
 
     def _result(self, reason: str, code: Exit, problems: Sequence[str]) -> RunResult:
         return RunResult(
@@ -361,12 +346,12 @@ class Run:
             len(self.procedure.trials),
             self.progress.run_s,
             tuple(self._incomplete),
-            self.cycle.counters.cycles,
-            self.cycle.counters.missed,
+            self.host.counters.cycles,
+            self.host.counters.missed,
             tuple(
                 f"{trip.interlock.name} ({trip.interlock.action.name.lower()}): {trip.reason}"
                 + (f" - {trip.interlock.message}" if trip.interlock.message else "")
-                for trip in self.cycle.trips
+                for trip in self.host.trips
             ),
             tuple(problems),
         )

@@ -10,6 +10,9 @@ from rigd.model.units import parse_unit
 
 #: Name of the integer field a stream carries when its device reports a status word.
 STATUS_FIELD: Final = "status"
+#: Bit of the status word that is rigd's own: the row repeats the values of an earlier cycle, as
+#: the device gave none for this one.
+STALE: Final = 1 << 31
 
 
 @dataclass(frozen=True)

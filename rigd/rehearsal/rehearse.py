@@ -14,7 +14,7 @@ from rigd.config.rig import RigConfig
 from rigd.engine.answers import OwnAnswers
 from rigd.engine.clock import VirtualClock
 from rigd.engine.control import Control
-from rigd.engine.host import InProcessHost
+from rigd.engine.in_process import InProcessHost
 from rigd.engine.mount import CYCLE_STREAM
 from rigd.engine.result import RunResult
 from rigd.engine.run import Run
@@ -68,7 +68,7 @@ def rehearse(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> Rehears
     host = InProcessHost(wiring.cycle, clock, virtual=True, sink=sink, decimation=everything)
     change = None if wiring.plant is None else wiring.plant.change
     answering = replace(procedure, decimation=everything)
-    result = Run(answering, host, sink, control, OwnAnswers(), change).execute()
+    result = Run(answering, host, control, OwnAnswers(), change).execute()
     peaks = tuple(_peaks(procedure, rig, sink))
     refusals = list(sink.trips)
     refusals += [f"a setpoint of {name} is beyond its limit" for name in sorted(sink.cut)]

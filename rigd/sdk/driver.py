@@ -76,6 +76,9 @@ class Driver(AnyDriver, ABC):
 
     #: What is commanded, in the order of :meth:`write`; ``low`` and ``high`` are the device's own.
     setpoints: tuple[Channel, ...] = ()
+    #: Whether there is a row in every cycle: one without is recorded as a stale row. A device with
+    #: a pace of its own says False, and only its new rows are recorded.
+    every_cycle: bool = True
     #: Whether another process may open the device anew to make it safe (see :meth:`rescue`).
     second_link: ClassVar[bool] = False
     #: The device is safe at most so long after it last heard from us, in s, by a watchdog of its

@@ -9,7 +9,7 @@ from rigd.engine.answers import OwnAnswers
 from rigd.engine.clock import VirtualClock
 from rigd.engine.control import Control
 from rigd.engine.cycle import Cycle
-from rigd.engine.host import InProcessHost
+from rigd.engine.in_process import InProcessHost
 from rigd.engine.interlocks import InterlockBank
 from rigd.engine.limiter import Limiter
 from rigd.engine.mount import mount
@@ -140,7 +140,6 @@ class Bench:
         return Run(
             procedure,
             self.host(),
-            self.sink,
             self.control,
             OwnAnswers(),
             **options,  # type: ignore[arg-type]  # tests name real fields of Run
