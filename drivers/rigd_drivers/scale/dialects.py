@@ -1,0 +1,49 @@
+"""The dialects as tables: what to send, and how long to wait between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from rigd_drivers.scale import and_d, sics
+from rigd_drivers.scale.replies import Done, Reading, Refusal
+
+DialectName = Literal["mt-sics", "kern-kcp", "and-d"]
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """One protocol. Commands carry their ends; parsers return None for lines of another kind."""
+
+    title: str
+    #: Asks for the weight as it is now.
+    read: bytes
+    #: Ends a stream, and whatever else goes on.
+    cancel: bytes
+    parse_reading: Callable[[bytes], Reading | Refusal | None]
+    #: What must lie between two commands, in s.
+    min_interval_s: float
+    #: Command and parser of the actions. An action without parser confirms nothing: it is done
+    #: once a stable zero is shown.
+    actions: Mapping[str, tuple[bytes, Callable[[bytes], Done | Refusal | None] | None]]
+
+
+_SICS_ACTIONS: Final = {
+    "tare": (b"T\r\n", sics.parse_tare),
+    "zero": (b"Z\r\n", sics.parse_zero),
+}
+
+DIALECTS: Final[dict[DialectName, Dialect]] = {
+    "mt-sics": Dialect(
+        "Mettler-Toledo MT-SICS", b"SI\r\n", b"@\r\n", sics.parse_reading, 0.0, _SICS_ACTIONS
+    ),
+    # "The time between periodic inquiries must be longer than 100 ms": KIB-TM-ZB-e-1913, 1.4.
+    "kern-kcp": Dialect(
+        "KERN KCP", b"SI\r\n", b"@\r\n", sics.parse_reading, 0.1, _SICS_ACTIONS
+    ),
+    "and-d": Dialect(
+        "A&D", b"Q\r\n", b"C\r\n", and_d.parse_reading, 0.0,
+        {"tare": (b"T\r\n", None), "zero": (b"Z\r\n", None)},
+    ),
+}  # fmt: skip
