@@ -54,6 +54,8 @@ class AnyDriver:
     silent_s: float = 0.1
     #: What the device said it is, once it is open: type, serial number, firmware.
     identity: str = ""
+    #: What a person may ask of it by name, and what that does: ``{"tare": "sets zero"}``.
+    actions: Mapping[str, str] = {}
 
     def __init__(self, config: Any, link: Any) -> None:
         self.config = config
@@ -133,6 +135,25 @@ class Driver(AnyDriver, ABC):
     def write(self, setpoints: Sequence[float]) -> None:
         """Send the setpoints of this cycle, already limited, in the order of ``setpoints``."""
 
+    def act(self, action: str) -> None:
+        """Begin one of ``actions``; it goes on in the cycles that follow, until :meth:`acted`.
+
+        Raises:
+            DeviceError: another one is under way.
+            ValueError: there is no such action.
+
+        """
+        raise ValueError(f"{type(self).__name__} has no action {action!r}")
+
+    def acted(self) -> str | None:
+        """Return what the device said of the action, once; None while it goes on (or is none).
+
+        Raises:
+            DeviceError: the device refused, or did not answer; the action is over.
+
+        """
+        return None
+
     @abstractmethod
     def make_safe(self) -> None:
         """Bring the actuator to its safe state; bounded in time, never moves anything on purpose.
@@ -209,8 +230,6 @@ class SlowDriver(AnyDriver, ABC):
     It runs on the event loop of the daemon, beside other devices: it never blocks.
     """
 
-    #: What a person may ask of it by name, and what that does: ``{"tare": "sets zero"}``.
-    actions: Mapping[str, str] = {}
     silent_s: float = 2.0
 
     @abstractmethod
