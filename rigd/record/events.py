@@ -38,9 +38,7 @@ def event_message(event: Event, channel: int, sequence: int, start_ns: int) -> b
         TypeError: the data holds something that JSON has no form for.
 
     """
-    text = json.dumps(
-        _plain(event.data), ensure_ascii=False, separators=(",", ":"), allow_nan=False
-    )
+    text = data_to_json(event.data)
     body = _string(event.kind)
     body += b"\x00" * (-len(body) % 4) + struct.pack("<i", event.trial)
     # CDR counts alignment from behind its own header.
@@ -48,6 +46,16 @@ def event_message(event: Event, channel: int, sequence: int, start_ns: int) -> b
     payload = CDR_HEADER + body + _string(text)
     head = _MESSAGE.pack(channel, sequence & 0xFFFFFFFF, event.t_ns, event.t_ns)
     return FRAME.pack(Opcode.MESSAGE, len(head) + len(payload)) + head + payload
+
+
+def data_to_json(data: Mapping[str, Any]) -> str:
+    """Return an event's data as JSON; a NaN or infinity as text that ``float()`` takes.
+
+    Raises:
+        TypeError: it holds something that JSON has no form for.
+
+    """
+    return json.dumps(_plain(data), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
 
 
 def parse_event(t_ns: int, payload: memoryview) -> Event:
@@ -89,7 +97,7 @@ def _read_string(body: memoryview, at: int) -> tuple[str, int]:
 
 
 def _plain(value: object) -> object:
-    """Return ``value`` in what JSON knows; a NaN or infinity as text that ``float()`` takes."""
+    """Return ``value`` in what JSON knows."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,0 +1,130 @@
+"""The ring between processes for events: one writer, one reader, records of any length."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, Self
+
+from rigd.engine.shared.mapping import FIRST_FREE_WORD, SharedFile
+from rigd.model.errors import RecordingError
+from rigd.record.events import Event, data_to_json
+
+_MAGIC: Final = b"rigdevt1"
+_CAPACITY: Final = FIRST_FREE_WORD
+_HEAD: Final = 8  #: bytes pushed since the beginning
+_OVERRUNS: Final = 9
+_TAIL: Final = 16  #: bytes released since the beginning
+_RELEASED: Final = 17  #: events released since the beginning; written before the tail
+
+#: Bytes of the record, bytes of the kind, number of the event, its time and trial; then the kind
+#: and the data as JSON, both UTF-8.
+_RECORD: Final = struct.Struct("<IIQqi")
+
+
+class EventRing:
+    """Events in a mapped file; what does not fit is lost and counted, as in a RowRing."""
+
+    def __init__(self, file: SharedFile) -> None:
+        """Use :meth:`create` or :meth:`attach`."""
+        self.path = file.path
+        self._words = file.words
+        self._payload = file.payload
+        self._capacity = file.words[_CAPACITY]
+        self._pushed = self.released + len(self.peek())
+
+    @classmethod
+    def create(cls, path: Path, capacity: int) -> Self:
+        """Make an empty ring of ``capacity`` bytes; an event takes about 100 to 500.
+
+        Raises:
+            RecordingError: it exists already, or there is no room for it.
+        """
+        file = SharedFile.create(path, _MAGIC, 0, capacity)
+        file.words[_CAPACITY] = capacity
+        return cls(file)
+
+    @classmethod
+    def attach(cls, path: Path) -> Self:
+        """Open a ring that another process made.
+
+        Raises:
+            RecordingError: it is missing, or no ring of events.
+        """
+        return cls(SharedFile.attach(path, _MAGIC, 0))
+
+    @property
+    def overruns(self) -> int:
+        """Events lost because the ring was full."""
+        return self._words[_OVERRUNS]
+
+    @property
+    def fill(self) -> float:
+        """Share of the ring that waits to be released, 0 to 1."""
+        return (self._words[_HEAD] - self._words[_TAIL]) / self._capacity
+
+    @property
+    def released(self) -> int:
+        """Events released since the beginning."""
+        tail = self._words[_TAIL]
+        if tail == self._words[_HEAD]:
+            return self._words[_RELEASED]
+        # The reader may have been killed between the two words: the event at the tail knows.
+        return int(_RECORD.unpack(self._bytes(tail, _RECORD.size))[2])
+
+    def push(self, t_ns: int, kind: str, trial: int, data: Mapping[str, Any]) -> None:
+        """Append one event; see :meth:`rigd.record.RecordingWriter.event`.
+
+        Raises:
+            RecordingError: the data has no form in JSON.
+        """
+        try:
+            text = data_to_json(data).encode()
+        except (TypeError, ValueError) as error:
+            raise RecordingError(f"event {kind!r} cannot be recorded: {error}") from error
+        name = kind.encode()
+        size = _RECORD.size + len(name) + len(text)
+        head = self._words[_HEAD]
+        if head + size - self._words[_TAIL] > self._capacity:
+            self._words[_OVERRUNS] = self._words[_OVERRUNS] + 1
+            return
+        record = _RECORD.pack(size, len(name), self._pushed, t_ns, trial) + name + text
+        start = head % self._capacity
+        first = min(size, self._capacity - start)
+        self._payload[start : start + first] = record[:first]
+        self._payload[: size - first] = record[first:]
+        self._pushed += 1
+        self._words[_HEAD] = head + size
+
+    def peek(self) -> list[Event]:
+        """Return all events that were pushed and not released."""
+        at, head = self._words[_TAIL], self._words[_HEAD]
+        events: list[Event] = []
+        while at < head:
+            size, name_size, _, t_ns, trial = _RECORD.unpack(self._bytes(at, _RECORD.size))
+            body = self._bytes(at + _RECORD.size, size - _RECORD.size)
+            kind = body[:name_size].decode()
+            events.append(Event(t_ns, kind, trial, json.loads(body[name_size:])))
+            at += size
+        return events
+
+    def release(self, count: int) -> None:
+        """Give the room of the ``count`` oldest events back to the writer."""
+        released, at = self.released + count, self._words[_TAIL]
+        for _ in range(count):
+            at += _RECORD.unpack(self._bytes(at, _RECORD.size))[0]
+        self._words[_RELEASED] = released
+        self._words[_TAIL] = at
+
+    def drain(self) -> list[Event]:
+        """Peek, and release at once."""
+        events = self.peek()
+        self.release(len(events))
+        return events
+
+    def _bytes(self, at: int, size: int) -> bytes:
+        start = at % self._capacity
+        first = min(size, self._capacity - start)
+        return bytes(self._payload[start : start + first]) + bytes(self._payload[: size - first])

@@ -1,0 +1,249 @@
+"""The folder of a run in memory: the rig's lock, the job, the board and the rings.
+
+``<state>/<rig>/lock`` is held (flock) by the process that runs the rig and, by inheritance, by
+every process it starts for that: the rig is in use until all of them are gone. The lock file
+itself is never removed, so that two who wait for it can never hold two different files.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import stat
+import tempfile
+from collections.abc import Iterator, Mapping
+from hashlib import blake2b
+from pathlib import Path
+from typing import Final, Self
+from urllib.parse import quote
+
+from rigd.engine.shared.board import Board
+from rigd.engine.shared.eventring import EventRing
+from rigd.engine.shared.job import Job
+from rigd.engine.shared.rowring import RowRing
+from rigd.model.errors import Blocked, RecordingError
+
+#: Environment variable that names the state folder.
+STATE_VARIABLE: Final = "RIGD_STATE"
+#: Who has a ring of events: the cycle (trips, faults), the daemon (everything else).
+EVENT_SOURCES: Final = ("cycle", "daemon")
+#: Room for some 5000 events each, while the recorder is away.
+EVENT_BYTES: Final = 1 << 20
+
+_LOCK, _JOB, _BOARD = "lock", "job.json", "board"
+#: Most bytes of a rig's name that its folder keeps; a file name has at most 255.
+_NAME_BYTES: Final = 150
+
+
+class RunFolder:
+    """The folder of one rig's run, held (:meth:`take`) or looked at (:meth:`at`).
+
+    ``lock_fd`` is for ``pass_fds`` of the processes that the run starts; -1 where not held.
+    """
+
+    def __init__(self, path: Path, lock_fd: int = -1) -> None:
+        """Use :meth:`take` or :meth:`at`."""
+        self.path = path
+        self.lock_fd = lock_fd
+
+    @classmethod
+    def take(cls, rig: str, *, command: str, recording: Path | None = None) -> Self:
+        """Lock the rig for this process; ``command`` and ``recording`` are told to who comes next.
+
+        Raises:
+            Blocked: the rig is in use, or the state folder is not ours alone.
+            RecordingError: the folder cannot be made.
+        """
+        return cls.take_at(state_folder() / folder_name(rig), rig, command, recording)
+
+    @classmethod
+    def take_at(cls, path: Path, rig: str, command: str, recording: Path | None = None) -> Self:
+        """As :meth:`take`, of the rig whose folder is ``path``."""
+        try:
+            path.mkdir(mode=0o700, exist_ok=True)
+            fd = os.open(path / _LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        except OSError as error:
+            raise RecordingError(f"cannot make {path}: {error.strerror}") from error
+        try:
+            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            holder = _holder(fd)
+            os.close(fd)
+            raise Blocked([f"rig {rig} is in use by {holder}"]) from error
+        mark = {
+            "pid": os.getpid(),
+            "command": command,
+            "recording": None if recording is None else str(recording.absolute()),
+        }
+        os.ftruncate(fd, 0)
+        os.pwrite(fd, json.dumps(mark).encode(), 0)
+        return cls(path, fd)
+
+    @classmethod
+    def at(cls, path: Path) -> Self:
+        """Open the folder of a run for a process that its owner started."""
+        return cls(path)
+
+    @property
+    def has_job(self) -> bool:
+        """Whether the folder holds a run: one under way, or one whose processes all died."""
+        return (self.path / _JOB).exists()
+
+    @property
+    def job(self) -> Job:
+        """The run's job.
+
+        Raises:
+            RecordingError: there is none, or it cannot be read.
+        """
+        return Job.read(self.path / _JOB)
+
+    def prepare(self, job: Job, capacities: Mapping[str, int]) -> None:
+        """Make the board, a ring for each stream (of so many rows) and those for events.
+
+        Raises:
+            RecordingError: the folder still holds what an earlier run left, or has no room.
+        """
+        if self.has_job:
+            raise RecordingError(
+                f"{self.path} holds samples of an earlier run that are not in its recording yet",
+                hint="`rigd recover` puts them there.",
+            )
+        self.clear()  # what was begun here and never finished
+        Board.create(self.path / _BOARD)
+        for number, stream in enumerate(job.streams):
+            RowRing.create(self._rows(number), stream, capacities[stream.name])
+        for source in EVENT_SOURCES:
+            EventRing.create(self._events(source), EVENT_BYTES)
+        # Last, and at once: a folder with a job is complete.
+        draft = self.path / f"{_JOB}.new"
+        draft.write_text(job.to_json())
+        draft.replace(self.path / _JOB)
+
+    def board(self) -> Board:
+        """Return the board.
+
+        Raises:
+            RecordingError: there is none.
+        """
+        return Board.attach(self.path / _BOARD)
+
+    def row_rings(self, job: Job) -> dict[str, RowRing]:
+        """Return the rings of all streams of ``job``, by name.
+
+        Raises:
+            RecordingError: one is missing.
+        """
+        return {
+            stream.name: RowRing.attach(self._rows(number), stream)
+            for number, stream in enumerate(job.streams)
+        }
+
+    def event_ring(self, source: str) -> EventRing:
+        """Return the ring of one of EVENT_SOURCES.
+
+        Raises:
+            RecordingError: it is missing.
+        """
+        return EventRing.attach(self._events(source))
+
+    def clear(self) -> None:
+        """Remove what the run left, the job first; the lock stays."""
+        (self.path / _JOB).unlink(missing_ok=True)
+        for path in self.path.iterdir():
+            if path.name != _LOCK:
+                path.unlink(missing_ok=True)
+
+    def release(self) -> None:
+        """Give the rig back, as far as this process holds it."""
+        if self.lock_fd >= 0:
+            os.close(self.lock_fd)
+            self.lock_fd = -1
+
+    def _rows(self, number: int) -> Path:
+        return self.path / f"rows-{number}.ring"
+
+    def _events(self, source: str) -> Path:
+        return self.path / f"events-{source}.ring"
+
+
+def leftovers() -> Iterator[RunFolder]:
+    """Yield the folders that hold a run, under way or not; lock one before touching it.
+
+    Raises:
+        Blocked: the state folder is not ours alone.
+    """
+    for path in sorted(state_folder().iterdir()):
+        folder = RunFolder.at(path)
+        if folder.has_job:
+            yield folder
+
+
+def state_folder() -> Path:
+    """Return the folder of this user's runs, made where it is missing.
+
+    RIGD_STATE, or else one in memory, so that nothing in a run waits for a disk.
+
+    Raises:
+        Blocked: it belongs to somebody else, or others may write to it.
+        RecordingError: it cannot be made.
+    """
+    path = _state_path()
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = path.lstat()
+    except OSError as error:
+        raise RecordingError(
+            f"cannot make the state folder {path}: {error.strerror}",
+            hint=f"Set {STATE_VARIABLE} to a folder in memory that is yours.",
+        ) from error
+    private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
+    if found.st_uid != os.geteuid() or not private:
+        raise Blocked(
+            [
+                f"the state folder {path} is not private: make it yours alone (chmod 700), "
+                f"or set {STATE_VARIABLE} to another"
+            ]
+        )
+    return path
+
+
+def folder_name(rig: str) -> str:
+    """Return the name of a rig's folder: the rig's own, as far as a file may be called that."""
+    name = quote(rig, safe=" ")
+    if name.startswith("."):
+        name = f"%2E{name[1:]}"
+    if len(name) > _NAME_BYTES:
+        name = f"{name[:_NAME_BYTES]}-{blake2b(rig.encode(), digest_size=8).hexdigest()}"
+    return name
+
+
+def _state_path() -> Path:
+    given = os.environ.get(STATE_VARIABLE)
+    if given:
+        return Path(given)
+    memory = Path("/dev/shm")
+    if os.access(memory, os.W_OK | os.X_OK):
+        return memory / f"rigd-{os.geteuid()}"
+    session = os.environ.get("XDG_RUNTIME_DIR")
+    if session:
+        return Path(session) / "rigd"
+    return Path(tempfile.gettempdir()) / f"rigd-{os.geteuid()}"
+
+
+def _holder(fd: int) -> str:
+    """Return who holds the lock, in the words that it left there."""
+    try:
+        mark = json.loads(os.pread(fd, 4096, 0))
+        pid, command, recording = int(mark["pid"]), mark["command"], mark["recording"]
+    except (KeyError, TypeError, ValueError):
+        return "another process, which has only just begun"
+    what = f"{command}, recording {recording}" if recording else command
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return f"what process {pid} ({what}) started: it died, and they are still ending"
+    except PermissionError:
+        pass  # it lives, as another user
+    return f"process {pid} ({what})"

@@ -1,0 +1,86 @@
+"""What the recorder must know of a run, as a file: it may begin, or begin again, at any time."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rigd.model.channels import Stream
+from rigd.model.errors import RecordingError
+from rigd.record import Attachment
+from rigd.record.compression import Compression
+from rigd.record.schema import stream_from_json, stream_to_json
+
+
+@dataclass(frozen=True)
+class Job:
+    """A recording to be made.
+
+    ``resume``: the file is there, and is to be continued. ``start_ns`` is Unix time.
+    """
+
+    rig: str
+    recording: Path
+    streams: tuple[Stream, ...]
+    start_ns: int
+    metadata: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    attachments: tuple[Attachment, ...] = ()
+    compression: Compression = "zstd"
+    resume: bool = False
+
+    def to_json(self) -> str:
+        """Return the job as text."""
+        return json.dumps(
+            {
+                "rig": self.rig,
+                "recording": str(self.recording.absolute()),
+                "streams": [json.loads(stream_to_json(stream)) for stream in self.streams],
+                "start_ns": self.start_ns,
+                "metadata": {name: dict(values) for name, values in self.metadata.items()},
+                "attachments": [
+                    {
+                        "name": one.name,
+                        "media_type": one.media_type,
+                        "data": base64.b64encode(one.data).decode(),
+                    }
+                    for one in self.attachments
+                ],
+                "compression": self.compression,
+                "resume": self.resume,
+            },
+            indent=1,
+        )
+
+    @classmethod
+    def read(cls, path: Path) -> Job:
+        """Return the job in a file that holds :meth:`to_json`.
+
+        Raises:
+            RecordingError: it cannot be read, or is no job.
+        """
+        try:
+            content: Mapping[str, Any] = json.loads(path.read_bytes())
+            return cls(
+                rig=content["rig"],
+                recording=Path(content["recording"]),
+                streams=tuple(stream_from_json(json.dumps(one)) for one in content["streams"]),
+                start_ns=int(content["start_ns"]),
+                metadata=content["metadata"],
+                attachments=tuple(
+                    Attachment(one["name"], one["media_type"], base64.b64decode(one["data"]))
+                    for one in content["attachments"]
+                ),
+                compression=content["compression"],
+                resume=bool(content["resume"]),
+            )
+        except OSError as error:
+            raise RecordingError(f"cannot read {path}: {error.strerror}") from error
+        except (KeyError, TypeError, ValueError) as error:
+            raise RecordingError(
+                f"{path} is not the job of a recorder: {error!r}",
+                hint="It was made by another version of rigd.",
+            ) from error

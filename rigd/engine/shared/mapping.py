@@ -1,0 +1,103 @@
+"""A file that several processes map into their memory; it outlives them all.
+
+The first page holds 64-bit words: what the file is, and counters. A word is written by one
+process only and with one aligned store (an item of a memoryview of format ``Q``), so that a reader
+never sees half of it. What a counter announces is written before the counter. That order is kept
+by x86-64 for everybody to see; on AArch64 the interpreter's own locking between two byte codes
+orders the stores in practice, but nothing guarantees it.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+from pathlib import Path
+from typing import Final, Self
+
+from rigd.model.errors import RecordingError
+
+#: Bytes of the page that holds the words; the payload begins on the next one.
+HEAD_BYTES: Final = 4096
+WORDS: Final = HEAD_BYTES // 8
+_MAGIC, _IDENTITY = 0, 1  #: words that say what the file is; the words from 2 on are the user's
+FIRST_FREE_WORD: Final = 2
+
+
+class SharedFile:
+    """A mapped file of one page of words and a payload of any size.
+
+    ``magic`` (8 bytes) names the kind of file and its version, ``identity`` the layout of what is
+    in it: a process that expects another layout is refused.
+    """
+
+    def __init__(self, path: Path, fd: int) -> None:
+        """Use :meth:`create` or :meth:`attach`."""
+        self.path = path
+        # Populated: a page touched for the first time within a cycle costs up to 38 ms.
+        flags = mmap.MAP_SHARED | getattr(mmap, "MAP_POPULATE", 0)
+        memory = memoryview(mmap.mmap(fd, 0, flags=flags))
+        self.words = memory[:HEAD_BYTES].cast("Q")
+        self.payload = memory[HEAD_BYTES:]
+
+    @classmethod
+    def create(cls, path: Path, magic: bytes, identity: int, size: int) -> Self:
+        """Make a file with a payload of ``size`` bytes, all zero, its memory allocated.
+
+        Raises:
+            RecordingError: it exists already, or there is no room for it.
+        """
+        try:
+            fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        except OSError as error:
+            raise _cannot("make", path, error) from error
+        try:
+            # Allocated, not only declared: a hole in a full tmpfs would kill who touches it.
+            os.posix_fallocate(fd, 0, HEAD_BYTES + size)
+            made = cls(path, fd)
+        except OSError as error:
+            path.unlink()
+            raise _cannot("make", path, error) from error
+        finally:
+            os.close(fd)
+        made.words[_IDENTITY] = identity
+        made.words[_MAGIC] = _word(magic)
+        return made
+
+    @classmethod
+    def attach(cls, path: Path, magic: bytes, identity: int) -> Self:
+        """Map a file that :meth:`create` made.
+
+        Raises:
+            RecordingError: it is missing, or not what is expected.
+        """
+        try:
+            fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        except OSError as error:
+            raise _cannot("open", path, error) from error
+        try:
+            if os.fstat(fd).st_size < HEAD_BYTES:
+                raise _foreign(path)
+            found = cls(path, fd)
+        finally:
+            os.close(fd)
+        if (found.words[_MAGIC], found.words[_IDENTITY]) != (_word(magic), identity):
+            raise _foreign(path)
+        return found
+
+
+def _word(magic: bytes) -> int:
+    return int.from_bytes(magic, "little")
+
+
+def _cannot(verb: str, path: Path, error: OSError) -> RecordingError:
+    return RecordingError(
+        f"cannot {verb} {path}: {error.strerror}",
+        hint="RIGD_STATE names a folder in memory (tmpfs) with room for a minute of samples.",
+    )
+
+
+def _foreign(path: Path) -> RecordingError:
+    return RecordingError(
+        f"{path} has another layout than expected",
+        hint="It was made by another version of rigd, or for another rig.",
+    )

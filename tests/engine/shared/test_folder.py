@@ -1,0 +1,159 @@
+"""The run's folder: one run per rig, private, with names that no file could have."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rigd.engine.shared import Job, Phase, RunFolder, Word, leftovers, state_folder
+from rigd.model import Channel, RecordingError, Stream
+from rigd.model.errors import Blocked
+from rigd.record import Attachment
+
+STREAMS = (
+    Stream("servo", (Channel("current", "A", "µ", -10.0, 10.0),), has_status=True, source="x"),
+    Stream("force", (Channel("normal", "N", raw_of="volts"),)),
+)
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("RIGD_STATE", str(tmp_path / "state"))
+    return tmp_path / "state"
+
+
+def job_in(tmp_path: Path) -> Job:
+    return Job(
+        rig="bench",
+        recording=tmp_path / "run.mcap",
+        streams=STREAMS,
+        start_ns=1_790_000_000_000_000_000,
+        metadata={"run": {"rig": "bench"}},
+        attachments=(Attachment("rig.yaml", "application/yaml", b"\x00\xff"),),
+        compression="lz4",
+    )
+
+
+def test_what_is_prepared_is_found_by_the_other_processes(tmp_path: Path, state: Path) -> None:
+    mine = RunFolder.take("bench", command="test")
+    job = job_in(tmp_path)
+    mine.prepare(job, {"servo": 100, "force": 50})
+    (theirs,) = leftovers()
+    assert theirs.path == mine.path == state / "bench"
+    assert theirs.job == job
+    rings = theirs.row_rings(theirs.job)
+    assert {name: ring.capacity for name, ring in rings.items()} == {"servo": 100, "force": 50}
+    mine.event_ring("daemon").push(1, "note", 0, {})
+    assert [event.kind for event in theirs.event_ring("daemon").peek()] == ["note"]
+    mine.board()[Word.PHASE] = Phase.ENDED
+    mine.board()[Word.TRIAL] = -1
+    assert theirs.board()[Word.PHASE] == Phase.ENDED
+    assert theirs.board()[Word.TRIAL] == -1
+    with pytest.raises(RecordingError, match="rigd recover"):
+        mine.prepare(job, {"servo": 100, "force": 50})
+    mine.clear()
+    assert [path.name for path in mine.path.iterdir()] == ["lock"]
+    assert list(leftovers()) == []
+
+
+HOLD = """
+import sys
+from pathlib import Path
+from rigd.engine.shared import RunFolder
+folder = RunFolder.take("bench", command="rigd run sweep.yaml", recording=Path("/data/run.mcap"))
+print("held", flush=True)
+if sys.argv[1] == "pass on":
+    import subprocess
+    child = subprocess.Popen(["cat"], pass_fds=[folder.lock_fd], stdout=subprocess.DEVNULL)
+else:
+    sys.stdin.read()
+"""
+
+
+def test_a_rig_in_use_is_refused_with_the_name_of_who_uses_it() -> None:
+    command = [sys.executable, "-c", HOLD, "hold"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        expected = rf"bench is in use by process {other.pid} \(rigd run sweep.yaml, recording /data"
+        with pytest.raises(Blocked, match=expected):
+            RunFolder.take("bench", command="test")
+        RunFolder.take("another", command="test").release()
+        other.kill()
+    RunFolder.take("bench", command="test").release()
+
+
+def test_a_rig_is_in_use_until_the_last_process_of_the_run_is_gone() -> None:
+    command = [sys.executable, "-c", HOLD, "pass on"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
+        assert other.wait() == 0
+        with pytest.raises(Blocked, match=f"process {other.pid} .* died, and they are still"):
+            RunFolder.take("bench", command="test")
+        assert other.stdin is not None
+        other.stdin.close()
+        assert other.stdout is not None
+        os.set_blocking(other.stdout.fileno(), True)
+    for _ in range(1000):  # until the kernel has closed the file of the child
+        try:
+            RunFolder.take("bench", command="test").release()
+            break
+        except Blocked:
+            os.sched_yield()
+    else:
+        pytest.fail("the rig stays locked")
+
+
+@pytest.mark.parametrize("rig", ["Prüf/stand 2", "..", ".", ".hidden", "a%2Fb", "日" * 200])
+def test_odd_names_make_folders_of_their_own(rig: str, state: Path) -> None:
+    names = [rig, f"{rig}x", "a/b"]
+    folders = [RunFolder.take(name, command="test") for name in names]
+    assert len({folder.path.resolve() for folder in folders}) == 3
+    assert all(folder.path.resolve().parent == state.resolve() for folder in folders)
+    for folder in folders:
+        folder.release()
+
+
+def test_a_state_folder_that_others_may_write_to_is_refused(state: Path) -> None:
+    state.mkdir(mode=0o700)
+    state.chmod(0o777)
+    with pytest.raises(Blocked, match="not private"):
+        RunFolder.take("bench", command="test")
+    state.chmod(0o700)
+    RunFolder.take("bench", command="test").release()
+
+
+def test_a_state_folder_of_another_user_is_refused(
+    state: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    state.mkdir(mode=0o700)
+    stranger = os.geteuid() + 1
+    monkeypatch.setattr(os, "geteuid", lambda: stranger)
+    with pytest.raises(Blocked, match="not private"):
+        state_folder()
+
+
+def test_a_link_in_place_of_the_state_folder_is_refused(state: Path, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    state.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(Blocked, match="not private"):
+        state_folder()
+
+
+def test_without_a_setting_the_folder_is_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("RIGD_STATE")
+    if os.access("/dev/shm", os.W_OK):
+        assert state_folder() == Path(f"/dev/shm/rigd-{os.geteuid()}")
+
+
+def test_a_ring_that_has_no_room_is_said_so(tmp_path: Path) -> None:
+    folder = RunFolder.take("bench", command="test")
+    with pytest.raises(RecordingError, match=r"cannot make .*rows-0"):
+        folder.prepare(job_in(tmp_path), {"servo": 1 << 45, "force": 1})
+    assert not folder.has_job
+    folder.release()
