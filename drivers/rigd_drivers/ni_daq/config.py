@@ -1,0 +1,118 @@
+"""What a rig file says about an NI card and its analogue inputs."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Annotated, Final, Self
+
+from annotated_types import Ge, Gt, Le, Len
+from pydantic import Field, model_validator
+
+from rigd.model.channels import Channel
+from rigd.model.units import parse_quantity, parse_unit
+from rigd.sdk import DriverConfig, In
+
+#: The status word has a bit for each input, and bit 31 is not the driver's.
+MOST_INPUTS: Final = 31
+
+
+class Terminal(Enum):
+    """How an input is wired; the names and numbers are NI-DAQmx's (Terminal Configuration)."""
+
+    DEFAULT = "default"
+    RSE = "rse"
+    NRSE = "nrse"
+    DIFFERENTIAL = "differential"
+    PSEUDO_DIFFERENTIAL = "pseudo-differential"
+
+
+class Input(DriverConfig):
+    """One analogue input and what its volts mean: ``(volts - zero) * scale``."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    """Name of the channel, such as acceleration; its volts are recorded beside it as NAME_raw."""
+    channel: Annotated[str, Field(pattern=r"^[A-Za-z0-9_]+$")]
+    """Physical channel of the card, without the card's name, such as ai0."""
+    terminal: Terminal = Terminal.DEFAULT
+    """How it is wired: default, rse, nrse, differential or pseudo-differential."""
+    range: Annotated[float, In("V"), Gt(0)] = 10.0
+    """Largest voltage to be measured, either sign; the card takes its next larger range."""
+    unit: str = "V"
+    """SI unit of the channel, such as m/s^2."""
+    scale: str = "1 V/V"
+    """What a volt means, such as 9.8 m/s^2/V; negative where the sensor is mounted reversed."""
+    zero: Annotated[float, In("V")] = 0.0
+    """Voltage that means 0."""
+
+    @property
+    def gain(self) -> float:
+        """:attr:`scale` in SI units per volt."""
+        return parse_quantity(self.scale).value
+
+    @property
+    def channels(self) -> tuple[Channel, Channel]:
+        """The channel in its unit and the one in volts that it is made from."""
+        ends = sorted((side * self.range - self.zero) * self.gain for side in (-1, 1))
+        raw = f"{self.name}_raw"
+        return (
+            Channel(self.name, self.unit, f"input {self.channel}", *ends),
+            Channel(raw, "V", f"at {self.channel}", -self.range, self.range, raw_of=self.name),
+        )
+
+    @model_validator(mode="after")
+    def _scale_has_the_unit(self) -> Self:
+        unit, scale = parse_unit(self.unit), parse_quantity(self.scale)
+        if unit.factor != 1.0:
+            raise ValueError(f"unit {self.unit!r} of input {self.name} is not an SI unit")
+        expected = parse_unit(f"{self.unit}/V")
+        if not scale.unit.same_kind(expected):
+            raise ValueError(
+                f"scale of input {self.name} is in {scale.unit}, expected {expected}: "
+                f"write it as '1 {expected}'"
+            )
+        if scale.value == 0.0:
+            raise ValueError(f"scale of input {self.name} is 0: every voltage would mean the same")
+        return self
+
+
+class NiDaqConfig(DriverConfig):
+    """Which card, which of its inputs, and how fast."""
+
+    device: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "Dev1"
+    """Name of the card in NI MAX."""
+    server: Annotated[str, Field(pattern=r"^\S+:\d+$")] | None = None
+    """host:port of the NI gRPC Device Server that the card hangs on; without it, this machine's
+    NI-DAQmx. The connection is neither encrypted nor authenticated: use it on a network of your
+    own."""
+    product: str | None = None
+    """Product type that the card must have, such as USB-6009; checked when it is opened."""
+    serial: Annotated[str, Field(pattern=r"^[0-9A-Fa-f]{1,8}$")] | None = None
+    """Serial number that the card must have, in hexadecimal as printed on it."""
+    inputs: Annotated[tuple[Input, ...], Len(1, MOST_INPUTS)]
+    """The analogue inputs, in the order in which the card converts them."""
+    rate: Annotated[float, In("Hz"), Gt(0)] = 9600.0
+    """Samples per second of each input."""
+    block: Annotated[int, Ge(1), Le(100_000)] = 96
+    """Samples of each input that are fetched together."""
+    buffer: Annotated[float, In("s"), Ge(0.1), Le(60)] = 5.0
+    """How long NI-DAQmx keeps samples that nobody has fetched yet."""
+
+    @property
+    def buffer_samples(self) -> int:
+        """Samples per input that the buffer holds: whole blocks, two at least."""
+        blocks = -(-self.buffer * self.rate // self.block)  # rounded up
+        return max(2, int(blocks)) * self.block
+
+    @model_validator(mode="after")
+    def _inputs_are_distinct(self) -> Self:
+        for key in ("name", "channel"):
+            given = [getattr(one, key) for one in self.inputs]
+            twice = next((one for one in given if given.count(one) > 1), None)
+            if twice is not None:
+                raise ValueError(f"two inputs have the {key} {twice!r}; give each its own")
+        names = {one.name for one in self.inputs}
+        raws = {f"{name}_raw" for name in names}
+        taken = names & (raws | {"device_time", "clock_rate", "status", "t_ns"})
+        if taken:
+            raise ValueError(f"an input cannot be named {min(taken)!r}: rigd records that itself")
+        return self

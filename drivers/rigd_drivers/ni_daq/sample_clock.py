@@ -1,0 +1,123 @@
+"""When samples were taken: the card's clock against CLOCK_MONOTONIC, estimated as blocks arrive."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: The quickest arrival of each second is kept, for so many seconds.
+WINDOW_NS: Final = 1_000_000_000
+WINDOWS: Final = 60
+#: The slope is trusted once so many windows are there: an arrival may be 0.1 ms late, which over
+#: 10 s is 10 ppm.
+WINDOWS_FOR_RATE: Final = 10
+#: Furthest that a card's crystal is from its nominal rate; ±50 ppm is usual (NI: 6009 manual).
+MOST_DRIFT: Final = 200e-6
+#: Fastest that an error of the time is worked off: 1 ms in 1 s.
+MOST_SLEW: Final = 1e-3
+
+Point = tuple[float, float]
+
+
+class SampleClock:
+    """Gives every sample its time, from its number and from when its block arrived.
+
+    A block arrives after its last sample was taken, late by what the bus, the driver, the network
+    and the scheduler need: at least a little, at times much. So the true line of time over sample
+    number runs below all arrivals. It is estimated as the highest line that does, over the last
+    minute; the same as the linear programme of Moon, Skelly and Towsley, "Estimation and removal
+    of clock skew from network delay measurements", INFOCOM 1999. What is left is the smallest
+    delay, which nobody can tell from an offset.
+
+    Times never jump and always increase: an error that is found is worked off within
+    :data:`MOST_SLEW`.
+    """
+
+    def __init__(self, nominal_hz: float, first_ns: int) -> None:
+        """``first_ns`` is when sample 0 was taken, as well as is known at the start."""
+        self.nominal_hz = nominal_hz
+        self._period_ns = 1e9 / nominal_hz  # nominal
+        self._first_ns = first_ns
+        self._count = 0  # samples so far
+        # The line in use: lateness against the nominal clock, in ns, at a nominal time, in ns.
+        self._knot: Point = (0.0, 0.0)
+        self._slope = 0.0
+        self._drift = 0.0
+        self._window_end_ns = float(WINDOW_NS)
+        self._quickest: Point | None = None
+        self._arrivals: deque[Point] = deque(maxlen=WINDOWS)
+
+    @property
+    def rate_hz(self) -> float:
+        """The card's rate by the monotonic clock, as estimated so far."""
+        return self.nominal_hz / (1.0 + self._drift)
+
+    @property
+    def count(self) -> int:
+        """How many samples have been given a time."""
+        return self._count
+
+    def stamp(self, count: int, arrived_ns: int) -> NDArray[np.int64]:
+        """Return the monotonic times of the next ``count`` samples, shape (count,), in ns.
+
+        ``arrived_ns`` is when their block did.
+        """
+        nominal = (self._count + np.arange(count)) * self._period_ns
+        self._count += count
+        last = float(nominal[-1])
+        self._observe(last, arrived_ns - self._first_ns - last)
+        start, late = self._knot
+        times = nominal + late + (nominal - start) * self._slope
+        if last >= self._window_end_ns:
+            self._steer(last)
+        return self._first_ns + times.astype(np.int64)
+
+    def _observe(self, nominal: float, late: float) -> None:
+        if self._quickest is None or late < self._quickest[1]:
+            self._quickest = (nominal, late)
+
+    def _steer(self, now: float) -> None:
+        """Close a window and aim at the estimated line, to be met one window from now."""
+        if self._quickest is not None:
+            self._arrivals.append(self._quickest)
+        self._quickest = None
+        self._window_end_ns = now + WINDOW_NS
+        start, late = self._knot
+        self._knot = (now, late + (now - start) * self._slope)
+        slope = self._drift
+        if len(self._arrivals) >= WINDOWS_FOR_RATE:
+            slope = min(max(line_below(self._arrivals)[1], -MOST_DRIFT), MOST_DRIFT)
+        level = min(late - slope * at for at, late in self._arrivals)
+        self._drift = slope
+        aim = level + slope * (now + WINDOW_NS)
+        wanted = (aim - self._knot[1]) / WINDOW_NS
+        self._slope = min(max(wanted, slope - MOST_SLEW), slope + MOST_SLEW)
+
+
+def line_below(points: Sequence[Point]) -> Point:
+    """Return level (at 0) and slope of the highest line below ``points``, which ascend in x.
+
+    Of all lines that no point is below, the one with the least sum of distances: the edge of the
+    lower convex hull over the mean of x.
+    """
+    hull: list[Point] = []
+    for point in points:
+        while len(hull) > 1 and _turns_down(hull[-2], hull[-1], point):
+            hull.pop()
+        hull.append(point)
+    if len(hull) == 1:
+        return hull[0][1], 0.0
+    middle = sum(x for x, _ in points) / len(points)
+    left, right = next(edge for edge in pairwise(hull) if middle <= edge[1][0])
+    slope = (right[1] - left[1]) / (right[0] - left[0])
+    return left[1] - slope * left[0], slope
+
+
+def _turns_down(a: Point, b: Point, c: Point) -> bool:
+    """Return whether ``b`` is on or above the line from ``a`` to ``c``."""
+    return (b[1] - a[1]) * (c[0] - a[0]) >= (c[1] - a[1]) * (b[0] - a[0])
