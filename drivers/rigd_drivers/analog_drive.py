@@ -1,0 +1,237 @@
+"""What drives on a card have in common: a set value in volts, a monitor, an enable line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, ClassVar, Final, Literal
+
+from annotated_types import Ge, Le
+
+from rigd.sdk import Channel, DeviceError, Driver, DriverConfig, In
+from rigd_drivers.card import Card
+
+Level = Literal["high", "low"]
+
+
+#: Bits of the status word of a drive on a card.
+ENABLED: Final = 1  #: its enable line is active
+LIMITED: Final = 2  #: the last setpoint lay beyond its range and was clipped
+SATURATED: Final = 4  #: the monitor stands at a rail of the card
+READY: Final = 8  #: it says so by its ready output; set where none is wired
+ONE_SHOT: Final = 16  #: the one-shot lets the enable line through; set where there is none
+
+
+class AnalogDriveConfig(DriverConfig):
+    """How the drive is wired to the card."""
+
+    set_output: Annotated[int, Ge(0)]
+    """Analogue output of the card that gives the set value."""
+    set_inverted: bool = False
+    """Whether a negative voltage asks for a positive value."""
+    monitor_input: Annotated[int, Ge(0)]
+    """Analogue input of the card that the monitor is wired to."""
+    monitor_inverted: bool
+    """Whether a positive value gives a negative voltage."""
+    monitor_zero: Annotated[float, In("V"), Ge(-5), Le(5)] = 0.0
+    """Voltage of the monitor at rest."""
+    enable_output: Annotated[int, Ge(0)]
+    """Digital output of the card on the enable input of the drive."""
+    enable_active: Level = "high"
+    """Level of that output that enables the drive; at rest it must have the other."""
+    ready_input: Annotated[int, Ge(0)] | None = None
+    """Digital input of the card on the ready (no fault) output of the drive."""
+    ready_active: Level = "high"
+    """Level of that input while the drive is ready."""
+    behind_one_shot: bool = False
+    """Whether the one-shot of the card gates the enable line. Without it nothing stops the drive
+    when this computer dies, and it can be armed with a waiver only."""
+
+
+class AnalogDrive(Driver):
+    """A drive that takes its set value in volts and shows one monitor in volts.
+
+    Subclasses name the setpoint and the monitored quantity. Safe means 0 V and not enabled, at
+    once; the outputs of the card go on driving, since an input left open may drift.
+    """
+
+    link_kind: ClassVar[str] = "card"
+    has_status = True
+    second_link: ClassVar[bool] = True
+    config: AnalogDriveConfig
+    link: Card
+
+    def __init__(
+        self,
+        config: AnalogDriveConfig,
+        link: Card | None,
+        *,
+        setpoint: Channel,
+        set_scale: float,
+        monitor_scale: float,
+    ) -> None:
+        super().__init__(config, link)
+        self._setpoint = setpoint
+        self._volts_per_unit = (-1.0 if config.set_inverted else 1.0) / set_scale
+        self._units_per_volt = -monitor_scale if config.monitor_inverted else monitor_scale
+        self._armed = False
+        self._enabled = False  # ready, once, since it was armed
+        self._limited = False
+        if link is not None and config.behind_one_shot:
+            self.watchdog_s = link.one_shot_s
+
+    def open(self) -> None:
+        """Take the outputs and inputs on the card; they stand at rest.
+
+        Raises:
+            LinkError: the card does not have them, or another device drives them.
+            DeviceError: the enable line would be active at rest.
+
+        """
+        config, card = self.config, self.link
+        if card.rests_high(config.enable_output) == (config.enable_active == "high"):
+            raise DeviceError(
+                f"digital output {config.enable_output} stands {config.enable_active} at rest, "
+                "which enables the drive",
+                hint="correct 'high_at_rest' of the link, or 'enable_active' here",
+            )
+        if config.behind_one_shot and card.one_shot_s is None:
+            raise DeviceError(
+                "the drive is said to stand behind a one-shot, but its card declares none",
+                hint="add 'one_shot' to the options of the link, or remove 'behind_one_shot'",
+            )
+        card.take_outputs(analog=(config.set_output,), lines=(config.enable_output,))
+        lines = () if config.ready_input is None else (config.ready_input,)
+        card.use_inputs(analog=(config.monitor_input,), lines=lines)
+        self.identity = card.identity
+
+    def preflight(self) -> Sequence[str]:
+        """Return what is wrong with the drive at rest: it reports a fault, or its monitor does."""
+        self.link.sample()
+        reasons = []
+        if not self._says_ready():
+            reasons.append(
+                f"the drive is not ready (digital input {self.config.ready_input}): "
+                "see its LED, its supply, and 'ready_active'"
+            )
+        if self._monitor()[2] & SATURATED:
+            volts = self.link.volts[self.config.monitor_input]
+            reasons.append(
+                f"the monitor gives {volts:.2f} V with the drive disabled (analogue input "
+                f"{self.config.monitor_input}): check its wire"
+            )
+        return reasons
+
+    def prove_watchdog(self) -> float:
+        """Let the one-shot drop once, and return after how many s it did; see :class:`Driver`.
+
+        The drive stays disabled: what is proven is the one-shot, not its wire to the drive.
+        """
+        return self.link.prove_one_shot()
+
+    def arm(self) -> None:
+        """Set 0 V and enable; :meth:`ready` once the drive says so."""
+        self._enabled = False
+        self._armed = True
+        self.link.set_volts(self.config.set_output, 0.0)
+        self._set_enable(active=True)
+
+    def ready(self) -> bool:
+        """Return whether the drive is enabled and says that it is ready."""
+        return self._enabled
+
+    def make_safe(self) -> None:
+        """Set 0 V and disable, at once."""
+        self._armed = self._enabled = False
+        if self.link is not None:
+            self._rest()
+            self.link.put_out()
+
+    def rescue(self) -> None:
+        """Bring all outputs of the card to rest, over a connection of its own."""
+        self.link.rescue()
+
+    def close(self) -> None:
+        """Leave the drive safe; the card belongs to the rig."""
+        self.make_safe()
+
+    def _rest(self) -> None:
+        self.link.set_volts(self.config.set_output, 0.0)
+        self._set_enable(active=False)
+
+    def _set_enable(self, *, active: bool) -> None:
+        high = active == (self.config.enable_active == "high")
+        self.link.set_line(self.config.enable_output, high=high)
+
+    def _monitor(self) -> tuple[float, float, int]:
+        """Return the monitored value, the volts it comes from, and the status word.
+
+        Raises:
+            DeviceError: the drive was enabled, and is not any more.
+
+        """
+        config, card = self.config, self.link
+        volts = card.volts[config.monitor_input]
+        status = LIMITED if self._limited else 0
+        if volts <= card.lowest_volts or volts >= card.highest_volts:
+            status |= SATURATED
+        if self._says_ready():
+            status |= READY
+        if card.one_shot_up or not config.behind_one_shot:
+            status |= ONE_SHOT
+        if self._armed:
+            status |= ENABLED
+            self._check_enabled(status)
+        return (volts - config.monitor_zero) * self._units_per_volt, volts, status
+
+    def _says_ready(self) -> bool:
+        line = self.config.ready_input
+        if line is None:
+            return True
+        return bool(self.link.lines >> line & 1) == (self.config.ready_active == "high")
+
+    def _check_enabled(self, status: int) -> None:
+        if status & READY and status & ONE_SHOT:
+            self._enabled = True
+        elif self._enabled and not status & READY:
+            raise DeviceError(
+                f"the drive is not ready any more (digital input {self.config.ready_input})",
+                hint="it reports a fault: over-current, over-temperature or supply; see its LED",
+            )
+        elif self._enabled:
+            raise DeviceError(
+                f"the one-shot dropped and disabled the drive: no edge for {self.watchdog_s:g} s",
+                hint="this computer stalled; give the one-shot more time, or see 'rigd doctor'",
+            )
+
+    def _demand(self, value: float) -> None:
+        """Ask for ``value``, in the unit of the setpoint, once the drive is armed.
+
+        Raises:
+            DeviceError: it is not a number; the value before it holds.
+
+        """
+        low, high = self._setpoint.low, self._setpoint.high
+        if value != value:
+            raise DeviceError(
+                f"setpoint '{self._setpoint.name}' is NaN; expected {low:g} to {high:g} "
+                f"{self._setpoint.unit}",
+                hint="a profile or a limit made a number of nothing; the setpoint before it holds",
+            )
+        clipped = min(max(value, low), high)
+        self._limited = clipped != value
+        if self._armed:
+            self.link.set_volts(self.config.set_output, clipped * self._volts_per_unit)
+
+
+def check_reach(name: str, largest: float, set_scale: float) -> None:
+    """Check that ``largest`` can be asked for within +-10 V.
+
+    Raises:
+        ValueError: it cannot.
+
+    """
+    volts = largest / set_scale
+    if volts > 10.0:
+        raise ValueError(
+            f"'{name}' needs {volts:g} V at the set value input; a card gives at most 10 V"
+        )

@@ -1,0 +1,111 @@
+"""What a data acquisition card offers to the drivers on it: volts, counts and lines."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable
+from typing import ClassVar
+
+from rigd.sdk import Link
+
+
+class Card(Link):
+    """A card with analogue inputs and outputs, encoder counters and digital lines.
+
+    Drivers say in ``open`` what they use; from then on :meth:`begin` takes it all in at one
+    moment, and :meth:`end` puts out together what they have set. What has been taken in stands in
+    ``volts``, ``counts``, ``indexes`` and ``lines``.
+    """
+
+    kind: ClassVar[str] = "card"
+    #: Volts that the converter gives at its rails; at them the input may be anything beyond.
+    lowest_volts: ClassVar[float]
+    highest_volts: ClassVar[float]
+
+    #: The card as it names itself, once open.
+    identity: str
+    #: Analogue inputs in V, by input; NaN where not used.
+    volts: list[float]
+    #: Encoder counters as they stand in the card (unsigned, ``count_bits`` wide), by encoder.
+    counts: list[int]
+    count_bits: ClassVar[int]
+    #: Index signals of the encoders, one bit each.
+    indexes: int
+    #: Digital inputs, one bit each.
+    lines: int
+    #: When taking in began, CLOCK_MONOTONIC in ns.
+    sampled_ns: int
+    #: Longest time that the external one-shot stays up without :meth:`end`, in s; None: no such.
+    one_shot_s: float | None
+    #: Whether the one-shot was up when the lines were taken in; True where there is none.
+    one_shot_up: bool
+
+    @abstractmethod
+    def use_inputs(
+        self, *, analog: Iterable[int] = (), encoders: Iterable[int] = (), lines: Iterable[int] = ()
+    ) -> None:
+        """Take these in from now on; inputs may be shared.
+
+        Raises:
+            LinkError: the card has no such input.
+
+        """
+
+    @abstractmethod
+    def take_outputs(self, *, analog: Iterable[int] = (), lines: Iterable[int] = ()) -> None:
+        """Make these outputs the caller's own.
+
+        Raises:
+            LinkError: the card has no such output, or it is taken.
+
+        """
+
+    @abstractmethod
+    def rests_high(self, line: int) -> bool:
+        """Return whether a digital output stands high while nothing is driven."""
+
+    @abstractmethod
+    def set_volts(self, output: int, volts: float) -> None:
+        """Set an analogue output, clipped to what it can give, put out with the rest."""
+
+    @abstractmethod
+    def set_line(self, line: int, *, high: bool) -> None:
+        """Set a digital output, put out with the rest."""
+
+    @abstractmethod
+    def sample(self) -> None:
+        """Take in all that is used now, outside of a cycle.
+
+        Raises:
+            LinkError: the card does not answer.
+
+        """
+
+    @abstractmethod
+    def put_out(self) -> None:
+        """Put out what has been set now, outside of a cycle; does not retrigger the one-shot.
+
+        Silent on a card that is not open: its outputs are at rest.
+
+        Raises:
+            LinkError: the card does not answer.
+
+        """
+
+    @abstractmethod
+    def prove_one_shot(self) -> float:
+        """Raise the one-shot, stop retriggering it, and return after how many s it dropped.
+
+        Raises:
+            DeviceError: it never came up, or has not dropped in time.
+
+        """
+
+    @abstractmethod
+    def rescue(self) -> None:
+        """Bring every output to rest over a connection of its own; for a card not yet open.
+
+        Raises:
+            LinkError: the card cannot be reached.
+
+        """

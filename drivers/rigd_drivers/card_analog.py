@@ -1,0 +1,118 @@
+"""Analogue inputs of a card, each with a name, a unit, a scale and a zero."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, ClassVar, Self
+
+from annotated_types import Ge, MinLen
+from pydantic import BaseModel, ConfigDict, StringConstraints, field_validator, model_validator
+
+from rigd.model.units import parse_quantity, parse_unit
+from rigd.sdk import Channel, Driver, DriverConfig, In
+from rigd_drivers.card import Card
+
+
+class AnalogInput(BaseModel):
+    """One analogue input and what its volts mean."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+    name: Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
+    """Name of the channel; the volts are recorded as NAME_raw."""
+    input: Annotated[int, Ge(0)]
+    """Analogue input of the card."""
+    unit: str
+    """SI unit of the channel, such as `m/s^2`."""
+    scale: str
+    """Change of the quantity per volt, with its unit, such as `9.8 m/s^2/V`; may be negative."""
+    zero: Annotated[float, In("V")] = 0.0
+    """Voltage at which the quantity is zero."""
+    doc: str = ""
+    """What it measures, for the recording."""
+
+    @field_validator("unit")
+    @classmethod
+    def _is_si(cls, unit: str) -> str:
+        if parse_unit(unit).factor != 1.0:
+            raise ValueError(f"{unit} is not an SI unit; give the scale in any unit instead")
+        return unit
+
+    @model_validator(mode="after")
+    def _scale_fits(self) -> Self:
+        wanted = f"{self.unit}/V"
+        given = parse_quantity(self.scale)
+        if not given.unit.same_kind(parse_unit(wanted)):
+            raise ValueError(f"scale '{self.scale}' of {self.name} is not in {wanted}")
+        if given.value == 0.0:
+            raise ValueError(f"scale '{self.scale}' of {self.name} must not be 0")
+        return self
+
+    @property
+    def per_volt(self) -> float:
+        """The scale in SI, per volt."""
+        return parse_quantity(self.scale).value
+
+    def channels(self) -> tuple[Channel, Channel]:
+        """Return the converted channel and the raw one."""
+        ends = [(volts - self.zero) * self.per_volt for volts in (-10.0, 10.0)]
+        return (
+            Channel(self.name, self.unit, self.doc, min(ends), max(ends)),
+            Channel(f"{self.name}_raw", "V", "input of the card", -10, 10, raw_of=self.name),
+        )
+
+
+class CardAnalogConfig(DriverConfig):
+    """The inputs, in the order they are recorded."""
+
+    inputs: Annotated[tuple[AnalogInput, ...], MinLen(1)]
+    """The analogue inputs."""
+
+    @field_validator("inputs")
+    @classmethod
+    def _names_differ(cls, inputs: tuple[AnalogInput, ...]) -> tuple[AnalogInput, ...]:
+        names = [channel.name for one in inputs for channel in one.channels()]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two channels are called '{name}'")
+        return inputs
+
+
+class CardAnalog(Driver):
+    """Analogue sensors on a card; they only measure, and are safe at all times."""
+
+    Config: ClassVar[type[DriverConfig]] = CardAnalogConfig
+    title: ClassVar[str] = "analogue sensors on a card"
+    link_kind: ClassVar[str] = "card"
+    has_status = True
+    config: CardAnalogConfig
+    link: Card
+
+    def __init__(self, config: CardAnalogConfig, link: Card | None) -> None:
+        super().__init__(config, link)
+        self.channels = tuple(channel for one in config.inputs for channel in one.channels())
+        self._inputs = tuple((one.input, one.per_volt, one.zero) for one in config.inputs)
+
+    def open(self) -> None:
+        """Take the inputs in from now on."""
+        self.link.use_inputs(analog=(one.input for one in self.config.inputs))
+        self.identity = self.link.identity
+
+    def arm(self) -> None:
+        """Do nothing: it only measures."""
+
+    def read(self, t_ns: int) -> Sequence[float]:
+        """Return value and volts of every input, and the status: bit i, input i at a rail."""
+        card = self.link
+        row: list[float] = []
+        status = 0
+        for index, (channel, per_volt, zero) in enumerate(self._inputs):
+            volts = card.volts[channel]
+            if volts <= card.lowest_volts or volts >= card.highest_volts:
+                status |= 1 << index
+            row += ((volts - zero) * per_volt, volts)
+        row.append(status)
+        return row
+
+    def make_safe(self) -> None:
+        """Do nothing: it only measures."""
