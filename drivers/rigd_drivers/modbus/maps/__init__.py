@@ -1,0 +1,1 @@
+"""Register maps of devices, made from their manuals: one TOML file each."""

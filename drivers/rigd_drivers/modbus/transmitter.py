@@ -1,0 +1,290 @@
+"""A strain-gauge or load-cell transmitter on Modbus: force, as fast as it can be asked."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, ClassVar, Final, Literal, Self
+
+from annotated_types import Gt, Le, MinLen
+from pydantic import Field, model_validator
+from pydantic.functional_validators import BeforeValidator
+
+from rigd.sdk import Channel, DeviceError, DriverConfig, In, ProtocolError
+from rigd_drivers.modbus.connection import ConnectionConfig
+from rigd_drivers.modbus.device import ModbusDevice
+from rigd_drivers.modbus.exchange import Answer, Failure
+from rigd_drivers.modbus.pdu import EXCEPTIONS, Request
+from rigd_drivers.modbus.registers import (
+    Access,
+    Address,
+    Condition,
+    Described,
+    Expect,
+    Register,
+    WordOrder,
+    Write,
+)
+from rigd_drivers.modbus.shipped import shipped_map
+
+#: Bits of the status word that the device's own flags take.
+FLAGS: Final = {"stable": 1, "overload": 2, "underload": 4, "fault": 8}
+#: Readings taken at opening to judge the range, and how often an action is tried.
+_PROBES: Final = 5
+_TRIES: Final = 3
+#: A float this small and not zero is two words swapped, not a force.
+#: (0.5 N as 0x3F000000 reads 2.3e-41 when swapped.)
+_LEAST_FLOAT: Final = 1e-30
+
+
+class Action(Described):
+    """Something that a person may ask of the device."""
+
+    doc: str
+    """What it does, in a line."""
+    writes: Annotated[tuple[Write, ...], MinLen(1)]
+    """What is written, in order."""
+
+
+class TransmitterMap(Access):
+    """What stands where in a transmitter."""
+
+    force: Register
+    """The reading."""
+    scale: Annotated[float, In("N/count")] | None = None
+    """Force per count of the register (per 1.0 of a float)."""
+    negative: Condition | None = None
+    """The reading is a magnitude, and negative while this holds."""
+    status: Mapping[Literal["stable", "overload", "underload", "fault"], Condition] = {}
+    """The device's flags; 'fault' ends the run."""
+    identity: Mapping[str, Address] = {}
+    """Registers that say which device it is, for the recording."""
+    expect: tuple[Expect, ...] = ()
+    """Settings it must have."""
+    actions: Mapping[str, Action] = {}
+    """What a person may ask of it, such as tare."""
+
+    @model_validator(mode="after")
+    def _sign_of_one_reading(self) -> Self:
+        if self.negative is not None:
+            sign = range(self.negative.address, self.negative.address + 1)
+            if len(self.reads([sign, self.force.addresses])) > 1:
+                raise ValueError(
+                    "'negative' and 'force' must be read in one request, to be of one reading: "
+                    "raise 'bridge'"
+                )
+        return self
+
+    def polled(self) -> list[range]:
+        """Return the spans of registers that make a row."""
+        flags = [*self.status.values(), *([] if self.negative is None else [self.negative])]
+        return [self.force.addresses, *(range(f.address, f.address + 1) for f in flags)]
+
+
+def _shipped(value: Any) -> Any:
+    return shipped_map(value, "transmitter") if isinstance(value, str) else value
+
+
+class TransmitterConfig(ConnectionConfig):
+    """Where the transmitter is, what stands in its registers, and what it may read."""
+
+    map: Annotated[TransmitterMap, BeforeValidator(_shipped)] = Field(
+        json_schema_extra={"anyOf": [{"type": "string"}, {"type": "object"}]}
+    )
+    """Name of a shipped map (laumas-tlb4, seneca-z-sg2, tuna-id551), or a map written here."""
+    low: Annotated[float, In("N")]
+    """Smallest force that the cell can bear; a reading beyond is not believed at opening."""
+    high: Annotated[float, In("N")]
+    """Largest force that the cell can bear."""
+    rate: Annotated[float, In("Hz"), Gt(0), Le(1000)] = 50.0
+    """Rows per second asked for; an RTU line at 9600 baud allows about 30."""
+    scale: Annotated[float, In("N/count")] | None = None
+    """Force per count, instead of the map's; its sign turns the direction."""
+    word_order: WordOrder | None = None
+    """Which word of a 32-bit number comes first, instead of the map's."""
+
+    @model_validator(mode="after")
+    def _scaled(self) -> Self:
+        if self.low >= self.high:
+            raise ValueError("'low' must be below 'high'")
+        if self.scale is None and self.map.scale is None:
+            raise ValueError(
+                f"the map of the {self.map.title} has no scale: give 'scale', such as "
+                "'0.0980665 N/count' for an instrument that shows kg with two decimals"
+            )
+        if (self.scale or self.map.scale) == 0:
+            raise ValueError("'scale' must not be zero")
+        return self
+
+
+class ModbusTransmitter(ModbusDevice):
+    """A load-cell or strain-gauge transmitter; it takes no setpoints.
+
+    Status bits: stable 1, overload 2, underload 4, and the line's (see :class:`ModbusDevice`).
+    """
+
+    Config: ClassVar[type[DriverConfig]] = TransmitterConfig
+    title: ClassVar[str] = "strain-gauge or load-cell transmitter, Modbus TCP or RTU"
+    config: TransmitterConfig
+
+    def __init__(self, config: TransmitterConfig, link: object) -> None:
+        super().__init__(config, link, config.map, config.rate)
+        self._map = config.map
+        self._order: WordOrder = config.word_order or config.map.word_order
+        self._scale = config.scale or config.map.scale or 1.0
+        self._reads = config.map.reads(config.map.polled())
+        self._turn = 0
+        self._words: dict[int, int] = {}
+        self._acting: str | None = None
+        self._to_write: deque[Request] = deque()
+        self._tries = 0
+        self._refused: str | None = None
+        self.actions = {name: action.doc for name, action in config.map.actions.items()}
+        least, most = sorted((config.low / self._scale, config.high / self._scale))
+        self.channels = (
+            Channel("force", "N", "force on the cell", config.low, config.high),
+            Channel("force_raw", "count", "number in the register", least, most, raw_of="force"),
+        )
+
+    def open(self) -> None:
+        """Connect, check the settings, and take a few readings that must be possible.
+
+        Raises:
+            LinkError: no connection, or no answer.
+            ProtocolError: another device, or readings that cannot be: says which option to try.
+            DeviceError: the device refused, or reports a fault.
+
+        """
+        self.connect()
+        self.check(self._map.expect)
+        self.identity = ", ".join(
+            [self._map.title, *(f"{k} {self.fetch_word(a)}" for k, a in self._map.identity.items())]
+        )
+        for _ in range(_PROBES):
+            self._words = self.fetch(self._reads)
+            self._row()
+            force = self._count(self._order) * self._scale
+            if not self._possible(force):
+                raise ProtocolError(
+                    f"{self.client.where} reads {force:g} N, beyond {self.config.low:g} N to "
+                    f"{self.config.high:g} N",
+                    hint="unload the cell, or correct 'scale', 'low' and 'high'",
+                )
+
+    def arm(self) -> None:
+        """Do nothing: it only measures."""
+
+    def read(self, t_ns: int) -> Sequence[float] | None:
+        """Return force in N, counts and status once all of a row has come, else None.
+
+        Raises:
+            LinkError: the connection is lost.
+            DeviceError: the device reports a fault, or refuses to be read.
+            ProtocolError: the words have been swapped.
+
+        """
+        answer = self.take()
+        row = None if answer is None else self._took(answer)
+        if self.client.free():
+            self._ask()
+        return row
+
+    def act(self, action: str) -> None:
+        """Begin tare, zero or what else the map has; see :attr:`actions`."""
+        if action not in self._map.actions:
+            known = ", ".join(self.actions) or "none"
+            raise ValueError(f"there is no action {action!r}; known: {known}")
+        if self._acting is not None:
+            raise DeviceError(f"{self._acting} is still under way")
+        self._acting, self._refused, self._tries = action, None, 0
+        self._to_write = deque(self._map.writes(self._map.actions[action].writes))
+
+    def acted(self) -> str | None:
+        """Return that the action is done, once.
+
+        Raises:
+            DeviceError: the device refused it, or did not answer.
+
+        """
+        if self._acting is None or self._to_write:
+            return None
+        action, self._acting = self._acting, None
+        if self._refused is not None:
+            raise DeviceError(f"{action}: {self._refused}")
+        return f"{action}: accepted"
+
+    def make_safe(self) -> None:
+        """Do nothing: it only measures, and moves nothing."""
+
+    def failed(self, failure: Failure) -> None:
+        """Ask again: the action, or the row from its beginning."""
+        self._turn = 0
+        if not self._to_write or failure.request is not self._to_write[0]:
+            return
+        self._tries += 1
+        if self._tries >= _TRIES:
+            self._to_write.clear()
+            self._refused = f"no answer to the {failure.request.text}"
+
+    def refused(self, failure: Failure) -> bool:
+        """Heed a refusal; True when it was of an action."""
+        if not self._to_write or failure.request is not self._to_write[0]:
+            return False
+        self._to_write.clear()
+        self._refused = f"refused: {EXCEPTIONS.get(failure.code, f'exception {failure.code}')}"
+        return True
+
+    def _ask(self) -> None:
+        """Send the next request: of a row begun, of an action, or of a new row when it is time."""
+        if self._turn == 0 and self._to_write:
+            self.client.start(self._to_write[0])
+        elif self._turn > 0 or self.due():
+            self.client.start(self._reads[self._turn].request)
+
+    def _took(self, answer: Answer) -> Sequence[float] | None:
+        if self._to_write and answer.request is self._to_write[0]:
+            self._to_write.popleft()
+            return None
+        self._words |= self._reads[self._turn].words(answer.words)
+        self._turn = (self._turn + 1) % len(self._reads)
+        return self._row() if self._turn == 0 else None
+
+    def _row(self) -> Sequence[float]:
+        flags = 0
+        for name, condition in self._map.status.items():
+            if condition.holds(self._words):
+                flags |= FLAGS[name]
+        if flags & FLAGS["fault"]:
+            word = self._words[self._map.status["fault"].address]
+            raise DeviceError(
+                f"{self.client.where}: the transmitter reports a fault (status word {word:#06x})",
+                hint="check the cell's cable and the instrument's display",
+            )
+        count = self._count(self._order)
+        force = count * self._scale
+        if not self._possible(force):
+            self._judge_order(force)
+        return force, count, flags | self.client.status()
+
+    def _count(self, order: WordOrder) -> float:
+        count = self._map.force.decode(self._words, order)
+        negative = self._map.negative
+        return -count if negative is not None and negative.holds(self._words) else count
+
+    def _judge_order(self, force: float) -> None:
+        """Raise when the words, taken the other way round, make a possible force."""
+        if self._map.force.count == 1:
+            return
+        other: WordOrder = "low-first" if self._order == "high-first" else "high-first"
+        swapped = self._count(other) * self._scale
+        if self._possible(swapped):
+            raise ProtocolError(
+                f"{self.client.where} reads {force:g} N, which cannot be; with its two words "
+                f"swapped it is {swapped:g} N",
+                hint=f"try 'word_order: {other}'",
+            )
+
+    def _possible(self, force: float) -> bool:
+        if self._map.force.type == "float32" and 0 < abs(force / self._scale) < _LEAST_FLOAT:
+            return False
+        return self.config.low <= force <= self.config.high
