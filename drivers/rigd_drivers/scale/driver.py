@@ -208,6 +208,8 @@ class SerialScale(SlowDriver):
         """Return the next reading; single lines that are lost or damaged are asked for again."""
         loop = asyncio.get_running_loop()
         deadline = None
+        received = self._port.received
+        self._unusual = None
         while True:
             async with self._one_at_a_time:
                 answer: Reading | Refusal | None = await self._exchange(
@@ -218,10 +220,12 @@ class SerialScale(SlowDriver):
             if deadline is None:
                 deadline = loop.time() + GIVE_UP_S
             elif loop.time() >= deadline:
-                raise self._no_reading(answer)
+                raise self._no_reading(answer, heard=self._port.received > received)
             await asyncio.sleep(self.config.interval)
 
-    def _no_reading(self, answer: Refusal | None) -> LinkError | ProtocolError | DeviceError:
+    def _no_reading(
+        self, answer: Refusal | None, *, heard: bool
+    ) -> LinkError | ProtocolError | DeviceError:
         port, baud = self.config.port, self.config.baud
         if answer is not None:
             return DeviceError(
@@ -234,7 +238,7 @@ class SerialScale(SlowDriver):
                 f"weight in {self._dialect.title}",
                 hint=f"check that the scale is set to this protocol and to {baud} baud",
             )
-        if self._port.received:
+        if heard:
             return ProtocolError(
                 f"{port} sends bytes, but no line that can be read at {baud} baud",
                 hint="check baud rate, parity and data bits in the menu of the scale",

@@ -1,0 +1,356 @@
+"""The driver against a simulated scale on a pty: what an operator can meet at the bench."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+from collections.abc import AsyncIterator, Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from rigd.sdk import DeviceError, LinkError, ProtocolError, SlowDriver
+from rigd_drivers.scale import driver as module
+from rigd_drivers.scale.driver import ScaleConfig, ScaleStatus, SerialScale
+from rigd_sim.wire.scale import SimScale
+
+DIALECTS = ("mt-sics", "kern-kcp", "and-d")
+TIMEOUT_S = 20
+
+
+@dataclass
+class Rows:
+    """Takes rows, and lets a test wait for one."""
+
+    rows: list[Sequence[float]] = field(default_factory=list)
+    _arrived: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def __call__(self, row: Sequence[float]) -> None:
+        self.rows.append(row)
+        self._arrived.set()
+
+    async def until(self, wanted: Callable[[Sequence[float]], bool]) -> Sequence[float]:
+        async with asyncio.timeout(TIMEOUT_S):
+            while True:
+                if self.rows and wanted(self.rows[-1]):
+                    return self.rows[-1]
+                self._arrived.clear()
+                await self._arrived.wait()
+
+
+@dataclass
+class Bench:
+    """A simulated scale and the driver that reads it."""
+
+    scale: SimScale
+    driver: SerialScale
+    load_kg: list[float]
+    rows: Rows = field(default_factory=Rows)
+
+    @contextlib.asynccontextmanager
+    async def running(self) -> AsyncIterator[asyncio.Task[None]]:
+        task = asyncio.create_task(self.driver.run(self.rows))
+        try:
+            yield task
+        finally:
+            task.cancel()
+            await asyncio.wait([task])
+
+    async def failure(self) -> DeviceError | ProtocolError | LinkError:
+        """Run until the driver gives up, and return how."""
+        async with asyncio.timeout(TIMEOUT_S):
+            try:
+                await self.driver.run(self.rows)
+            except (DeviceError, ProtocolError, LinkError) as error:
+                return error
+        raise AssertionError("run returned")
+
+
+@contextlib.asynccontextmanager
+async def bench(
+    folder: Path, dialect: str = "mt-sics", *, unit: str = "kg", shows: str = "kg", baud: int = 9600
+) -> AsyncIterator[Bench]:
+    load = [2.0]
+    port = folder / "scale"
+    scale = SimScale(
+        "scale", port, lambda: load[0], dialect=dialect, unit=shows, settling_s=0.02  # type: ignore[arg-type]
+    )  # fmt: skip
+    config = ScaleConfig.model_validate(
+        {"port": str(port), "dialect": dialect, "unit": unit, "baud": baud, "interval": "0.11 s"}
+    )
+    driver = SerialScale(config, None)
+    await scale.start()
+    try:
+        yield Bench(scale, driver, load)
+    finally:
+        await driver.close()
+        await scale.stop()
+
+
+def near(mass: float) -> Callable[[Sequence[float]], bool]:
+    def wanted(row: Sequence[float]) -> bool:
+        return abs(row[0] - mass) < 0.005 and bool(int(row[1]) & ScaleStatus.STABLE)
+
+    return wanted
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_load_is_weighed_tared_and_zeroed(dialect: str, tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path, dialect) as one:
+            await one.driver.open()
+            assert "B021002593" in one.driver.identity
+            async with one.running():
+                await one.rows.until(near(2.0))
+                one.load_kg[0] = 5.0
+                await one.rows.until(near(5.0))
+                said = await one.driver.act("tare")
+                assert said == ("tare done" if dialect == "and-d" else "tare 5.000 kg")
+                await one.rows.until(near(0.0))
+                one.load_kg[0] = 6.0
+                await one.rows.until(near(1.0))
+                one.load_kg[0] = 0.01
+                await one.rows.until(near(-4.99))
+                assert await one.driver.act("zero") == "zero done"
+                await one.rows.until(near(0.0))
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize(
+    ("fault", "bit"), [("overload", ScaleStatus.OVERLOAD), ("underload", ScaleStatus.UNDERLOAD)]
+)
+def test_beyond_its_range_the_mass_is_nan(
+    dialect: str,
+    fault: str,
+    bit: ScaleStatus,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "REST_S", 0.3)
+
+    async def main() -> None:
+        async with bench(tmp_path, dialect) as one:
+            await one.driver.open()
+            async with one.running():
+                one.scale.inject(fault)
+                row = await one.rows.until(lambda row: int(row[1]) == bit)
+                assert math.isnan(row[0])
+                with pytest.raises(DeviceError, match=r"did not come to rest|cannot"):
+                    await one.driver.act("tare")
+                one.scale.clear()
+                await one.rows.until(near(2.0))
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_stream_left_on_is_ended(dialect: str, tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path, dialect) as one:
+            one.scale.inject("stream")
+            await one.driver.open()
+            assert one.scale.state()["streaming"] is False
+            async with one.running():
+                await one.rows.until(near(2.0))
+
+    asyncio.run(main())
+
+
+def test_closing_leaves_the_scale_quiet(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path) as one:
+            await one.driver.open()
+            one.scale.inject("stream")
+            await one.driver.close()
+            await one.driver.close()
+            async with asyncio.timeout(TIMEOUT_S):
+                while one.scale.state()["streaming"]:
+                    await asyncio.sleep(0)
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_scale_in_pounds_is_refused(dialect: str, tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path, dialect, shows="lb") as one:
+            with pytest.raises(DeviceError, match="shows lb, the rig expects kg") as caught:
+                await one.driver.open()
+            assert "press UNIT" in str(caught.value)
+            assert "unit: lb" in str(caught.value)
+
+    asyncio.run(main())
+
+
+def test_a_unit_changed_at_the_keypad_ends_the_run(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path) as one:
+            await one.driver.open()
+            one.scale.inject("unit", unit="lb")
+            assert "shows lb" in str(await one.failure())
+            assert one.rows.rows == []  # no pound was taken for a kilogram
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "channel"),
+    [("g", 1, "mass"), ("lb", 1, "mass"), ("oz", 1, "mass"), ("N", 9.80665, "force")],
+)
+def test_every_unit_becomes_si(unit: str, factor: float, channel: str, tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path, unit=unit, shows=unit) as one:
+            assert one.driver.channels[0].name == channel
+            await one.driver.open()
+            async with one.running():
+                await one.rows.until(lambda row: abs(row[0] - 2.0 * factor) < 0.01)
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize(
+    "fault", ["garbage", "nul", "partial", "merged", "no_cr", "echo", "lost", "late"]
+)
+def test_a_bad_line_now_and_then_costs_a_row_at_most(fault: str, tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path) as one:
+            await one.driver.open()
+            one.scale.inject(fault, probability=0.3)
+            async with one.running():
+                for _ in range(8):
+                    one.rows.rows.clear()
+                    await one.rows.until(near(2.0))
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind", "words"),
+    [
+        ("silent", LinkError, "nothing answers"),
+        ("garbage", ProtocolError, "no weight in|no line that can be read"),
+        ("partial", ProtocolError, "no weight in|no line that can be read"),
+        ("syntax", DeviceError, "'ES'"),
+        ("transmission", DeviceError, "'ET'"),
+        ("logic", DeviceError, "'EL'"),
+        ("busy", DeviceError, "'S I'"),
+        ("unplug", DeviceError, "/dev/serial/by-id"),
+    ],
+)
+def test_a_lasting_fault_ends_the_run_in_words(
+    fault: str,
+    kind: type[Exception],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "GIVE_UP_S", 0.5)
+
+    async def main() -> None:
+        async with bench(tmp_path) as one:
+            await one.driver.open()
+            one.scale.inject(fault)
+            error = await one.failure()
+            assert isinstance(error, kind)
+            with pytest.raises(kind, match=words):
+                raise error
+
+    asyncio.run(main())
+
+
+def test_plugged_in_again_it_is_opened_anew(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path) as one:
+            await one.driver.open()
+            one.scale.inject("unplug")
+            await one.failure()
+            await one.driver.close()
+            with pytest.raises(LinkError, match="there is no serial port"):
+                await one.driver.open()
+            one.scale.clear()
+            await one.driver.open()
+            async with one.running():
+                await one.rows.until(near(2.0))
+
+    asyncio.run(main())
+
+
+def test_a_load_that_never_rests_is_not_tared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "REST_S", 0.3)
+
+    async def main() -> None:
+        async with bench(tmp_path) as one:
+            await one.driver.open()
+            async with one.running():
+                one.scale.inject("never_stable")
+                with pytest.raises(DeviceError, match=r"did not come to rest within 0\.3 s"):
+                    await one.driver.act("tare")
+                assert one.scale.weighing.tare_kg == 0.0
+                one.rows.rows.clear()
+                await one.rows.until(lambda row: row[1] == 0)  # rows go on, marked as moving
+
+    asyncio.run(main())
+
+
+def test_a_zero_with_a_load_on_is_refused(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path) as one:
+            await one.driver.open()
+            async with one.running():
+                with pytest.raises(DeviceError, match=r"refuses to zero: Z \+"):
+                    await one.driver.act("zero")
+                with pytest.raises(DeviceError, match="no action 'fly'"):
+                    await one.driver.act("fly")
+
+    asyncio.run(main())
+
+
+def test_another_baud_rate_says_so(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path, baud=19200) as one:
+            with pytest.raises(ProtocolError, match="baud"):
+                await one.driver.open()
+
+    asyncio.run(main())
+
+
+def test_nobody_there_says_what_to_check(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path) as one:
+            one.scale.inject("silent")
+            with pytest.raises(LinkError, match="nothing answers") as caught:
+                await one.driver.open()
+            assert "is the scale on" in str(caught.value)
+            one.scale.clear()
+            await one.driver.open()
+
+    asyncio.run(main())
+
+
+def test_a_port_belongs_to_one_program(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path) as one:
+            await one.driver.open()
+            second = SerialScale(one.driver.config, None)
+            with pytest.raises(LinkError, match="another program holds"):
+                await second.open()
+
+    asyncio.run(main())
+
+
+def test_kern_is_not_asked_faster_than_it_allows() -> None:
+    options = {"port": "/dev/ttyUSB0", "dialect": "kern-kcp", "interval": "0.05 s"}
+    with pytest.raises(ValidationError, match="more than"):
+        ScaleConfig.model_validate(options)
+    assert ScaleConfig.model_validate({**options, "dialect": "mt-sics"}).interval == 0.05
+
+
+def test_it_says_that_it_is_slow() -> None:
+    assert issubclass(SerialScale, SlowDriver)

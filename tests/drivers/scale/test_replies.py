@@ -1,0 +1,123 @@
+"""Golden lines: what the manuals print, and what must not be read as a weight."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from rigd_drivers.scale import and_d, sics
+from rigd_drivers.scale.lines import MAX_LINE, LineBuffer
+from rigd_drivers.scale.replies import Done, Info, Load, Reading, Refusal
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        # Mettler-Toledo 11780711, command S: "S S     100.00 g", and SI: "S D     129.02 g".
+        (b"S S     100.00 g", Reading(Load.STABLE, 100.0, "g")),
+        (b"S D     129.02 g", Reading(Load.DYNAMIC, 129.02, "g")),
+        (b"S S      -1.24 kg", Reading(Load.STABLE, -1.24, "kg")),
+        # Padding left out, as some indicators do.
+        (b"S S 100.00 g", Reading(Load.STABLE, 100.0, "g")),
+        # Named after the command, as some instruments answer.
+        (b"SI S      0.500 lb", Reading(Load.STABLE, 0.5, "lb")),
+        (b"SIR D      9.81 N", None),  # nine characters: one was lost
+        (b"SIR D       9.81 N", Reading(Load.DYNAMIC, 9.81, "N")),
+        (b"S I", Refusal("S I", "busy, or the weight did not come to rest in time")),
+        (b"ES", Refusal("ES", "syntax error: it does not know the command")),
+        (b"ET", Refusal("ET", "transmission error: the bytes reached it damaged (parity, break)")),
+        (b"EL", Refusal("EL", "logical error: it cannot carry out the command")),
+        (b"SI", None),  # an echo
+        (b"S S     100.0", None),  # cut off: no unit
+        (b"S S   1.000 kgS S   1.001 kg", None),  # merged
+        (b"S S    100.00 g", None),  # padded, and yet nine characters
+        (b"S X     100.00 g", None),
+        (b"S S     1e5.00 g", None),
+        (b"S S        nan g", None),
+    ],
+)
+def test_mt_sics_weights(line: bytes, expected: Reading | Refusal | None) -> None:
+    assert sics.parse_reading(line) == expected
+
+
+@pytest.mark.parametrize(("code", "load"), [(b"+", Load.OVERLOAD), (b"-", Load.UNDERLOAD)])
+@pytest.mark.parametrize("name", [b"S", b"SI", b"SIR"])
+def test_mt_sics_beyond_its_range(name: bytes, code: bytes, load: Load) -> None:
+    reading = sics.parse_reading(name + b" " + code)
+    assert isinstance(reading, Reading)
+    assert reading.load is load
+    assert math.isnan(reading.value)
+
+
+def test_mt_sics_tare_and_zero() -> None:
+    """Commands T ("T S     100.00 g") and Z ("Z A")."""
+    assert sics.parse_tare(b"T S     100.00 g") == Done("tare 100.00 g")
+    assert sics.parse_tare(b"T +") == Refusal("T +", "above the range in which it can do this")
+    assert sics.parse_tare(b"Z A") is None
+    assert sics.parse_zero(b"Z A") == Done()
+    assert sics.parse_zero(b"Z -") == Refusal("Z -", "below the range in which it can do this")
+    assert sics.parse_zero(b"S S     100.00 g") is None
+
+
+def test_mt_sics_tells_who_it_is() -> None:
+    """Commands I4 (I4 A "B021002593") and I0, whose lines go on until one with A."""
+    assert sics.parse_info(b'I4 A "B021002593"', b"I4") == Info(("B021002593",), last=True)
+    assert sics.parse_info(b'I0 B 0 "I0"', b"I0") == Info(("I0",), last=False)
+    assert sics.parse_info(b'I4 A "B021002593"', b"I2") is None
+    assert isinstance(sics.parse_info(b"I3 I", b"I3"), Refusal)
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        # A&D FX-i, "Data format": ST,+00123.45  g; EK-i: ST,+0001.234 kg.
+        (b"ST,+00123.45  g", Reading(Load.STABLE, 123.45, "g")),
+        (b"US,-00004.56  g", Reading(Load.DYNAMIC, -4.56, "g")),
+        (b"ST,+0001.234 kg", Reading(Load.STABLE, 1.234, "kg")),
+        (b"ST,+0002.721 lb", Reading(Load.STABLE, 2.721, "lb")),
+        (b"QT,+00000012 PC", Reading(Load.STABLE, 12.0, "PC")),
+        (b"ST,OK,+00123.45  g", Reading(Load.STABLE, 123.45, "g")),
+        (b"ST,+0123.45  g", None),  # one digit was lost
+        (b"ST,+00123.45", None),
+        (b"ST,+001.3.45  g", None),
+        (b"Q", None),
+        (b"EC,E02", Refusal("EC,E02", "busy: it cannot take the command now")),
+    ],
+)
+def test_a_and_d_weights(line: bytes, expected: Reading | Refusal | None) -> None:
+    assert and_d.parse_reading(line) == expected
+
+
+@pytest.mark.parametrize(
+    ("line", "load"),
+    [(b"OL,+9999999E+19", Load.OVERLOAD), (b"OL,-9999999E+19", Load.UNDERLOAD)],
+)
+def test_a_and_d_beyond_its_range(line: bytes, load: Load) -> None:
+    reading = and_d.parse_reading(line)
+    assert isinstance(reading, Reading)
+    assert reading.load is load
+
+
+def test_a_and_d_tells_who_it_is() -> None:
+    assert and_d.parse_text(b"SN,T1234567", b"SN") == "T1234567"
+    assert and_d.parse_text(b"SN,", b"SN") is None
+    assert and_d.parse_text(b"ST,+00123.45  g", b"SN") is None
+
+
+@pytest.mark.parametrize("end", [b"\r\n", b"\r", b"\n"])
+def test_lines_end_however_the_scale_ends_them(end: bytes) -> None:
+    buffer = LineBuffer()
+    stream = b"S S   1 g" + end + b"ES" + end + b"\0\0S\0 I" + end + b"S "
+    found = [line for byte in stream for line in buffer.feed(bytes([byte]))]
+    assert found == [b"S S   1 g", b"ES", b"S I"]
+    assert buffer.feed(b"+\r\n") == [b"S +"]
+
+
+def test_a_line_without_end_is_bounded_and_forgotten() -> None:
+    buffer = LineBuffer()
+    for _ in range(100):
+        assert buffer.feed(b"x" * 100) == []
+    assert buffer.feed(b"x\nS I\n") == [b"S I"]
+    assert buffer.discarded == 100 * 100 + 1
+    assert buffer.feed(b"y" * MAX_LINE + b"\n") == [b"y" * MAX_LINE]
