@@ -64,10 +64,8 @@ class NiDaq(BlockDriver):
 
     def start(self) -> None:
         """Begin to sample."""
-        before = time.monotonic_ns()
+        self._clock = SampleClock(self.rate_hz, time.monotonic_ns())
         self._daqmx.start()
-        # Somewhere within the call; the clock finds out what is left of the error.
-        self._clock = SampleClock(self.rate_hz, (before + time.monotonic_ns()) // 2)
 
     def read_block(self, timeout_s: float) -> Block | None:
         """Return the next block of rows, a shorter one at the time-out, None where there is none.

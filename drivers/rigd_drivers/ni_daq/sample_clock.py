@@ -38,11 +38,11 @@ class SampleClock:
     :data:`MOST_SLEW`.
     """
 
-    def __init__(self, nominal_hz: float, first_ns: int) -> None:
-        """``first_ns`` is when sample 0 was taken, as well as is known at the start."""
+    def __init__(self, nominal_hz: float, started_ns: int) -> None:
+        """``started_ns`` is before sample 0 was taken; the first block's arrival says how long."""
         self.nominal_hz = nominal_hz
         self._period_ns = 1e9 / nominal_hz  # nominal
-        self._first_ns = first_ns
+        self._first_ns = started_ns
         self._count = 0  # samples so far
         # The line in use: lateness against the nominal clock, in ns, at a nominal time, in ns.
         self._knot: Point = (0.0, 0.0)
@@ -68,8 +68,10 @@ class SampleClock:
         ``arrived_ns`` is when their block did.
         """
         nominal = (self._count + np.arange(count)) * self._period_ns
-        self._count += count
         last = float(nominal[-1])
+        if self._count == 0:
+            self._first_ns = max(self._first_ns, arrived_ns - int(last))
+        self._count += count
         self._observe(last, arrived_ns - self._first_ns - last)
         start, late = self._knot
         times = nominal + late + (nominal - start) * self._slope

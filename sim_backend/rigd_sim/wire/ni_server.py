@@ -1,0 +1,313 @@
+"""What NI's gRPC Device Server says on behalf of a simulated card.
+
+The published protocol (nidaqmx.proto of ni/grpc-device, as compiled in nidaqmx's own stubs), of
+which the calls in :attr:`DeviceServer.calls` are served; all others are UNIMPLEMENTED. Errors go
+as the server sends them: status UNKNOWN with the code in the trailing metadata ``ni-error``, but a
+partial read as the status of an answer that carries data.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from rigd_sim.wire.ni_card import INPUTS, Acquisition, DaqFault, Faults, range_for, rate_for
+
+SERVICE: Final = "nidaqmx_grpc.NiDAQmx"
+PRODUCT: Final = "USB-6009"
+DRIVER_VERSION: Final = (24, 5, 0)
+
+# Numbers of NI-DAQmx: attributes (nidaqmx.proto, enums *Attribute) and values.
+_SYSTEM_NUMBERS: Final = dict(zip((0x1272, 0x1923, 0x2F22), DRIVER_VERSION, strict=True))
+_DEVICE_NAMES: Final = 0x193B
+_PRODUCT_TYPE, _SERIAL_NUMBER = 0x0631, 0x0632
+_TASK_NAME, _TASK_CHANNELS, _TASK_DEVICES = 0x1276, 0x1273, 0x230E
+_CHANNEL_COUNTS: Final = frozenset({0x2181, 0x217B})  # of the task, of what is read
+_AVAILABLE: Final = frozenset({0x1223, 0x31E8})  # samples waiting, samples read by default
+_SAMPLE_RATE: Final = 0x1344
+_RANGE_HIGH, _RANGE_LOW = 0x1815, 0x1816
+_CHANNEL_TYPE, _ANALOG_INPUT = 0x187F, 10100
+_DIFFERENTIAL: Final = frozenset({10106, -1})  # the 6009's default is differential
+_CONTINUOUS: Final = 10123
+_BY_CHANNEL: Final = 0
+_NOT_YET_AVAILABLE: Final = -200284
+
+
+@dataclass
+class _Task:
+    """A task of a client: what it has set up, and the acquisition while it runs."""
+
+    name: str
+    inputs: dict[str, float] = field(default_factory=dict)  # physical channel -> range in V
+    rate_hz: float = 0.0
+    capacity: int = 0
+    running: Acquisition | None = None
+
+
+class _Refused(Exception):
+    """A request that the server itself turns down."""
+
+
+class DeviceServer:
+    """One card, its tasks and the calls of their clients.
+
+    Args:
+        device: name of the card in NI MAX.
+        serial: its serial number.
+        volts: what is at its inputs.
+        faults: what it shows.
+        drift_ppm: by how much its crystal runs fast, unless the faults say otherwise.
+        noise_v: standard deviation of what the converter adds, in V.
+        seed: of the noise.
+    """
+
+    def __init__(
+        self,
+        device: str,
+        serial: int,
+        volts: Mapping[str, Callable[[], float]],
+        faults: Faults,
+        *,
+        drift_ppm: float,
+        noise_v: float,
+        seed: int,
+    ) -> None:
+        self.device = device
+        self.serial = serial
+        self._volts = volts
+        self._shown = faults
+        self._drift_ppm = drift_ppm
+        self._noise_v = noise_v
+        self._seed = seed
+        self._tasks: dict[str, _Task] = {}
+        self._advanced = asyncio.Condition()
+        #: The calls that are served, by their names in nidaqmx.proto.
+        self.calls: Mapping[str, Callable[[Any], Any]] = {
+            "GetSystemInfoAttributeUInt32": self._system_number,
+            "GetSystemInfoAttributeString": self._system_text,
+            "GetDeviceAttributeString": self._device_text,
+            "GetDeviceAttributeUInt32": self._device_number,
+            "CreateTask": self._create_task,
+            "ClearTask": self._clear_task,
+            "CreateAIVoltageChan": self._create_voltage_channel,
+            "CfgSampClkTiming": self._configure_clock,
+            "StartTask": self._start_task,
+            "StopTask": self._stop_task,
+            "ReadAnalogF64": self._read,
+            "GetTaskAttributeString": self._task_text,
+            "GetTaskAttributeUInt32": self._task_number,
+            "GetReadAttributeUInt32": self._task_number,
+            "GetTimingAttributeDouble": self._timing_number,
+            "GetChanAttributeDouble": self._channel_number,
+            "GetChanAttributeInt32": self._channel_kind,
+            "GetErrorString": self._error_text,
+        }
+
+    @property
+    def tasks(self) -> int:
+        """How many tasks its clients have."""
+        return len(self._tasks)
+
+    @property
+    def running(self) -> Acquisition | None:
+        """The acquisition that is under way."""
+        return next((one.running for one in self._tasks.values() if one.running), None)
+
+    async def advance(self) -> None:
+        """Convert what is due, and wake those who wait for samples."""
+        if self.running is not None and not self._shown.removal:
+            ppm = self._drift_ppm if self._shown.drift is None else self._shown.drift
+            self.running.advance(time.monotonic_ns(), self._volts, ppm * 1e-6, self._shown)
+        async with self._advanced:
+            self._advanced.notify_all()
+
+    def handlers(self) -> Any:
+        """Return the service for a gRPC server."""
+        import grpc
+        from nidaqmx._stubs import nidaqmx_pb2 as messages
+
+        def handler(name: str, call: Callable[..., Any]) -> Any:
+            answer = getattr(messages, f"{name}Response")
+
+            async def serve(request: Any, context: Any) -> Any:
+                try:
+                    given = call(request)
+                    fields = await given if isinstance(given, Awaitable) else given
+                except DaqFault as fault:
+                    code = ("ni-error", str(fault.code))
+                    await context.abort(grpc.StatusCode.UNKNOWN, str(fault), (code,))
+                except _Refused as refusal:
+                    await context.abort(grpc.StatusCode.FAILED_PRECONDITION, str(refusal))
+                return answer(**fields)
+
+            return grpc.unary_unary_rpc_method_handler(
+                serve,
+                request_deserializer=getattr(messages, f"{name}Request").FromString,
+                response_serializer=answer.SerializeToString,
+            )
+
+        calls = {name: handler(name, call) for name, call in self.calls.items()}
+        return grpc.method_handlers_generic_handler(SERVICE, calls)
+
+    def _task(self, request: Any) -> _Task:
+        task = self._tasks.get(request.task.name)
+        if task is None:
+            raise DaqFault(-200088, "Task specified is invalid or does not exist.")
+        return task
+
+    def _present(self) -> None:
+        if self._shown.removal:
+            raise DaqFault(-201003, "Device cannot be accessed. It may have been disconnected.")
+
+    def _system_number(self, request: Any) -> dict[str, Any]:
+        return {"value": _looked_up(_SYSTEM_NUMBERS, request)}
+
+    def _system_text(self, request: Any) -> dict[str, Any]:
+        present = "" if self._shown.removal else self.device
+        return {"value": _looked_up({_DEVICE_NAMES: present}, request)}
+
+    def _device_text(self, request: Any) -> dict[str, Any]:
+        self._known(request.device_name)
+        return {"value": _looked_up({_PRODUCT_TYPE: PRODUCT}, request)}
+
+    def _device_number(self, request: Any) -> dict[str, Any]:
+        self._known(request.device_name)
+        return {"value": _looked_up({_SERIAL_NUMBER: self.serial}, request)}
+
+    def _known(self, device: str) -> None:
+        if device != self.device or self._shown.removal:
+            raise DaqFault(-200220, f"Device identifier is invalid. Device Specified: {device}")
+
+    def _create_task(self, request: Any) -> dict[str, Any]:
+        name = request.session_name or f"_unnamedTask<{len(self._tasks)}>"
+        exists, behaviour = name in self._tasks, request.initialization_behavior
+        if behaviour == 1 and exists:  # INITIALIZE_NEW
+            raise _Refused(f"Cannot initialize '{name}' when a session already exists.")
+        if behaviour == 2 and not exists:  # ATTACH_TO_EXISTING
+            raise _Refused(f"Cannot attach to '{name}' because it has not been initialized.")
+        self._tasks.setdefault(name, _Task(name))
+        return {"task": {"name": name}, "new_session_initialized": not exists}
+
+    def _clear_task(self, request: Any) -> dict[str, Any]:
+        del self._tasks[self._task(request).name]
+        return {}
+
+    def _create_voltage_channel(self, request: Any) -> dict[str, Any]:
+        task = self._task(request)
+        device, _, channel = request.physical_channel.partition("/")
+        self._known(device)
+        if channel not in INPUTS:
+            raise DaqFault(-200170, f"Physical channel {request.physical_channel} does not exist.")
+        asked = max(abs(request.min_val), abs(request.max_val))
+        differential = request.terminal_config_raw in _DIFFERENTIAL
+        task.inputs[request.physical_channel] = range_for(asked, differential=differential)
+        return {}
+
+    def _configure_clock(self, request: Any) -> dict[str, Any]:
+        task = self._task(request)
+        if request.sample_mode_raw != _CONTINUOUS:
+            raise DaqFault(-200077, "The simulated card samples continuously only.")
+        task.rate_hz = rate_for(request.rate, len(task.inputs))
+        task.capacity = request.samps_per_chan
+        return {}
+
+    def _start_task(self, request: Any) -> dict[str, Any]:
+        task = self._task(request)
+        self._present()
+        if self.running is not None:
+            raise DaqFault(-50103, "The specified resource is reserved.")
+        task.running = Acquisition(
+            [one.partition("/")[2] for one in task.inputs],
+            list(task.inputs.values()),
+            task.rate_hz,
+            task.capacity,
+            noise_v=self._noise_v,
+            seed=self._seed,
+            start_ns=time.monotonic_ns(),
+        )
+        return {}
+
+    def _stop_task(self, request: Any) -> dict[str, Any]:
+        self._task(request).running = None
+        return {}
+
+    async def _read(self, request: Any) -> dict[str, Any]:
+        task = self._task(request)
+        if task.running is None:
+            raise DaqFault(-200983, "The task is not running.")
+        if request.fill_mode_raw != _BY_CHANNEL:
+            raise DaqFault(-200077, "The simulated card groups by channel only.")
+        running, wanted = task.running, request.num_samps_per_chan
+        deadline = None if request.timeout < 0 else request.timeout
+        if wanted < 0:
+            wanted = running.available
+        if self._shown.short_block:
+            wanted //= 2
+        try:
+            async with asyncio.timeout(deadline), self._advanced:
+                await self._advanced.wait_for(
+                    lambda: running.available >= wanted or running.overrun or self._shown.removal
+                )
+        except TimeoutError:
+            pass  # what there is goes out, with the status that says so
+        if self._shown.stall:
+            await asyncio.sleep(self._shown.stall)
+        self._present()
+        samples = running.take(min(wanted, running.available))
+        full = samples.shape[1] == request.num_samps_per_chan or request.num_samps_per_chan < 0
+        # A partial read is packed at the beginning of the array (nidaqmx-python issue 528).
+        packed = np.zeros(request.array_size_in_samps)
+        packed[: samples.size] = samples.ravel()
+        return {
+            "status": 0 if full else _NOT_YET_AVAILABLE,
+            "read_array": packed,
+            "samps_per_chan_read": samples.shape[1],
+        }
+
+    def _task_text(self, request: Any) -> dict[str, Any]:
+        task = self._task(request)
+        texts = {
+            _TASK_NAME: task.name,
+            _TASK_CHANNELS: ", ".join(task.inputs),
+            _TASK_DEVICES: self.device if task.inputs else "",
+        }
+        return {"value": _looked_up(texts, request)}
+
+    def _task_number(self, request: Any) -> dict[str, Any]:
+        task = self._task(request)
+        if request.attribute_raw in _AVAILABLE:
+            return {"value": 0 if task.running is None else task.running.available}
+        return {"value": _looked_up(dict.fromkeys(_CHANNEL_COUNTS, len(task.inputs)), request)}
+
+    def _timing_number(self, request: Any) -> dict[str, Any]:
+        return {"value": _looked_up({_SAMPLE_RATE: self._task(request).rate_hz}, request)}
+
+    def _channel_number(self, request: Any) -> dict[str, Any]:
+        span = self._range(request)
+        return {"value": _looked_up({_RANGE_HIGH: span, _RANGE_LOW: -span}, request)}
+
+    def _channel_kind(self, request: Any) -> dict[str, Any]:
+        self._range(request)
+        return {"value_raw": _looked_up({_CHANNEL_TYPE: _ANALOG_INPUT}, request)}
+
+    def _range(self, request: Any) -> float:
+        span = self._task(request).inputs.get(request.channel)
+        if span is None:
+            raise DaqFault(-200170, f"Channel {request.channel} does not exist.")
+        return span
+
+    def _error_text(self, request: Any) -> dict[str, Any]:
+        return {"error_string": f"NI-DAQmx reports status {request.error_code}."}
+
+
+def _looked_up(table: Mapping[int, Any], request: Any) -> Any:
+    if request.attribute_raw not in table:
+        raise DaqFault(
+            -200197, f"The simulated card does not serve attribute 0x{request.attribute_raw:X}."
+        )
+    return table[request.attribute_raw]
