@@ -79,6 +79,37 @@ class WallClock:
         return int((time.monotonic_ns() - self._origin) * self._pace)
 
 
+class RealClock:
+    """Slots on absolute deadlines of the monotonic clock, shared with other processes.
+
+    ``start_ns`` is the Unix time at ``origin_ns`` of CLOCK_MONOTONIC, when slot 0 is due. The
+    first slot is the next one due; a slot that has already passed is skipped (no bursts).
+    """
+
+    def __init__(self, period_ns: int, start_ns: int, origin_ns: int) -> None:
+        self.period_ns = period_ns
+        self.start_ns = start_ns
+        self._origin_ns = origin_ns
+        self._slot: int | None = None
+
+    def next_slot(self) -> int:
+        """Sleep until the next slot that is not past, and return its number."""
+        elapsed = time.monotonic_ns() - self._origin_ns
+        slot = elapsed // self.period_ns if self._slot is None else self._slot
+        slot += 1
+        due = slot * self.period_ns
+        if elapsed >= due + self.period_ns:
+            slot = elapsed // self.period_ns
+        elif elapsed < due:
+            time.sleep((due - elapsed) * 1e-9)  # clock_nanosleep to an absolute time, PEP 475
+        self._slot = slot
+        return slot
+
+    def now(self) -> int:
+        """Return ns since slot 0."""
+        return time.monotonic_ns() - self._origin_ns
+
+
 def monotonic_ns() -> int:
     """Return the monotonic clock of the machine, for intervals that people wait through."""
     return time.monotonic_ns()

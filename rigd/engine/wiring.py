@@ -1,7 +1,8 @@
-"""Wires a rig from its file: plant, devices, limiter, interlocks and the cycle they stand in."""
+"""Wires a rig from its file: plant or links, devices, limiter, interlocks and the cycle."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from rigd.config.rig import DeviceConfig, RigConfig
@@ -10,39 +11,59 @@ from rigd.engine.control import Control
 from rigd.engine.cycle import Cycle
 from rigd.engine.interlocks import InterlockBank
 from rigd.engine.limiter import Limiter
-from rigd.engine.mount import mount
+from rigd.engine.mount import CYCLE_STREAM, mount
+from rigd.model.channels import Stream
 from rigd.model.errors import Blocked
-from rigd.sdk import Driver, Plant
+from rigd.sdk import Driver, Link, Plant
 
-
-def _fast(device: DeviceConfig, link: object) -> Driver:
-    driver = device.driver_class(device.config, link)
-    if not isinstance(driver, Driver):
-        raise Blocked([f"{device.name}: {device.driver} cannot stand in the cycle"])
-    return driver
+#: ``stand_in(device)``: what the cycle reads of a device that runs elsewhere.
+StandIn = Callable[[DeviceConfig], Driver]
 
 
 @dataclass(frozen=True)
 class Wiring:
-    """A rig ready to be played on; ``plant`` is None for real hardware."""
+    """A rig ready to be played on; ``plant`` is None where the devices are reached by links."""
 
     cycle: Cycle
     plant: Plant | None
 
 
-def wire(rig: RigConfig, clock: Clock, control: Control, seed: int) -> Wiring:
+def in_cycle(device: DeviceConfig) -> bool:
+    """Return whether the device is exchanged with in the cycle, not in a process beside it."""
+    return issubclass(device.driver_class, Driver)
+
+
+def streams_of(rig: RigConfig) -> Sequence[Stream]:
+    """Return every stream a run on ``rig`` can record; opens and starts nothing."""
+    fast = {
+        name: (device.driver, _fast(device, None))
+        for name, device in rig.devices.items()
+        if in_cycle(device)
+    }
+    known = {stream.name: stream for stream in mount(fast).streams}
+    return [
+        *(known.get(name, device.stream) for name, device in rig.devices.items()),
+        CYCLE_STREAM,
+    ]
+
+
+def wire(
+    rig: RigConfig, clock: Clock, control: Control, seed: int, stand_in: StandIn | None = None
+) -> Wiring:
     """Return the wired rig; nothing is opened yet.
 
     Raises:
-        Blocked: the rig has no plant, and no driver here opens real links yet.
+        Blocked: a device runs beside the cycle, and there is no stand-in for it.
     """
-    if rig.plant is None:
-        raise Blocked([f"rig {rig.name!r} has no `plant`: only simulated rigs can run so far"])
-    plant = rig.plant.plant_class(rig.plant.config, period_ns=rig.period_ns, seed=seed)
+    plant = None
+    if rig.plant is not None:
+        plant = rig.plant.plant_class(rig.plant.config, period_ns=rig.period_ns, seed=seed)
+    links = {name: setup.link_class(setup.config) for name, setup in rig.links.items()}
     devices: dict[str, tuple[str, Driver]] = {
-        name: (device.driver, _fast(device, plant)) for name, device in rig.devices.items()
+        name: (device.driver, _driver(device, plant, links, stand_in))
+        for name, device in rig.devices.items()
     }
-    mounted = mount(devices)
+    mounted = mount(devices, links)
     limits = [
         device.limits[setpoint.name]
         for device in rig.devices.values()
@@ -56,3 +77,25 @@ def wire(rig: RigConfig, clock: Clock, control: Control, seed: int) -> Wiring:
     interlocks = InterlockBank(rig.interlocks, mounted.readings, units, mounted.device_of)
     limiter = Limiter(limits, rig.period_ns * 1e-9)
     return Wiring(Cycle(mounted, limiter, interlocks, clock, control), plant)
+
+
+def _driver(
+    device: DeviceConfig,
+    plant: Plant | None,
+    links: Mapping[str, Link],
+    stand_in: StandIn | None,
+) -> Driver:
+    if in_cycle(device):
+        return _fast(device, plant if device.link is None else links[device.link])
+    if stand_in is None:
+        raise Blocked(
+            [f"{device.name}: {device.driver} runs beside the cycle, which needs real time"]
+        )
+    return stand_in(device)
+
+
+def _fast(device: DeviceConfig, link: Plant | Link | None) -> Driver:
+    driver = device.driver_class(device.config, link)
+    if not isinstance(driver, Driver):
+        raise TypeError(f"{device.driver} is no fast driver")
+    return driver

@@ -30,9 +30,11 @@ class Word(IntEnum):
     CYCLES = 9  #: cycle: cycles run
     MISSED = 10  #: cycle: slots skipped
     STALE = 11  #: cycle: rows without a fresh answer
-    START_NS = 12  #: cycle: Unix time of slot 0, ns
-    ORIGIN_NS = 13  #: cycle: monotonic time of slot 0, ns
+    START_NS = 12  #: daemon: Unix time of slot 0, ns
+    ORIGIN_NS = 13  #: daemon: monotonic time of slot 0, ns
     TRIAL = 14  #: daemon: number of the trial under way
+    TICKING = 15  #: cycle: 1 while it exchanges with the devices, slot by slot
+    AT_REST = 16  #: cycle: 1 while every setpoint stands at its rest value
 
 
 class Phase(IntEnum):

@@ -1,0 +1,310 @@
+"""The cycle process: real time, and nothing else.
+
+``python -m rigd.engine.cycle_process FOLDER FD``. It does what the daemon says over a socket that
+it never waits on, and shows on the board that it is alive. When the daemon dies or falls silent,
+it takes the setpoints to rest, makes every device safe, and ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import pickle
+import select
+import signal
+import socket
+import sys
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Final
+
+from rigd.engine import messages as m
+from rigd.engine.clock import RealClock
+from rigd.engine.control import Control, Verb
+from rigd.engine.cycle import DEVICE_ERRORS, Cycle
+from rigd.engine.in_process import ARM_NS, close_devices, open_devices
+from rigd.engine.player import Ending, Outcome
+from rigd.engine.realtime import RealTime
+from rigd.engine.shared import RunFolder, Word
+from rigd.engine.wiring import wire
+from rigd.record.events import NO_TRIAL
+
+JOB: Final = "cycle.pickle"
+#: How long setpoints may take to rest once the daemon is gone; then all is made safe at once.
+LEAVE_NS: Final = 1_000_000_000
+#: While nothing plays, the process wakes this often to show that it is alive.
+IDLE_S: Final = 0.01
+
+
+class CycleProcess:
+    """The cycle of one rig, served to the daemon at the other end of ``link``."""
+
+    def __init__(self, folder: Path, link: socket.socket) -> None:
+        self._folder = folder
+        self._link = link
+        link.setblocking(False)
+        self._job: m.CycleJob = pickle.loads((folder / JOB).read_bytes())
+        run = RunFolder.at(folder)
+        self._board = board = run.board()
+        self._events = run.event_ring("cycle")
+        self._control = Control()
+        clock = RealClock(self._job.rig.period_ns, board[Word.START_NS], board[Word.ORIGIN_NS])
+        wiring = wire(self._job.rig, clock, self._control, self._job.seed)
+        self._cycle: Cycle = wiring.cycle
+        self._plant = wiring.plant
+        self._cycle.connect(run.row_rings(run.job), self._job.decimation, self._emit)
+        self._trial = NO_TRIAL
+        self._serial = 0  #: of what plays, 0 where nothing was asked for that has not ended
+        self._unasked: Outcome | None = None  #: how the cycle acted while nothing was asked for
+        self._final: Outcome | None = None  #: every device is safe; nothing moves any more
+        self._arming_since: int | None = None
+        self._ticking = False
+        self._real_time = RealTime()
+        self._silence_ns = round(self._job.rig.supervision.daemon_silence_s * 1e9)
+        self._told_steps = ""
+        self._told_trips = 0
+        self._unsent: deque[bytes] = deque()
+        self.over = False
+
+    def run(self) -> None:
+        """Serve until told to close, or until the daemon is gone."""
+        try:
+            while not self.over:
+                if self._ticking:
+                    self._tick()
+                else:
+                    select.select([self._link], [], [], IDLE_S)
+                self._board[Word.BEAT_CYCLE] = time.monotonic_ns()
+                self._receive()
+                self._send_unsent()
+        except BaseException:
+            self._cycle.make_safe()
+            raise
+        finally:
+            self._real_time.leave()
+
+    def _tick(self) -> None:
+        cycle, board = self._cycle, self._board
+        outcome = cycle.step()
+        counters = cycle.counters
+        board[Word.CYCLES] = counters.cycles
+        board[Word.MISSED] = counters.missed
+        board[Word.STALE] = counters.stale
+        board[Word.AT_REST] = cycle.limiter.at_rest()
+        if self._arming_since is not None and outcome is None:
+            outcome = self._arming()
+        if cycle.segment != self._told_steps:
+            self._told_steps = cycle.segment
+            self._say(m.Entered(cycle.segment))
+        if len(cycle.trips) > self._told_trips:
+            self._say(m.Tripped(cycle.trips[self._told_trips]))
+            self._told_trips += 1
+        if outcome is not None:
+            self._end(outcome)
+        if time.monotonic_ns() - board[Word.BEAT_DAEMON] > self._silence_ns:
+            silent_s = self._silence_ns * 1e-9
+            self._abandon(f"the daemon said nothing for {silent_s:g} s")
+
+    def _arming(self) -> Outcome | None:
+        """Return DONE once every device is enabled, or that some never were."""
+        waiting = self._cycle.unready()
+        if not waiting:
+            self._arming_since = None
+            return Outcome(Ending.DONE)
+        if self._arming_since is not None and self._cycle.t_ns - self._arming_since > ARM_NS:
+            return self._cycle.give_up(waiting)
+        return None
+
+    def _end(self, outcome: Outcome) -> None:
+        """Tell how what was asked for ended; what nobody asked for answers the next command."""
+        if outcome.ending in (Ending.FAULTED, Ending.ESTOPPED):
+            self._stand_still()
+            self._final = outcome
+        self._arming_since = None
+        if self._serial:
+            self._say(m.Ended(self._serial, outcome))
+            self._serial = 0
+        else:
+            self._unasked = outcome
+
+    def _receive(self) -> None:
+        """Take one command, if there is one; the daemon's death shows as an empty packet."""
+        try:
+            packet = self._link.recv(m.MAX_PACKET + 1000)
+        except BlockingIOError:
+            return
+        except OSError:
+            packet = b""
+        if not packet:
+            self._abandon("the daemon is gone")
+            return
+        self._do(pickle.loads(packet))
+
+    def _do(self, command: m.Command) -> None:
+        match command:
+            case m.Play(serial, trial, program, file):
+                if file:
+                    program = pickle.loads((self._folder / file).read_bytes())
+                self._trial = trial
+                self._cycle.load(program)
+                self._begin(serial)
+            case m.Rest(serial, trial):
+                self._trial = trial
+                self._cycle.load(None)
+                self._begin(serial)
+            case m.Request(_, verb, reason):
+                self._control.request(verb, reason)
+            case m.Arm(serial):
+                self._cycle.load(None)
+                self._arming_since = self._cycle.t_ns
+                self._begin(serial)
+                refused = self._cycle.arm()
+                if refused is not None:
+                    self._end(refused)
+            case m.Open(serial):
+                self._answer(serial, self._open())
+            case m.Ask(serial, "unfit"):
+                self._answer(serial, self._cycle.unfit())
+            case m.Ask(serial, "barred"):
+                barred = self._cycle.ends_everything()
+                self._answer(serial, [barred] if barred else [])
+            case m.Change(serial, quantity, value):
+                self._answer(serial, self._change(quantity, value))
+            case m.MakeSafe(serial):
+                self._stand_still()
+                self._final = Outcome(Ending.FAULTED, "the rig was made safe")
+                self._answer(serial, self._cycle.make_safe())
+            case m.Close(serial):
+                self._stand_still()
+                problems = [*self._cycle.make_safe(), *close_devices(self._cycle)]
+                self._answer(serial, problems)
+                self.over = True
+            case _:
+                raise TypeError(f"no such command: {command!r}")
+
+    def _begin(self, serial: int) -> None:
+        self._serial = serial
+        if self._unasked is not None:
+            # The cycle has acted since; what was asked for does not begin.
+            outcome, self._unasked = self._unasked, None
+            self._cycle.load(None)
+            self._end(outcome)
+        elif self._final is not None:
+            self._end(self._final)
+        else:
+            self._ticking = True
+            self._board[Word.TICKING] = 1
+
+    def _stand_still(self) -> None:
+        """Exchange nothing any more: every device is safe."""
+        self._ticking = False
+        self._board[Word.TICKING] = 0
+
+    def _open(self) -> Sequence[str]:
+        reasons = list(open_devices(self._cycle))
+        if reasons:
+            return reasons
+        reasons = self._prove_watchdogs()
+        self._real_time.enter()
+        self._emit(
+            self._cycle.t_ns,
+            "realtime",
+            {"granted": self._real_time.granted, "lost": self._real_time.lost},
+        )
+        for sentence in self._real_time.lost:
+            self._say(m.Notice(f"not in real time: {sentence}"))
+        return reasons
+
+    def _prove_watchdogs(self) -> list[str]:
+        """Let each actuator's watchdog act once; a waiver is recorded instead."""
+        reasons = []
+        for mount in self._cycle.rig.mounts:
+            driver, device = mount.driver, self._job.rig.devices[mount.name]
+            if not driver.setpoints or self._plant is not None:
+                continue
+            if driver.watchdog_s is None:
+                if device.waiver is None:
+                    reasons.append(
+                        f"{mount.name} has no watchdog: nothing makes it safe when this computer "
+                        "dies. Give it one, or a `waiver` with a name and a reason in the rig file"
+                    )
+                else:
+                    waiver = {"by": device.waiver.by, "reason": device.waiver.reason}
+                    self._emit(self._cycle.t_ns, "waiver", {"device": mount.name, **waiver})
+                continue
+            try:
+                took_s = driver.prove_watchdog()
+            except DEVICE_ERRORS as error:
+                reasons.append(f"{mount.name}: its watchdog is not proven: {error}")
+                continue
+            found = {"device": mount.name, "safe_after_s": took_s, "bound_s": driver.watchdog_s}
+            self._emit(self._cycle.t_ns, "watchdog", found)
+        return reasons
+
+    def _change(self, quantity: str, value: float | str) -> Sequence[str]:
+        if self._plant is None:
+            return [f"there is no plant to change {quantity} of"]
+        try:
+            self._plant.change(quantity, value)
+        except ValueError as error:
+            return [str(error)]
+        return []
+
+    def _abandon(self, reason: str) -> None:
+        """The daemon is gone: setpoints to rest within their rates, then safe, closed, over."""
+        self._control.request(Verb.ABORT, reason)
+        self._emit(self._cycle.t_ns, "fault", {"reason": f"{reason}; the rig is made safe"})
+        if self._ticking:
+            self._cycle.load(None)
+            until = time.monotonic_ns() + LEAVE_NS
+            while self._cycle.step() is None and time.monotonic_ns() < until:
+                self._board[Word.BEAT_CYCLE] = time.monotonic_ns()
+        self._stand_still()
+        problems = [*self._cycle.make_safe(), *close_devices(self._cycle)]
+        for problem in problems:
+            self._emit(self._cycle.t_ns, "fault", {"reason": problem})
+        self.over = True
+
+    def heed(self, number: int, frame: FrameType | None) -> None:
+        """Abort on a signal meant for this process alone."""
+        name = signal.Signals(number).name
+        self._control.request(Verb.ABORT, f"{name} was sent to the cycle process")
+
+    def _emit(self, t_ns: int, kind: str, data: Mapping[str, object]) -> None:
+        self._events.push(t_ns, kind, self._trial, data)
+
+    def _answer(self, serial: int, sentences: Sequence[str]) -> None:
+        self._say(m.Said(serial, tuple(sentences)))
+
+    def _say(self, message: object) -> None:
+        self._unsent.append(pickle.dumps(message))
+        self._send_unsent()
+
+    def _send_unsent(self) -> None:
+        """Send what waits, as far as the daemon takes it; never wait for it."""
+        while self._unsent:
+            try:
+                self._link.send(self._unsent[0])
+            except BlockingIOError:
+                return
+            except OSError:
+                self._unsent.clear()  # the daemon is gone, which _receive sees
+                return
+            self._unsent.popleft()
+
+
+def main(folder: Path, fd: int) -> None:
+    """Run the cycle process of the run in ``folder``, commanded over the socket ``fd``."""
+    with socket.socket(fileno=fd) as link:
+        process = CycleProcess(folder, link)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, process.heed)
+        signal.signal(signal.SIGTSTP, signal.SIG_IGN)
+        with contextlib.suppress(BrokenPipeError):
+            process.run()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]))

