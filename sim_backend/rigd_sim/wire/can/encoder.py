@@ -1,0 +1,129 @@
+"""A CiA 406 absolute encoder: position, speed, resolution."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, Self
+
+from rigd_sim.wire.can import misbehaviour
+from rigd_sim.wire.can.dictionary import Entry, Kind
+from rigd_sim.wire.can.ids import Identity
+from rigd_sim.wire.can.node import CanopenNode
+from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.options import number, whole
+from rigd_sim.wire.part import State
+
+#: Device profile 406 (CiA 406, object 1000).
+DEVICE_TYPE: Final = 0x00000196
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What an encoder can tell apart; position starts anew after all its turns."""
+
+    counts_per_turn: int
+    turns: int
+    start: int = 0  #: position shown where the physics has counted nothing
+
+    @property
+    def span(self) -> int:
+        """Number of different positions."""
+        return self.counts_per_turn * self.turns
+
+
+class Cia406Encoder(CanopenNode):
+    """An encoder on ``hub``; ``counts(t_ns)`` tells how far it was turned, without end."""
+
+    faults: ClassVar = {
+        **misbehaviour.FAULTS,
+        "jump": "position jumps by so many counts, once (counts)",
+        "index_reset": "position starts anew at 0, once",
+        "sign_flip": "counts the other way round",
+        "missed_counts": "loses a part of the counts (fraction 0 to 1)",
+    }
+
+    def __init__(
+        self,
+        name: str,
+        hub: CanHub,
+        node: int,
+        counts: Callable[[int], float],
+        scale: Scale,
+        *,
+        serial: int = 1,
+    ) -> None:
+        identity = Identity(DEVICE_TYPE, "rigd simulated encoder", product=0x406, serial=serial)
+        super().__init__(name, hub, node, identity)
+        self._counts = counts
+        self._scale = scale
+        self._turned = 0.0
+        self._shown = float(scale.start)
+        self._last_ns = 0
+
+        def add(index: int, sub: int, kind: Kind, value: int) -> Entry:
+            return self.dictionary.add(Entry(index, sub, kind, value, mappable=True))
+
+        self._position = add(0x6004, 0, Kind.U32, scale.start % scale.span)
+        (self._speed,) = self.dictionary.array(
+            0x6030, [Entry(0x6030, 1, Kind.I16, 0, mappable=True)]
+        )
+        add(0x6500, 0, Kind.U16, 0)
+        add(0x6501, 0, Kind.U32, scale.counts_per_turn)
+        add(0x6502, 0, Kind.U16, scale.turns)
+
+    def twin(self) -> Self:
+        """Return an encoder with the same id and another serial number that nobody turns."""
+        name, serial = f"{self.name} (twin)", self.identity.serial + 1
+        return type(self)(name, self._hub, self.node, lambda _: 0.0, self._scale, serial=serial)
+
+    def state(self) -> State:
+        """Return the position as shown, in counts, and how far it was really turned."""
+        return {**super().state(), "position": self._position.value, "turned": self._turned}
+
+    def inject(self, fault: str, **options: Any) -> None:
+        """Show a fault; see :meth:`CanopenNode.inject`."""
+        super().inject(fault, **options)
+        if fault == "jump":
+            self._shown += self._bad.shown["jump"]["counts"]
+            self._bad.hide(fault)
+        elif fault == "index_reset":
+            self._shown = 0.0
+            self._bad.hide(fault)
+
+    def read_options(self, fault: str, options: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the options of ``fault``, complete."""
+        given = dict(options)
+        if fault == "jump":
+            counts = whole(given, "counts", None, low=-(2**31), high=2**31)
+            return {"counts": counts, **super().read_options(fault, given)}
+        if fault == "missed_counts":
+            fraction = number(given, "fraction", None, low=0.0, high=1.0)
+            return {"fraction": fraction, **super().read_options(fault, given)}
+        return super().read_options(fault, given)
+
+    def sample(self, t_ns: int) -> None:
+        """Take position and speed (in 1/min, object 6030:1)."""
+        turned = self._counts(t_ns)
+        step, self._turned = turned - self._turned, turned
+        if self._bad.shown:
+            if "sign_flip" in self._bad.shown:
+                step = -step
+            missed = self._bad.shown.get("missed_counts")
+            if missed is not None:
+                step *= 1.0 - missed["fraction"]
+        self._shown += step
+        self._position.value = round(self._shown) % self._scale.span
+        elapsed_min = (t_ns - self._last_ns) / 60e9
+        self._last_ns = t_ns
+        speed = step / self._scale.counts_per_turn / elapsed_min if elapsed_min > 0 else 0.0
+        self._speed.value = max(-(2**15), min(round(speed), 2**15 - 1))
+
+    def apply(self, t_ns: int) -> None:
+        """Do nothing: an encoder takes no orders; what SDO reads is brought up to date."""
+
+    def connection_lost(self, t_ns: int, error: int) -> None:
+        """Do nothing: an encoder only measures."""
+
+    def power_off(self, t_ns: int) -> None:
+        """Do nothing: an absolute encoder knows where it is when it is switched on again."""

@@ -1,0 +1,125 @@
+"""Time-outs, and the heartbeats a node gives and expects (CiA 301, 7.2.8.3.2)."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Final
+
+from rigd_sim.wire.can.dictionary import Dictionary, Entry, Kind
+
+#: Nodes that one node can watch.
+WATCHED: Final = 4
+
+
+class Watch:
+    """Calls ``expired`` once nothing has fed it for its time; it then rests until fed again."""
+
+    def __init__(self, expired: Callable[[], None]) -> None:
+        self._expired = expired
+        self._timer: asyncio.TimerHandle | None = None
+        self._due = 0.0
+
+    def feed(self, timeout_s: float) -> None:
+        """Begin to count ``timeout_s`` anew; cheap, since a timer under way is left to run."""
+        loop = asyncio.get_running_loop()
+        self._due = loop.time() + timeout_s
+        if self._timer is not None and self._timer.when() > self._due:
+            self.stop()
+        if self._timer is None:
+            self._timer = loop.call_at(self._due, self._check)
+
+    def stop(self) -> None:
+        """Rest until fed again."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _check(self) -> None:
+        self._timer = None
+        loop = asyncio.get_running_loop()
+        if loop.time() < self._due:
+            self._timer = loop.call_at(self._due, self._check)
+        else:
+            self._expired()
+
+
+class Producer:
+    """Object 1017: calls ``beat`` with that period."""
+
+    def __init__(self, dictionary: Dictionary, beat: Callable[[], None]) -> None:
+        self._beat = beat
+        self._period = dictionary.add(
+            Entry(0x1017, 0, Kind.U16, 0, writable=True, changed=lambda _: self.start())
+        )
+        self._watch = Watch(self._again)
+
+    def start(self) -> None:
+        """Begin with the period that the object holds; 0 ms: no heartbeat."""
+        self._watch.stop()
+        if self._period.value:
+            self._watch.feed(self._period.value * 1e-3)
+
+    def stop(self) -> None:
+        """Fall silent."""
+        self._watch.stop()
+
+    def _again(self) -> None:
+        self._beat()
+        self.start()
+
+
+class Consumer:
+    """Object 1016: calls ``lost(node)`` when a node it watches falls silent.
+
+    A node is watched from its first heartbeat on, as the standard says: who never begins is never
+    missed.
+    """
+
+    def __init__(
+        self, dictionary: Dictionary, lost: Callable[[int], None], changed: Callable[[], None]
+    ) -> None:
+        self._lost = lost
+        self._changed = changed
+        self._entries = dictionary.array(
+            0x1016,
+            [
+                Entry(0x1016, sub, Kind.U32, 0, writable=True, changed=self._reconfigure)
+                for sub in range(1, WATCHED + 1)
+            ],
+        )
+        self._watches: dict[int, tuple[float, Watch]] = {}
+
+    def refresh(self) -> None:
+        """Take over what the object says, such as after a reset."""
+        self.stop()
+        self._watches = {
+            node: (milliseconds * 1e-3, Watch(partial(self._lost, node)))
+            for node, milliseconds in self._configured()
+        }
+
+    def stop(self) -> None:
+        """Watch nobody until the next heartbeat."""
+        for _, watch in self._watches.values():
+            watch.stop()
+
+    @property
+    def nodes(self) -> tuple[int, ...]:
+        """The nodes that are watched."""
+        return tuple(self._watches)
+
+    def heard(self, node: int) -> None:
+        """Take note of a heartbeat of ``node``."""
+        timeout_s, watch = self._watches[node]
+        watch.feed(timeout_s)
+
+    def _configured(self) -> Iterator[tuple[int, int]]:
+        for entry in self._entries:
+            node, milliseconds = entry.value >> 16 & 0x7F, entry.value & 0xFFFF
+            if node and milliseconds:
+                yield node, milliseconds
+
+    def _reconfigure(self, _: int) -> None:
+        self.refresh()
+        self._changed()
