@@ -250,9 +250,10 @@ class SlowDriver(AnyDriver, ABC):
 
         Raises:
             DeviceError: the device refused.
+            ValueError: there is no such action.
 
         """
-        raise NotImplementedError(f"{type(self).__name__} has no action {action!r}")
+        raise ValueError(f"{type(self).__name__} has no action {action!r}")
 
     async def close(self) -> None:
         """Leave the device quiet (no stream left on) and close; closing twice is silent."""

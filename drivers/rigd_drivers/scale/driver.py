@@ -164,12 +164,11 @@ class SerialScale(SlowDriver):
 
         Raises:
             DeviceError: the load does not come to rest, or the scale refuses.
+            ValueError: there is no such action.
 
         """
         if action not in self.actions:
-            raise DeviceError(
-                f"a scale has no action {action!r}", hint=f"it has {', '.join(self.actions)}"
-            )
+            raise ValueError(f"a scale has no action {action!r}; it has {', '.join(self.actions)}")
         await self._rest(action)
         command, parse = self._dialect.actions[action]
         if parse is None:

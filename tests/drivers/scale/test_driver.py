@@ -306,7 +306,7 @@ def test_a_zero_with_a_load_on_is_refused(tmp_path: Path) -> None:
             async with one.running():
                 with pytest.raises(DeviceError, match=r"refuses to zero: Z \+"):
                     await one.driver.act("zero")
-                with pytest.raises(DeviceError, match="no action 'fly'"):
+                with pytest.raises(ValueError, match="no action 'fly'"):
                     await one.driver.act("fly")
 
     asyncio.run(main())
