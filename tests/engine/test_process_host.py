@@ -1,0 +1,254 @@
+"""The cycle in a process of its own: what it plays, and that the rig is safe whoever dies."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from support import file_axis
+from support.file_axis import word
+
+from rigd.config.rig import RigConfig, Waiver
+from rigd.engine.control import Control, Verb
+from rigd.engine.player import Ending, Outcome
+from rigd.engine.process_host import ProcessHost
+from rigd.engine.shared import Job, RunFolder, Word
+from rigd.engine.wiring import streams_of
+from rigd.model.errors import Blocked, RecordingError
+from rigd.model.limits import Action, Interlock
+from rigd.procedure.profiles import Constant
+from rigd.procedure.program import CycleProgram, Segment
+
+
+@pytest.fixture(autouse=True)
+def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    state = tmp_path / "state"
+    state.mkdir(mode=0o700)
+    monkeypatch.setenv("RIGD_STATE", str(state))
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
+
+
+@contextmanager
+def host_of(
+    rig: RigConfig, capacity: int = 20_000
+) -> Iterator[tuple[ProcessHost, RunFolder, Control]]:
+    streams = tuple(streams_of(rig))
+    folder = RunFolder.take(rig.name, command="test")
+    folder.prepare(
+        Job(rig.name, folder.path / "x.mcap", streams, time.time_ns()),
+        {stream.name: capacity for stream in streams},
+    )
+    board = folder.board()
+    board[Word.START_NS], board[Word.ORIGIN_NS] = time.time_ns(), time.monotonic_ns()
+    control = Control()
+    host = ProcessHost(
+        rig,
+        decimation={stream.name: 1 for stream in streams},
+        seed=1,
+        folder=folder,
+        control=control,
+        finish=lambda: None,
+    )
+    try:
+        yield host, folder, control
+    finally:
+        host.make_safe()
+        host.close()
+        folder.clear()
+        folder.release()
+
+
+def move(speed: float, duration_s: float = 0.1) -> CycleProgram:
+    return CycleProgram((Segment("go", {"axis.speed": Constant(speed)}, duration_s=duration_s),))
+
+
+def ready(host: ProcessHost) -> None:
+    assert host.open() == ()
+    assert host.run_cycles(20) is None
+    assert host.unfit() == ()
+    assert host.arm() is None
+
+
+def kinds(folder: RunFolder) -> list[str]:
+    return [event.kind for event in folder.event_ring("cycle").peek()]
+
+
+def while_moving(host: ProcessHost, path: Path, act: Callable[[], object]) -> Outcome:
+    """Play a long movement and ``act`` once the axis moves."""
+    acted = False
+
+    def look() -> None:
+        nonlocal acted
+        if not acted and word(path) == "moving":
+            acted = True
+            act()
+
+    host.on_drain = look
+    outcome = host.play(move(0.5, 20.0))
+    assert acted
+    return outcome
+
+
+def test_a_program_is_played_and_every_cycle_recorded(tmp_path: Path) -> None:
+    with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, _):
+        ready(host)
+        assert host.play(move(0.5)).ending is Ending.DONE
+        assert host.play(move(-0.5)).ending is Ending.DONE
+        assert host.ends_everything() == ""
+        assert host.make_safe() == ()
+        assert word(tmp_path / "axis") == "safe"
+        rings = folder.row_rings(folder.job)
+        rows, cycles = rings["axis"].peek(), rings["cycle"].peek()
+        assert len(rows) == len(cycles) == host.counters.cycles
+        slots = cycles["scheduled"] / 0.002
+        skipped = round(slots[-1] - slots[0]) + 1 - len(slots)
+        assert skipped == host.counters.missed
+        assert (cycles["actual"] >= cycles["scheduled"]).all()
+        assert set(rows["speed_setpoint"]) >= {0.0, 0.5, -0.5}
+        assert kinds(folder)[:2] == ["watchdog", "realtime"]
+
+
+def test_setpoints_are_held_between_two_programs(tmp_path: Path) -> None:
+    with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, _):
+        ready(host)
+        for _ in range(5):
+            assert host.play(move(0.5, 0.05)).ending is Ending.DONE
+        host.make_safe()
+        speeds = folder.row_rings(folder.job)["axis"].peek()["speed_setpoint"]
+        moving = speeds.nonzero()[0]
+        assert (speeds[moving[0] + 3 : moving[-1]] == 0.5).all()
+
+
+def test_a_request_ends_the_program(tmp_path: Path) -> None:
+    with host_of(file_axis.rig(tmp_path / "axis")) as (host, _, control):
+        ready(host)
+        path = tmp_path / "axis"
+        outcome = while_moving(host, path, lambda: control.request(Verb.STOP, "enough"))
+        assert (outcome.ending, outcome.reason) == (Ending.STOPPED, "enough")
+        assert word(path) == "still"
+
+
+def test_a_trip_reaches_the_run_with_its_reason(tmp_path: Path) -> None:
+    far = Interlock("far", "axis.position", high=0.05, action=Action.ABORT, message="too far")
+    with host_of(file_axis.rig(tmp_path / "axis", interlocks=(far,))) as (host, _, _):
+        ready(host)
+        outcome = host.play(move(0.5, 20.0))
+        assert outcome.ending is Ending.ABORTED
+        assert "above its limit" in outcome.reason
+        assert [trip.interlock.name for trip in host.trips] == ["far"]
+        # What stands tripped is not played over.
+        assert "far" in host.ends_everything()
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_cycle_that_is_gone_or_hangs_is_ended_and_the_rig_rescued(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    path = tmp_path / "axis"
+    with host_of(file_axis.rig(path)) as (host, folder, _):
+        ready(host)
+        pid = folder.board()[Word.PID_CYCLE]
+        outcome = while_moving(host, path, lambda: os.kill(pid, number))
+        assert outcome.ending is Ending.FAULTED
+        assert "the cycle process" in outcome.reason
+        assert "made safe over a second link" in outcome.reason
+        assert word(path) == "rescued"
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+        assert host.play(move(0.5)).ending is Ending.FAULTED
+        assert word(path) == "rescued"
+
+
+def test_a_driver_that_hangs_is_a_death_too(tmp_path: Path) -> None:
+    path = tmp_path / "axis"
+    with host_of(file_axis.rig(path, hang_after_s=0.5)) as (host, _, _):
+        ready(host)
+        outcome = host.play(move(0.5, 20.0))
+        assert outcome.ending is Ending.FAULTED
+        assert "no sign of life" in outcome.reason
+        assert word(path) == "rescued"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_signal_to_the_cycle_process_aborts(tmp_path: Path, number: signal.Signals) -> None:
+    path = tmp_path / "axis"
+    with host_of(file_axis.rig(path)) as (host, folder, _):
+        ready(host)
+        pid = folder.board()[Word.PID_CYCLE]
+        outcome = while_moving(host, path, lambda: os.kill(pid, number))
+        assert outcome.ending is Ending.ABORTED
+        assert number.name in outcome.reason
+        assert word(path) == "still"
+
+
+def test_a_silent_daemon_is_a_dead_one(tmp_path: Path) -> None:
+    path = tmp_path / "axis"
+    with host_of(file_axis.rig(path, daemon_silence_s=0.4)) as (host, folder, _):
+        ready(host)
+
+        def fall_silent() -> None:
+            deadline = time.monotonic() + 20
+            while word(path) != "safe" and time.monotonic() < deadline:
+                time.sleep(0.01)
+
+        outcome = while_moving(host, path, fall_silent)
+        assert word(path) in ("safe", "rescued")
+        assert outcome.ending is Ending.FAULTED
+        reasons = [str(event.data) for event in folder.event_ring("cycle").peek()]
+        assert any("the daemon said nothing for 0.4 s" in reason for reason in reasons)
+
+
+def test_without_a_watchdog_nothing_is_armed_but_by_a_waiver(tmp_path: Path) -> None:
+    with host_of(file_axis.rig(tmp_path / "axis", watchdog=False)) as (host, _, _):
+        (reason,) = host.open()
+        assert "no watchdog" in reason
+    waiver = Waiver("A. Person", "the motor is unplugged")
+    with host_of(file_axis.rig(tmp_path / "axis", watchdog=False, waiver=waiver)) as (host, one, _):
+        assert host.open() == ()
+        (event,) = [one for one in one.event_ring("cycle").peek() if one.kind == "waiver"]
+        assert event.data == {
+            "device": "axis",
+            "by": "A. Person",
+            "reason": "the motor is unplugged",
+        }
+
+
+def test_a_watchdog_that_does_not_act_keeps_the_rig_from_being_armed(tmp_path: Path) -> None:
+    with host_of(file_axis.rig(tmp_path / "axis", proven=False)) as (host, _, _):
+        (reason,) = host.open()
+        assert reason.startswith("axis: its watchdog is not proven: it went on for 1 s")
+
+
+def test_arming_waits_for_the_device_and_gives_up(tmp_path: Path) -> None:
+    with host_of(file_axis.rig(tmp_path / "axis", ready_after_s=0.2)) as (host, _, _):
+        ready(host)
+    with host_of(file_axis.rig(tmp_path / "axis", ready_after_s=60.0)) as (host, _, _):
+        host.open()
+        outcome = host.arm()
+        assert outcome is not None
+        assert (outcome.ending, outcome.reason) == (
+            Ending.FAULTED,
+            "axis did not become ready to run",
+        )
+        assert word(tmp_path / "axis") == "safe"
+
+
+def test_a_ring_that_nobody_drains_ends_the_run(tmp_path: Path) -> None:
+    path = tmp_path / "axis"
+    with host_of(file_axis.rig(path), capacity=200) as (host, _, _):
+        ready(host)
+        with pytest.raises(RecordingError, match="does not keep up"):
+            host.play(move(0.5, 20.0))
+        host.make_safe()
+        assert word(path) == "safe"
+
+
+def test_one_rig_is_driven_by_one(tmp_path: Path) -> None:
+    rig = file_axis.rig(tmp_path / "axis")
+    with host_of(rig), pytest.raises(Blocked, match=f"in use by process {os.getpid()}"):
+        RunFolder.take(rig.name, command="another")
