@@ -1,0 +1,1 @@
+"""Cards of the simulated rigs, register by register, and what is wired to them."""

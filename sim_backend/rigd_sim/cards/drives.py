@@ -1,0 +1,67 @@
+"""Analogue drives and the one-shot that gates their enable lines, as they stand at the bench."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+
+class OneShot:
+    """A retriggerable one-shot: up for ``time_s`` after every edge on its input.
+
+    ``dead`` is a fault: it stays up for ever.
+    """
+
+    def __init__(self, time_s: float, clock_ns: Callable[[], int]) -> None:
+        self._time_ns = round(time_s * 1e9)
+        self._clock_ns = clock_ns
+        self._level = False
+        self._edge_ns: int | None = None
+        self.dead = False
+
+    def trigger(self, *, level: bool) -> None:
+        """Take the level of the input line."""
+        if level != self._level:
+            self._level = level
+            self._edge_ns = self._clock_ns()
+
+    @property
+    def up(self) -> bool:
+        """Whether it is up now."""
+        if self.dead:
+            return True
+        return self._edge_ns is not None and self._clock_ns() - self._edge_ns < self._time_ns
+
+
+class AnalogDrive:
+    """A drive with analogue set value: ``demand`` follows the volts while it is enabled.
+
+    Args:
+        per_volt: demand per volt of the set value.
+        one_shot: gates the enable line.
+
+    """
+
+    def __init__(self, per_volt: float, one_shot: OneShot) -> None:
+        self._per_volt = per_volt
+        self._one_shot = one_shot
+        self._volts = 0.0
+        self._line = False
+        self.faulty = False  #: reports a fault and drives nothing
+
+    def set_volts(self, volts: float) -> None:
+        """Take the set value in V."""
+        self._volts = volts
+
+    def set_line(self, *, high: bool) -> None:
+        """Take the enable line."""
+        self._line = high
+
+    @property
+    def enabled(self) -> bool:
+        """Whether it drives now."""
+        return self._line and self._one_shot.up and not self.faulty
+
+    @property
+    def demand(self) -> float:
+        """What it is asked for; 0 while it does not drive."""
+        return self._volts * self._per_volt if self.enabled else 0.0

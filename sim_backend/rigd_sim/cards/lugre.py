@@ -1,0 +1,190 @@
+"""The simulated LuGre rig wired to an MF624, pin by pin; ``configs/card_lugre.yaml`` says the same.
+
+| pin | wired to |
+|---|---|
+| DA0, DA1, DA2 | set values: wheel current, longitudinal and lateral belt speed |
+| AI0, AI1, AI2, AI3 | current monitor, accelerometer, speed monitors of the two belts |
+| AI7 | 5 V |
+| IRC0, IRC1, IRC2, IRC3 | wheel motor, guide, longitudinal belt, bridge |
+| DOUT0, DOUT1, DOUT3 | enable of wheel, longitudinal and lateral belt, through the one-shot |
+| DOUT2, DOUT4 | release of the clutches |
+| DOUT7 | trigger of the one-shot |
+| DIN0, DIN1, DIN2, DIN7 | ready of the three drives, output of the one-shot |
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from rigd.sdk import LinkError
+from rigd_sim.cards.drives import AnalogDrive, OneShot
+from rigd_sim.cards.mf624 import Mf624Registers, Wires
+from rigd_sim.plants.lugre import layout
+from rigd_sim.plants.lugre.plant import FLOORS, LugreConfig, LugrePlant
+
+WHEEL_A_PER_V: Final = 0.2
+BELT_M_S_PER_V: Final = 0.25
+BRIDGE_M_S_PER_V: Final = 0.08
+MONITOR_M_S_PER_V: Final = 0.5
+M_PER_COUNT: Final = 10e-6
+REFERENCE_V: Final = 5.0
+ONE_SHOT_S: Final = 0.1  #: nominal
+
+_TRIGGER_LINE: Final = 7
+_CLUTCHES: Final = {"belt": 2, "bridge": 4}
+_ENABLES: Final = {"wheel": 0, "belt": 1, "bridge": 3}
+_MOTOR_CURRENT: Final = [name for name, _, _ in layout.TRUTH].index("motor_current")
+#: Between two looks at the wires within this time the physics stands still.
+_STILL_NS: Final = 50_000
+
+
+class LugreWiring:
+    """The rig at the other end of the card's wires.
+
+    The plant is brought to ``clock_ns`` before the card looks; what else advances it (a simulation
+    with other devices) calls :meth:`advance` too, so that the one-shot acts when nobody looks.
+    """
+
+    faults: Mapping[str, str] = {
+        "drive_fault": "a drive reports a fault and drives nothing (drive: wheel, belt, bridge)",
+        "one_shot_dead": "the one-shot stays up for ever",
+    }
+
+    def __init__(self, plant: LugrePlant, clock_ns: Callable[[], int] = time.monotonic_ns) -> None:
+        self._plant = plant
+        self._clock_ns = clock_ns
+        self._advanced_ns = clock_ns()
+        plant.advance(self._advanced_ns)
+        self.one_shot = OneShot(ONE_SHOT_S, clock_ns)
+        self.drives = {
+            "wheel": AnalogDrive(WHEEL_A_PER_V, self.one_shot),
+            "belt": AnalogDrive(BELT_M_S_PER_V, self.one_shot),
+            "bridge": AnalogDrive(BRIDGE_M_S_PER_V, self.one_shot),
+        }
+        self._released = dict.fromkeys(_CLUTCHES, False)
+        self.safe_since_ns = self._advanced_ns  #: since when no drive is enabled; 0: one is
+        self._command()
+
+    def wires(self) -> Wires:
+        """Return the card's side."""
+        return Wires(
+            volts_in={
+                0: self._reading(layout.CURRENT_VOLTS),
+                1: self._reading(layout.ACCELERATION_VOLTS),
+                2: self._reading(layout.BELT_READINGS + 1, 1 / MONITOR_M_S_PER_V),
+                3: self._reading(layout.BRIDGE_READINGS + 1, 1 / MONITOR_M_S_PER_V),
+                7: lambda: REFERENCE_V,
+            },
+            volts_out=dict(enumerate(drive.set_volts for drive in self.drives.values())),
+            counts_in={
+                0: self._counts(layout.MOTOR_COUNTS),
+                1: self._counts(layout.GUIDE_COUNTS),
+                2: self._counts(layout.BELT_READINGS, 1 / M_PER_COUNT),
+                3: self._counts(layout.BRIDGE_READINGS, 1 / M_PER_COUNT),
+            },
+            lines_in=self._lines_in,
+            lines_out=self._lines_out,
+            advance=self.advance,
+        )
+
+    def advance(self) -> None:
+        """Bring the plant to now, under what the drives ask for now."""
+        now = self._clock_ns()
+        if now - self._advanced_ns >= _STILL_NS:
+            self._command()
+            self._plant.advance(now)
+            self._advanced_ns = now
+
+    def state(self) -> Mapping[str, float | int | bool | str]:
+        """Return what the drives do, and since when none is enabled (CLOCK_MONOTONIC, ns)."""
+        shown: dict[str, float | int | bool | str] = {
+            "enabled": any(drive.enabled for drive in self.drives.values()),
+            "safe_since_ns": self.safe_since_ns,
+            "one_shot": self.one_shot.up,
+            "current": self._plant.readings[layout.TRUTH_READINGS + _MOTOR_CURRENT],
+        }
+        for name, drive in self.drives.items():
+            shown |= {f"{name}_enabled": drive.enabled, f"{name}_demand": drive.demand}
+        return shown
+
+    def inject(self, fault: str, **options: Any) -> None:
+        """Show a fault of the drives or of the one-shot.
+
+        Raises:
+            ValueError: there is no such fault or drive.
+
+        """
+        if fault == "one_shot_dead" and not options:
+            self.one_shot.dead = True
+        elif (
+            fault == "drive_fault" and set(options) == {"drive"} and options["drive"] in self.drives
+        ):
+            self.drives[options["drive"]].faulty = True
+        else:
+            raise ValueError(
+                f"fault {fault!r} with {options} is not known; "
+                + "; ".join(f"{name}: {doc}" for name, doc in self.faults.items())
+            )
+
+    def clear(self, fault: str | None = None) -> None:
+        """Stop showing ``fault``, or all of them."""
+        if fault in (None, "one_shot_dead"):
+            self.one_shot.dead = False
+        if fault in (None, "drive_fault"):
+            for drive in self.drives.values():
+                drive.faulty = False
+
+    def _command(self) -> None:
+        """Hand the plant what the drives do; a belt that is not enabled is braked."""
+        commands, drives = self._plant.commands, self.drives
+        commands[layout.WHEEL_ENABLED] = float(drives["wheel"].enabled)
+        commands[layout.WHEEL_CURRENT] = drives["wheel"].demand
+        for name, first in (("belt", layout.BELT_COMMANDS), ("bridge", layout.LATERAL_COMMANDS)):
+            released = self._released[name] and drives[name].enabled
+            commands[first] = drives[name].demand
+            commands[first + 1] = float(not released)
+        if any(drive.enabled for drive in drives.values()):
+            self.safe_since_ns = 0
+        elif self.safe_since_ns == 0:
+            self.safe_since_ns = self._clock_ns()
+
+    def _lines_out(self, lines: int) -> None:
+        self.one_shot.trigger(level=bool(lines >> _TRIGGER_LINE & 1))
+        for name, line in _ENABLES.items():
+            self.drives[name].set_line(high=bool(lines >> line & 1))
+        for name, line in _CLUTCHES.items():
+            self._released[name] = bool(lines >> line & 1)
+        self._command()
+
+    def _lines_in(self) -> int:
+        ready = sum((not drive.faulty) << line for line, drive in enumerate(self.drives.values()))
+        return ready | self.one_shot.up << 7
+
+    def _reading(self, index: int, factor: float = 1.0) -> Callable[[], float]:
+        plant = self._plant
+        return lambda: plant.readings[index] * factor
+
+    def _counts(self, index: int, factor: float = 1.0) -> Callable[[], int]:
+        plant = self._plant
+        return lambda: round(plant.readings[index] * factor)
+
+
+def open_registers(resource: str) -> Mf624Registers:
+    """Return a card in this process, on a plant of its own that follows the wall clock.
+
+    Named in a rig file as ``{type: mf624, options: {interface: lugre, resource: FLOOR}}``.
+
+    Raises:
+        LinkError: there is no such floor.
+
+    """
+    if resource not in FLOORS:
+        raise LinkError(
+            f"no floor {resource!r} to stand on",
+            hint=f"'resource' of this card is one of {', '.join(FLOORS)}",
+        )
+    options: dict[str, Any] = {"floor": resource}
+    plant = LugrePlant(LugreConfig(**options), period_ns=1_000_000, seed=1)
+    return Mf624Registers(LugreWiring(plant).wires())
