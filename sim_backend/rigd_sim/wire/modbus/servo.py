@@ -1,0 +1,307 @@
+"""A simulated speed drive with a communication watchdog, and its registers."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+
+from rigd_sim.wire.modbus.bank import ILLEGAL_VALUE, Bank, Refused
+from rigd_sim.wire.modbus.line import Line
+from rigd_sim.wire.modbus.part import LINE_FAULTS, ModbusPart, Ticker
+from rigd_sim.wire.part import State
+
+_RPM = 2 * math.pi / 60
+#: How often the drive looks at its watchdog, in s.
+_TICK_S = 2e-3
+
+
+class Drive:
+    """What a drive does whatever its registers: enable, trip, reset, watch its line.
+
+    ``command`` is told the speed in rad/s that the motor shall turn at, whenever it changes;
+    ``speed`` says how fast it does.
+    """
+
+    #: Fault codes of the drive for a silent line and for too much current.
+    silence_code = 0
+    overcurrent_code = 0
+
+    def __init__(
+        self,
+        command: Callable[[float], None],
+        speed: Callable[[], float],
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.speed = speed
+        self.enabled = False
+        self.fault_code = 0
+        self.last_code = 0
+        self.setpoint = 0.0
+        self.watchdog_s = 0.0  #: 0: off
+        self.watches = True  #: False: the watchdog is broken
+        self.keeps = True  #: False: what is written to the watchdog is not kept
+        self._command = command
+        self._commanded = 0.0
+        self._now = now
+        self._heard: float | None = None  # it watches from the first request on
+
+    def heard(self) -> None:
+        """Heed a request."""
+        self._heard = self._now()
+
+    def tick(self) -> None:
+        """Trip when the line has been silent for too long."""
+        if self._heard is None or self.fault_code or not self.watches:
+            return
+        if 0 < self.watchdog_s < self._now() - self._heard:
+            self.trip(self.silence_code)
+
+    def trip(self, code: int) -> None:
+        """Go to the fault state: no torque."""
+        self.fault_code = self.last_code = code
+        self.enabled = False
+        self.apply()
+
+    def reset(self) -> None:
+        """Leave the fault state, disabled."""
+        self.fault_code = 0
+
+    def apply(self) -> None:
+        """Tell the motor."""
+        wanted = self.setpoint if self.enabled else 0.0
+        if wanted != self._commanded:
+            self._commanded = wanted
+            self._command(wanted)
+
+    def set_speed(self, word: int) -> None:
+        """Take a signed speed in rev/min."""
+        self.setpoint = (word - 0x10000 if word & 0x8000 else word) * _RPM
+        self.apply()
+
+    def rpm(self) -> float:
+        """Return the actual speed in rev/min."""
+        return self.speed() / _RPM
+
+    def bank(self) -> Bank:
+        """Return its registers."""
+        raise NotImplementedError
+
+
+class Altivar(Drive):
+    """Schneider Altivar 320: the DRIVECOM (CiA 402) state chart in CMD and ETA."""
+
+    silence_code = 5  # SLF1, Modbus communication interruption
+    overcurrent_code = 9  # OCF
+    #: CMD bits 0 to 3 -> ETA of the state they lead to (voltage enabled, bit 4, always).
+    _STATES: Mapping[int, int] = {0x6: 0x0231, 0x7: 0x0233, 0xF: 0x0237}
+    _DISABLED = 0x0250
+    _FAULT = 0x0218
+
+    def __init__(
+        self,
+        command: Callable[[float], None],
+        speed: Callable[[], float],
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__(command, speed, now)
+        self._cmd = 0
+        self._eta = self._DISABLED
+        self._reaction = 1
+        self._tto = 100  # 10 s
+        self.watchdog_s = 10.0
+
+    def bank(self) -> Bank:
+        """See :class:`Drive`."""
+        bank = Bank(max_registers=63)
+        bank.number(3201, "uint16", lambda: self._FAULT if self.fault_code else self._eta)
+        bank.number(6005, "uint16", lambda: self._tto)
+        bank.writable(6005, self._write_tto)
+        bank.number(7010, "uint16", lambda: self._reaction)
+        bank.writable(7010, self._write_reaction)
+        bank.number(7121, "uint16", lambda: self.last_code)
+        bank.number(8501, "uint16", lambda: self._cmd)
+        bank.writable(8501, self._write_cmd)
+        bank.number(8602, "int16", lambda: self.setpoint / _RPM)
+        bank.writable(8602, self.set_speed)
+        bank.number(8604, "int16", self.rpm)
+        return bank
+
+    def trip(self, code: int) -> None:
+        """See :class:`Drive`."""
+        super().trip(code)
+        self._eta = self._DISABLED
+
+    def _write_tto(self, word: int) -> None:
+        if not 1 <= word <= 300:
+            raise Refused(ILLEGAL_VALUE)
+        if self.keeps:
+            self._tto = word
+            self._arm_watchdog()
+
+    def _write_reaction(self, word: int) -> None:
+        if self.keeps:
+            self._reaction = word
+            self._arm_watchdog()
+
+    def _arm_watchdog(self) -> None:
+        self.watchdog_s = self._tto * 0.1 if self._reaction else 0.0
+
+    def _write_cmd(self, word: int) -> None:
+        risen, self._cmd = word & ~self._cmd, word
+        if risen & 0x80:
+            self.reset()
+        if self.fault_code:
+            return
+        chart = [self._DISABLED, *self._STATES.values()]
+        wanted = self._STATES.get(word & 0xF, self._DISABLED)
+        if chart.index(wanted) <= chart.index(self._eta) + 1:  # one step up, any number down
+            self._eta = wanted
+        self.enabled = self._eta == self._STATES[0xF]
+        self.apply()
+
+
+class Asda(Drive):
+    """Delta ASDA-B: digital inputs set over the line, speed register 1."""
+
+    silence_code = 20  # ALE20
+    overcurrent_code = 1  # ALE01
+    _SON, _ARST, _SPD0 = 1, 2, 4
+    #: Parameters with other than factory values, as the map wants them.
+    _SETTINGS: Mapping[int, int] = {
+        0x0101: 2, 0x020A: 0x0101, 0x020B: 0x0102, 0x020C: 0x0114, 0x0212: 0x0102,
+    }  # fmt: skip
+
+    def __init__(
+        self,
+        command: Callable[[float], None],
+        speed: Callable[[], float],
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__(command, speed, now)
+        self._by_line = self._inputs = self._stops = self._time = 0
+
+    def bank(self) -> Bank:
+        """See :class:`Drive`."""
+        bank = Bank(max_registers=10, functions=frozenset({3, 6, 16}))
+        for address, word in self._SETTINGS.items():
+            bank.constant(address, word)
+        bank.number(0x0001, "uint16", lambda: self.fault_code)
+        bank.number(0x0004, "int16", self.rpm)
+        bank.writable(0x0004, lambda word: None)
+        bank.number(0x0109, "int16", lambda: self.setpoint / _RPM)
+        bank.writable(0x0109, self.set_speed)
+        bank.number(0x0303, "uint16", lambda: self._stops)
+        bank.writable(0x0303, self._write_stops)
+        bank.number(0x0304, "uint16", lambda: self._time)
+        bank.writable(0x0304, self._write_time)
+        bank.number(0x0306, "uint16", lambda: self._by_line)
+        bank.writable(0x0306, self._write_by_line)
+        bank.number(0x0407, "uint16", lambda: self._inputs)
+        bank.writable(0x0407, self._write_inputs)
+        bank.number(0x0409, "uint16", lambda: self.enabled)
+        return bank
+
+    def _write_stops(self, word: int) -> None:
+        self._stops = word
+        self._arm_watchdog()
+
+    def _write_time(self, word: int) -> None:
+        if word > 20:
+            raise Refused(ILLEGAL_VALUE)
+        if self.keeps:
+            self._time = word
+            self._arm_watchdog()
+
+    def _arm_watchdog(self) -> None:
+        self.watchdog_s = float(self._time) if self._stops else 0.0
+
+    def _write_by_line(self, word: int) -> None:
+        self._by_line = word
+
+    def _write_inputs(self, word: int) -> None:
+        self._inputs = word & self._by_line
+        if self._inputs & self._ARST:
+            self.reset()
+        self.enabled = bool(self._inputs & self._SON) and not self.fault_code
+        self.apply()
+
+
+#: Drives it can stand for.
+DRIVES: Mapping[str, type[Drive]] = {"delta-asda-b": Asda, "schneider-atv320": Altivar}
+
+
+class SimModbusServo(ModbusPart):
+    """A speed drive of one of :data:`DRIVES`; see :class:`Drive` for the physics."""
+
+    faults = LINE_FAULTS | {
+        "watchdog_tripped": "trips as if its line had been silent, once",
+        "watchdog_dead": "never trips when its line falls silent",
+        "watchdog_unset": "takes what is written to its watchdog, and does not keep it",
+        "overcurrent": "trips by too much current, once",
+    }
+
+    def __init__(
+        self,
+        name: str,
+        line: Line,
+        *,
+        command: Callable[[float], None],
+        speed: Callable[[], float],
+        unit: int = 1,
+        drive: str = "schneider-atv320",
+    ) -> None:
+        if drive not in DRIVES:
+            raise ValueError(f"no drive {drive!r}; known: {', '.join(DRIVES)}")
+        self._drive = DRIVES[drive](command, speed)
+        super().__init__(name, line, unit, self._drive.bank())
+        self._ticker = Ticker(_TICK_S, self._drive.tick)
+
+    async def start(self) -> str:
+        """See :class:`ModbusPart`."""
+        where = await super().start()
+        self._ticker.start()
+        return where
+
+    async def stop(self) -> None:
+        """See :class:`ModbusPart`."""
+        self._ticker.stop()
+        await super().stop()
+
+    def state(self) -> State:
+        """Return what its display shows; speeds in rad/s."""
+        drive = self._drive
+        return {
+            "enabled": drive.enabled,
+            "fault_code": drive.fault_code,
+            "setpoint": drive.setpoint,
+            "speed": drive.speed(),
+            "watchdog_s": drive.watchdog_s,
+            "asked": self.asked,
+        }
+
+    def heard(self) -> None:
+        """See :class:`ModbusPart`."""
+        self._drive.heard()
+
+    def show(self, fault: str) -> bool:
+        """See :class:`ModbusPart`."""
+        match fault:
+            case "watchdog_tripped":
+                self._drive.trip(self._drive.silence_code)
+            case "overcurrent":
+                self._drive.trip(self._drive.overcurrent_code)
+            case "watchdog_dead":
+                self._drive.watches = False
+            case "watchdog_unset":
+                self._drive.keeps = False
+            case _:
+                return False
+        return True
+
+    def cleared(self, fault: str | None) -> None:
+        """See :class:`ModbusPart`; a drive that has tripped must be reset over its line."""
+        if fault in (None, "watchdog_dead"):
+            self._drive.watches = True
+        if fault in (None, "watchdog_unset"):
+            self._drive.keeps = True
