@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -11,21 +12,18 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from rigd.config.rig import RigConfig
+from rigd.daemon.forms import Form, Kept, in_process, processes
 from rigd.daemon.provenance import run_metadata
 from rigd.daemon.resume import ResumePoint
 from rigd.daemon.signals import heed_signals
 from rigd.engine.answers import Answers, OwnAnswers
 from rigd.engine.clock import Clock, VirtualClock, WallClock
 from rigd.engine.control import Control
-from rigd.engine.cycle import Cycle
-from rigd.engine.in_process import InProcessHost
 from rigd.engine.result import Progress, RunResult
 from rigd.engine.run import Run
-from rigd.engine.wiring import wire
-from rigd.model.channels import Stream
 from rigd.model.errors import Blocked, RecordingError
 from rigd.procedure.program import CompiledProcedure
-from rigd.record import Attachment, RecordingWriter
+from rigd.record import Attachment
 from rigd.record.compression import Compression
 
 #: Virtual time begins here, one day later per seed, so that files repeat bit for bit.
@@ -90,60 +88,66 @@ def execute(
         ConfigError: the recording to resume was made with another procedure or rig file.
     """
     control = control or Control()
-    clock = _clock(request)
-    wiring = wire(request.rig, clock, control, request.seed)
-    streams = _streams(wiring.cycle, request.procedure)
     resume = request.resume
     done = frozenset[int]() if resume is None else resume.done
     if resume is not None:
         for name, text in _texts(request).items():
             resume.check_same(name, text)
         path = resume.path
-        mode = _metadata(request, clock)["run"]["mode"]
-        writer = RecordingWriter.append(
-            path, streams=streams, metadata={"resumed": {"mode": mode, "trials": str(len(done))}}
-        )
     else:
         path = request.output or _new_path(request)
-        writer = RecordingWriter.create(
-            path,
-            streams=streams,
-            metadata=_metadata(request, clock),
-            attachments=[
-                Attachment(name, "application/yaml", text.encode())
-                for name, text in _texts(request).items()
-            ],
-            start_ns=clock.start_ns,
-            compression=request.compression,
-        )
-    announce(path)
-    host = InProcessHost(
-        wiring.cycle,
-        clock,
-        virtual=request.pace is None,
-        sink=writer,
-        decimation=request.procedure.decimation,
-    )
-    display = _Display(watch, tell, control)
-    run = Run(
-        request.procedure,
-        host,
-        control,
-        answers or OwnAnswers(),
-        change=None if wiring.plant is None else wiring.plant.change,
-        done=done,
-        watch=display.watch,
-        extra_checks=(lambda: _disk_check(path.parent),),
-    )
     with heed_signals(control):
+        form = _form(request, control, path, len(done))
+        announce(path)
+        display = _Display(watch, tell, control)
+        run = Run(
+            request.procedure,
+            form.host,
+            control,
+            answers or OwnAnswers(),
+            change=form.change,
+            done=done,
+            watch=display.watch,
+            extra_checks=(lambda: _disk_check(path.parent),),
+        )
         try:
             return Recorded(path, run.execute())
         except Blocked:
             if resume is None:
-                path.unlink()  # nothing moved: the file holds a few rows at rest
+                path.unlink(missing_ok=True)  # nothing moved: the file holds a few rows at rest
             raise
         finally:
+            form.release()
             display.close()
+
+
+def _form(request: RunRequest, control: Control, path: Path, done: int) -> Form:
+    """Return the host that the request asks for, recording to ``path``."""
+    rig = request.rig
+    apart = rig.plant is None or request.pace == 1
+    start_ns = _start_ns(request, on_the_wall=request.pace is not None or apart)
+    metadata = _metadata(request, start_ns)
+    if request.resume is not None:
+        metadata = {"resumed": {"mode": metadata["run"]["mode"], "trials": str(done)}}
+    kept = Kept(
+        path,
+        request.procedure.decimation,
+        metadata,
+        tuple(
+            Attachment(name, "application/yaml", text.encode())
+            for name, text in _texts(request).items()
+        ),
+        request.compression,
+        request.resume is not None,
+    )
+    if apart:
+        command = f"rigd run {request.procedure.name}"
+        return processes(rig, control, request.seed, start_ns=start_ns, kept=kept, command=command)
+    clock: Clock = VirtualClock(rig.period_ns, start_ns)
+    if request.pace is not None:
+        clock = WallClock(rig.period_ns, request.pace, start_ns)
+    virtual = request.pace is None
+    return in_process(rig, clock, control, request.seed, virtual=virtual, kept=kept)
 
 
 class _Display:
@@ -185,32 +189,31 @@ class _Display:
             return  # the terminal is gone (rich ends the program where a pipe has closed)
 
 
-def _clock(request: RunRequest) -> Clock:
-    start_ns = request.start_ns
-    if start_ns is None:
+def _start_ns(request: RunRequest, *, on_the_wall: bool) -> int:
+    """Return the Unix time at which the run begins, in ns."""
+    if on_the_wall:
+        start_ns = time.time_ns()
+    elif request.start_ns is not None:
+        start_ns = request.start_ns
+    else:
         start_ns = VIRTUAL_EPOCH_NS + request.seed % SEED_DAYS * DAY_NS
     if request.resume is not None:
         # Later than everything in the file: time never goes back within a recording.
         start_ns = max(start_ns, request.resume.end_ns + RESUME_GAP_NS)
-    if request.pace is None:
-        return VirtualClock(request.rig.period_ns, start_ns)
-    earliest = 0 if request.resume is None else start_ns
-    return WallClock(request.rig.period_ns, request.pace, earliest)
+    return start_ns
 
 
-def _streams(cycle: Cycle, procedure: CompiledProcedure) -> list[Stream]:
-    return [stream for stream in cycle.rig.streams if stream.name in procedure.decimation]
-
-
-def _metadata(request: RunRequest, clock: Clock) -> dict[str, dict[str, str]]:
+def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
     pace = "virtual time" if request.pace is None else f"paced {request.pace:g} x"
-    kind = "hardware" if request.rig.plant is None else "simulated"
+    mode = f"simulated, {pace}"
+    if request.rig.plant is None:
+        mode = "hardware" if request.rig.simulation is None else "simulated at the wire"
     return run_metadata(
         request.procedure,
         request.rig,
         seed=request.seed,
-        start_ns=clock.start_ns,
-        mode=f"{kind}, {pace}",
+        start_ns=start_ns,
+        mode=mode,
         overrides=request.overrides,
     )
 

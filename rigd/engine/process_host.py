@@ -114,7 +114,7 @@ class ProcessHost:
         with theirs, (folder.path / LOG).open("wb") as log:
             fd = theirs.fileno()
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "rigd.engine.cycle_process", folder.path, str(fd)],
+                [sys.executable, "-P", "-m", "rigd.engine.cycle_process", folder.path, str(fd)],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
@@ -254,6 +254,12 @@ class ProcessHost:
             self._link.close()
             self._board[Word.PHASE] = Phase.ENDED
             self._finish()
+
+    def discard(self) -> None:
+        """End the cycle process before it has opened anything."""
+        self._process.kill()
+        self._process.wait()
+        self._link.close()
 
     def _next(self) -> int:
         self._serial += 1

@@ -1,0 +1,202 @@
+"""The two forms of a run: everything in this process, or three processes that watch each other.
+
+A rig simulated in process runs here, in virtual time or paced; at pace 1, and on devices behind
+links, the cycle and the recorder are processes of their own. The run itself knows only a host.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from rigd.config.rig import DeviceConfig, RigConfig
+from rigd.engine.clock import Clock
+from rigd.engine.control import Control
+from rigd.engine.host import Host
+from rigd.engine.in_process import InProcessHost
+from rigd.engine.process_host import ProcessHost
+from rigd.engine.recorder import Health, RecorderProcess, drain_leftovers
+from rigd.engine.run import ChangePlant
+from rigd.engine.shared import Job, RunFolder, Word
+from rigd.engine.wiring import in_cycle, streams_of, wire
+from rigd.model.channels import Stream
+from rigd.model.errors import LinkError
+from rigd.record import Attachment, RecordingWriter
+from rigd.record.compression import Compression
+from rigd.sdk import BlockDriver
+
+#: Rings hold this much of a recorder that is gone.
+RING_S = 60.0
+#: Rows per second of a slow device, at most.
+SLOW_HZ = 100.0
+#: Rows beyond what RING_S asks for, so that even a slow stream has room for a burst.
+SPARE_ROWS = 1000
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What is recorded, and where: to be made new, or to be gone on with (``resume``)."""
+
+    path: Path
+    decimation: Mapping[str, int]
+    metadata: Mapping[str, Mapping[str, str]]
+    attachments: tuple[Attachment, ...]
+    compression: Compression
+    resume: bool
+
+
+@dataclass(frozen=True)
+class Form:
+    """A host ready for a run, and what changes its plant where it is simulated."""
+
+    host: Host
+    change: ChangePlant | None
+    #: Ends what was begun for the run, whatever became of it.
+    release: Callable[[], None] = lambda: None
+
+
+def in_process(
+    rig: RigConfig, clock: Clock, control: Control, seed: int, *, virtual: bool, kept: Kept
+) -> Form:
+    """Return a host in this process, and its recording begun.
+
+    Raises:
+        Blocked: a device of the rig needs real time.
+        RecordingError: the recording cannot be written.
+    """
+    wiring = wire(rig, clock, control, seed)
+    streams = [one for one in wiring.cycle.rig.streams if one.name in kept.decimation]
+    if kept.resume:
+        writer = RecordingWriter.append(kept.path, streams=streams, metadata=kept.metadata)
+    else:
+        writer = RecordingWriter.create(
+            kept.path,
+            streams=streams,
+            metadata=kept.metadata,
+            attachments=kept.attachments,
+            start_ns=clock.start_ns,
+            compression=kept.compression,
+        )
+    host = InProcessHost(
+        wiring.cycle, clock, virtual=virtual, sink=writer, decimation=kept.decimation
+    )
+    return Form(host, None if wiring.plant is None else wiring.plant.change)
+
+
+def processes(
+    rig: RigConfig,
+    control: Control,
+    seed: int,
+    *,
+    start_ns: int,
+    kept: Kept,
+    command: str,
+) -> Form:
+    """Return a host whose cycle and recorder are processes of their own, and have begun.
+
+    Samples that an earlier run on this rig left in its rings are put into their recording first.
+
+    Raises:
+        Blocked: the rig is in use.
+        RecordingError: the recording cannot be written.
+    """
+    folder = RunFolder.take(rig.name, command=command, recording=kept.path)
+    try:
+        if folder.has_job:
+            before = folder.job.recording
+            drain_leftovers(folder)
+            control.notices.append(f"{before}: what an earlier run left in its rings was added")
+        streams = tuple(one for one in streams_of(rig) if one.name in kept.decimation)
+        job = Job(
+            rig.name,
+            kept.path,
+            streams,
+            start_ns,
+            kept.metadata,
+            kept.attachments,
+            kept.compression,
+            kept.resume,
+        )
+        folder.prepare(job, {one.name: _capacity(rig, one, kept.decimation) for one in streams})
+        board = folder.board()
+        board[Word.START_NS], board[Word.ORIGIN_NS] = start_ns, time.monotonic_ns()
+        recorder = RecorderProcess(folder)
+        recorder.start()
+        host = ProcessHost(
+            rig,
+            decimation=kept.decimation,
+            seed=seed,
+            folder=folder,
+            control=control,
+            watched=(_KeptAlive(recorder, control),),
+            finish=recorder.finish,
+        )
+        try:
+            recorder.wait_until_recording()
+        except BaseException:
+            host.discard()
+            folder.clear()  # nothing was sampled
+            raise
+    except BaseException:
+        folder.release()
+        raise
+    return Form(host, _change(rig, host), folder.release)
+
+
+class _KeptAlive:
+    """The recorder, started again whenever it is gone or hangs: its rows wait in the rings."""
+
+    def __init__(self, recorder: RecorderProcess, control: Control) -> None:
+        self._recorder = recorder
+        self._control = control
+
+    def poll(self) -> str | None:
+        """See that it is alive; it never ends a run unless it cannot record.
+
+        Raises:
+            RecordingError: the recording cannot be written, in the recorder's own words.
+        """
+        health = self._recorder.poll()
+        if health is Health.FAILED:
+            self._recorder.wait_until_recording()  # which says why
+        if health in (Health.DIED, Health.SILENT):
+            self._control.notices.append(
+                f"the recorder {'died' if health is Health.DIED else 'hung'} and is started again; "
+                "no sample is lost"
+            )
+            self._recorder.restart()
+        return None
+
+
+def _capacity(rig: RigConfig, stream: Stream, decimation: Mapping[str, int]) -> int:
+    """Return how many rows of ``stream`` come in RING_S, and some to spare."""
+    device = rig.devices.get(stream.name)
+    if device is None or in_cycle(device):
+        rate_hz = 1e9 / (rig.period_ns * decimation[stream.name])
+    else:
+        rate_hz = _own_rate(device)
+    return round(RING_S * rate_hz) + SPARE_ROWS
+
+
+def _own_rate(device: DeviceConfig) -> float:
+    driver = device.driver_class(device.config, None)
+    return driver.rate_hz if isinstance(driver, BlockDriver) else SLOW_HZ
+
+
+def _change(rig: RigConfig, host: ProcessHost) -> ChangePlant | None:
+    """Return what obeys a prompt on a simulated rig; None where a person must."""
+    if rig.plant is not None:
+        return host.change
+    if rig.simulation is None:
+        return None
+    simulation = rig.simulation.simulation_class(rig.simulation.config)
+
+    def change(quantity: str, value: float | str) -> None:
+        try:
+            simulation.ask({"do": "change", "quantity": quantity, "value": value})
+        except LinkError as error:
+            raise ValueError(f"the simulation does not answer: {error}") from error
+
+    return change
