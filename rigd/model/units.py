@@ -48,6 +48,7 @@ _UNITS: Final[dict[str, tuple[float, Dimension, bool]]] = {
     "ohm": (1.0, _dimension(kg=1, m=2, s=-3, A=-2), True),
     "H": (1.0, _dimension(kg=1, m=2, s=-2, A=-2), True),
     "strain": (1.0, NO_DIMENSION, True),
+    "bit": (1.0, NO_DIMENSION, True),
 }
 _PREFIXES: Final = {
     "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6,

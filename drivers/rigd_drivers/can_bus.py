@@ -1,0 +1,393 @@
+"""A CAN bus that several CANopen devices stand on, and rigd as its only master.
+
+In every cycle it hands what has come to the device that it is for, then sends what the devices
+queued, one SYNC, and the heartbeat when it is due. The heartbeat comes from here and from nowhere
+else: a cycle that hangs falls silent, and the drives switch themselves off.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, Final, Literal
+
+from annotated_types import Ge, Gt, Le, MinLen
+from pydantic import Field
+
+from rigd.sdk import In, Link, LinkConfig, LinkError, ProtocolError
+from rigd_drivers.can_ports import Frame, Full, Port, open_port
+from rigd_drivers.canopen import frames, nmt
+
+#: Frames taken in one cycle at most: three times what a bus of 1 Mbit/s carries in 1 ms.
+FRAMES_PER_CYCLE: Final = 64
+#: A queue that stays full, or a bus that stays flooded, for so long is a failure, in ns.
+STALL_NS: Final = 100_000_000
+#: Error frames in a row, with no good frame between, after which the bus is given up: as many as
+#: make a transmitter error passive (CAN 2.0, error counter 128 by steps of 8).
+ERRORS_IN_A_ROW: Final = 16
+#: Nobody's heartbeats are further apart than we listen at least, in s.
+_SHORTEST_LISTENING_S: Final = 0.1
+
+
+class CanBusConfig(LinkConfig):
+    """How the bus is reached, and who we are on it."""
+
+    interface: Annotated[str, MinLen(1)]
+    """`hub` (simulated), `socketcan`, or any interface of python-can: pcan, slcan, kvaser, ..."""
+    channel: str = ""
+    """Path of the hub's socket, `can0`, or what the adapter calls its channel."""
+    bitrate: Annotated[float, In("bit/s"), Gt(0), Le(1e6)] = 1e6
+    """Bits per second; every node must be set to the same (SocketCAN: set by `ip link`)."""
+    adapter: dict[str, str] = Field(default_factory=dict)
+    """Further options of the python-can interface, by name."""
+    master_node: Annotated[int, Ge(1), Le(127)] = 127
+    """Node id of rigd's own heartbeat."""
+    heartbeat: Annotated[float, In("s"), Ge(0.001), Le(1)] = 0.02
+    """Time between two heartbeats of rigd."""
+    sync: bool = True
+    """Whether rigd sends SYNC; false where a device on the bus does."""
+
+
+class CanBus(Link):
+    """A CAN bus with CANopen on it."""
+
+    Config: ClassVar[type[LinkConfig]] = CanBusConfig
+    title: ClassVar[str] = "CAN bus, CANopen with rigd as master"
+    kind: ClassVar[Literal["can"]] = "can"
+    config: CanBusConfig
+
+    def __init__(self, config: CanBusConfig) -> None:
+        super().__init__(config)
+        self.name = f"CAN bus {config.interface}:{config.channel}"
+        self._port: Port | None = None
+        self._clear()
+
+    def _clear(self) -> None:
+        self.syncs = 0  #: SYNCs on the bus since it was opened
+        self.now_ns = time.monotonic_ns()  #: CLOCK_MONOTONIC of the cycle under way
+        self.behind = False  #: more has come than was taken in: what was taken may be old
+        self.beating = False  #: whether heartbeats are sent while set-up waits
+        self.beat_ns = 0  #: when the last heartbeat was sent
+        self.unsent = 0  #: frames that found the queue full
+        self.foreign = 0  #: frames that no device of this rig expects
+        self.heard: set[int] = set()  #: nodes that gave a sign of life
+        self._handlers: dict[int, Callable[[bytes], None]] = {}
+        self._owners: dict[int, str] = {}
+        self._resume: list[Callable[[], None]] = []
+        self._orders: list[bytes] = []
+        self._outbox: dict[int, bytes] = {}
+        self._errors_in_a_row = 0
+        self._full_since = 0
+        self._crowded_since = 0
+        self._tally: Counter[int] = Counter()
+        self._cycled_ns = 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the bus is open."""
+        return self._port is not None
+
+    # -- opening and closing -------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Open the bus and listen for a while: nobody else may be master on it.
+
+        Raises:
+            LinkError: it cannot be opened, another master drives it, or it carries only errors.
+
+        """
+        self.open_second()
+        self._handlers[frames.NMT] = self._rival_orders
+        self._handlers[frames.HEARTBEAT + self.config.master_node] = self._rival_beats
+        if self.config.sync:
+            self._handlers[frames.SYNC] = self._rival_syncs
+        listening_s = max(3 * self.config.heartbeat, _SHORTEST_LISTENING_S)
+        try:
+            self.wait(lambda: False, listening_s)
+            if self._errors_in_a_row:
+                raise self._broken("only errors are heard")
+        except LinkError:
+            self.close()
+            raise
+
+    def open_second(self) -> None:
+        """Open the bus without listening, to make its drives safe when its master has died.
+
+        Raises:
+            LinkError: it cannot be opened.
+
+        """
+        if self._port is not None:
+            return
+        config = self.config
+        self._clear()
+        adapter = {name: _plain(value) for name, value in config.adapter.items()}
+        self._port = open_port(config.interface, config.channel, round(config.bitrate), adapter)
+        if not config.sync:
+            self._handlers[frames.SYNC] = self._count_sync
+
+    def close(self) -> None:
+        """Close the bus; closing twice is silent."""
+        port, self._port = self._port, None
+        if port is not None:
+            port.close()
+
+    def claim(self, node: int, owner: str) -> None:
+        """Note that ``owner`` speaks for node ``node``.
+
+        Raises:
+            ProtocolError: another device of the rig file does.
+
+        """
+        if node == self.config.master_node:
+            raise ProtocolError(
+                f"node id {node} on {self.name} is rigd's own",
+                hint="give the device, or `master_node` of the link, another id",
+            )
+        if node in self._owners:
+            raise ProtocolError(
+                f"two devices of the rig file have node id {node} on {self.name}: "
+                f"{self._owners[node]}, and {owner}",
+                hint="correct `node` of one of them",
+            )
+        self._owners[node] = owner
+
+    def release(self, node: int) -> None:
+        """Forget a node and what was to be done for it."""
+        self._owners.pop(node, None)
+
+    def subscribe(self, identifier: int, handler: Callable[[bytes], None]) -> None:
+        """Hand the data of every frame with ``identifier`` to ``handler``."""
+        self._handlers[identifier] = handler
+
+    def on_resume(self, action: Callable[[], None]) -> None:
+        """Call ``action`` at the start of the cycle after a pause, in which no heartbeat went."""
+        self._resume.append(action)
+
+    # -- the cycle -----------------------------------------------------------------------------
+
+    def begin(self, t_ns: int) -> None:
+        """Take in what has come, a bounded number of frames.
+
+        Raises:
+            LinkError: the bus is lost, flooded, or has a second master.
+
+        """
+        now = self.now_ns = time.monotonic_ns()
+        if now - self._cycled_ns > 3e9 * self.config.heartbeat:
+            for action in self._resume:
+                action()
+        if self._take(FRAMES_PER_CYCLE):
+            self.behind = False
+            self._crowded_since = 0
+        else:
+            self._crowded(now)
+
+    def end(self, t_ns: int) -> None:
+        """Send what is queued, then SYNC, then the heartbeat if it is due.
+
+        Raises:
+            LinkError: the bus is lost, or takes no frames.
+
+        """
+        self.flush()
+        now = time.monotonic_ns()
+        self._cycled_ns = now
+        self._beat_if_due(now)
+
+    def put(self, identifier: int, data: bytes) -> None:
+        """Queue a PDO for the end of the cycle; a newer one takes the place of an older."""
+        self._outbox[identifier] = data
+
+    def order(self, command: nmt.Command, node: int) -> None:
+        """Queue an NMT command for the end of the cycle."""
+        self._orders.append(nmt.command(command, node))
+
+    def flush(self) -> None:
+        """Send what is queued, and SYNC.
+
+        Raises:
+            LinkError: see :meth:`end`.
+
+        """
+        orders, self._orders = self._orders, []
+        for data in orders:
+            self._send(frames.NMT, data)
+        outbox, self._outbox = self._outbox, {}
+        for identifier, data in outbox.items():
+            self._send(identifier, data)
+        if self.config.sync:
+            self._send(frames.SYNC, b"")
+            self.syncs += 1
+
+    # -- set-up: before the first cycle, may wait ----------------------------------------------
+
+    def send(self, identifier: int, data: bytes) -> None:
+        """Send a frame now.
+
+        Raises:
+            LinkError: the bus is lost, or takes no frames.
+
+        """
+        try:
+            self._opened().send(identifier, data)
+        except Full as error:
+            raise self._stuck() from error
+
+    def beat(self) -> None:
+        """Send a heartbeat now.
+
+        Raises:
+            LinkError: see :meth:`send`.
+
+        """
+        self._send(frames.HEARTBEAT + self.config.master_node, nmt.heartbeat())
+        self.beat_ns = time.monotonic_ns()
+
+    def wait(self, until: Callable[[], bool], timeout_s: float) -> bool:
+        """Take in frames until ``until()``, at most ``timeout_s``; return whether it came true.
+
+        Sends heartbeats meanwhile where :attr:`beating`.
+
+        Raises:
+            LinkError: the bus is lost, or has a second master.
+
+        """
+        port = self._opened()
+        deadline_ns = time.monotonic_ns() + round(timeout_s * 1e9)
+        while True:
+            self._take(FRAMES_PER_CYCLE)
+            if until():
+                return True
+            now = self.now_ns = time.monotonic_ns()
+            pause_ns = deadline_ns - now
+            if pause_ns <= 0:
+                return False
+            if self.beating:
+                self._beat_if_due(now)
+                pause_ns = min(pause_ns, round(self.config.heartbeat * 1e9))
+            port.wait(pause_ns * 1e-9)
+
+    # -- within --------------------------------------------------------------------------------
+
+    def _opened(self) -> Port:
+        if self._port is None:
+            raise LinkError(f"{self.name} is not open")
+        return self._port
+
+    def _beat_if_due(self, now_ns: int) -> None:
+        # Half a millisecond early rather than a cycle late.
+        if now_ns - self.beat_ns >= self.config.heartbeat * 1e9 - 500_000:
+            self.beat()
+
+    def _send(self, identifier: int, data: bytes) -> None:
+        try:
+            self._opened().send(identifier, data)
+        except Full as error:
+            self.unsent += 1
+            now = time.monotonic_ns()
+            if not self._full_since:
+                self._full_since = now
+            elif now - self._full_since > STALL_NS:
+                raise self._stuck() from error
+            return
+        self._full_since = 0
+
+    def _take(self, most: int) -> bool:
+        """Dispatch up to ``most`` frames; return whether these were all."""
+        receive = self._opened().receive
+        handlers = self._handlers
+        for _ in range(most):
+            frame = receive()
+            if frame is None:
+                return True
+            identifier, data = frame
+            if self._crowded_since:
+                self._tally[identifier] += 1
+            if identifier > 0x7FF:
+                self._no_canopen(frame)
+                continue
+            self._errors_in_a_row = 0
+            handler = handlers.get(identifier)
+            if handler is not None:
+                handler(data)
+            else:
+                self._unexpected(identifier)
+        return False
+
+    def _unexpected(self, identifier: int) -> None:
+        self.foreign += 1
+        node = identifier - frames.HEARTBEAT
+        if node in frames.NODES:
+            self.heard.add(node)
+
+    def _no_canopen(self, frame: Frame) -> None:
+        identifier, data = frame
+        if not identifier & frames.ERROR:
+            self.foreign += 1
+            return
+        if frames.is_only_news(identifier):
+            return
+        self._errors_in_a_row += 1
+        if frames.is_bus_off(identifier) or self._errors_in_a_row >= ERRORS_IN_A_ROW:
+            raise self._broken(frames.describe_error(identifier, data))
+
+    def _crowded(self, now: int) -> None:
+        """Note that frames were left; raise once that has gone on for long."""
+        self.behind = True
+        if not self._crowded_since:
+            self._crowded_since = now
+            self._tally.clear()
+        elif now - self._crowded_since > STALL_NS:
+            ((identifier, count),) = self._tally.most_common(1)
+            total = self._tally.total()
+            raise LinkError(
+                f"{self.name} is flooded: in {(now - self._crowded_since) // 1_000_000} ms came "
+                f"more than {total} frames, {count} of them {frames.describe(identifier)}",
+                hint="switch that node off or correct its PDO transmission type",
+            )
+
+    def _count_sync(self, data: bytes) -> None:
+        self.syncs += 1
+
+    def _rival_syncs(self, data: bytes) -> None:
+        raise self._rival("sends SYNC")
+
+    def _rival_orders(self, data: bytes) -> None:
+        raise self._rival("sends NMT commands")
+
+    def _rival_beats(self, data: bytes) -> None:
+        raise self._rival(f"sends the heartbeat of node {self.config.master_node}")
+
+    def _rival(self, does: str) -> LinkError:
+        return LinkError(
+            f"another rigd (or CANopen master) drives {self.name}: it {does}",
+            hint="stop it; where a device is meant to send SYNC, set `sync: false` on the link",
+        )
+
+    def _stuck(self) -> LinkError:
+        return LinkError(
+            f"{self.name} takes no frames: its queue stays full",
+            hint="no node acknowledges, or the bus is overloaded: check power, wiring, "
+            f"termination (120 ohm at both ends) and that all nodes use {self._rate()}; on "
+            "SocketCAN also: ip link set IF txqueuelen 1000",
+        )
+
+    def _broken(self, what: str) -> LinkError:
+        return LinkError(
+            f"{self.name}: {what}",
+            hint=f"check that all nodes and the adapter use the same bitrate ({self._rate()} in "
+            "the rig file), wiring and termination (120 ohm at both ends); after bus-off the "
+            "interface must be restarted: ip link set IF down, then up",
+        )
+
+    def _rate(self) -> str:
+        return f"{self.config.bitrate / 1000:g} kbit/s"
+
+
+def _plain(value: str) -> Any:
+    """Return an adapter's option as the number or truth that its text says, else as it stands."""
+    from can.util import cast_from_string
+
+    return cast_from_string(value)

@@ -1,0 +1,347 @@
+"""One CANopen node as its master sees it: set up by SDO, then watched in the cycle."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from contextlib import suppress
+from typing import Final
+
+from rigd.sdk import DeviceError, LinkError, ProtocolError
+from rigd_drivers.can_bus import CanBus
+from rigd_drivers.canopen import emcy, frames, nmt, objects, sdo
+from rigd_drivers.canopen.objects import Entry
+from rigd_drivers.canopen.pdo import EVENT_DRIVEN, Pdo
+
+#: A node answers an SDO request within this, also when its host or ours stalls, in s.
+SDO_TIMEOUT_S: Final = 0.5
+#: The same while a drive must be made safe, in s.
+RESCUE_TIMEOUT_S: Final = 0.1
+#: How long a second node with the same id has for its reply, in s.
+_TWIN_S: Final = 0.02
+#: What we tell nodes to send their heartbeat at, in ms.
+HEARTBEAT_MS: Final = 100
+#: Five heartbeats missed in a row are no stall, in ns.
+_HEARTBEAT_LOST_NS: Final = 5 * HEARTBEAT_MS * 1_000_000
+#: One may have been under way when the node was ordered back to operational.
+_HALTED_HEARTBEATS: Final = 2
+#: A node is operational within this after the order, told by its heartbeat, in s.
+_START_S: Final = 1.0
+
+
+class Node:
+    """Node ``node_id`` on ``bus``."""
+
+    def __init__(self, bus: CanBus, node_id: int) -> None:
+        self.bus = bus
+        self.node_id = node_id
+        self.identity = ""
+        self.state: nmt.State | None = None  #: what its last heartbeat said
+        self.emergency: emcy.Emergency | None = None  #: the first that was not looked at yet
+        self.sdo_timeout_s = SDO_TIMEOUT_S
+        self._replies: deque[bytes] = deque(maxlen=16)
+        self._restarted = False
+        self._garbled = ""
+        self._heard_ns = 0
+        self._halted = 0  #: heartbeats in a row that told of another state than operational
+
+    def __str__(self) -> str:
+        return f"node {self.node_id} on {self.bus.name}"
+
+    # -- set-up --------------------------------------------------------------------------------
+
+    def attach(self) -> None:
+        """Take from the bus what the node sends about itself."""
+        self.bus.subscribe(frames.SDO_REPLY + self.node_id, self._replies.append)
+        self.bus.subscribe(frames.EMCY + self.node_id, self._on_emergency)
+        self.bus.subscribe(frames.HEARTBEAT + self.node_id, self._on_heartbeat)
+
+    def open(self, owner: str, profile: int, serial: int | None) -> None:
+        """Bring the node to pre-operational and make sure that it is the one expected.
+
+        ``profile`` is the CiA profile in its device type, ``serial`` its serial number where the
+        rig file gives one.
+
+        Raises:
+            LinkError: it does not answer.
+            ProtocolError: it is another kind of device or another exemplar, or two share the id.
+
+        """
+        self.bus.claim(self.node_id, owner)
+        self.attach()
+        self._order(nmt.Command.PRE_OPERATIONAL)
+        found = self.read(objects.DEVICE_TYPE) & 0xFFFF
+        if found != profile:
+            raise ProtocolError(
+                f"{self} has device profile {found} (object 1000), expected {profile}",
+                hint="correct `node` of this device, or its driver",
+            )
+        number = self.read_optional(objects.SERIAL)
+        self._is_alone()
+        if serial is not None and number != serial:
+            raise ProtocolError(
+                f"{self} has serial number {number}, the rig file expects {serial}",
+                hint="another exemplar stands there: check its calibration, then correct `serial`",
+            )
+        self.identity = self._identify(number)
+        self.ensure(objects.HEARTBEAT_PRODUCER, HEARTBEAT_MS)
+
+    def start(self) -> None:
+        """Make the node operational; from now on it heeds and sends PDOs.
+
+        Raises:
+            ProtocolError: its heartbeat does not say so.
+
+        """
+        self.state = None
+        self._order(nmt.Command.START)
+        if not self.bus.wait(lambda: self.state is nmt.State.OPERATIONAL, _START_S):
+            said = self._said()
+            raise ProtocolError(
+                f"{self} is not operational {_START_S:g} s after it was told to: {said}",
+                hint="look at its error history (object 1003) with the maker's tool",
+            )
+        self._restarted = False
+        self._halted = 0
+
+    def close(self) -> None:
+        """Leave the node pre-operational, quiet but for its heartbeat."""
+        self.bus.release(self.node_id)
+        if self.bus.is_open:
+            with suppress(LinkError):  # the bus is lost: the node hears nothing from us anyway
+                self._order(nmt.Command.PRE_OPERATIONAL)
+
+    def read(self, entry: Entry) -> int:
+        """Return the value of ``entry``.
+
+        Raises:
+            LinkError: the node does not answer.
+            ProtocolError: it refuses, or answers with something else.
+
+        """
+        try:
+            return entry.unpack(self._upload(entry.index, entry.sub))
+        except sdo.Aborted as error:
+            raise self._refused(f"reading {entry}", error) from error
+        except ValueError as error:
+            raise ProtocolError(f"{self}: {error}") from error
+
+    def read_optional(self, entry: Entry) -> int | None:
+        """Return the value of ``entry``, of whatever length; None where the node has no such one.
+
+        Raises:
+            LinkError, ProtocolError: see :meth:`read`.
+
+        """
+        try:
+            data = self._upload(entry.index, entry.sub)
+        except sdo.Aborted as error:
+            if error.code in sdo.MISSING:
+                return None
+            raise self._refused(f"reading {entry}", error) from error
+        return int.from_bytes(data, "little", signed=entry.code.islower())
+
+    def write(self, entry: Entry, value: int) -> None:
+        """Write ``value`` to ``entry``.
+
+        Raises:
+            LinkError, ProtocolError: see :meth:`read`.
+
+        """
+        try:
+            self._run(sdo.Download(entry.index, entry.sub, entry.pack(value)))
+        except sdo.Aborted as error:
+            raise self._refused(f"writing {value} (0x{value:X}) to {entry}", error) from error
+
+    def ensure(self, entry: Entry, value: int) -> None:
+        """Write ``value`` to ``entry`` and read it back.
+
+        Raises:
+            LinkError: the node does not answer.
+            ProtocolError: it refuses, or reads back something else.
+
+        """
+        self.write(entry, value)
+        kept = self.read(entry)
+        if kept != value:
+            raise ProtocolError(
+                f"{self}: {entry} reads back {kept} (0x{kept:X}), written was {value} (0x{value:X})"
+            )
+
+    def ensure_optional(self, entry: Entry, value: int) -> bool:
+        """Do as :meth:`ensure` where the node has ``entry``; return whether it has."""
+        if self.read_optional(entry) is None:
+            return False
+        self.ensure(entry, value)
+        return True
+
+    def configure(self, pdo: Pdo) -> None:
+        """Map ``pdo`` and switch it on.
+
+        Raises:
+            LinkError, ProtocolError: see :meth:`ensure`.
+
+        """
+        for entry, value in pdo.setup():
+            self.ensure(entry, value)
+        if pdo.transmit:
+            self.ensure_optional(pdo.inhibit_time(), 0)
+
+    def switch_off_rest(self, receive: int, transmit: int) -> None:
+        """Make invalid what PDOs the node has beyond so many, so that they do not load the bus."""
+        for used, bases, sent in ((receive, frames.RPDO, False), (transmit, frames.TPDO, True)):
+            for number, base in enumerate(bases[used:], start=used + 1):
+                identifier = base + self.node_id
+                rest = Pdo(number, sent, identifier, EVENT_DRIVEN, ())
+                valid, value = next(rest.setup())
+                if self.read_optional(valid) is not None:
+                    self.write(valid, value)
+
+    # -- the cycle -----------------------------------------------------------------------------
+
+    def watch(self, *, forgive_silence: bool) -> None:
+        """Raise what the node has reported since the last cycle; once per cycle.
+
+        ``forgive_silence`` overlooks what the node says because we fell silent before the cycle.
+
+        Raises:
+            DeviceError: it reports an emergency, has restarted, or fell silent.
+            ProtocolError: it sends what no CANopen node sends.
+
+        """
+        emergency = self.emergency
+        if emergency is not None:
+            self.emergency = None
+            if not (forgive_silence and emergency.code in emcy.MASTER_SILENT):
+                raise DeviceError(f"{self}: {emergency}", hint=_advice(emergency))
+        if self._restarted:
+            self._restarted = False
+            raise DeviceError(
+                f"{self} has restarted (boot-up message): its set-up is lost",
+                hint="check its supply and connector; the next run sets it up again",
+            )
+        if self._garbled:
+            raise ProtocolError(f"{self} {self._garbled}", hint="another device may have its id")
+        if forgive_silence:
+            return
+        if self.bus.now_ns - self._heard_ns > _HEARTBEAT_LOST_NS:
+            silent_ms = (self.bus.now_ns - self._heard_ns) // 1_000_000
+            raise DeviceError(f"{self} sent no heartbeat for {silent_ms} ms")
+        if self._halted >= _HALTED_HEARTBEATS:
+            raise DeviceError(
+                f"{self} is no longer operational, its heartbeat says: {self._said()}"
+            )
+
+    def restart_quietly(self) -> None:
+        """Order the node operational again at the end of this cycle, after a pause of ours.
+
+        A node that watches our heartbeat leaves the operational state when we fall silent (CiA
+        301, object 1029).
+        """
+        self.bus.order(nmt.Command.START, self.node_id)
+        self._halted = 0
+        self._heard_ns = self.bus.now_ns
+
+    # -- within --------------------------------------------------------------------------------
+
+    def _said(self) -> str:
+        return "no heartbeat" if self.state is None else self.state.name.lower()
+
+    def _order(self, command: nmt.Command) -> None:
+        self.bus.send(frames.NMT, nmt.command(command, self.node_id))
+
+    def _on_emergency(self, data: bytes) -> None:
+        emergency = emcy.decode(data)
+        if emergency is None:
+            self._garbled = f"sent an emergency of {len(data)} bytes, expected 8"
+        elif not emergency.is_reset and self.emergency is None:
+            self.emergency = emergency
+
+    def _on_heartbeat(self, data: bytes) -> None:
+        self._heard_ns = time.monotonic_ns()
+        state = nmt.read_heartbeat(data)
+        if state is None:
+            self._garbled = f"sent a heartbeat of {data.hex(' ') or 'no bytes'}"
+        elif state is nmt.State.BOOT_UP:
+            self._restarted = True
+        self._halted = 0 if state is nmt.State.OPERATIONAL else self._halted + 1
+        self.state = state
+
+    def _upload(self, index: int, sub: int) -> bytes:
+        transfer = sdo.Upload(index, sub)
+        self._run(transfer)
+        return transfer.data
+
+    def _run(self, transfer: sdo.Transfer) -> None:
+        where = f"{transfer.index:04X}:{transfer.sub:02X}"
+        request: bytes | None = transfer.request
+        self._replies.clear()
+        while request is not None:
+            self.bus.send(frames.SDO_REQUEST + self.node_id, request)
+            if not self.bus.wait(lambda: bool(self._replies), self.sdo_timeout_s):
+                raise self._silent(where)
+            try:
+                request = transfer.feed(self._replies.popleft())
+            except sdo.Garbled as error:
+                self.bus.send(frames.SDO_REQUEST + self.node_id, transfer.abort(0x05040001))
+                raise ProtocolError(
+                    f"{self}: SDO transfer of {where}: {error}",
+                    hint="two nodes may share the id, or another SDO client asks this one",
+                ) from error
+
+    def _is_alone(self) -> None:
+        """Raise if a second reply follows the one that was just taken."""
+        if self.bus.wait(lambda: bool(self._replies), _TWIN_S):
+            raise ProtocolError(
+                f"two nodes answer under node id {self.node_id} on {self.bus.name}",
+                hint="switch all but one off, and give each an id of its own",
+            )
+
+    def _identify(self, serial: int | None) -> str:
+        try:
+            text = self._upload(*objects.DEVICE_NAME).rstrip(b"\0").decode("ascii", "replace")
+        except sdo.Aborted as error:
+            if error.code not in sdo.MISSING:
+                raise ProtocolError(f"{self} does not tell its name (1008): {error}") from error
+            text = "unnamed"
+        numbers = [
+            f"{label} 0x{value:X}"
+            for label, entry in (
+                ("vendor", objects.VENDOR),
+                ("product", objects.PRODUCT),
+                ("revision", objects.REVISION),
+            )
+            if (value := self.read_optional(entry)) is not None
+        ]
+        if serial is not None:
+            numbers.append(f"serial number {serial}")
+        return ", ".join([text, *numbers])
+
+    def _silent(self, where: str) -> LinkError:
+        others = sorted(self.bus.heard - {self.node_id})
+        heard = f"nodes heard: {', '.join(map(str, others))}" if others else "no node was heard"
+        return LinkError(
+            f"{self} does not answer within {self.sdo_timeout_s:g} s (SDO {where}); {heard}",
+            hint="check `node`, its power and wiring, termination, and that it uses "
+            f"{self.bus.config.bitrate / 1000:g} kbit/s",
+        )
+
+    def _refused(self, doing: str, error: sdo.Aborted) -> ProtocolError:
+        return ProtocolError(f"{self} refuses {doing}: {error}", hint=_REFUSALS.get(error.code))
+
+
+#: What to do about a refusal.
+_REFUSALS: Final = {
+    0x06020000: "its firmware lacks what this driver needs: update it, or use another driver",
+    0x06040041: "its firmware cannot map this object to a PDO: update it",
+    0x06040042: "its PDOs take fewer objects than this driver maps",
+    0x06010002: "the mapping of this PDO is fixed: make it variable with the maker's tool",
+    0x08000022: "it is not in a state to take this: switch the device off and on, then again",
+    0x08000021: "the maker's tool controls it: take it offline there",
+}
+
+
+def _advice(emergency: emcy.Emergency) -> str | None:
+    if emergency.code in emcy.MASTER_SILENT:
+        return "the cycle stalled for longer than `watchdog`; see `rigd doctor`"
+    return None

@@ -1,0 +1,62 @@
+"""What a node sends at every SYNC: whether it came, once, and as long as it was mapped."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rigd.sdk import ProtocolError
+from rigd_drivers.canopen.pdo import Pdo
+
+#: A TPDO that comes more often than SYNC in so many cycles in a row is no chance.
+_DOUBLED_CYCLES: Final = 5
+#: SYNCs that may still be answered; older ones are lost, not late.
+_LATEST_SYNCS: Final = 2
+
+
+class Inbox:
+    """The newest values of one synchronous TPDO of node ``node``."""
+
+    def __init__(self, pdo: Pdo, node: int, syncs: int = 0) -> None:
+        self._name = f"{pdo} (0x{pdo.identifier:03X}) of node {node}"
+        self._layout = pdo.layout()
+        self._data = b""
+        self._came = 0
+        self._due = 0
+        self._syncs = syncs
+        self._doubled = 0
+
+    def receive(self, data: bytes) -> None:
+        """Take in a frame."""
+        self._data = data
+        self._came += 1
+
+    def take(self, syncs: int) -> tuple[int, ...] | None:
+        """Return the values that came since the last call, or None; once per cycle.
+
+        ``syncs`` is how many SYNCs were sent so far.
+
+        Raises:
+            ProtocolError: the frame has another length than its mapping, or comes more than once
+                per SYNC, cycle after cycle: two nodes share the id.
+
+        """
+        came, self._came = self._came, 0
+        due = min(self._due + syncs - self._syncs, _LATEST_SYNCS)
+        self._syncs = syncs
+        self._due = max(0, due - came)
+        if not came:
+            return None
+        self._doubled = self._doubled + 1 if came > due else 0
+        if self._doubled >= _DOUBLED_CYCLES:
+            raise ProtocolError(
+                f"{self._name} comes more often than SYNC, {self._doubled} cycles in a row; "
+                f"expected once",
+                hint="two nodes may have this id, or another program sends SYNC on this bus; "
+                "switch nodes off one by one",
+            )
+        if len(self._data) != self._layout.size:
+            raise ProtocolError(
+                f"{self._name} has {len(self._data)} bytes, mapped were {self._layout.size}",
+                hint="the node has lost its mapping, or another one sends under its id",
+            )
+        return self._layout.unpack(self._data)

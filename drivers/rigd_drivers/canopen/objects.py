@@ -1,0 +1,90 @@
+"""Entries of an object dictionary: where a value stands and how it is packed.
+
+Sources: CiA 301, section 7.5 (1000h range); CiA 402-2 and -3 (6000h range of drives); CiA 406
+(6000h range of encoders); maxon EPOS4 Firmware Specification (3001h).
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One entry: index, sub-index, its type as :mod:`struct` writes it, and its name."""
+
+    index: int
+    sub: int
+    code: str
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.index:04X}:{self.sub:02X} ({self.name})"
+
+    @property
+    def size(self) -> int:
+        """Bytes of the value."""
+        return struct.calcsize("<" + self.code)
+
+    def pack(self, value: int) -> bytes:
+        """Return ``value`` as the dictionary holds it.
+
+        Raises:
+            ValueError: it does not fit the type.
+
+        """
+        try:
+            return struct.pack("<" + self.code, value)
+        except struct.error as error:
+            raise ValueError(f"{value} does not fit object {self}: {error}") from error
+
+    def unpack(self, data: bytes) -> int:
+        """Return the value in ``data``.
+
+        Raises:
+            ValueError: of another size than the type.
+
+        """
+        if len(data) != self.size:
+            raise ValueError(f"object {self} has {len(data)} bytes, expected {self.size}")
+        return int(struct.unpack("<" + self.code, data)[0])
+
+
+DEVICE_TYPE: Final = Entry(0x1000, 0, "I", "device type")
+ERROR_REGISTER: Final = Entry(0x1001, 0, "B", "error register")
+ERROR_COUNT: Final = Entry(0x1003, 0, "B", "number of errors")
+LAST_ERROR: Final = Entry(0x1003, 1, "I", "error history")
+HEARTBEAT_CONSUMER: Final = Entry(0x1016, 1, "I", "consumer heartbeat time")
+HEARTBEAT_PRODUCER: Final = Entry(0x1017, 0, "H", "producer heartbeat time")
+VENDOR: Final = Entry(0x1018, 1, "I", "vendor id")
+PRODUCT: Final = Entry(0x1018, 2, "I", "product code")
+REVISION: Final = Entry(0x1018, 3, "I", "revision number")
+SERIAL: Final = Entry(0x1018, 4, "I", "serial number")
+DEVICE_NAME: Final = (0x1008, 0)  #: text of any length
+
+# CiA 402
+ABORT_CONNECTION_OPTION: Final = Entry(0x6007, 0, "h", "abort connection option code")
+CONTROLWORD: Final = Entry(0x6040, 0, "H", "controlword")
+STATUSWORD: Final = Entry(0x6041, 0, "H", "statusword")
+MODE: Final = Entry(0x6060, 0, "b", "modes of operation")
+MODE_DISPLAY: Final = Entry(0x6061, 0, "b", "modes of operation display")
+POSITION: Final = Entry(0x6064, 0, "i", "position actual value")
+VELOCITY: Final = Entry(0x606C, 0, "i", "velocity actual value")
+TARGET_TORQUE: Final = Entry(0x6071, 0, "h", "target torque")
+RATED_TORQUE: Final = Entry(0x6076, 0, "I", "motor rated torque")
+TORQUE: Final = Entry(0x6077, 0, "h", "torque actual value")
+VELOCITY_UNIT: Final = Entry(0x60A9, 0, "I", "SI unit velocity")
+OUTPUTS: Final = Entry(0x60FE, 1, "I", "digital outputs")
+OUTPUTS_MASK: Final = Entry(0x60FE, 2, "I", "digital outputs, bit mask")
+TARGET_VELOCITY: Final = Entry(0x60FF, 0, "i", "target velocity")
+SUPPORTED_MODES: Final = Entry(0x6502, 0, "I", "supported drive modes")
+
+# maxon EPOS4
+TORQUE_CONSTANT: Final = Entry(0x3001, 5, "I", "motor torque constant")
+
+# CiA 406
+ENCODER_POSITION: Final = Entry(0x6004, 0, "I", "position value")
+STEPS_PER_REVOLUTION: Final = Entry(0x6501, 0, "I", "single-turn resolution")
+REVOLUTIONS: Final = Entry(0x6502, 0, "H", "number of distinguishable revolutions")

@@ -1,0 +1,94 @@
+"""A CiA 402 drive in cyclic torque mode, commanded and read in amperes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, ClassVar
+
+from annotated_types import Gt
+
+from rigd.sdk import Channel, DriverConfig, In, ProtocolError
+from rigd_drivers.can_bus import CanBus
+from rigd_drivers.can_node import Node
+from rigd_drivers.canopen import objects
+from rigd_drivers.canopen.cia402 import Mode
+from rigd_drivers.cia402_servo.servo import Servo, ServoConfig
+
+#: Target and actual torque are per mille of the rated torque, 16 bits with sign (CiA 402-2).
+_PER_MILLE = 1000
+_LARGEST = 32767
+
+
+class CurrentServoConfig(ServoConfig):
+    """How torque in the drive's units becomes a current."""
+
+    current_range: Annotated[float, In("A"), Gt(0)]
+    """Largest setpoint of either sign."""
+    torque_constant: Annotated[float, In("N m/A"), Gt(0)] | None = None
+    """Torque of the motor per current; none: as the drive says (object 3001:5, maxon EPOS4)."""
+
+
+class CurrentServo(Servo):
+    """Sets the motor current, by torque over the torque constant.
+
+    Safe means switched off: no current, the wheel coasts.
+    """
+
+    Config: ClassVar[type[DriverConfig]] = CurrentServoConfig
+    title = "CiA 402 servo drive on CAN, current mode"
+    mode = Mode.CYCLIC_TORQUE
+    target = objects.TARGET_TORQUE
+    feedback = ((objects.STATUSWORD, objects.TORQUE, objects.POSITION),)
+    config: CurrentServoConfig
+
+    def __init__(self, config: CurrentServoConfig, link: CanBus | None) -> None:
+        super().__init__(config, link)
+        limit = config.current_range
+        self.setpoints = (Channel("current", "A", "motor current", -limit, limit),)
+        self.channels = (
+            Channel("current", "A", "motor current, from the drive's torque"),
+            Channel(
+                "current_raw", "1", "torque in per mille of the rated torque", raw_of="current"
+            ),
+            Channel("angle", "rad", "angle of the motor"),
+            Channel("counts", "count", "position of the drive", raw_of="angle"),
+        )
+        self._amperes = float("nan")  #: of one per mille, with sign
+        self._radians = self._sign / config.counts_per_revolution
+
+    def write(self, setpoints: Sequence[float]) -> None:
+        """Demand a current in A; it flows once the drive is enabled.
+
+        Raises:
+            DeviceError: the setpoint is NaN; the one before it holds.
+
+        """
+        current = self.accepted(self.setpoints[0], setpoints[0])
+        self._send_target(round(current / self._amperes))
+
+    def _row(self, values: Sequence[int]) -> Sequence[float]:
+        status, torque, position = values
+        counts = self._unwrap.follow(position)
+        angle = (counts - self._zero) * self._radians
+        return torque * self._amperes, torque, angle, counts, status
+
+    def _check_ratings(self, node: Node) -> None:
+        super()._check_ratings(node)
+        given = self.config.torque_constant
+        told = node.read_optional(objects.TORQUE_CONSTANT)  # in µN m/A
+        if told is not None:
+            self.agree(node, "torque constant", "3001:05", told * 1e-6, given)
+        elif given is None:
+            raise ProtocolError(
+                f"{node} does not tell its torque constant (object 3001:05)",
+                hint="give `torque_constant`, from the motor's data sheet",
+            )
+        constant = given if given is not None else (told or 0) * 1e-6
+        self._amperes = self._sign * self._rated_torque / _PER_MILLE / constant
+        reach = abs(self._amperes) * _LARGEST
+        if self.config.current_range > reach:
+            raise ProtocolError(
+                f"{node} takes at most {reach:.3g} A ({_LARGEST} per mille of its rated torque), "
+                f"`current_range` is {self.config.current_range:g} A",
+                hint="lower `current_range`, or correct the rated torque (object 6076)",
+            )

@@ -1,0 +1,461 @@
+"""What CiA 402 drives have in common: set-up, watchdog, enabling, supervision, making safe."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Annotated, ClassVar, Final
+
+from annotated_types import Ge, Gt, Le
+
+from rigd.sdk import Channel, DeviceError, Driver, DriverConfig, In, LinkError, ProtocolError
+from rigd_drivers.can_bus import CanBus
+from rigd_drivers.can_node import RESCUE_TIMEOUT_S, Node
+from rigd_drivers.canopen import cia402, emcy, frames, objects, pdo
+from rigd_drivers.canopen.cia402 import DriveState, Mode
+from rigd_drivers.canopen.counter import Unwrap
+from rigd_drivers.canopen.inbox import Inbox
+from rigd_drivers.canopen.objects import Entry
+
+#: Low word of 1000h.
+_PROFILE: Final = 402
+#: 6007h: what the drive does when it loses our heartbeat. 2 switches the voltage off at once; a
+#: quick stop would keep torque on the wheel.
+_DISABLE_VOLTAGE: Final = 2
+#: A drive takes a controlword, and shows a mode, within this, in s.
+_STEP_S: Final = 0.5
+#: A drive is enabled within this in the cycle (brake, charging of its power stage), in ns.
+_ARMING_NS: Final = 3_000_000_000
+#: Pause between two looks at the statusword while it is waited for, in s.
+_LOOK_S: Final = 0.002
+#: Heartbeats that must fit into the watchdog time, so that a late one does not trip it.
+_HEARTBEATS_IN_WATCHDOG: Final = 3
+#: Tolerance of a rating against what the rig file says: drives round it to their own unit.
+_RATING_TOLERANCE: Final = 0.01
+
+
+class ServoConfig(DriverConfig):
+    """Which drive it is, and what its units stand for."""
+
+    node: Annotated[int, Ge(1), Le(127)]
+    """Node id of the drive."""
+    serial: int | None = None
+    """Serial number that the drive must have (object 1018:4); none: any."""
+    counts_per_revolution: Annotated[float, In("count/rad"), Gt(0)]
+    """Counts of the position (object 6064) per revolution of the motor, as in `4096 count/rev`."""
+    inverted: bool = False
+    """Whether the drive's positive direction is the rig's negative one."""
+    zero_at_open: bool = True
+    """Whether the position is zero where the rig is opened, or where the drive counts zero."""
+    rated_torque: Annotated[float, In("N m"), Gt(0)] | None = None
+    """Rated torque that the drive must be set to (object 6076); none: whatever it says."""
+    watchdog: Annotated[float, In("s"), Ge(0.01), Le(5)] = 0.1
+    """The drive switches itself off after so long without a heartbeat of rigd."""
+
+
+class Servo(Driver):
+    """A drive on a CAN bus.
+
+    Safe means *switched off*: target zero and voltage disabled (controlword 0), so that the motor
+    has no torque. Nothing then holds the axis but what is spring-applied.
+    """
+
+    link_kind = "can"
+    has_status = True
+    second_link = True
+    #: Mode of operation, and the object that holds its target.
+    mode: ClassVar[Mode]
+    target: ClassVar[Entry]
+    #: What the drive sends at every SYNC, one tuple of entries per TPDO.
+    feedback: ClassVar[tuple[tuple[Entry, ...], ...]]
+    config: ServoConfig
+    link: CanBus
+
+    def __init__(self, config: ServoConfig, link: CanBus | None) -> None:
+        super().__init__(config, link)
+        # Half as long again, for the drive's own tick, and 50 ms for the news to get here.
+        self.watchdog_s = 1.5 * config.watchdog + 0.05
+        node = config.node
+        self._sign = -1 if config.inverted else 1
+        self._command = pdo.Pdo(
+            1, False, frames.RPDO[0] + node, pdo.SYNCHRONOUS, (objects.CONTROLWORD, self.target)
+        )
+        self._tpdos = tuple(
+            pdo.Pdo(number + 1, True, frames.TPDO[number] + node, pdo.SYNCHRONOUS, entries)
+            for number, entries in enumerate(self.feedback)
+        )
+        self._command_layout = self._command.layout()
+        self._inboxes: tuple[Inbox, ...] = ()
+        self._unwrap = Unwrap(1 << 32)
+        self._zero = 0
+        self._rated_torque = float("nan")
+        self._enabling = cia402.Enabling()
+        self._statusword = 0
+        self._armed = False
+        self._enabled = False
+        self._armed_ns = 0
+        self._node: Node | None = None
+
+    # -- before the first cycle ----------------------------------------------------------------
+
+    def open(self) -> None:
+        """Set the drive up by SDO, reading everything back, and leave it switched off.
+
+        Raises:
+            LinkError: it does not answer.
+            ProtocolError: it is another device, or refuses the set-up.
+            DeviceError: it stands in a fault that cannot be reset.
+
+        """
+        node = Node(self.link, self.config.node)
+        node.open(self.title, _PROFILE, self.config.serial)
+        self._node = node
+        self.identity = node.identity
+        self._check_ratings(node)
+        self._set_watch(node)
+        self._switch_off(node)
+        self._set_mode(node)
+        self._map(node)
+        self._unwrap = Unwrap(1 << 32)
+        count = self._unwrap.follow(node.read(objects.POSITION))
+        self._zero = count if self.config.zero_at_open else 0
+        self._armed = self._enabled = False
+        self._inboxes = tuple(Inbox(one, self.config.node, self.link.syncs) for one in self._tpdos)
+        for one, inbox in zip(self._tpdos, self._inboxes, strict=True):
+            self.link.subscribe(one.identifier, inbox.receive)
+        self.link.on_resume(self._resume)
+        node.start()
+
+    def preflight(self) -> Sequence[str]:
+        """Refuse a watchdog that one late heartbeat would trip."""
+        least = _HEARTBEATS_IN_WATCHDOG * self.link.config.heartbeat
+        if self.config.watchdog < least:
+            return [
+                f"`watchdog` of {self.config.watchdog * 1e3:g} ms is shorter than "
+                f"{_HEARTBEATS_IN_WATCHDOG} heartbeats ({least * 1e3:g} ms) of {self.link.name}: "
+                f"raise it, or shorten `heartbeat` of the link"
+            ]
+        return ()
+
+    def prove_watchdog(self) -> float:
+        """Enable at zero target, withhold the heartbeat, and time the drive's switching off.
+
+        Returns s from the last heartbeat until the drive has left operation enabled. It is
+        enabled by SDO, so that neither RPDO nor SYNC runs meanwhile.
+
+        Raises:
+            DeviceError: it cannot be enabled, or stayed enabled for ``watchdog_s``.
+
+        """
+        node = self._opened()
+        with self._beating():
+            self.link.beat()
+            node.write(self.target, 0)
+            self._enable_by_sdo(node)
+            self.link.beat()
+        began_ns = self.link.beat_ns
+        limit_ns = round((self.watchdog_s or 0.0) * 1e9)
+        while (silent_ns := time.monotonic_ns() - began_ns) <= limit_ns:
+            if self._state(node) is not DriveState.ENABLED:
+                break
+            self.link.wait(lambda: node.emergency is not None, _LOOK_S)
+        else:
+            self._switch_off(node)
+            raise DeviceError(
+                f"{node} stayed enabled for {silent_ns * 1e-9:.3f} s without a heartbeat; it must "
+                f"switch itself off within {self.watchdog_s:.3f} s",
+                hint="its heartbeat consumer (object 1016) or abort connection option (6007) has "
+                "no effect: update its firmware; do not run without",
+            )
+        with self._beating():
+            self.link.beat()
+            self._switch_off(node)
+            node.start()
+        return silent_ns * 1e-9
+
+    # -- the cycle -----------------------------------------------------------------------------
+
+    def arm(self) -> None:
+        """Begin to enable the drive at zero target, resetting a fault that our silence made."""
+        self._enabling = cia402.Enabling()
+        self._enabled = False
+        self._armed = True
+        self._armed_ns = time.monotonic_ns()
+
+    def ready(self) -> bool:
+        """Return whether the drive is enabled and follows the target."""
+        return self._enabled
+
+    def read(self, t_ns: int) -> Sequence[float] | None:
+        """Return the row that answers the SYNC of the cycle before, or None where none came.
+
+        Raises:
+            DeviceError: an emergency, a fault, a restart, or the drive left operation enabled.
+            ProtocolError: a frame has not the length mapped, or comes twice each SYNC.
+
+        """
+        self._opened().watch(forgive_silence=not self._enabled)
+        syncs = self.link.syncs
+        values: list[int] = []
+        complete = not self.link.behind
+        for inbox in self._inboxes:
+            part = inbox.take(syncs)
+            if part is None:
+                complete = False
+            else:
+                values += part
+        if not complete:
+            self._check_arming()
+            return None
+        self._statusword = values[0]
+        self._follow_state()
+        return self._row(values)
+
+    def make_safe(self) -> None:
+        """Switch the drive off: target zero and voltage disabled, twice, each with a SYNC.
+
+        Does nothing where the bus is not open: the drive's watchdog then has acted, or the drive
+        was never enabled.
+
+        Raises:
+            LinkError: the bus takes no frames; the watchdog switches the drive off.
+
+        """
+        self._armed = self._enabled = False
+        if not self._reachable():
+            return
+        for _ in range(2):
+            self.link.put(self._command.identifier, self._command_layout.pack(0, 0))
+            self._put_safe_outputs()
+            self.link.flush()
+
+    def rescue(self) -> None:
+        """Switch the drive off over a bus opened anew, and see that it is off.
+
+        Raises:
+            LinkError: the bus cannot be opened, or the drive does not answer.
+            DeviceError: it is still enabled.
+
+        """
+        bus = self.link
+        bus.open_second()
+        try:
+            self.make_safe()
+            node = Node(bus, self.config.node)
+            node.sdo_timeout_s = RESCUE_TIMEOUT_S
+            node.attach()
+            node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
+            if not self._settled(node, _OFF, RESCUE_TIMEOUT_S):
+                state = self._state(node).value
+                raise DeviceError(f"{node} was told to switch off, yet is in {state}")
+        finally:
+            bus.close()
+
+    def close(self) -> None:
+        """Leave the drive pre-operational; closing twice is silent."""
+        node, self._node = self._node, None
+        if node is not None:
+            node.close()
+
+    # -- for the modes -------------------------------------------------------------------------
+
+    @abstractmethod
+    def _row(self, values: Sequence[int]) -> Sequence[float]:
+        """Return the row of the values of all TPDOs, in the order of ``feedback``."""
+
+    def _check_ratings(self, node: Node) -> None:
+        """Read from the drive what its units stand for, and check it against the rig file."""
+        self._rated_torque = node.read(objects.RATED_TORQUE) * 1e-6  # in µN m
+        self.agree(node, "rated torque", "6076", self._rated_torque, self.config.rated_torque)
+
+    @staticmethod
+    def agree(node: Node, what: str, where: str, found: float, expected: float | None) -> None:
+        """Raise ProtocolError unless ``found`` is above zero and near ``expected``, in N m (/A)."""
+        if found <= 0:
+            raise ProtocolError(
+                f"{node} has {what} {found:g} (object {where})",
+                hint="enter the motor's data with the maker's tool",
+            )
+        if expected is not None and abs(found - expected) > _RATING_TOLERANCE * expected:
+            raise ProtocolError(
+                f"{node} has {what} {found:.6g} (object {where}), the rig file says "
+                f"{expected:.6g}, both in SI units",
+                hint="correct whichever is wrong: the drive's motor data, or the option",
+            )
+
+    def _put_safe_outputs(self) -> None:
+        """Queue the safe state of what else the drive switches."""
+
+    def _send_target(self, target: int) -> None:
+        """Queue controlword and target of this cycle; the target counts once enabled."""
+        if not self._armed:
+            word, target = cia402.DISABLE_VOLTAGE, 0
+        elif self._enabled:
+            word = cia402.ENABLE
+        else:
+            word, target = self._enabling.next(self._statusword), 0
+        self.link.put(self._command.identifier, self._command_layout.pack(word, target))
+
+    @staticmethod
+    def accepted(channel: Channel, value: float) -> float:
+        """Return ``value`` within the range of ``channel``.
+
+        Raises:
+            DeviceError: it is not a number.
+
+        """
+        if value != value:
+            raise DeviceError(
+                f"setpoint '{channel.name}' is NaN; expected "
+                f"{channel.low:g} to {channel.high:g} {channel.unit}",
+                hint="a profile or a limit made a number of nothing",
+            )
+        return min(max(value, channel.low), channel.high)
+
+    # -- within --------------------------------------------------------------------------------
+
+    def _opened(self) -> Node:
+        if self._node is None:
+            raise LinkError(f"the drive at node {self.config.node} is not open")
+        return self._node
+
+    def _reachable(self) -> bool:
+        link: CanBus | None = self.link  # None while a rig file is checked
+        return link is not None and link.is_open
+
+    def _set_watch(self, node: Node) -> None:
+        """Have the drive watch our heartbeat; zero first, so that it begins anew."""
+        bus = self.link.config
+        node.write(objects.HEARTBEAT_CONSUMER, 0)
+        watch_ms = round(self.config.watchdog * 1e3)
+        node.ensure(objects.HEARTBEAT_CONSUMER, bus.master_node << 16 | watch_ms)
+        node.ensure(objects.ABORT_CONNECTION_OPTION, _DISABLE_VOLTAGE)
+
+    def _set_mode(self, node: Node) -> None:
+        modes = node.read(objects.SUPPORTED_MODES)
+        if not modes >> (self.mode - 1) & 1:
+            raise ProtocolError(
+                f"{node} does not offer {self.mode.name.lower().replace('_', ' ')} mode "
+                f"({self.mode:d}): object 6502 is 0x{modes:X}",
+                hint="update its firmware, or use another drive",
+            )
+        node.ensure(self.target, 0)
+        node.write(objects.MODE, self.mode)
+        deadline = time.monotonic() + _STEP_S
+        while (shown := node.read(objects.MODE_DISPLAY)) != self.mode:
+            if time.monotonic() > deadline:
+                raise ProtocolError(f"{node} shows mode {shown}, told was {self.mode:d}")
+            self.link.wait(lambda: False, _LOOK_S)
+
+    def _map(self, node: Node) -> None:
+        for one in self._pdos():
+            node.configure(one)
+        used = sum(1 for one in self._pdos() if not one.transmit)
+        node.switch_off_rest(used, len(self._tpdos))
+        # A second watchdog, where the drive has it: targets must keep coming, not only heartbeats.
+        node.ensure_optional(self._command.event_timer(), round(self.config.watchdog * 1e3))
+
+    def _pdos(self) -> tuple[pdo.Pdo, ...]:
+        return (self._command, *self._tpdos)
+
+    def _state(self, node: Node) -> DriveState:
+        return cia402.state_of(node.read(objects.STATUSWORD))
+
+    def _switch_off(self, node: Node) -> None:
+        """Switch the drive off and reset its fault, by SDO.
+
+        Raises:
+            DeviceError: the fault stays.
+
+        """
+        node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
+        if self._settled(node, (DriveState.SWITCH_ON_DISABLED,), 0.0):
+            return
+        node.write(objects.CONTROLWORD, cia402.FAULT_RESET)
+        off = self._settled(node, (DriveState.SWITCH_ON_DISABLED,), _STEP_S)
+        node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
+        node.emergency = None  # told of a fault that is reset, or is told below
+        if not off:
+            state = self._state(node)
+            last = node.read_optional(objects.LAST_ERROR)
+            cause = f"; last error: {emcy.describe(last & 0xFFFF)}" if last else ""
+            raise DeviceError(
+                f"{node} stays in {state.value}{cause}",
+                hint="remove the cause, switch the drive off and on",
+            )
+
+    def _enable_by_sdo(self, node: Node) -> None:
+        for word, state in (
+            (cia402.SHUTDOWN, DriveState.READY),
+            (cia402.SWITCH_ON, DriveState.SWITCHED_ON),
+            (cia402.ENABLE, DriveState.ENABLED),
+        ):
+            node.write(objects.CONTROLWORD, word)
+            if not self._settled(node, (state,), _STEP_S):
+                raise DeviceError(
+                    f"{node} stays in {self._state(node).value}, expected {state.value}",
+                    hint=_NOT_ENABLED,
+                )
+
+    def _settled(self, node: Node, states: Sequence[DriveState], timeout_s: float) -> bool:
+        deadline = time.monotonic() + timeout_s
+        while self._state(node) not in states:
+            if time.monotonic() > deadline:
+                return False
+            self.link.wait(lambda: False, _LOOK_S)
+        return True
+
+    @contextmanager
+    def _beating(self) -> Iterator[None]:
+        self.link.beating = True
+        try:
+            yield
+        finally:
+            self.link.beating = False
+
+    def _resume(self) -> None:
+        """Make the drive operational again after a pause between two cycles, unless it moves."""
+        if self._node is not None and not self._enabled:
+            self._node.restart_quietly()
+
+    def _follow_state(self) -> None:
+        word = self._statusword
+        state = cia402.state_of(word)
+        if self._enabled:
+            if state is not DriveState.ENABLED:
+                raise DeviceError(
+                    f"{self._node} has left operation enabled: {state.value} "
+                    f"(statusword 0x{word:04X})",
+                    hint="look at its error history (object 1003)",
+                )
+            if not word & cia402.FOLLOWS or not word & cia402.REMOTE:
+                raise DeviceError(
+                    f"{self._node} ignores its target (statusword 0x{word:04X}: bit 12 or 9 is 0)",
+                    hint="the maker's tool may control it, or a limit switch",
+                )
+        elif self._armed:
+            self._enabled = state is DriveState.ENABLED and bool(word & cia402.FOLLOWS)
+            self._check_arming()
+
+    def _check_arming(self) -> None:
+        if not self._armed or self._enabled:
+            return
+        if time.monotonic_ns() - self._armed_ns > _ARMING_NS:
+            word = self._statusword
+            raise DeviceError(
+                f"{self._node} is not enabled {_ARMING_NS // 1_000_000_000} s after arming: "
+                f"{cia402.state_of(word).value} (statusword 0x{word:04X})",
+                hint=_NOT_ENABLED if not word & cia402.VOLTAGE else None,
+            )
+
+
+#: States without torque.
+_OFF: Final = (
+    DriveState.SWITCH_ON_DISABLED,
+    DriveState.FAULT,
+    DriveState.NOT_READY,
+    DriveState.READY,
+)
+_NOT_ENABLED: Final = "check the supply of its power stage, safe torque off, and the enable input"

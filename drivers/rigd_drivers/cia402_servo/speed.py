@@ -1,0 +1,165 @@
+"""A CiA 402 drive in cyclic velocity mode, moving a linear axis by a belt or a spindle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, ClassVar, Final
+
+from annotated_types import Ge, Gt, Le
+
+from rigd.sdk import Channel, DriverConfig, In, ProtocolError
+from rigd_drivers.can_bus import CanBus
+from rigd_drivers.can_node import Node
+from rigd_drivers.canopen import frames, objects, pdo
+from rigd_drivers.canopen.cia402 import Mode
+from rigd_drivers.cia402_servo.servo import Servo, ServoConfig
+
+#: 606Ch and 60FFh have 32 bits with sign.
+_LARGEST: Final = (1 << 31) - 1
+#: Bit of the status of a row, above the drive's statusword: the clutch is told to hold.
+CLUTCH_ENGAGED: Final = 1 << 16
+#: 60A9h: numerator revolutions, and what they are divided by (CiA 303-2, table of SI units).
+_REVOLUTION: Final = 0xB4
+_PER: Final = {0x03: 1.0, 0x47: 60.0, 0x48: 3600.0}
+_UNIT_TOLERANCE: Final = 1e-6
+
+
+class SpeedServoConfig(ServoConfig):
+    """How the motor's revolutions become travel of the axis."""
+
+    speed_range: Annotated[float, In("m/s"), Gt(0)]
+    """Largest setpoint of either sign."""
+    travel: Annotated[float, In("m/rad"), Gt(0)]
+    """Travel of the axis per revolution of the motor, through gear and pulley: `40 mm/rev`."""
+    velocity_unit: Annotated[float, In("rad/s"), Gt(0)] = 2 * math.pi / 60 * 1e-3
+    """Unit of the drive's velocities (objects 606C, 60FF); checked against object 60A9."""
+    clutch: bool = False
+    """Whether a digital output of the drive releases a clutch between belt and axis."""
+    clutch_output: Annotated[int, Ge(0), Le(31)] = 16
+    """Bit of object 60FE:1 that releases the clutch: 1 is released, 0 is held by its spring."""
+
+
+class SpeedServo(Servo):
+    """Sets the speed of an axis; measures its travel, speed and force at the motor.
+
+    Safe means *switched off with the clutch engaged*: the motor has no torque, and the axis is
+    held to the belt, and by whatever brake the drive applies when it is off. A released axis would
+    run on; so the clutch must be held by its spring without power, as the brake must be.
+    """
+
+    Config: ClassVar[type[DriverConfig]] = SpeedServoConfig
+    title = "CiA 402 servo drive on CAN, speed mode, linear axis"
+    mode = Mode.CYCLIC_VELOCITY
+    target = objects.TARGET_VELOCITY
+    feedback = (
+        (objects.STATUSWORD, objects.TORQUE, objects.POSITION),
+        (objects.VELOCITY,),
+    )
+    config: SpeedServoConfig
+
+    def __init__(self, config: SpeedServoConfig, link: CanBus | None) -> None:
+        super().__init__(config, link)
+        limit = config.speed_range
+        speed = Channel("speed", "m/s", "speed of the axis", -limit, limit)
+        clutch = Channel("engaged", "1", "clutch: 1 engaged, 0 released (no force)", 0.0, 1.0)
+        self.setpoints = (speed, clutch) if config.clutch else (speed,)
+        self.channels = (
+            Channel("position", "m", "travel of the axis, by the motor"),
+            Channel("speed", "m/s", "speed of the axis, by the motor"),
+            Channel("force", "N", "force of the motor on the axis, by its torque"),
+        )
+        self._outputs = pdo.Pdo(
+            2, False, frames.RPDO[1] + config.node, pdo.EVENT_DRIVEN, (objects.OUTPUTS,)
+        )
+        self._released = False
+        self._metres = self._sign * config.travel / config.counts_per_revolution
+        self._metres_per_s = self._sign * config.travel * config.velocity_unit
+        self._newtons = float("nan")
+
+    def arm(self) -> None:
+        """Begin to enable the drive at standstill, with the clutch engaged."""
+        super().arm()
+        self._release(False)
+
+    def write(self, setpoints: Sequence[float]) -> None:
+        """Demand a speed in m/s and the clutch (above one half: engaged), once enabled.
+
+        Raises:
+            DeviceError: a setpoint is NaN; those before it hold.
+
+        """
+        speed = self.accepted(self.setpoints[0], setpoints[0])
+        if self.config.clutch:
+            engaged = self.accepted(self.setpoints[1], setpoints[1]) > 0.5
+            released = self._enabled and not engaged
+            if released is not self._released:
+                self._release(released)
+        self._send_target(round(speed / self._metres_per_s))
+
+    def _row(self, values: Sequence[int]) -> Sequence[float]:
+        status, torque, position, velocity = values
+        return (
+            (self._unwrap.follow(position) - self._zero) * self._metres,
+            velocity * self._metres_per_s,
+            torque * self._newtons,
+            status if self._released else status | CLUTCH_ENGAGED,
+        )
+
+    def _pdos(self) -> tuple[pdo.Pdo, ...]:
+        pdos = super()._pdos()
+        return (*pdos, self._outputs) if self.config.clutch else pdos
+
+    def _map(self, node: Node) -> None:
+        super()._map(node)
+        if self.config.clutch:
+            node.ensure_optional(objects.OUTPUTS_MASK, 1 << self.config.clutch_output)
+            node.ensure(objects.OUTPUTS, 0)
+            self._released = False
+
+    def _check_ratings(self, node: Node) -> None:
+        super()._check_ratings(node)
+        self._newtons = self._sign * self._rated_torque / 1000 / self.config.travel
+        self._check_velocity_unit(node)
+        reach = abs(self._metres_per_s) * _LARGEST
+        if self.config.speed_range > reach:
+            raise ProtocolError(
+                f"{node} takes at most {reach:.3g} m/s in units of `velocity_unit`, `speed_range` "
+                f"is {self.config.speed_range:g} m/s",
+                hint="correct `velocity_unit`, `travel` or `speed_range`",
+            )
+
+    def _check_velocity_unit(self, node: Node) -> None:
+        told = node.read_optional(objects.VELOCITY_UNIT)
+        if not told:
+            return  # older drives have one unit only, that of their manual
+        unit = velocity_unit(told)
+        if unit is None or abs(unit / self.config.velocity_unit - 1) > _UNIT_TOLERANCE:
+            found = "unknown" if unit is None else f"{unit * 60 / (2 * math.pi):g} rpm"
+            raise ProtocolError(
+                f"{node} gives velocities in units of {found} (object 60A9 is 0x{told:08X}), the "
+                f"rig file says {self.config.velocity_unit * 60 / (2 * math.pi):g} rpm",
+                hint="correct `velocity_unit`, or object 60A9 with the maker's tool",
+            )
+
+    def _put_safe_outputs(self) -> None:
+        if self.config.clutch:
+            self._release(False)
+
+    def _release(self, released: bool) -> None:
+        self._released = released
+        word = released << self.config.clutch_output
+        self.link.put(self._outputs.identifier, objects.OUTPUTS.pack(word))
+
+
+def velocity_unit(told: int) -> float | None:
+    """Return the velocity, in rad/s, that object 60A9 gives as unit; None if not revolutions.
+
+    Bytes from the top: prefix as a power of ten (FDh is 10^-3), numerator, denominator, reserved
+    (CiA 402-2, object 60A9h; codes in CiA 303-2).
+    """
+    exponent, numerator, denominator, _ = told.to_bytes(4, "big")
+    if numerator != _REVOLUTION or denominator not in _PER:
+        return None
+    power = exponent - 256 if exponent > 127 else exponent
+    return float(10.0**power * 2 * math.pi / _PER[denominator])

@@ -1,0 +1,185 @@
+"""A CiA 406 encoder over CAN: rotary, or linear as by a measuring wheel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, ClassVar, Final, Literal, Self
+
+from annotated_types import Ge, Gt, Le
+from pydantic import model_validator
+
+from rigd.sdk import Channel, Driver, DriverConfig, In, LinkError, ProtocolError
+from rigd_drivers.can_bus import CanBus
+from rigd_drivers.can_node import Node
+from rigd_drivers.canopen import frames, objects, pdo
+from rigd_drivers.canopen.counter import Unwrap
+from rigd_drivers.canopen.inbox import Inbox
+
+#: Low word of 1000h.
+_PROFILE: Final = 406
+#: Options that only one kind has.
+_OPTIONS: Final = {
+    "rotary": ("counts_per_revolution", "gear_ratio"),
+    "linear": ("distance_per_count",),
+}
+
+
+class EncoderConfig(DriverConfig):
+    """Which encoder it is, and how its counts become an angle or a position."""
+
+    node: Annotated[int, Ge(1), Le(127)]
+    """Node id of the encoder."""
+    kind: Literal["rotary", "linear"]
+    """Whether it gives an angle or a position."""
+    serial: int | None = None
+    """Serial number that the encoder must have (object 1018:4); none: any."""
+    counts_per_revolution: Annotated[float, In("count/rad"), Gt(0)] | None = None
+    """Rotary: counts per revolution of its shaft; none: as it says (object 6501)."""
+    gear_ratio: Annotated[float, In("1"), Gt(0)] = 1.0
+    """Rotary: turns of its shaft per turn of what is measured."""
+    distance_per_count: Annotated[float, In("m/count"), Gt(0)] | None = None
+    """Linear: travel per count."""
+    bits: Annotated[int, Ge(8), Le(32)] = 32
+    """After how many bits the position (object 6004) rolls over: 16, 24, 32, ..."""
+    inverted: bool = False
+    """Whether counting up is the rig's negative direction."""
+    zero_at_open: bool = True
+    """Whether zero is where the rig is opened, as with an incremental encoder, or count zero."""
+
+    @model_validator(mode="after")
+    def _only_options_of_the_kind(self) -> Self:
+        other = "linear" if self.kind == "rotary" else "rotary"
+        misplaced = self.model_fields_set.intersection(_OPTIONS[other])
+        if misplaced:
+            raise ValueError(f"'{min(misplaced)}' belongs to 'kind: {other}'; remove it here")
+        if self.kind == "linear" and self.distance_per_count is None:
+            raise ValueError("'kind: linear' needs 'distance_per_count'")
+        return self
+
+
+class Cia406Encoder(Driver):
+    """An encoder that gives its position at every SYNC; it only measures, so it is always safe."""
+
+    Config: ClassVar[type[DriverConfig]] = EncoderConfig
+    title = "CiA 406 encoder on CAN"
+    link_kind = "can"
+    has_status = True
+    config: EncoderConfig
+    link: CanBus
+
+    def __init__(self, config: EncoderConfig, link: CanBus | None) -> None:
+        super().__init__(config, link)
+        converted = (
+            Channel("angle", "rad", "angle of what the encoder measures")
+            if config.kind == "rotary"
+            else Channel("position", "m", "position")
+        )
+        counts = Channel("counts", "count", "encoder counts, unwrapped", raw_of=converted.name)
+        self.channels = (converted, counts)
+        self._tpdo = pdo.Pdo(
+            1,
+            True,
+            frames.TPDO[0] + config.node,
+            pdo.SYNCHRONOUS,
+            (objects.ENCODER_POSITION,),
+        )
+        self._inbox = Inbox(self._tpdo, config.node)
+        self._unwrap = Unwrap(1 << config.bits)
+        self._zero = 0
+        self._scale = float("nan")
+        self._watched = False
+        self._node: Node | None = None
+
+    def open(self) -> None:
+        """Set the encoder up by SDO, reading everything back.
+
+        Raises:
+            LinkError: it does not answer.
+            ProtocolError: it is another device, refuses the set-up, or has another resolution.
+
+        """
+        config, link = self.config, self.link
+        node = Node(link, config.node)
+        node.open(self.title, _PROFILE, config.serial)
+        self._node = node
+        self.identity = node.identity
+        scale = config.distance_per_count
+        if scale is None:
+            scale = 1.0 / (self._counts_per_radian(node) * config.gear_ratio)
+        self._scale = -scale if config.inverted else scale
+        node.configure(self._tpdo)
+        node.switch_off_rest(receive=0, transmit=1)
+        self._unwrap = Unwrap(1 << config.bits)
+        count = self._unwrap.follow(self._within_bits(node.read(objects.ENCODER_POSITION)))
+        self._zero = count if config.zero_at_open else 0
+        self._watched = False
+        self._inbox = Inbox(self._tpdo, config.node, link.syncs)
+        link.subscribe(self._tpdo.identifier, self._inbox.receive)
+        link.on_resume(self._resume)
+        node.start()
+
+    def arm(self) -> None:
+        """From now on take a silent or stopped node for failed; there is nothing to enable."""
+        self._watched = True
+
+    def read(self, t_ns: int) -> Sequence[float] | None:
+        """Return angle in rad or position in m, counts, and the node's NMT state (5: operational).
+
+        None where nothing answered the SYNC of the cycle before.
+
+        Raises:
+            DeviceError: the node reports an emergency, has restarted, or fell silent.
+            ProtocolError: a frame has not 4 bytes, comes twice each SYNC, or counts beyond `bits`.
+
+        """
+        node = self._node
+        if node is None:
+            raise LinkError(f"the encoder at node {self.config.node} is not open")
+        node.watch(forgive_silence=not self._watched)
+        values = self._inbox.take(self.link.syncs)
+        if values is None or self.link.behind:
+            return None
+        counts = self._unwrap.follow(self._within_bits(values[0]))
+        state = 0 if node.state is None else int(node.state)
+        return (counts - self._zero) * self._scale, counts, state
+
+    def make_safe(self) -> None:
+        """Do nothing: it only measures."""
+
+    def close(self) -> None:
+        """Leave the encoder pre-operational; closing twice is silent."""
+        node, self._node = self._node, None
+        if node is not None:
+            node.close()
+
+    def _resume(self) -> None:
+        if self._node is not None:
+            self._node.restart_quietly()
+
+    def _within_bits(self, count: int) -> int:
+        if count >> self.config.bits:
+            raise ProtocolError(
+                f"{self._node} counts to 0x{count:X}, which has more than {self.config.bits} bits",
+                hint="correct `bits`",
+            )
+        return count
+
+    def _counts_per_radian(self, node: Node) -> float:
+        given = self.config.counts_per_revolution
+        told = node.read_optional(objects.STEPS_PER_REVOLUTION)
+        if not told:
+            if given is None:
+                raise ProtocolError(
+                    f"{node} does not tell its resolution (object 6501)",
+                    hint="give `counts_per_revolution`, from its data sheet",
+                )
+            return given
+        found = told / (2 * math.pi)
+        if given is not None and abs(found / given - 1) > 1e-6:
+            raise ProtocolError(
+                f"{node} has {told} counts per revolution (object 6501), the rig file says "
+                f"{given * 2 * math.pi:.6g}",
+                hint="correct `counts_per_revolution`, or the encoder's setting",
+            )
+        return found
