@@ -15,6 +15,10 @@ from rigd.record.crc import crc32
 from rigd.record.journal import Journal, Saved, write_all
 
 
+class InUse(RecordingError):
+    """Another process has the recording open to write; it may be asked again."""
+
+
 class RecordingFile:
     """Sealed data that never changes, then open chunks, summary and footer that each commit does.
 
@@ -174,13 +178,13 @@ def lock(fd: int, path: Path) -> None:
     """Take the file for writing; the system gives it back when the process ends.
 
     Raises:
-        RecordingError: another process is writing it.
+        InUse: another process is writing it.
 
     """
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
-        raise RecordingError(
+        raise InUse(
             f"{path} is being written by another process", hint="Wait until its run has ended."
         ) from error
 

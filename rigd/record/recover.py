@@ -20,6 +20,10 @@ from rigd.record.wire import Malformed, map_file
 RECOVERY_METADATA: Final = "recovery"
 
 
+class Headless(RecordingError):
+    """Not even the beginning of a recording is there: nothing can be kept of it."""
+
+
 @dataclass(frozen=True)
 class RecoveryReport:
     """What :func:`recover` did; ``rows_kept`` by topic, ``lost_bytes`` cut off the end."""
@@ -39,8 +43,9 @@ def recover(path: Path) -> RecoveryReport:
     ``recovery``; its run counts as interrupted, as it has no ``run_end`` event.
 
     Raises:
-        RecordingError: missing, empty, no MCAP file, damaged but not written by rigd, being
-            written, or the disk refuses.
+        Headless: empty, or no MCAP file.
+        InUse: being written.
+        RecordingError: missing, damaged but not written by rigd, or the disk refuses.
 
     """
     try:
@@ -92,13 +97,11 @@ def _refuse_foreign(path: Path, found: Scan) -> None:
 
 def _scan(fd: int, path: Path) -> Scan:
     if os.fstat(fd).st_size == 0:
-        raise RecordingError(
-            f"{path} is empty", hint="Nothing was recorded; the file can be deleted."
-        )
+        raise Headless(f"{path} is empty", hint="Nothing was recorded; the file can be deleted.")
     try:
         return scan(map_file(fd))
     except Malformed as error:
-        raise RecordingError(
+        raise Headless(
             f"{path} cannot be recovered: {error}", hint="It is no recording, or lost its head."
         ) from error
 

@@ -18,6 +18,7 @@ _HEAD: Final = 8  #: bytes pushed since the beginning
 _OVERRUNS: Final = 9
 _TAIL: Final = 16  #: bytes released since the beginning
 _RELEASED: Final = 17  #: events released since the beginning; written before the tail
+_TAKEN: Final = 18  #: events taken since the beginning
 
 #: Bytes of the record, bytes of the kind, number of the event, its time and trial; then the kind
 #: and the data as JSON, both UTF-8.
@@ -74,6 +75,11 @@ class EventRing:
         # The reader may have been killed between the two words: the event at the tail knows.
         return int(_RECORD.unpack(self._bytes(tail, _RECORD.size))[2])
 
+    @property
+    def taken(self) -> int:
+        """Events that the reader took since the beginning, released or not."""
+        return self._words[_TAKEN]
+
     def push(self, t_ns: int, kind: str, trial: int, data: Mapping[str, Any]) -> None:
         """Append one event; see :meth:`rigd.record.RecordingWriter.event`.
 
@@ -108,6 +114,12 @@ class EventRing:
             kind = body[:name_size].decode()
             events.append(Event(t_ns, kind, trial, json.loads(body[name_size:])))
             at += size
+        return events
+
+    def take(self) -> list[Event]:
+        """Peek, and note how many there were: whoever reads after a kill can then tell."""
+        events = self.peek()
+        self._words[_TAKEN] = self.released + len(events)
         return events
 
     def release(self, count: int) -> None:
