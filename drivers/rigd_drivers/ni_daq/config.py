@@ -52,10 +52,10 @@ class Input(DriverConfig):
     @property
     def channels(self) -> tuple[Channel, Channel]:
         """The channel in its unit and the one in volts that it is made from."""
-        ends = sorted((side * self.range - self.zero) * self.gain for side in (-1, 1))
+        low, high = sorted((side * self.range - self.zero) * self.gain for side in (-1, 1))
         raw = f"{self.name}_raw"
         return (
-            Channel(self.name, self.unit, f"input {self.channel}", *ends),
+            Channel(self.name, self.unit, f"input {self.channel}", low, high),
             Channel(raw, "V", f"at {self.channel}", -self.range, self.range, raw_of=self.name),
         )
 

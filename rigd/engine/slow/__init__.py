@@ -1,0 +1,11 @@
+"""Devices beside the cycle: block devices in helper processes, slow ones on a loop of the daemon.
+
+Both push rows into rings of their own, and the newest row into a table that the cycle reads.
+"""
+
+from rigd.engine.slow.block_helper import BlockHelper
+from rigd.engine.slow.devices import SlowDevices
+from rigd.engine.slow.latest import Latest
+from rigd.engine.slow.table import LatestTable, Slot
+
+__all__ = ["BlockHelper", "Latest", "LatestTable", "Slot", "SlowDevices"]

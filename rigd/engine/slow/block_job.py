@@ -1,0 +1,47 @@
+"""What the daemon and the helper process of a block device say to each other, pickled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rigd.config.rig import DeviceConfig
+from rigd.model.channels import Stream
+
+#: Longest message; a device's options are far shorter.
+MAX_PACKET: Final = 1 << 17
+
+
+@dataclass(frozen=True)
+class BlockJob:
+    """To the helper, once: which device, where its rows go, and what time it is there.
+
+    Rows are stamped with Unix time: ``start_ns`` at the monotonic time ``origin_ns``. The table
+    has a slot for each of ``table_streams``.
+    """
+
+    device: DeviceConfig
+    ring: Path
+    table: Path
+    table_streams: tuple[Stream, ...]
+    start_ns: int
+    origin_ns: int
+
+
+@dataclass(frozen=True)
+class Opened:
+    """From the helper: the device is open; ``unfit`` says what keeps it from being armed."""
+
+    identity: str
+    rate_hz: float
+    unfit: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Failed:
+    """From the helper, last: why it ends. ``kind`` is a class of :mod:`rigd.model.errors`."""
+
+    kind: str
+    message: str
+    hint: str | None

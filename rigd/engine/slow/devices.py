@@ -1,0 +1,236 @@
+"""Slow devices: coroutines on an event loop in a thread of the daemon."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Coroutine, Mapping, Sequence
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from typing import Any, Final, Protocol, TypeVar
+
+from rigd.engine.clock import monotonic_ns
+from rigd.engine.cycle import DEVICE_ERRORS
+from rigd.engine.slow.table import Slot
+from rigd.model.errors import DeviceError, LinkError, RigdError
+from rigd.sdk import EmitRow, SlowDriver
+
+#: Opening may take so long: a scale that was off warms up.
+OPEN_S: Final = 20.0
+#: What a person asks for is done within this, or refused: a scale that waits to stand still.
+ACT_S: Final = 15.0
+#: How long a device may take to stop and to be closed.
+CLOSE_S: Final = 3.0
+#: A loop that does not turn for so long is blocked by a driver.
+BLOCKED_S: Final = 2.0
+#: The loop is not judged where the daemon itself was away for so long.
+AWAY_S: Final = 0.5
+_TURN_S: Final = 0.1
+
+T = TypeVar("T")
+
+
+class RowSink(Protocol):
+    """Takes rows of one stream; a ring does."""
+
+    def push(self, t_ns: int, row: Sequence[float]) -> None:
+        """Append one row, taken at ``t_ns`` (Unix)."""
+        ...
+
+
+class SlowDevices:
+    """Runs slow drivers side by side; one that fails never stops the others.
+
+    Args:
+        drivers: the drivers by the names of their devices, not opened yet.
+        rings: where their rows are recorded, of those that are.
+        slots: their places in the table of latest values.
+        start_ns: Unix time of the run's beginning.
+        origin_ns: monotonic time of the same moment.
+    """
+
+    def __init__(
+        self,
+        drivers: Mapping[str, SlowDriver],
+        *,
+        rings: Mapping[str, RowSink],
+        slots: Mapping[str, Slot],
+        start_ns: int,
+        origin_ns: int,
+    ) -> None:
+        self._drivers = dict(drivers)
+        self._rings = rings
+        self._slots = slots
+        self._offset_ns = start_ns - origin_ns
+        self._faults: dict[str, str] = {}  # by device, in the order in which they came
+        self._loop = asyncio.new_event_loop()
+        self._thread: threading.Thread | None = None
+        self._running: dict[str, asyncio.Task[None]] = {}
+        self._turned_ns = self._looked_ns = 0
+
+    @property
+    def identities(self) -> Mapping[str, str]:
+        """What every device said it is, once started."""
+        return {name: driver.identity for name, driver in self._drivers.items()}
+
+    @property
+    def unfit(self) -> Sequence[str]:
+        """What keeps the devices from being armed, a sentence each; asked once started."""
+        return [
+            f"{name}: {reason}"
+            for name, driver in self._drivers.items()
+            for reason in driver.preflight()
+        ]
+
+    @property
+    def faults(self) -> Mapping[str, str]:
+        """What has failed since the start, by device, in the order in which it did."""
+        return dict(self._faults)
+
+    def start(self, timeout_s: float = OPEN_S) -> None:
+        """Open all devices at once and run them.
+
+        Raises:
+            LinkError: a device cannot be reached, or is not open in time.
+            ProtocolError: one is not what the rig file names.
+            DeviceError: one reports a fault. Where several fail, the message names them all.
+        """
+        self._thread = threading.Thread(target=self._turn, name="slow devices", daemon=True)
+        self._thread.start()
+        try:
+            self._call(self._open_all(timeout_s), timeout_s + BLOCKED_S)
+        except FutureTimeoutError:
+            self.stop()
+            raise LinkError(
+                f"the slow devices were not open within {timeout_s:g} s: a driver blocks the loop"
+            ) from None
+        except BaseException:
+            self.stop()
+            raise
+        self._turned_ns = self._looked_ns = monotonic_ns()
+
+    def poll(self) -> str | None:
+        """Return why the run must end, or None; once there is a reason, it stays."""
+        if not self._faults and self._thread is not None:
+            now = monotonic_ns()
+            if now - self._looked_ns > AWAY_S * 1e9:
+                self._turned_ns = now
+            self._looked_ns = now
+            if now - self._turned_ns > BLOCKED_S * 1e9:
+                names = ", ".join(self._drivers)
+                self._faults[""] = (
+                    f"the loop of the slow devices ({names}) has stood still for "
+                    f"{BLOCKED_S:g} s: a driver blocks it"
+                )
+        return next(iter(self._faults.values()), None)
+
+    def act(self, device: str, action: str, timeout_s: float = ACT_S) -> str:
+        """Do what a person asks of a device, such as ``tare``; return what the device said.
+
+        Raises:
+            DeviceError: it has no such action, refused, or did not within ``timeout_s``.
+            LinkError: it cannot be reached.
+            ProtocolError: it answered nonsense.
+        """
+        driver = self._drivers.get(device)
+        if driver is None:
+            known = ", ".join(self._drivers) or "none"
+            raise DeviceError(f"there is no slow device {device!r}", hint=f"there are: {known}")
+        if action not in driver.actions:
+            known = ", ".join(driver.actions) or "nothing"
+            raise DeviceError(f"{device} cannot do {action!r}", hint=f"it can do: {known}")
+        if device not in self._running or device in self._faults:
+            raise DeviceError(f"{device} does not run: {self._faults.get(device, 'not started')}")
+        try:
+            return self._call(asyncio.wait_for(driver.act(action), timeout_s), timeout_s + 1.0)
+        except (TimeoutError, FutureTimeoutError):
+            raise DeviceError(f"{device} did not {action} within {timeout_s:g} s") from None
+
+    def stop(self) -> None:
+        """Cancel and close all devices; what fails is in :attr:`faults`. Twice is silent."""
+        thread, self._thread = self._thread, None
+        if thread is None:
+            return
+        try:
+            self._call(self._close_all(), 3 * CLOSE_S)
+        except FutureTimeoutError:
+            self._faults.setdefault("", "a slow device blocks its loop and could not be closed")
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        thread.join(CLOSE_S)
+        if not thread.is_alive():
+            self._loop.close()
+
+    def _turn(self) -> None:
+        """Run the loop until it is told to stop; the thread's only job."""
+        asyncio.set_event_loop(self._loop)
+        self._loop.call_soon(self._mark)
+        self._loop.run_forever()
+
+    def _mark(self) -> None:
+        self._turned_ns = monotonic_ns()
+        self._loop.call_later(_TURN_S, self._mark)
+
+    def _call(self, coroutine: Coroutine[Any, Any, T], timeout_s: float) -> T:
+        future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
+        try:
+            return future.result(timeout_s)
+        except FutureTimeoutError:
+            future.cancel()
+            raise
+
+    async def _open_all(self, timeout_s: float) -> None:
+        async def open_one(name: str, driver: SlowDriver) -> RigdError | None:
+            try:
+                await asyncio.wait_for(driver.open(), timeout_s)
+            except TimeoutError:
+                return LinkError(f"{name} was not open within {timeout_s:g} s")
+            except DEVICE_ERRORS as error:
+                return type(error)(f"{name}: {error.message}", hint=error.hint)
+            return None
+
+        found = await asyncio.gather(*(open_one(*one) for one in self._drivers.items()))
+        failed = [error for error in found if error is not None]
+        if failed:
+            hints = "; ".join(error.hint for error in failed if error.hint)
+            message = "; ".join(error.message for error in failed)
+            raise type(failed[0])(message, hint=hints or None)
+        for name, driver in self._drivers.items():
+            self._running[name] = asyncio.create_task(self._run(name, driver), name=name)
+
+    async def _run(self, name: str, driver: SlowDriver) -> None:
+        """Run one device; its failure is a fault of the run, and nobody else's business."""
+        try:
+            await driver.run(self._emitter(name))
+            reason = "it stopped measuring by itself"
+        except DEVICE_ERRORS as error:
+            reason = error.message
+        except Exception as error:  # noqa: BLE001 - boundary: a bug of one driver ends the run well
+            reason = f"its driver fails: {type(error).__name__}: {error}"
+        self._faults.setdefault(name, f"{name}: {reason}")
+
+    def _emitter(self, name: str) -> EmitRow:
+        ring, slot = self._rings.get(name), self._slots[name]
+
+        def emit(row: Sequence[float]) -> None:
+            t_ns = monotonic_ns()
+            slot.write(t_ns, row)
+            if ring is not None:
+                ring.push(t_ns + self._offset_ns, row)
+
+        return emit
+
+    async def _close_all(self) -> None:
+        await asyncio.gather(*(self._close(*one) for one in self._drivers.items()))
+
+    async def _close(self, name: str, driver: SlowDriver) -> None:
+        task = self._running.pop(name, None)
+        if task is not None:
+            task.cancel()
+            _, pending = await asyncio.wait([task], timeout=CLOSE_S)
+            if pending:
+                self._faults.setdefault(name, f"{name}: did not stop within {CLOSE_S:g} s")
+        try:
+            await asyncio.wait_for(driver.close(), CLOSE_S)
+        except TimeoutError:
+            self._faults.setdefault(name, f"{name}: was not closed within {CLOSE_S:g} s")
+        except Exception as error:  # noqa: BLE001 - boundary: told, and the others are closed
+            self._faults.setdefault(name, f"{name}: could not be closed: {error}")

@@ -1,0 +1,133 @@
+"""The newest row of every device beside the cycle, in a mapped file that the cycle reads."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, Self
+
+from rigd.engine.shared.mapping import SharedFile
+from rigd.model.channels import Stream
+
+_MAGIC: Final = b"rigdlat1"
+_SEQUENCE, _TIME, _BEAT, _VALUES = 0, 1, 2, 3  #: words of a slot
+_LINE_WORDS: Final = 8  #: a cache line; no two writers share one
+#: A writer that is between its two marks is so for a microsecond, unless it was killed there.
+_TRIES: Final = 4
+
+
+class Slot:
+    """The place of one device: written by one process, read by any.
+
+    A sequence lock: the sequence number is odd while the row is being written, and a reader that
+    finds it odd or changed has read a row that is torn. What holds for the order of stores is in
+    :mod:`rigd.engine.shared.mapping`.
+    """
+
+    def __init__(self, memory: memoryview, width: int) -> None:
+        """Use :meth:`LatestTable.slot`."""
+        self.width = width
+        self._words = memory.cast("Q")
+        self._values = memory[8 * _VALUES :].cast("d")[:width]
+
+    @property
+    def sequence(self) -> int:
+        """Changes with every row; 0 while there is none."""
+        return self._words[_SEQUENCE]
+
+    def write(self, t_ns: int, row: Sequence[float]) -> None:
+        """Make ``row``, taken at ``t_ns`` (monotonic), the newest.
+
+        Raises:
+            ValueError: it has not as many values as the device has channels (and a status word).
+        """
+        if len(row) != self.width:
+            raise ValueError(f"the row has {len(row)} values, expected {self.width}")
+        writing = self._words[_SEQUENCE] | 1  # odd already where a former writer was killed
+        self._words[_SEQUENCE] = writing
+        self._words[_TIME] = t_ns
+        for index, value in enumerate(row):
+            self._values[index] = value
+        self._words[_SEQUENCE] = writing + 1
+
+    def read(self) -> tuple[int, list[float]] | None:
+        """Return monotonic time in ns and values of the newest row; None where there is none.
+
+        Also None where its writer was killed while writing it.
+        """
+        for _ in range(_TRIES):
+            sequence = self._words[_SEQUENCE]
+            if not sequence:
+                return None
+            t_ns, row = self._words[_TIME], list(self._values)
+            if not sequence & 1 and self._words[_SEQUENCE] == sequence:
+                return t_ns, row
+        return None
+
+    @property
+    def beat_ns(self) -> int:
+        """When its writer last gave a sign of life, monotonic; 0 where it never did."""
+        return self._words[_BEAT]
+
+    def beat(self, t_ns: int) -> None:
+        """Give a sign of life, whether or not there are rows."""
+        self._words[_BEAT] = t_ns
+
+
+class LatestTable:
+    """A slot for each of some streams, in the order in which they were given."""
+
+    def __init__(self, streams: Sequence[Stream], file: SharedFile) -> None:
+        """Use :meth:`create` or :meth:`attach`."""
+        self._slots: dict[str, Slot] = {}
+        start = 0
+        for stream in streams:
+            size = _slot_bytes(stream)
+            self._slots[stream.name] = Slot(file.payload[start : start + size], _width(stream))
+            start += size
+
+    @classmethod
+    def create(cls, path: Path, streams: Sequence[Stream]) -> Self:
+        """Make a table without rows.
+
+        Raises:
+            RecordingError: it exists already, or there is no room for it.
+        """
+        size = sum(map(_slot_bytes, streams))
+        return cls(streams, SharedFile.create(path, _MAGIC, _identity(streams), size))
+
+    @classmethod
+    def attach(cls, path: Path, streams: Sequence[Stream]) -> Self:
+        """Open the table that another process made of the same streams.
+
+        Raises:
+            RecordingError: it is missing, or that of other streams.
+        """
+        return cls(streams, SharedFile.attach(path, _MAGIC, _identity(streams)))
+
+    def slot(self, stream: str) -> Slot:
+        """Return the slot of a stream.
+
+        Raises:
+            KeyError: it has none.
+        """
+        return self._slots[stream]
+
+
+def _width(stream: Stream) -> int:
+    return len(stream.channels) + stream.has_status
+
+
+def _slot_bytes(stream: Stream) -> int:
+    words = _VALUES + _width(stream)
+    return 8 * _LINE_WORDS * -(-words // _LINE_WORDS)  # rounded up to whole lines
+
+
+def _identity(streams: Sequence[Stream]) -> int:
+    """Return 64 bits that differ where names, units or order of the values do."""
+    layout = [
+        (one.name, [(channel.name, channel.unit) for channel in one.channels], one.has_status)
+        for one in streams
+    ]
+    return int.from_bytes(hashlib.blake2b(repr(layout).encode(), digest_size=8).digest(), "little")
