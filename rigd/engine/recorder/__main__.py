@@ -5,6 +5,10 @@ from pathlib import Path
 
 from rigd.engine.recorder.service import Service
 from rigd.engine.shared import RunFolder
+from rigd.model.errors import RecordingError
 
 if __name__ == "__main__":
-    sys.exit(Service(RunFolder.at(Path(sys.argv[1]))).run())
+    try:
+        sys.exit(Service(RunFolder.at(Path(sys.argv[1]))).run())
+    except RecordingError as error:
+        sys.exit(error.message)  # there is no board to say it on

@@ -90,9 +90,9 @@ def _word(magic: bytes) -> int:
 
 
 def _cannot(verb: str, path: Path, error: OSError) -> RecordingError:
+    hint = "RIGD_STATE names a folder in memory (tmpfs) with room for a minute of samples."
     return RecordingError(
-        f"cannot {verb} {path}: {error.strerror}",
-        hint="RIGD_STATE names a folder in memory (tmpfs) with room for a minute of samples.",
+        f"cannot {verb} {path}: {error.strerror}", hint=hint if verb == "make" else None
     )
 
 
