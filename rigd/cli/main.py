@@ -9,12 +9,13 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from rigd import __version__
-from rigd.cli import check, completion, export, identify, info, recover, run, runs, schema
+from rigd.cli import check, completion, export, identify, info, jog, recover, run, runs, schema
 from rigd.model.errors import Exit, RigdError
 
 #: In the order a newcomer needs them.
 COMMANDS: tuple[ModuleType, ...] = (
     run,
+    jog,
     identify,
     check,
     runs,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -87,11 +86,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run, or rehearse."""
-    from rigd.cli.console import ConsoleAnswers, RunDisplay
+    from rigd.cli.playing import play
     from rigd.config.loader import load_rig
-    from rigd.daemon.execute import RunRequest, execute
+    from rigd.daemon.execute import RunRequest
     from rigd.daemon.resume import read_resume_point
-    from rigd.engine.answers import Answers, OwnAnswers
     from rigd.evaluate.models import needs_of
     from rigd.model.errors import ConfigError
     from rigd.procedure.compile import compile_procedure
@@ -145,40 +143,8 @@ def execute(args: argparse.Namespace) -> int:
         compression=args.compression,
         overrides=overrides,
     )
-    with RunDisplay(procedure, rig.name, quiet=args.quiet or args.json) as display:
-        answers: Answers = OwnAnswers()
-        if args.ask or (rig.plant is None and not args.yes):
-            answers = ConsoleAnswers(sys.stdin, sys.stderr, display.quiet)
-        recorded = execute(
-            request,
-            answers=answers,
-            watch=display.watch,
-            tell=display.tell,
-            announce=display.announce,
-        )
-    result = recorded.result
-    if args.json:
-        print(
-            json.dumps(
-                {
-                    "recording": str(recorded.path),
-                    "state": result.ending,
-                    "reason": result.reason,
-                    "exit_code": int(result.exit_code),
-                    "trials_done": result.trials_done,
-                    "trials_total": result.trials_total,
-                    "incomplete_trials": {str(n): why for n, why in result.incomplete},
-                    "run_s": round(result.run_s, 6),
-                    "missed_cycles": result.missed_cycles,
-                    "trips": list(result.trips),
-                    "problems": list(result.problems),
-                },
-                indent=2,
-            )
-        )
-    else:
-        display.conclude(recorded)
-    return int(result.exit_code)
+    by_person = args.ask or (rig.plant is None and rig.simulation is None and not args.yes)
+    return play(request, as_json=args.json, quiet=args.quiet, by_person=by_person)
 
 
 def _dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int, *, as_json: bool) -> int:
@@ -194,7 +160,7 @@ def _dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int, *, as_json
     return int(Exit.BLOCKED if rehearsal.refusals else Exit.OK)
 
 
-def split_assignment(text: str) -> tuple[str, str]:
+def split_assignment(text: str, shape: str = "NAME=VALUE") -> tuple[str, str]:
     """Return name and value of ``NAME=VALUE``.
 
     Raises:
@@ -204,7 +170,7 @@ def split_assignment(text: str) -> tuple[str, str]:
 
     name, equals, value = text.partition("=")
     if not equals or not name.strip():
-        raise ConfigError(f"--set {text!r} is not NAME=VALUE", hint="write --set 'floor=pvc'")
+        raise ConfigError(f"{text!r} is not {shape}", hint="write 'floor=pvc', without spaces")
     return name.strip(), value.strip()
 
 

@@ -1,0 +1,51 @@
+"""Plays a request at a terminal: what a person sees of it, and what a script reads."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+from rigd.cli.console import ConsoleAnswers, RunDisplay
+from rigd.daemon.execute import Recorded, RunRequest, execute
+from rigd.engine.answers import Answers, OwnAnswers
+
+
+def play(request: RunRequest, *, as_json: bool, quiet: bool, by_person: bool) -> int:
+    """Execute ``request``, show it, and return the exit code.
+
+    ``by_person``: prompts are answered at this terminal, otherwise by the procedure itself.
+    """
+    procedure = request.procedure
+    with RunDisplay(procedure, request.rig.name, quiet=quiet or as_json) as display:
+        answers: Answers = OwnAnswers()
+        if by_person:
+            answers = ConsoleAnswers(sys.stdin, sys.stderr, display.quiet)
+        recorded = execute(
+            request,
+            answers=answers,
+            watch=display.watch,
+            tell=display.tell,
+            announce=display.announce,
+        )
+    if as_json:
+        print(json.dumps(_result(recorded), indent=2))
+    else:
+        display.conclude(recorded)
+    return int(recorded.result.exit_code)
+
+
+def _result(recorded: Recorded) -> dict[str, object]:
+    result = recorded.result
+    return {
+        "recording": str(recorded.path),
+        "state": result.ending,
+        "reason": result.reason,
+        "exit_code": int(result.exit_code),
+        "trials_done": result.trials_done,
+        "trials_total": result.trials_total,
+        "incomplete_trials": {str(n): why for n, why in result.incomplete},
+        "run_s": round(result.run_s, 6),
+        "missed_cycles": result.missed_cycles,
+        "trips": list(result.trips),
+        "problems": list(result.problems),
+    }
