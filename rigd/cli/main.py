@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from rigd import __version__
-from rigd.cli import check, completion, export, identify, info, jog, recover, run, runs, schema
+from rigd.cli import check, completion, export, identify, info, jog, recover, run, runs, schema, sim
 from rigd.model.errors import Exit, RigdError
 
 #: In the order a newcomer needs them.
@@ -22,6 +22,7 @@ COMMANDS: tuple[ModuleType, ...] = (
     info,
     export,
     recover,
+    sim,
     schema,
     completion,
 )

@@ -30,11 +30,19 @@ class Simulation(ABC):
         self.config = config
 
     @abstractmethod
-    def serve(self, started: Callable[[Sequence[str]], None], stop: Callable[[], bool]) -> None:
+    def serve(
+        self,
+        started: Callable[[Sequence[str]], None],
+        stop: Callable[[], bool],
+        faults: Path | None = None,
+    ) -> None:
         """Serve until ``stop()``; ``started`` gets a line per device once all can be reached.
+
+        ``faults`` is a file of faults that the devices show as it says.
 
         Raises:
             LinkError: a name or port it needs is taken.
+            ConfigError: the file of faults is wrong.
 
         """
 

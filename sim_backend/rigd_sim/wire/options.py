@@ -18,9 +18,9 @@ def take(given: MutableMapping[str, Any], name: str, default: T | None, kind: ty
     value = given.pop(name, default)
     if value is None:
         return None
-    if kind is float and type(value) is int:
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
-    if type(value) is not kind:
+    if not isinstance(value, kind) or isinstance(value, bool) is not (kind is bool):
         raise ValueError(f"option {name!r} is {value!r}, expected {kind.__name__}")
     return value
 

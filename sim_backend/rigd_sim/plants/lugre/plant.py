@@ -130,6 +130,16 @@ class LugrePlant(Plant):
         self._t_ns = t_ns
         self.readings = self._shown.tolist()
 
+    @property
+    def mass(self) -> float:
+        """Mass of the quarter model with its weights, in kg."""
+        return self._mass
+
+    @property
+    def floor(self) -> str:
+        """The floor that lies under the wheel."""
+        return self._floor
+
     def readings_at(self, t_ns: int) -> list[float]:
         """Return what the sensors show at ``t_ns``, advancing to it where nobody has yet."""
         if t_ns != self._t_ns or self._origin_ns is None:

@@ -93,6 +93,7 @@ class Ratings:
     current_limit: float  #: A
     torque_constant: float  #: N m/A
     counts_per_turn: int
+    lever: float = 1.0  #: what moves per rad of the shaft, in m; speeds are shown to observers so
 
 
 class Cia402Drive(CanopenNode):
@@ -179,17 +180,19 @@ class Cia402Drive(CanopenNode):
         )  # fmt: skip
 
     def state(self) -> State:
-        """Return the state, and what the motor really gets.
+        """Return the state, and what the motor really gets: ``current`` in A, or ``speed`` in m/s.
 
         ``safe_since_ns`` is the CLOCK_MONOTONIC time since which the drive has given no torque of
         its own (CST), or has braked (CSV); 0 while it follows its setpoint.
         """
-        applied = "current" if self._ratings.mode is Mode.CST else "shaft_speed"
+        applied, value = "current", self._demand.value
+        if self._ratings.mode is Mode.CSV:
+            applied, value = "speed", value * self._ratings.lever
         return {
             **super().state(),
             "state": self._machine.state.name.lower(),
             "enabled": self._machine.state is DriveState.OPERATION_ENABLED,
-            applied: self._demand.value,
+            applied: value,
             "released": self._demand.released,
             "error_code": self._error_code.value,
             "safe_since_ns": self._safe_since_ns,

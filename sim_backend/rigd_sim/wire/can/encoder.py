@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Self
@@ -25,6 +26,8 @@ class Scale:
     counts_per_turn: int
     turns: int
     start: int = 0  #: position shown where the physics has counted nothing
+    measure: str = "counts"  #: what observers call the quantity measured
+    per_count: float = 1.0  #: that quantity per count, in SI
 
     @property
     def span(self) -> int:
@@ -78,8 +81,11 @@ class Cia406Encoder(CanopenNode):
         return type(self)(name, self._hub, self.node, lambda _: 0.0, self._scale, serial=serial)
 
     def state(self) -> State:
-        """Return the position as shown, in counts, and how far it was really turned."""
-        return {**super().state(), "position": self._position.value, "turned": self._turned}
+        """Return the quantity that is really there, in SI, and the counts shown last."""
+        true = self._counts(time.monotonic_ns()) * self._scale.per_count
+        return {
+            **super().state(), self._scale.measure: true, "shown_counts": self._position.value
+        }  # fmt: skip
 
     def inject(self, fault: str, **options: Any) -> None:
         """Show a fault; see :meth:`CanopenNode.inject`."""

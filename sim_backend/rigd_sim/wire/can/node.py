@@ -59,6 +59,7 @@ class CanopenNode(Part):
         self._port: Port | None = None
         self._nmt = Nmt.BOOT
         self._boot: asyncio.TimerHandle | None = None
+        self._boot_is_over: asyncio.Event | None = None
         self._handlers: dict[int, Handler] = {}
         self._latched: dict[Pdo, bytes] = {}
         self._syncs = 0
@@ -127,7 +128,9 @@ class CanopenNode(Part):
 
     async def start(self) -> str:
         """Go on the bus and boot; see :meth:`Part.start`."""
+        booted = self._boot_is_over = asyncio.Event()
         self.connect()
+        await booted.wait()
         return f"{self.identity.name}, node {self.node} on {self._hub.name}"
 
     async def stop(self) -> None:
@@ -236,6 +239,8 @@ class CanopenNode(Part):
         self._nmt = Nmt.PRE_OPERATIONAL
         self._listen()
         self._producer.start()
+        if self._boot_is_over is not None:
+            self._boot_is_over.set()
 
     def _listen(self) -> None:
         """Take over which identifiers mean something to this node."""

@@ -1,0 +1,55 @@
+"""``rigd sim``: simulated devices at the wire, for a rig whose file names a simulation."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+from collections.abc import Sequence
+from pathlib import Path
+
+HELP = "serve the simulated devices of a rig behind real connections"
+EXAMPLES = """\
+examples:
+  rigd sim configs/wire_lugre.yaml
+  rigd sim wire-1 --faults my_faults.yaml
+                            my_faults.yaml says which device fails how, and when:
+                              faults:
+                                - {part: wheel_servo, fault: silent, at: 10 s, for: 1 s}
+
+  Serves until Ctrl-C. In another terminal: rigd run procedures/quick.yaml --rig wire-1
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("rig", metavar="RIG", help="rig file, or the name in it (wire-1)")
+    parser.add_argument("--faults", type=Path, metavar="FILE", help="faults to show, and when")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Serve until a signal; a line per device once all can be reached."""
+    from rigd.config.loader import load_rig
+    from rigd.model.errors import ConfigError, Exit
+
+    rig = load_rig(args.rig)
+    if rig.simulation is None:
+        raise ConfigError(
+            f"rig {rig.name} has no simulation at the wire",
+            hint="configs/wire_lugre.yaml has one, under `simulation:`; a rig with a `plant:` is "
+            "simulated in process and needs no `rigd sim`",
+        )
+    stopped = False
+
+    def stop(*_: object) -> None:
+        nonlocal stopped
+        stopped = True
+
+    def started(lines: Sequence[str]) -> None:
+        print(*lines, f"rig {rig.name} is served; Ctrl-C ends it", sep="\n", flush=True)
+
+    # Signals are heeded from here on, also while the simulation starts.
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, stop)
+    simulation = rig.simulation.simulation_class(rig.simulation.config)
+    simulation.serve(started, lambda: stopped, args.faults)
+    return int(Exit.OK)

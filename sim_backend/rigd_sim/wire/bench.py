@@ -1,0 +1,233 @@
+"""The LuGre rig at the wire: every device in one process, on one plant, in real time."""
+
+from __future__ import annotations
+
+import asyncio
+import selectors
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Final, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from rigd.model.errors import ConfigError
+from rigd.sdk import LinkError, Simulation, SimulationConfig
+from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
+from rigd_sim.wire.control import ControlServer, ask
+from rigd_sim.wire.faults import FaultEntry, Schedule, read_fault_file
+from rigd_sim.wire.folder import Folder
+from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.lugre import Bench, BusOptions, DeviceOptions, build_parts
+from rigd_sim.wire.part import Part
+from rigd_sim.wire.world import World
+
+#: How often faults that are planned are looked at, in s; the plant moves on whenever it is asked.
+TICK_S: Final = 0.005
+CONTROL: Final = "control"
+
+
+class WireLugreConfig(DeviceOptions):
+    """Where the simulated devices are reached, what they stand on, and each of them."""
+
+    folder: Path
+    """Where their sockets and serial ports stand; short, since names of sockets are."""
+    seed: int = 1
+    """Of the noise of all sensors, and of faults by chance."""
+    plant: LugreConfig = LugreConfig()
+    """The physics."""
+    buses: dict[str, BusOptions] = Field(
+        default={"servo_bus": BusOptions(), "encoder_bus": BusOptions()}, min_length=0
+    )
+    """CAN buses by name; each is a socket of that name in the folder."""
+
+    @model_validator(mode="after")
+    def _buses_exist(self) -> Self:
+        for name in DeviceOptions.model_fields:
+            bus = getattr(getattr(self, name), "bus", None)
+            if bus is not None and bus not in self.buses:
+                raise ValueError(f"{name} is on bus {bus!r}; `buses` has {', '.join(self.buses)}")
+        return self
+
+
+class WireLugre(Simulation):
+    """Serves the devices of the LuGre rig, and a control socket beside them."""
+
+    Config: ClassVar[type[SimulationConfig]] = WireLugreConfig
+    title: ClassVar[str] = "the LuGre rig at the wire: CAN servos and encoders in real time"
+    config: WireLugreConfig
+
+    @classmethod
+    def files(cls, config: Any) -> Mapping[Path, str]:
+        """Return the file of physical parameters; see :meth:`LugrePlant.files`."""
+        return LugrePlant.files(config.plant)
+
+    def ask(self, request: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Ask the process that serves; see :meth:`rigd.sdk.Simulation.ask`.
+
+        ``state`` also gives the plant's hidden state; ``fault`` takes ``part``, ``fault``,
+        ``options``, ``after_s``, ``for_s``, ``probability`` (1/s) and ``when``; ``clear`` takes
+        ``part`` and ``fault``; ``faults`` lists all that every part knows.
+        """
+        return ask(self.config.folder / CONTROL, request)
+
+    def serve(
+        self,
+        started: Callable[[Sequence[str]], None],
+        stop: Callable[[], bool],
+        faults: Path | None = None,
+    ) -> None:
+        """Serve until ``stop()``; see :meth:`rigd.sdk.Simulation.serve`."""
+        planned = [] if faults is None else read_fault_file(faults)
+        with Folder(self.config.folder) as folder:
+            world = World(LugrePlant(self.config.plant, period_ns=1, seed=self.config.seed))
+            service = _Service(self.config, folder, world)
+            with asyncio.Runner(loop_factory=precise_loop) as runner:
+                runner.run(service.run(started, stop, planned))
+
+
+def precise_loop() -> asyncio.AbstractEventLoop:
+    """Return an event loop whose timers are good to a fraction of a millisecond.
+
+    epoll rounds a time-out up to the next millisecond, select does not.
+    """
+    return asyncio.SelectorEventLoop(selectors.SelectSelector())
+
+
+class _Service:
+    """One run of the bench."""
+
+    def __init__(self, config: WireLugreConfig, folder: Folder, world: World) -> None:
+        self._world = world
+        hubs = {
+            name: CanHub(name, folder.socket(name), bitrate=bus.bitrate, seed=config.seed + number)
+            for number, (name, bus) in enumerate(config.buses.items())
+        }
+        bench = Bench(world, hubs, folder.path, config.seed)
+        parts: list[Part] = [*hubs.values(), *build_parts(config, bench)]
+        self._parts = {part.name: part for part in parts}
+        states = {part.name: part.state for part in parts}
+        self._schedule = Schedule(self._parts, {**states, "plant": world.state}, config.seed)
+        self._control = ControlServer(folder.socket(CONTROL), self._answer)
+        self._problems: list[str] = []
+
+    async def run(
+        self,
+        started: Callable[[Sequence[str]], None],
+        stop: Callable[[], bool],
+        planned: Sequence[FaultEntry],
+    ) -> None:
+        """Start everything, serve, and stop everything, whatever happens."""
+        loop = asyncio.get_running_loop()
+        failed: asyncio.Future[None] = loop.create_future()
+
+        def fail(_: object, context: Mapping[str, Any]) -> None:
+            error = context.get("exception") or RuntimeError(str(context["message"]))
+            if not failed.done():
+                failed.set_exception(error)
+
+        loop.set_exception_handler(fail)
+        try:
+            lines = await self._start()
+            for entry in planned:
+                self._plan(entry)
+            started(lines)
+            while not stop():
+                refused = self._schedule.tick(loop.time())
+                if refused and planned:
+                    raise ConfigError("; ".join(refused))
+                self._problems += refused
+                await asyncio.wait([failed], timeout=TICK_S)
+                if failed.done():
+                    failed.result()
+        finally:
+            await self._control.stop()
+            for part in reversed(self._parts.values()):
+                await part.stop()
+
+    async def _start(self) -> list[str]:
+        parts = list(self._parts.values())
+        done = await asyncio.gather(*(part.start() for part in parts), return_exceptions=True)
+        lines, problems = [], []
+        for part, result in zip(parts, done, strict=True):
+            if isinstance(result, OSError):
+                problems.append(f"{part.name}: {result}")
+            elif isinstance(result, BaseException):
+                raise result
+            else:
+                lines.append(f"{part.name}: {result}")
+        if problems:
+            raise LinkError(
+                "cannot serve " + "; ".join(problems),
+                hint="another program has that name or port; change it under `simulation:`",
+            )
+        await self._control.start()
+        return lines
+
+    def _plan(self, entry: FaultEntry) -> None:
+        try:
+            self._schedule.add(entry, asyncio.get_running_loop().time())
+        except ValueError as error:
+            raise ConfigError(f"fault {entry.fault!r} of {entry.part!r}: {error}") from error
+
+    def _answer(self, request: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Answer one request; raises ValueError where it cannot be met."""
+        given = dict(request)
+        match given.pop("do", None):
+            case "state":
+                return self._state(given)
+            case "change":
+                self._world.now()
+                self._world.plant.change(*_exactly(given, "quantity", "value"))
+            case "fault":
+                self._schedule.add(_entry(given), asyncio.get_running_loop().time())
+            case "clear":
+                self._schedule.clear(given.pop("part", None), given.pop("fault", None))
+                _exactly(given)
+            case "faults":
+                _exactly(given)
+                return {"parts": {name: dict(part.faults) for name, part in self._parts.items()}}
+            case other:
+                raise ValueError(
+                    f"cannot do {other!r}; `do` is state, change, fault, clear or faults"
+                )
+        return {"done": True}
+
+    def _state(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
+        _exactly(given)
+        return {
+            "t_ns": time.monotonic_ns(),
+            "parts": {name: dict(part.state()) for name, part in self._parts.items()},
+            "plant": dict(self._world.state()),
+            "problems": self._problems,
+        }
+
+
+def _exactly(given: Mapping[str, Any], *names: str) -> list[Any]:
+    """Return the values of ``names``, and refuse others."""
+    missing, unknown = set(names) - set(given), set(given) - set(names)
+    if missing or unknown:
+        raise ValueError(
+            f"expected {', '.join(names) or 'nothing more'}; "
+            f"missing {sorted(missing)}, unknown {sorted(unknown)}"
+        )
+    return [given[name] for name in names]
+
+
+def _entry(given: Mapping[str, Any]) -> FaultEntry:
+    """Return the entry that a request describes: times in s, chances per second."""
+    words = {"after_s": ("at", "s"), "for_s": ("for", "s"), "probability": ("probability", "1/s")}
+    written = dict(given)
+    for name, (key, unit) in words.items():
+        if written.get(name) is not None:
+            written[key] = f"{written.pop(name)!r} {unit}"
+        else:
+            written.pop(name, None)
+    try:
+        return FaultEntry.model_validate(written)
+    except ValidationError as error:
+        problems = error.errors(include_url=False, include_context=False)
+        raise ValueError(
+            "; ".join(f"{'.'.join(map(str, one['loc'])) or 'fault'}: {one['msg']}"
+                      for one in problems)
+        ) from error  # fmt: skip

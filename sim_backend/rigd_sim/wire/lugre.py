@@ -1,0 +1,200 @@
+"""The devices of the LuGre rig at the wire: their options, and how each meets the plant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final
+
+from annotated_types import Ge, Gt, Le
+
+from rigd.sdk import In, SimulationConfig
+from rigd_sim.plants.lugre import layout
+from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
+from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
+from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.part import Part
+from rigd_sim.wire.world import World
+
+NodeId = Annotated[int, Ge(1), Le(127)]
+
+
+class BusOptions(SimulationConfig):
+    """One CAN bus; its socket stands in the folder under the bus's name."""
+
+    bitrate: Annotated[float, In("bit/s"), Gt(0), Le(1e6)] | None = None
+    """Frames take their time at this rate, the lowest id first; without it they take none."""
+
+
+class NodeOptions(SimulationConfig):
+    """Where a CANopen node stands."""
+
+    bus: str
+    """The bus of `buses` that it is on."""
+    node: NodeId
+    """Its node id."""
+    serial: Annotated[int, Ge(0), Le(0xFFFFFFFF)] = 1
+    """Serial number, object 1018:4."""
+
+
+class ServoOptions(NodeOptions):
+    """A servo drive; the wheel's ratings are those of the plant's motor."""
+
+    rpdo_timer: bool = False
+    """Whether it watches the time between RPDOs (objects 1400:5 ...); the EPOS4 does not."""
+
+
+class BeltOptions(ServoOptions):
+    """A servo drive on a belt, and the plate of its motor."""
+
+    travel_per_turn: Annotated[float, In("m/rad"), Gt(0)] = 0.1 / (2 * math.pi)
+    """Travel of the belt per turn of the motor shaft."""
+    counts_per_turn: Annotated[int, Ge(4), Le(2**20)] = 4096
+    """Counts of the motor's encoder per turn."""
+    nominal_current: Annotated[float, In("A"), Gt(0), Le(100)] = 5.0
+    """Nominal current of the motor."""
+    torque_constant: Annotated[float, In("N m/A"), Gt(0), Le(10)] = 0.2
+    """Torque of the motor per ampere."""
+
+
+class EncoderOptions(NodeOptions):
+    """An absolute encoder; how many counts a turn has, the plant's sensors say."""
+
+    turns: Annotated[int, Ge(1), Le(0xFFFF)] = 4096
+    """Turns that it tells apart; its position then starts anew."""
+    start: Annotated[int, Ge(0)] = 1000
+    """Counts that it shows where the rig was switched on."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What parts are built from."""
+
+    world: World
+    buses: Mapping[str, CanHub]
+    folder: Path
+    seed: int
+
+
+def _wheel_servo(name: str, options: ServoOptions, bench: Bench) -> Part:
+    world, drive = bench.world, bench.world.plant.parameters.drive
+    sensors = world.plant.parameters.sensors
+    torque_per_volt = drive.torque_constant / sensors.current_monitor.sensitivity
+
+    def sense(t_ns: int) -> Sensed:
+        readings = world.at(t_ns)
+        return Sensed(
+            round(readings[layout.MOTOR_COUNTS]),
+            readings[WHEEL_SPEED] * drive.gear_ratio,
+            readings[layout.CURRENT_VOLTS] * torque_per_volt,
+        )
+
+    def command(t_ns: int, demand: Demand) -> None:
+        world.command(t_ns, layout.WHEEL_CURRENT, demand.value, float(demand.powered))
+
+    ratings = Ratings(
+        Mode.CST, drive.rated_current, drive.current_limit, drive.torque_constant,
+        counts_per_turn=round(sensors.motor_counts * 2 * math.pi),
+    )  # fmt: skip
+    return Cia402Drive(
+        name, bench.buses[options.bus], options.node, Motor(sense, command), ratings,
+        serial=options.serial, rpdo_timer=options.rpdo_timer,
+    )  # fmt: skip
+
+
+def _belt(commands: int, readings: int, force_limit: Callable[[World], float]) -> Builder:
+    def build(name: str, options: BeltOptions, bench: Bench) -> Part:
+        world, lever = bench.world, options.travel_per_turn
+        counts_per_metre = options.counts_per_turn / (2 * math.pi * lever)
+
+        def sense(t_ns: int) -> Sensed:
+            position, speed, force = world.at(t_ns)[readings : readings + 3]
+            return Sensed(round(position * counts_per_metre), speed / lever, force * lever)
+
+        def command(t_ns: int, demand: Demand) -> None:
+            # Without power the clutch, spring-applied, holds the belt at the braked motor.
+            engaged = float(not demand.released)
+            world.command(t_ns, commands, demand.value * lever, engaged)
+
+        ratings = Ratings(
+            Mode.CSV, options.nominal_current,
+            force_limit(world) * lever / options.torque_constant,
+            options.torque_constant, options.counts_per_turn, lever,
+        )  # fmt: skip
+        return Cia402Drive(
+            name, bench.buses[options.bus], options.node, Motor(sense, command), ratings,
+            serial=options.serial, rpdo_timer=options.rpdo_timer,
+        )  # fmt: skip
+
+    return build
+
+
+def _encoder(name: str, options: EncoderOptions, bench: Bench, reading: int, scale: Scale) -> Part:
+    world = bench.world
+    return Cia406Encoder(
+        name, bench.buses[options.bus], options.node, lambda t_ns: world.at(t_ns)[reading], scale,
+        serial=options.serial,
+    )  # fmt: skip
+
+
+def _wheel_encoder(name: str, options: EncoderOptions, bench: Bench) -> Part:
+    per_turn = round(bench.world.plant.parameters.sensors.motor_counts * 2 * math.pi)
+    gear = bench.world.plant.parameters.drive.gear_ratio
+    scale = Scale(per_turn, options.turns, options.start, "angle", 2 * math.pi / per_turn / gear)
+    return _encoder(name, options, bench, layout.MOTOR_COUNTS, scale)
+
+
+def _carriage(name: str, options: EncoderOptions, bench: Bench) -> Part:
+    per_count = bench.world.plant.parameters.sensors.guide_resolution
+    scale = Scale(GUIDE_COUNTS_PER_TURN, options.turns, options.start, "position", per_count)
+    return _encoder(name, options, bench, layout.GUIDE_COUNTS, scale)
+
+
+#: ``build(name, options, bench)`` makes the part of that name.
+Builder = Callable[..., Part]
+#: Of the measuring wheel on the guide.
+GUIDE_COUNTS_PER_TURN: Final = 4096
+WHEEL_SPEED: Final = layout.READINGS.index("wheel_speed")
+
+#: Every device that the bench can show: the key of its options, and who builds it.
+BUILDERS: Final[Mapping[str, Builder]] = {
+    "wheel_servo": _wheel_servo,
+    "longitudinal_belt": _belt(
+        layout.BELT_COMMANDS,
+        layout.BELT_READINGS,
+        lambda world: world.plant.parameters.belts.longitudinal.force_limit,
+    ),
+    "lateral_belt": _belt(
+        layout.LATERAL_COMMANDS,
+        layout.BRIDGE_READINGS,
+        lambda world: world.plant.parameters.belts.lateral.force_limit,
+    ),
+    "wheel_encoder": _wheel_encoder,
+    "carriage": _carriage,
+}
+
+
+class DeviceOptions(SimulationConfig):
+    """The devices of the bench; `null` leaves one out."""
+
+    wheel_servo: ServoOptions | None = ServoOptions(bus="servo_bus", node=1)
+    """Servo drive of the wheel, current mode."""
+    longitudinal_belt: BeltOptions | None = BeltOptions(bus="servo_bus", node=2)
+    """Servo drive along the guide, speed mode, with a clutch."""
+    lateral_belt: BeltOptions | None = BeltOptions(bus="servo_bus", node=3)
+    """Servo drive across the guide, speed mode, with a clutch."""
+    wheel_encoder: EncoderOptions | None = EncoderOptions(bus="encoder_bus", node=11, turns=16384)
+    """Encoder on the shaft of the wheel's motor."""
+    carriage: EncoderOptions | None = EncoderOptions(bus="encoder_bus", node=12)
+    """Encoder of the measuring wheel on the guide."""
+
+
+def build_parts(options: DeviceOptions, bench: Bench) -> list[Part]:
+    """Return every device that ``options`` name, not yet started."""
+    return [
+        build(name, one, bench)
+        for name, build in BUILDERS.items()
+        if (one := getattr(options, name)) is not None
+    ]
