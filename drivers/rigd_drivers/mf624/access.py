@@ -186,11 +186,14 @@ _R16, _W16, _R32, _W32 = range(4)
 class SocketRegisters:
     """Registers served by an emulator: one packet for each access, an answer to each read.
 
-    Writes are posted, as on PCI: an emulator that is gone is seen at the next read.
+    Writes are posted, as on PCI: an emulator that is gone is seen at the next read. Once an answer
+    came late no read can be trusted, for the next answer would be that of the last; writes still
+    go out, to make safe what can be.
     """
 
     def __init__(self, path: str) -> None:
         self._path = path
+        self._lost = ""  # why reads are over
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._socket.settimeout(_ANSWER_TIMEOUT_S)
         try:
@@ -223,13 +226,17 @@ class SocketRegisters:
         self._socket.close()
 
     def _read(self, what: int, register: Register) -> int:
+        if self._lost:
+            raise self._gone(self._lost)
         self._send(what, register, 0)
         try:
             answer = self._socket.recv(_ANSWER.size)
         except OSError as error:
+            self._lost = str(error)
             raise self._gone(error) from error
         if len(answer) != _ANSWER.size:
-            raise self._gone("it closed the connection")
+            self._lost = "it closed the connection"
+            raise self._gone(self._lost)
         value: int = _ANSWER.unpack(answer)[0]
         return value
 

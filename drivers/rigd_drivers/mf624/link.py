@@ -121,6 +121,10 @@ class Mf624(Card):
         self._own_lines = 0 if one_shot is None else 1 << one_shot.output
         self._dout = self._rest
 
+    def connect(self, *, alone: bool) -> RegIO:
+        """Open the way to the registers; see :func:`open_registers`."""
+        return open_registers(self.config.interface, self.config.resource, alone=alone)
+
     def open(self) -> None:
         """Open the card and bring it to rest: 0 V, lines at rest, outputs driven.
 
@@ -129,7 +133,7 @@ class Mf624(Card):
 
         """
         self.close()
-        io = open_registers(self.config.interface, self.config.resource, alone=True)
+        io = self.connect(alone=True)
         try:
             _check_present(io.r32(mf.GPIOC))
             _rest(io, self._rest)
@@ -158,7 +162,7 @@ class Mf624(Card):
 
     def rescue(self) -> None:
         """Bring the outputs to rest over a connection of its own and tie them to ground."""
-        io = open_registers(self.config.interface, self.config.resource, alone=False)
+        io = self.connect(alone=False)
         try:
             _check_present(io.r32(mf.GPIOC))
             _rest(io, self._rest)
