@@ -43,14 +43,14 @@ class Client:
         self._exchange = exchange
         self._now_ns = now_ns
 
-    def open(self) -> None:
-        """Open the connection.
+    def open(self, timeout_s: float = OPEN_S) -> None:
+        """Open the connection, within ``timeout_s``.
 
         Raises:
             LinkError: it cannot be opened.
 
         """
-        self._transport.open(OPEN_S)
+        self._transport.open(timeout_s)
 
     def close(self) -> None:
         """Close the connection; closing twice is silent."""
@@ -113,9 +113,34 @@ class Client:
                 break
         raise self._gave_up(request, failure, within_s)
 
-    def settle(self, within_s: float) -> bool:
-        """Wait until the connection is free to send; return whether it is."""
-        return self._wait_free(self._now_ns() + round(within_s * 1e9))
+    def insist(self, request: Request, within_s: float) -> None:
+        """Send a write again and again until it is acknowledged, at most ``within_s`` long.
+
+        Does not wait for a request under way for longer than a quarter of that, nor for the line
+        to settle after a failure.
+
+        Raises:
+            LinkError: not acknowledged, or the connection is lost.
+            ProtocolError: what comes is not Modbus.
+            DeviceError: the device refused.
+
+        """
+        now_ns = self._now_ns()
+        limit_ns = now_ns + round(within_s * 1e9)
+        self._wait_outcome(now_ns + round(within_s * 0.25e9))
+        failure = None
+        while self._now_ns() < limit_ns:
+            self._exchange.abandon(self._now_ns())
+            if not self._wait_free(limit_ns):
+                break
+            self.start(request)
+            outcome = self._wait_outcome(limit_ns)
+            if isinstance(outcome, Answer):
+                return
+            failure = outcome or failure
+            if outcome is not None and _is_final(outcome):
+                break
+        raise self._gave_up(request, failure, within_s)
 
     def _wait_free(self, limit_ns: int) -> bool:
         while True:
@@ -126,12 +151,14 @@ class Client:
                 return False
 
     def _wait_outcome(self, limit_ns: int) -> Answer | Failure | None:
-        while True:
+        """Wait for the end of the request under way, if there is one."""
+        while self._exchange.waiting:
             outcome = self.poll()
             if outcome is not None:
                 return outcome
             if not self._wait(limit_ns):
-                return None
+                break
+        return None
 
     def _wait(self, limit_ns: int) -> bool:
         """Wait for bytes or for the next change; False once ``limit_ns`` is over."""

@@ -113,6 +113,16 @@ class Exchange:
             request, self._framing.leftover(self._buffer, self._unit, request), now_ns
         )
 
+    def abandon(self, now_ns: int) -> None:
+        """Give up the request under way, if any, and leave the line alone for one gap only.
+
+        For a write that cannot wait: its answer is an echo that no late reply can be taken for.
+        """
+        gap_over_ns = now_ns + self.timing.gap_ns
+        self._rest(gap_over_ns if self.waiting else min(self._free_ns, gap_over_ns))
+        if self.timing.settle_ns:
+            self._buffer.clear()
+
     def status(self) -> int:
         """Return the troubles since the last call (bits 8 to 15), and their count (16 to 23)."""
         news, self._news = self._news, 0

@@ -97,6 +97,11 @@ class Write(Described):
     """The word to write."""
 
 
+def all_hold(conditions: Iterable[Condition], words: Mapping[int, int]) -> bool:
+    """Return whether every one of ``conditions`` is true of the words read."""
+    return all(condition.holds(words) for condition in conditions)
+
+
 class Expect(Described):
     """A setting that the device must have; rigd reads it and never writes it."""
 

@@ -1,0 +1,329 @@
+"""A speed servo drive on Modbus, for slow axes: up to 100 setpoints per second."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import Annotated, Any, ClassVar, Final, Self
+
+from annotated_types import Gt, Le
+from pydantic import Field, model_validator
+from pydantic.functional_validators import BeforeValidator
+
+from rigd.sdk import Channel, DeviceError, DriverConfig, In
+from rigd_drivers.modbus.connection import ConnectionConfig
+from rigd_drivers.modbus.device import ModbusDevice
+from rigd_drivers.modbus.exchange import Answer, Failure
+from rigd_drivers.modbus.pdu import Request
+from rigd_drivers.modbus.registers import Condition, all_hold
+from rigd_drivers.modbus.servo_map import ServoMap, Step
+from rigd_drivers.modbus.shipped import shipped_map
+
+#: Bit of the status word: the drive follows its setpoint.
+ENABLED: Final = 1
+#: Bounds on making safe over the open connection, and over one opened anew, in s.
+SAFE_S: Final = 0.1
+RESCUE_S: Final = 0.4
+_RESCUE_OPEN_S: Final = 0.2
+#: The watchdog must outlive so many lost replies in a row, or noise would stop the drive.
+_LOST_REPLIES: Final = 2
+
+
+def _shipped(value: Any) -> Any:
+    return shipped_map(value, "servo") if isinstance(value, str) else value
+
+
+class ServoConfig(ConnectionConfig):
+    """Where the drive is, what stands in its registers, and how fast it may turn."""
+
+    map: Annotated[ServoMap, BeforeValidator(_shipped)] = Field(
+        json_schema_extra={"anyOf": [{"type": "string"}, {"type": "object"}]}
+    )
+    """Name of a shipped map (delta-asda-b, schneider-atv320), or a map written here."""
+    max_speed: Annotated[float, In("rad/s"), Gt(0)]
+    """Largest speed of the motor, of either sign."""
+    travel: Annotated[float, In("m/rad")] | None = None
+    """Travel per angle of the motor, for an axis in m/s; negative where it runs the other way."""
+    watchdog: Annotated[float, In("s"), Gt(0)]
+    """The drive stops by itself when it has heard nothing for so long."""
+    rate: Annotated[float, In("Hz"), Gt(0), Le(100)] = 50.0
+    """Setpoints and rows per second asked for; as fast as the line allows, if that is less."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if self.travel == 0:
+            raise ValueError("'travel' must not be zero")
+        self.map.setpoint.encode(self.max_speed / self.map.scale, self.map.word_order)
+        counts = self.watchdog / self.map.watchdog.scale
+        if round(counts) < 1 or abs(counts - round(counts)) > 1e-6:
+            raise ValueError(f"'watchdog' must be a multiple of {self.map.watchdog.scale:g} s")
+        self.map.watchdog.register.encode(counts, self.map.word_order)
+        least = 1 / self.rate + _LOST_REPLIES * self.lost_reply_s()
+        if self.watchdog < least:
+            raise ValueError(
+                f"'watchdog' of {self.watchdog:g} s is too short for this line: two lost replies "
+                f"in a row take {least:g} s; shorten 'timeout' and 'longest_reply', or raise it"
+            )
+        return self
+
+
+class ModbusServo(ModbusDevice):
+    """A speed drive with a communication watchdog, which rigd sets, reads back and proves.
+
+    Safe means without torque, by what the map writes to disable it. Status bits: enabled 1,
+    and the line's (see :class:`ModbusDevice`).
+    """
+
+    Config: ClassVar[type[DriverConfig]] = ServoConfig
+    title: ClassVar[str] = "speed servo drive, Modbus TCP or RTU"
+    #: A TCP drive takes another connection; a serial port is free once its process is dead.
+    second_link = True
+    config: ServoConfig
+
+    def __init__(self, config: ServoConfig, link: object) -> None:
+        super().__init__(config, link, config.map, config.rate)
+        self._map = config.map
+        self._reads = config.map.reads(config.map.polled())
+        self._scale = config.map.scale * (config.travel or 1.0)  # channel's unit per count
+        self._words: dict[int, int] = {}
+        self._plan: deque[Request] = deque()  # what is left to ask for this row
+        self._steps: deque[Step] = deque()  # what is left to write to enable the drive
+        self._until: Condition | None = None
+        self._armed = self._enabled = False
+        self._at_rest = False  # the drive holds speed zero
+        self._setpoint = 0.0
+        self._unfit: list[str] = []
+        unit = "rad/s" if config.travel is None else "m/s"
+        limit = config.max_speed * abs(config.travel or 1.0)
+        what = "speed of the motor" if config.travel is None else "speed of the axis"
+        self.setpoints = (Channel("speed", unit, what, -limit, limit),)
+        self.channels = (
+            Channel("speed", unit, what, -1.5 * limit, 1.5 * limit),
+            Channel("speed_raw", "count", "number in the register", raw_of="speed"),
+        )
+
+    def open(self) -> None:
+        """Connect, check the drive's settings, leave a fault of before, set the watchdog.
+
+        A watchdog that cannot be set is told by :meth:`preflight`.
+
+        Raises:
+            LinkError: no connection, or no answer.
+            ProtocolError: not the drive, or not its settings, that the map describes.
+            DeviceError: the drive refused, or has a fault that does not go away.
+
+        """
+        self.connect()
+        self.check(self._map.expect)
+        self._disable()
+        self._words = self.fetch(self._reads)
+        if all_hold(self._map.fault, self._words):
+            self._reset()
+        self._unfit = [*self._set_up(), *self._set_watchdog()]
+        self.identity = self._map.title
+
+    def preflight(self) -> Sequence[str]:
+        """See :class:`~rigd.sdk.AnyDriver`: a setting or a watchdog that the drive did not keep."""
+        return self._unfit
+
+    def prove_watchdog(self) -> float:
+        """Fall silent once; return the seconds of silence after which the drive had tripped.
+
+        Raises:
+            DeviceError: it did not trip within ``watchdog_s``, or cannot be reset.
+
+        """
+        if self.watchdog_s is None:
+            raise DeviceError(f"{self.client.where}: the drive has no watchdog to prove")
+        self._words = self.fetch(self._reads)  # the drive has heard from us
+        began_ns = time.monotonic_ns()
+        time.sleep(self.watchdog_s)  # the silence is the proof
+        silent_s = (time.monotonic_ns() - began_ns) * 1e-9
+        if not self._tripped():
+            raise DeviceError(
+                f"{self.client.where}: the drive heard nothing for {silent_s:.2f} s and did not "
+                f"trip; its watchdog is set to {self.config.watchdog:g} s",
+                hint="check the drive's reaction to a communication fault, and that it is not "
+                "monitored only while it runs",
+            )
+        self._reset()
+        return silent_s
+
+    def arm(self) -> None:
+        """Begin to enable the drive, at speed zero; goes on in the cycles until :meth:`ready`."""
+        self._setpoint = 0.0
+        self._armed, self._at_rest = True, False
+        self._until = None
+        self._steps = deque(self._map.enable)
+
+    def ready(self) -> bool:
+        """Return whether the drive says that it follows its setpoint."""
+        return self._armed and not self._steps and self._enabled
+
+    def write(self, setpoints: Sequence[float]) -> None:
+        """Take the speed; it is sent with the next row, the newest at that time.
+
+        Raises:
+            DeviceError: it is not a number.
+
+        """
+        (speed,) = setpoints
+        if math.isnan(speed):
+            raise DeviceError("the speed setpoint is not a number; the last one holds")
+        self._setpoint = speed
+
+    def read(self, t_ns: int) -> Sequence[float] | None:
+        """Return speed, counts and status once all of a row has come, else None.
+
+        Raises:
+            LinkError: the connection is lost.
+            DeviceError: the drive reports a fault, dropped out of operation, or refuses.
+
+        """
+        answer = self.take()
+        row = None if answer is None else self._took(answer)
+        if self.client.free():
+            self._ask()
+        return row
+
+    def make_safe(self) -> None:
+        """Disable the drive: no torque; within 0.1 s, or its watchdog will.
+
+        Raises:
+            LinkError: it did not acknowledge.
+
+        """
+        self._armed = self._enabled = False
+        self._steps.clear()
+        self._plan.clear()
+        if self._client is not None:
+            self._disable()
+
+    def rescue(self) -> None:
+        """See :class:`~rigd.sdk.Driver`: disable over a connection opened anew."""
+        client = self.config.client(self._map.silence)
+        client.open(_RESCUE_OPEN_S)
+        try:
+            for request in self._map.writes(self._map.disable):
+                client.insist(request, RESCUE_S / len(self._map.disable))
+        finally:
+            client.close()
+
+    def failed(self, failure: Failure) -> None:
+        """Begin the row anew when it is due: with the newest setpoint, or the same step."""
+        self._plan.clear()
+
+    def _ask(self) -> None:
+        """Send the next request of a row begun, or of a new one when it is time."""
+        if not self._plan:
+            if not self.due():
+                return
+            command = self._command()
+            self._plan.extend([] if command is None else [command])
+            self._plan.extend(read.request for read in self._reads)
+        self.client.start(self._plan[0])
+
+    def _command(self) -> Request | None:
+        """Return what is to be written before the next row is read."""
+        if not self._armed:
+            return None
+        if self._steps and self._at_rest:
+            if self._until is not None and not self._until.holds(self._words):
+                return None
+            return self._map.write(self._steps[0].address, (self._steps[0].value,))
+        words = self._map.setpoint.encode(self._setpoint / self._scale, self._map.word_order)
+        return self._map.write(self._map.setpoint.address, words)
+
+    def _took(self, answer: Answer) -> Sequence[float] | None:
+        if not self._plan or answer.request is not self._plan[0]:
+            return None  # of a row that was given up
+        left = len(self._plan)
+        self._plan.popleft()
+        if left > len(self._reads):
+            self._written()
+            return None
+        self._words |= self._reads[-left].words(answer.words)
+        return None if self._plan else self._row()
+
+    def _written(self) -> None:
+        """Heed that the drive took the setpoint, or a step on the way to enabling it."""
+        if self._steps and self._at_rest:
+            self._until = self._steps.popleft().until
+        self._at_rest = True
+
+    def _row(self) -> Sequence[float]:
+        if all_hold(self._map.fault, self._words):
+            raise self._fault()
+        enabled = all_hold(self._map.enabled, self._words)
+        if self.ready() and not enabled:
+            raise DeviceError(
+                f"{self.client.where}: the drive is no longer enabled, and reports no fault",
+                hint="check its enable and safe-torque-off inputs",
+            )
+        self._enabled = enabled
+        count = self._map.speed.decode(self._words, self._map.word_order)
+        status = (ENABLED if enabled else 0) | self.client.status()
+        return count * self._scale, count, status
+
+    def _fault(self) -> DeviceError:
+        at = {condition.address for condition in self._map.fault}
+        words = ", ".join(f"register {a} is {self._words[a]:#06x}" for a in sorted(at))
+        return DeviceError(
+            f"{self.client.where}: the drive reports a fault ({words})",
+            hint="read its display; a communication fault means that it heard nothing for "
+            f"{self.config.watchdog:g} s",
+        )
+
+    def _disable(self) -> None:
+        """Write what takes the torque away.
+
+        Raises:
+            LinkError: the drive did not acknowledge.
+
+        """
+        for request in self._map.writes(self._map.disable):
+            self.client.insist(request, SAFE_S / len(self._map.disable))
+
+    def _tripped(self) -> bool:
+        conditions = self._map.watchdog.tripped
+        spans = [range(c.address, c.address + 1) for c in conditions]
+        return all_hold(conditions, self.fetch(self._map.reads(spans)))
+
+    def _reset(self) -> None:
+        """Leave the fault state.
+
+        Raises:
+            DeviceError: the drive stays in it.
+
+        """
+        for request in self._map.writes(self._map.reset):
+            self.client.ask(request)
+        self._words = self.fetch(self._reads)
+        if all_hold(self._map.fault, self._words):
+            raise self._fault()
+
+    def _set_up(self) -> Sequence[str]:
+        """Write the settings; return those that the drive did not keep, a sentence each."""
+        unfit = []
+        for each in self._map.setup:
+            self.client.ask(self._map.write(each.address, (each.value,)))
+            if each.keeps and (word := self.fetch_word(each.address)) != each.value:
+                unfit.append(f"register {each.address} reads {word} after {each.value} was written")
+        return unfit
+
+    def _set_watchdog(self) -> Sequence[str]:
+        """Write the watchdog's time and read it back; return what is wrong with it, if anything."""
+        watchdog, order = self._map.watchdog, self._map.word_order
+        register, counts = watchdog.register, self.config.watchdog / watchdog.scale
+        self.watchdog_s = None
+        self.client.ask(self._map.write(register.address, register.encode(counts, order)))
+        kept = register.decode(self.fetch(self._map.reads([register.addresses])), order)
+        if kept != round(counts):
+            return [
+                f"its watchdog was set to {self.config.watchdog:g} s and reads back as "
+                f"{kept * watchdog.scale:g} s: it would not stop when rigd falls silent"
+            ]
+        self.watchdog_s = self.config.watchdog + watchdog.reaction
+        return []
