@@ -20,6 +20,7 @@ from rigd.engine.process_host import ProcessHost
 from rigd.engine.recorder import Health, RecorderProcess, drain_leftovers
 from rigd.engine.run import ChangePlant
 from rigd.engine.shared import Job, RunFolder, Word
+from rigd.engine.slow import Beside
 from rigd.engine.wiring import in_cycle, streams_of, wire
 from rigd.model.channels import Stream
 from rigd.model.errors import LinkError
@@ -122,6 +123,8 @@ def processes(
         folder.prepare(job, {one.name: _capacity(rig, one, kept.decimation) for one in streams})
         board = folder.board()
         board[Word.START_NS], board[Word.ORIGIN_NS] = start_ns, time.monotonic_ns()
+        origin_ns = board[Word.ORIGIN_NS]
+        beside = Beside(rig, folder, job, origin_ns=origin_ns, decimation=kept.decimation)
         recorder = RecorderProcess(folder)
         recorder.start()
         host = ProcessHost(
@@ -131,6 +134,7 @@ def processes(
             folder=folder,
             control=control,
             watched=(_KeptAlive(recorder, control),),
+            beside=beside,
             finish=recorder.finish,
         )
         try:

@@ -28,6 +28,7 @@ from rigd.engine.in_process import ARM_NS, close_devices, open_devices
 from rigd.engine.player import Ending, Outcome
 from rigd.engine.realtime import RealTime
 from rigd.engine.shared import RunFolder, Word
+from rigd.engine.slow import stand_ins
 from rigd.engine.wiring import wire
 from rigd.record.events import NO_TRIAL
 
@@ -51,7 +52,9 @@ class CycleProcess:
         self._events = run.event_ring("cycle")
         self._control = Control()
         clock = RealClock(self._job.rig.period_ns, board[Word.START_NS], board[Word.ORIGIN_NS])
-        wiring = wire(self._job.rig, clock, self._control, self._job.seed)
+        wiring = wire(
+            self._job.rig, clock, self._control, self._job.seed, stand_ins(self._job.rig, folder)
+        )
         self._cycle: Cycle = wiring.cycle
         self._plant = wiring.plant
         self._cycle.connect(run.row_rings(run.job), self._job.decimation, self._emit)

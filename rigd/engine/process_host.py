@@ -28,6 +28,7 @@ from rigd.engine.interlocks import Trip
 from rigd.engine.player import Ending, Outcome
 from rigd.engine.rescue import rescue
 from rigd.engine.shared import Phase, RunFolder, Word
+from rigd.engine.slow import Beside
 from rigd.model.errors import RecordingError
 from rigd.procedure.program import CycleProgram
 from rigd.record.events import NO_TRIAL
@@ -73,6 +74,7 @@ class ProcessHost:
         folder: the folder of the run, prepared with its rings and board.
         control: what a person asks for.
         watched: what else must live.
+        beside: the devices that run beside the cycle.
         finish: ends the recording once nobody pushes any more.
     """
 
@@ -87,6 +89,7 @@ class ProcessHost:
         folder: RunFolder,
         control: Control,
         watched: Sequence[Watched] = (),
+        beside: Beside | None = None,
         finish: Callable[[], None],
     ) -> None:
         self.trial = NO_TRIAL
@@ -95,7 +98,7 @@ class ProcessHost:
         self.trips: list[Trip] = []
         self._rig, self._folder, self._control = rig, folder.path, control
         self._board = board = folder.board()
-        self._watched, self._finish = watched, finish
+        self._watched, self._beside, self._finish = list(watched), beside, finish
         self._silence_ns = round(rig.supervision.cycle_silence_s * 1e9)
         self._rings = folder.row_rings(folder.job)
         self._events = folder.event_ring("daemon")
@@ -147,8 +150,13 @@ class ProcessHost:
         return sum(ring.overruns for ring in self._rings.values())
 
     def open(self) -> Sequence[str]:
-        """Let the cycle process open every device and prove its watchdog."""
-        return self._ask(m.Open(self._next()), OPEN_S)
+        """Open the devices beside the cycle, then let the cycle process open its own."""
+        reasons: list[str] = []
+        if self._beside is not None:
+            reasons += self._beside.start()
+            if not reasons:
+                self._watched.append(self._beside)
+        return [*reasons, *self._ask(m.Open(self._next()), OPEN_S)]
 
     def unfit(self) -> Sequence[str]:
         """Return why the rig, looked at in rest, is not fit to be armed."""
@@ -252,6 +260,8 @@ class ProcessHost:
             self._lose(f"the cycle process did not end: {error}")
         finally:
             self._link.close()
+            if self._beside is not None:
+                self._beside.stop()
             self._board[Word.PHASE] = Phase.ENDED
             self._finish()
 

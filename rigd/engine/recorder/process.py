@@ -72,13 +72,14 @@ class RecorderProcess:
         """Return once the file is there and rows are taken.
 
         Raises:
-            RecordingError: the file cannot be written, or it took too long.
+            RecordingError: the file cannot be written, or it took too long; the process is gone.
         """
         deadline = time.monotonic() + timeout_s
         while self.state is RecorderState.STARTING:
             if self.poll() is Health.DIED:
                 raise self._death()
             if time.monotonic() > deadline:
+                self._kill()
                 raise RecordingError(f"the recorder did not begin within {timeout_s:g} s")
             time.sleep(_LOOK_S)
         if self.state is RecorderState.FAILED:
@@ -105,9 +106,7 @@ class RecorderProcess:
 
     def restart(self) -> None:
         """Make sure that the process is dead, then start it again where it was."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
+        self._kill()
         self.start()
 
     def finish(self, timeout_s: float = START_S) -> None:
@@ -140,15 +139,14 @@ class RecorderProcess:
             self._process.wait()
         self._folder.clear()
 
-    def _failure(self) -> RecordingError:
-        """Return what the recorder has to say, and let it go."""
+    def _kill(self) -> None:
         if self._process is not None:
-            self._process.terminate()
-            try:
-                self._process.wait(timeout=SILENCE_S)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
+            self._process.kill()
+            self._process.wait()
+
+    def _failure(self) -> RecordingError:
+        """Return what the recorder has to say; nothing more is to be had of it."""
+        self._kill()
         message, _, hint = (self._folder.path / ERROR_FILE).read_text().partition("\n")
         return RecordingError(message, hint=hint.strip() or None)
 

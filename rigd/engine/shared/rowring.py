@@ -88,7 +88,8 @@ class RowRing:
     @property
     def fill(self) -> float:
         """Share of the ring that waits to be released, 0 to 1."""
-        return (self.head - self.tail) / self.capacity
+        tail = self.tail  # first: for a third process, the tail may overtake an older head
+        return (self.head - tail) / self.capacity
 
     def push(self, t_ns: int, row: Sequence[float]) -> None:
         """Append one row: the values in order, the status word (an int) last where there is one."""

@@ -14,8 +14,7 @@ from typing import Final
 
 from rigd.config.rig import DeviceConfig
 from rigd.engine.clock import monotonic_ns
-from rigd.engine.slow.block_job import MAX_PACKET, BlockJob, Failed, Opened
-from rigd.engine.slow.block_process import GRACE_S
+from rigd.engine.slow.block_job import GRACE_S, MAX_PACKET, BlockJob, Failed, Opened
 from rigd.engine.slow.table import LatestTable
 from rigd.model.channels import Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError, RigdError
@@ -37,7 +36,7 @@ class BlockHelper:
 
     Args:
         device: the device.
-        ring: path of the ring of its stream, made already.
+        ring: path of the ring of its stream, made already; None where it is not recorded.
         table: path of the table of latest values, made already.
         table_streams: the streams that the table has slots for.
         start_ns: Unix time of the run's beginning.
@@ -46,13 +45,14 @@ class BlockHelper:
         lock_fd: the rig's lock, which the process holds as long as it lives; -1 where there is
             none.
         silence_s: after how long a silent process counts as hung.
+        every: every so many rows one is recorded.
     """
 
     def __init__(
         self,
         device: DeviceConfig,
         *,
-        ring: Path,
+        ring: Path | None,
         table: Path,
         table_streams: Sequence[Stream],
         start_ns: int,
@@ -60,13 +60,14 @@ class BlockHelper:
         log: Path,
         lock_fd: int = -1,
         silence_s: float = SILENCE_S,
+        every: int = 1,
     ) -> None:
         self.name = device.name
         self.identity = ""  #: what the device said it is, once started
         self.rate_hz = 0.0  #: rows per second, once started
         self.unfit: tuple[str, ...] = ()  #: what keeps the device from being armed
         streams = tuple(table_streams)
-        self._job = BlockJob(device, ring, table, streams, start_ns, origin_ns)
+        self._job = BlockJob(device, ring, every, table, streams, start_ns, origin_ns)
         self._slot = LatestTable.attach(table, streams).slot(device.name)
         self._log = log
         self._lock_fd = lock_fd

@@ -11,6 +11,8 @@ from rigd.model.channels import Stream
 
 #: Longest message; a device's options are far shorter.
 MAX_PACKET: Final = 1 << 17
+#: How long the device may take to be closed once the helper is to end; then it ends all the same.
+GRACE_S: Final = 2.0
 
 
 @dataclass(frozen=True)
@@ -18,11 +20,13 @@ class BlockJob:
     """To the helper, once: which device, where its rows go, and what time it is there.
 
     Rows are stamped with Unix time: ``start_ns`` at the monotonic time ``origin_ns``. The table
-    has a slot for each of ``table_streams``.
+    has a slot for each of ``table_streams``. Every ``every``-th row is recorded in ``ring``, none
+    where that is None.
     """
 
     device: DeviceConfig
-    ring: Path
+    ring: Path | None
+    every: int
     table: Path
     table_streams: tuple[Stream, ...]
     start_ns: int

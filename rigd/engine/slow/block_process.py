@@ -21,7 +21,7 @@ import numpy as np
 
 from rigd.engine.clock import monotonic_ns
 from rigd.engine.shared.rowring import RowRing
-from rigd.engine.slow.block_job import MAX_PACKET, BlockJob, Failed, Opened
+from rigd.engine.slow.block_job import GRACE_S, MAX_PACKET, BlockJob, Failed, Opened
 from rigd.engine.slow.table import LatestTable
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.errors import DeviceError, RigdError
@@ -30,8 +30,6 @@ from rigd.sdk import Block, BlockDriver
 
 #: A sign of life is given this often while there are no rows.
 BEAT_S: Final = 0.1
-#: How long the device may take to be closed once the daemon is gone; then the process just ends.
-GRACE_S: Final = 2.0
 
 
 class Publisher:
@@ -40,7 +38,9 @@ class Publisher:
     def __init__(self, job: BlockJob) -> None:
         self._stream = job.device.stream
         self._offset_ns = job.start_ns - job.origin_ns
-        self._ring = RowRing.attach(job.ring, self._stream)
+        self._ring = None if job.ring is None else RowRing.attach(job.ring, self._stream)
+        self._every = job.every
+        self._skip = 0  # rows until the next one that is recorded
         self._slot = LatestTable.attach(job.table, job.table_streams).slot(self._stream.name)
         self._width = len(self._stream.channels) + self._stream.has_status
         self._last_ns = 0
@@ -75,7 +75,9 @@ class Publisher:
             rows[channel.name] = values[:, index]
         if self._stream.has_status:
             rows[STATUS_FIELD] = values[:, -1].astype(np.uint32)
-        self._ring.push_block(rows)
+        if self._ring is not None:
+            self._ring.push_block(rows[self._skip :: self._every])
+            self._skip = (self._skip - len(rows)) % self._every
         self._slot.write(self._last_ns, values[-1].tolist())
 
 
