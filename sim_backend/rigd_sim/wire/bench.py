@@ -103,7 +103,7 @@ class _Service:
             name: CanHub(name, folder.socket(name), bitrate=bus.bitrate, seed=config.seed + number)
             for number, (name, bus) in enumerate(config.buses.items())
         }
-        bench = Bench(world, hubs, folder.path, config.seed)
+        bench = Bench(world, hubs, folder, config.seed)
         parts: list[Part] = [*hubs.values(), *build_parts(config, bench)]
         self._parts = {part.name: part for part in parts}
         states = {part.name: part.state for part in parts}
@@ -155,7 +155,7 @@ class _Service:
             elif isinstance(result, BaseException):
                 raise result
             else:
-                lines.append(f"{part.name}: {result}")
+                lines.append(result)
         if problems:
             raise LinkError(
                 "cannot serve " + "; ".join(problems),

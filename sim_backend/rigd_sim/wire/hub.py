@@ -106,7 +106,7 @@ class CanHub(Part):
         self._listener = listener
         self._started_ns = time.monotonic_ns()
         asyncio.get_running_loop().add_reader(listener, self._accept)
-        return f"CAN bus at {self._path}"
+        return f"{self.name}: CAN bus at {self._path}"
 
     async def stop(self) -> None:
         """Close every connection and remove the socket."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 from annotated_types import Ge, Gt, Le
 
@@ -14,8 +13,11 @@ from rigd.sdk import In, SimulationConfig
 from rigd_sim.plants.lugre import layout
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
+from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.ni import SimNi
 from rigd_sim.wire.part import Part
+from rigd_sim.wire.scale import SimScale
 from rigd_sim.wire.world import World
 
 NodeId = Annotated[int, Ge(1), Le(127)]
@@ -68,13 +70,39 @@ class EncoderOptions(NodeOptions):
     """Counts that it shows where the rig was switched on."""
 
 
+class CardOptions(SimulationConfig):
+    """An NI card behind NI's device server (gRPC), with the accelerometer on one input."""
+
+    address: str = "127.0.0.1:31763"
+    """host:port where the device server is reached."""
+    device: str = "Dev1"
+    """Name of the card."""
+    channel: str = "ai0"
+    """Input of the accelerometer."""
+    drift: float = 40.0
+    """By how many parts in a million its clock runs fast."""
+
+
+class ScaleOptions(SimulationConfig):
+    """A scale on a serial port."""
+
+    port: str = "scale"
+    """Name of the port in the folder."""
+    dialect: Literal["mt-sics", "kern-kcp", "and-d"] = "mt-sics"
+    """What it speaks."""
+    baud: int = 9600
+    """Its baud rate."""
+    unit: str = "kg"
+    """The unit it shows."""
+
+
 @dataclass(frozen=True)
 class Bench:
     """What parts are built from."""
 
     world: World
     buses: Mapping[str, CanHub]
-    folder: Path
+    folder: Folder
     seed: int
 
 
@@ -152,6 +180,21 @@ def _carriage(name: str, options: EncoderOptions, bench: Bench) -> Part:
     return _encoder(name, options, bench, layout.GUIDE_COUNTS, scale)
 
 
+def _scale(name: str, options: ScaleOptions, bench: Bench) -> Part:
+    return SimScale(
+        name, bench.folder.socket(options.port), lambda: bench.world.plant.mass,
+        dialect=options.dialect, baud=options.baud, unit=options.unit, seed=bench.seed,
+    )  # fmt: skip
+
+
+def _accelerometer(name: str, options: CardOptions, bench: Bench) -> Part:
+    volts = {options.channel: bench.world.reading(layout.ACCELERATION_VOLTS)}
+    return SimNi(
+        name, volts, address=options.address, device=options.device, drift_ppm=options.drift,
+        seed=bench.seed,
+    )  # fmt: skip
+
+
 #: ``build(name, options, bench)`` makes the part of that name.
 Builder = Callable[..., Part]
 #: Of the measuring wheel on the guide.
@@ -173,6 +216,8 @@ BUILDERS: Final[Mapping[str, Builder]] = {
     ),
     "wheel_encoder": _wheel_encoder,
     "carriage": _carriage,
+    "accelerometer": _accelerometer,
+    "scale": _scale,
 }
 
 
@@ -189,6 +234,10 @@ class DeviceOptions(SimulationConfig):
     """Encoder on the shaft of the wheel's motor."""
     carriage: EncoderOptions | None = EncoderOptions(bus="encoder_bus", node=12)
     """Encoder of the measuring wheel on the guide."""
+    accelerometer: CardOptions | None = CardOptions()
+    """NI card with the accelerometer of the carriage."""
+    scale: ScaleOptions | None = ScaleOptions()
+    """Scale on which the quarter model rests, with its weights."""
 
 
 def build_parts(options: DeviceOptions, bench: Bench) -> list[Part]:

@@ -131,7 +131,7 @@ class CanopenNode(Part):
         booted = self._boot_is_over = asyncio.Event()
         self.connect()
         await booted.wait()
-        return f"{self.identity.name}, node {self.node} on {self._hub.name}"
+        return f"{self.name}: {self.identity.name}, node {self.node} on {self._hub.name}"
 
     async def stop(self) -> None:
         """Leave the bus."""
