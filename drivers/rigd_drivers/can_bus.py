@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 from annotated_types import Ge, Gt, Le, MinLen
 from pydantic import Field
@@ -21,8 +21,9 @@ from rigd_drivers.canopen import frames, nmt
 
 #: Frames taken in one cycle at most: three times what a bus of 1 Mbit/s carries in 1 ms.
 FRAMES_PER_CYCLE: Final = 64
-#: A queue that stays full, or a bus that stays flooded, for so long is a failure, in ns.
-STALL_NS: Final = 100_000_000
+#: A queue that stays full, or a bus that stays flooded, for so long is a failure, in ns. Less than
+#: it takes a device to be missed, so that the cause is told and not its effect.
+STALL_NS: Final = 50_000_000
 #: Error frames in a row, with no good frame between, after which the bus is given up: as many as
 #: make a transmitter error passive (CAN 2.0, error counter 128 by steps of 8).
 ERRORS_IN_A_ROW: Final = 16
@@ -74,7 +75,7 @@ class CanBus(Link):
         self.heard: set[int] = set()  #: nodes that gave a sign of life
         self._handlers: dict[int, Callable[[bytes], None]] = {}
         self._owners: dict[int, str] = {}
-        self._resume: list[Callable[[], None]] = []
+        self._resume: dict[int, Callable[[], None]] = {}
         self._orders: list[bytes] = []
         self._outbox: dict[int, bytes] = {}
         self._errors_in_a_row = 0
@@ -105,8 +106,7 @@ class CanBus(Link):
         listening_s = max(3 * self.config.heartbeat, _SHORTEST_LISTENING_S)
         try:
             self.wait(lambda: False, listening_s)
-            if self._errors_in_a_row:
-                raise self._broken("only errors are heard")
+            self.check_errors()
         except LinkError:
             self.close()
             raise
@@ -122,8 +122,8 @@ class CanBus(Link):
             return
         config = self.config
         self._clear()
-        adapter = {name: _plain(value) for name, value in config.adapter.items()}
-        self._port = open_port(config.interface, config.channel, round(config.bitrate), adapter)
+        rate = round(config.bitrate)
+        self._port = open_port(config.interface, config.channel, rate, config.adapter)
         if not config.sync:
             self._handlers[frames.SYNC] = self._count_sync
 
@@ -156,14 +156,15 @@ class CanBus(Link):
     def release(self, node: int) -> None:
         """Forget a node and what was to be done for it."""
         self._owners.pop(node, None)
+        self._resume.pop(node, None)
 
     def subscribe(self, identifier: int, handler: Callable[[bytes], None]) -> None:
         """Hand the data of every frame with ``identifier`` to ``handler``."""
         self._handlers[identifier] = handler
 
-    def on_resume(self, action: Callable[[], None]) -> None:
-        """Call ``action`` at the start of the cycle after a pause, in which no heartbeat went."""
-        self._resume.append(action)
+    def on_resume(self, node: int, action: Callable[[], None]) -> None:
+        """Call ``action`` for ``node`` in the first cycle, and after a pause without heartbeats."""
+        self._resume[node] = action
 
     # -- the cycle -----------------------------------------------------------------------------
 
@@ -176,7 +177,7 @@ class CanBus(Link):
         """
         now = self.now_ns = time.monotonic_ns()
         if now - self._cycled_ns > 3e9 * self.config.heartbeat:
-            for action in self._resume:
+            for action in self._resume.values():
                 action()
         if self._take(FRAMES_PER_CYCLE):
             self.behind = False
@@ -191,7 +192,7 @@ class CanBus(Link):
             LinkError: the bus is lost, or takes no frames.
 
         """
-        self.flush()
+        self._empty(self._send)
         now = time.monotonic_ns()
         self._cycled_ns = now
         self._beat_if_due(now)
@@ -205,20 +206,23 @@ class CanBus(Link):
         self._orders.append(nmt.command(command, node))
 
     def flush(self) -> None:
-        """Send what is queued, and SYNC.
+        """Send what is queued, and SYNC, now.
 
         Raises:
-            LinkError: see :meth:`end`.
+            LinkError: the bus is lost, or takes no frames.
 
         """
+        self._empty(self.send)
+
+    def _empty(self, send: Callable[[int, bytes], None]) -> None:
         orders, self._orders = self._orders, []
         for data in orders:
-            self._send(frames.NMT, data)
+            send(frames.NMT, data)
         outbox, self._outbox = self._outbox, {}
         for identifier, data in outbox.items():
-            self._send(identifier, data)
+            send(identifier, data)
         if self.config.sync:
-            self._send(frames.SYNC, b"")
+            send(frames.SYNC, b"")
             self.syncs += 1
 
     # -- set-up: before the first cycle, may wait ----------------------------------------------
@@ -233,7 +237,7 @@ class CanBus(Link):
         try:
             self._opened().send(identifier, data)
         except Full as error:
-            raise self._stuck() from error
+            raise self._stuck(error) from error
 
     def beat(self) -> None:
         """Send a heartbeat now.
@@ -269,6 +273,11 @@ class CanBus(Link):
                 pause_ns = min(pause_ns, round(self.config.heartbeat * 1e9))
             port.wait(pause_ns * 1e-9)
 
+    def check_errors(self) -> None:
+        """Raise LinkError if the last thing heard from the bus was an error."""
+        if self._errors_in_a_row:
+            raise self._broken("only errors are heard")
+
     # -- within --------------------------------------------------------------------------------
 
     def _opened(self) -> Port:
@@ -282,6 +291,7 @@ class CanBus(Link):
             self.beat()
 
     def _send(self, identifier: int, data: bytes) -> None:
+        """Send a frame; one that finds the queue full is lost and counted, if not for long."""
         try:
             self._opened().send(identifier, data)
         except Full as error:
@@ -290,7 +300,7 @@ class CanBus(Link):
             if not self._full_since:
                 self._full_since = now
             elif now - self._full_since > STALL_NS:
-                raise self._stuck() from error
+                raise self._stuck(error) from error
             return
         self._full_since = 0
 
@@ -366,9 +376,9 @@ class CanBus(Link):
             hint="stop it; where a device is meant to send SYNC, set `sync: false` on the link",
         )
 
-    def _stuck(self) -> LinkError:
+    def _stuck(self, why: Full) -> LinkError:
         return LinkError(
-            f"{self.name} takes no frames: its queue stays full",
+            f"{self.name} takes no frames: {why}",
             hint="no node acknowledges, or the bus is overloaded: check power, wiring, "
             f"termination (120 ohm at both ends) and that all nodes use {self._rate()}; on "
             "SocketCAN also: ip link set IF txqueuelen 1000",
@@ -384,10 +394,3 @@ class CanBus(Link):
 
     def _rate(self) -> str:
         return f"{self.config.bitrate / 1000:g} kbit/s"
-
-
-def _plain(value: str) -> Any:
-    """Return an adapter's option as the number or truth that its text says, else as it stands."""
-    from can.util import cast_from_string
-
-    return cast_from_string(value)
