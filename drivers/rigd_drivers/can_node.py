@@ -16,7 +16,7 @@ from rigd_drivers.canopen.pdo import EVENT_DRIVEN, Pdo
 #: A node answers an SDO request within this, also when its host or ours stalls, in s.
 SDO_TIMEOUT_S: Final = 0.5
 #: The same while a drive must be made safe, in s.
-RESCUE_TIMEOUT_S: Final = 0.1
+RESCUE_TIMEOUT_S: Final = 0.15
 #: How long a second node with the same id has for its reply, in s.
 _TWIN_S: Final = 0.02
 #: What we tell nodes to send their heartbeat at, in ms.
@@ -279,6 +279,7 @@ class Node:
         while request is not None:
             self.bus.send(frames.SDO_REQUEST + self.node_id, request)
             if not self.bus.wait(lambda: bool(self._replies), self.sdo_timeout_s):
+                self.bus.check_errors()
                 raise self._silent(where)
             try:
                 request = transfer.feed(self._replies.popleft())

@@ -98,10 +98,10 @@ class SocketPort(Port):
         try:
             self._socket.send(frames.pack(identifier, data))
         except BlockingIOError as error:
-            raise Full from error
+            raise Full("its queue is full") from error
         except OSError as error:
             if error.errno == errno.ENOBUFS:
-                raise Full from error
+                raise Full("its queue is full") from error
             raise self._gone(error) from error
 
     def wait(self, timeout_s: float) -> None:
@@ -173,9 +173,9 @@ class LibraryPort(Port):
 
 
 def open_port(
-    interface: str, channel: str, bitrate: int, adapter: Mapping[str, Any] | None = None
+    interface: str, channel: str, bitrate: int, adapter: Mapping[str, str] | None = None
 ) -> Port:
-    """Open ``channel`` of ``interface``.
+    """Open ``channel`` of ``interface``; ``adapter`` has further options of python-can, as text.
 
     Raises:
         LinkError: there is no such interface, or it cannot be opened.
@@ -221,12 +221,14 @@ def _open_socketcan(channel: str, bitrate: int) -> Port:
     return SocketPort(connection, LinkError(f"the CAN interface {channel} failed", hint=up))
 
 
-def _open_adapter(interface: str, channel: str, bitrate: int, options: Mapping[str, Any]) -> Port:
+def _open_adapter(interface: str, channel: str, bitrate: int, options: Mapping[str, str]) -> Port:
     import can
+    from can.util import cast_from_string
 
     name = f"{interface} {channel}".strip()
+    values: dict[str, Any] = {key: cast_from_string(text) for key, text in options.items()}
     try:
-        bus = can.Bus(interface=interface, channel=channel, bitrate=bitrate, **options)
+        bus = can.Bus(interface=interface, channel=channel, bitrate=bitrate, **values)
     except (
         can.CanError,
         OSError,

@@ -18,6 +18,8 @@ from rigd_drivers.canopen.inbox import Inbox
 
 #: Low word of 1000h.
 _PROFILE: Final = 406
+#: Object 6004 has 32 bits; an encoder that does not tell its range uses them all.
+_WHOLE_OBJECT: Final = 1 << 32
 #: Options that only one kind has.
 _OPTIONS: Final = {
     "rotary": ("counts_per_revolution", "gear_ratio"),
@@ -40,8 +42,8 @@ class EncoderConfig(DriverConfig):
     """Rotary: turns of its shaft per turn of what is measured."""
     distance_per_count: Annotated[float, In("m/count"), Gt(0)] | None = None
     """Linear: travel per count."""
-    bits: Annotated[int, Ge(8), Le(32)] = 32
-    """After how many bits the position (object 6004) rolls over: 16, 24, 32, ..."""
+    bits: Annotated[int, Ge(8), Le(32)] | None = None
+    """The position (object 6004) rolls over after so many bits: 16, 24, 32; none: as it says."""
     inverted: bool = False
     """Whether counting up is the rig's negative direction."""
     zero_at_open: bool = True
@@ -85,7 +87,7 @@ class Cia406Encoder(Driver):
             (objects.ENCODER_POSITION,),
         )
         self._inbox = Inbox(self._tpdo, config.node)
-        self._unwrap = Unwrap(1 << config.bits)
+        self._unwrap = Unwrap(_WHOLE_OBJECT)
         self._zero = 0
         self._scale = float("nan")
         self._watched = False
@@ -100,9 +102,9 @@ class Cia406Encoder(Driver):
 
         """
         config, link = self.config, self.link
-        node = Node(link, config.node)
+        self.close()
+        node = self._node = Node(link, config.node)
         node.open(self.title, _PROFILE, config.serial)
-        self._node = node
         self.identity = node.identity
         scale = config.distance_per_count
         if scale is None:
@@ -110,13 +112,13 @@ class Cia406Encoder(Driver):
         self._scale = -scale if config.inverted else scale
         node.configure(self._tpdo)
         node.switch_off_rest(receive=0, transmit=1)
-        self._unwrap = Unwrap(1 << config.bits)
-        count = self._unwrap.follow(self._within_bits(node.read(objects.ENCODER_POSITION)))
+        self._unwrap = Unwrap(self._span(node))
+        count = self._unwrap.follow(self._within_span(node.read(objects.ENCODER_POSITION)))
         self._zero = count if config.zero_at_open else 0
         self._watched = False
         self._inbox = Inbox(self._tpdo, config.node, link.syncs)
         link.subscribe(self._tpdo.identifier, self._inbox.receive)
-        link.on_resume(self._resume)
+        link.on_resume(config.node, self._resume)
         node.start()
 
     def arm(self) -> None:
@@ -130,7 +132,7 @@ class Cia406Encoder(Driver):
 
         Raises:
             DeviceError: the node reports an emergency, has restarted, or fell silent.
-            ProtocolError: a frame has not 4 bytes, comes twice each SYNC, or counts beyond `bits`.
+            ProtocolError: a frame has not 4 bytes, comes twice per SYNC, or is out of range.
 
         """
         node = self._node
@@ -140,7 +142,7 @@ class Cia406Encoder(Driver):
         values = self._inbox.take(self.link.syncs)
         if values is None or self.link.behind:
             return None
-        counts = self._unwrap.follow(self._within_bits(values[0]))
+        counts = self._unwrap.follow(self._within_span(values[0]))
         state = 0 if node.state is None else int(node.state)
         return (counts - self._zero) * self._scale, counts, state
 
@@ -157,13 +159,29 @@ class Cia406Encoder(Driver):
         if self._node is not None:
             self._node.restart_quietly()
 
-    def _within_bits(self, count: int) -> int:
-        if count >> self.config.bits:
+    def _within_span(self, count: int) -> int:
+        if count >= self._unwrap.span:
             raise ProtocolError(
-                f"{self._node} counts to 0x{count:X}, which has more than {self.config.bits} bits",
+                f"{self._node} counts to {count}, beyond its range of {self._unwrap.span}",
                 hint="correct `bits`",
             )
         return count
+
+    def _span(self, node: Node) -> int:
+        """Return after how many counts the position rolls over."""
+        bits = self.config.bits
+        steps = node.read_optional(objects.STEPS_PER_REVOLUTION)
+        turns = node.read_optional(objects.REVOLUTIONS)
+        if not steps or not turns:
+            return _WHOLE_OBJECT if bits is None else 1 << bits
+        told = steps * turns
+        if bits is not None and told != 1 << bits:
+            raise ProtocolError(
+                f"{node} counts {steps} steps (object 6501) x {turns} revolutions (6502), that is "
+                f"{math.log2(told):.6g} bits; the rig file says {bits}",
+                hint="leave `bits` out, or correct it",
+            )
+        return told
 
     def _counts_per_radian(self, node: Node) -> float:
         given = self.config.counts_per_revolution

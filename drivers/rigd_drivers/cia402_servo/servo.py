@@ -13,23 +13,17 @@ from annotated_types import Ge, Gt, Le
 from rigd.sdk import Channel, DeviceError, Driver, DriverConfig, In, LinkError, ProtocolError
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import RESCUE_TIMEOUT_S, Node
-from rigd_drivers.canopen import cia402, emcy, frames, objects, pdo
+from rigd_drivers.canopen import cia402, frames, objects, pdo
 from rigd_drivers.canopen.cia402 import DriveState, Mode
 from rigd_drivers.canopen.counter import Unwrap
 from rigd_drivers.canopen.inbox import Inbox
 from rigd_drivers.canopen.objects import Entry
+from rigd_drivers.cia402_servo import by_sdo
 
 #: Low word of 1000h.
 _PROFILE: Final = 402
-#: 6007h: what the drive does when it loses our heartbeat. 2 switches the voltage off at once; a
-#: quick stop would keep torque on the wheel.
-_DISABLE_VOLTAGE: Final = 2
-#: A drive takes a controlword, and shows a mode, within this, in s.
-_STEP_S: Final = 0.5
 #: A drive is enabled within this in the cycle (brake, charging of its power stage), in ns.
 _ARMING_NS: Final = 3_000_000_000
-#: Pause between two looks at the statusword while it is waited for, in s.
-_LOOK_S: Final = 0.002
 #: Heartbeats that must fit into the watchdog time, so that a late one does not trip it.
 _HEARTBEATS_IN_WATCHDOG: Final = 3
 #: Tolerance of a rating against what the rig file says: drives round it to their own unit.
@@ -109,14 +103,15 @@ class Servo(Driver):
             DeviceError: it stands in a fault that cannot be reset.
 
         """
-        node = Node(self.link, self.config.node)
+        self.close()
+        node = self._node = Node(self.link, self.config.node)
         node.open(self.title, _PROFILE, self.config.serial)
-        self._node = node
         self.identity = node.identity
         self._check_ratings(node)
-        self._set_watch(node)
-        self._switch_off(node)
-        self._set_mode(node)
+        by_sdo.watch_heartbeat(node, self.config.watchdog)
+        by_sdo.switch_off(node)
+        node.ensure(self.target, 0)
+        by_sdo.set_mode(node, self.mode)
         self._map(node)
         self._unwrap = Unwrap(1 << 32)
         count = self._unwrap.follow(node.read(objects.POSITION))
@@ -125,7 +120,7 @@ class Servo(Driver):
         self._inboxes = tuple(Inbox(one, self.config.node, self.link.syncs) for one in self._tpdos)
         for one, inbox in zip(self._tpdos, self._inboxes, strict=True):
             self.link.subscribe(one.identifier, inbox.receive)
-        self.link.on_resume(self._resume)
+        self.link.on_resume(self.config.node, self._resume)
         node.start()
 
     def preflight(self) -> Sequence[str]:
@@ -153,16 +148,16 @@ class Servo(Driver):
         with self._beating():
             self.link.beat()
             node.write(self.target, 0)
-            self._enable_by_sdo(node)
+            by_sdo.enable(node)
             self.link.beat()
         began_ns = self.link.beat_ns
         limit_ns = round((self.watchdog_s or 0.0) * 1e9)
         while (silent_ns := time.monotonic_ns() - began_ns) <= limit_ns:
-            if self._state(node) is not DriveState.ENABLED:
+            if by_sdo.state(node) is not DriveState.ENABLED:
                 break
-            self.link.wait(lambda: node.emergency is not None, _LOOK_S)
+            self.link.wait(lambda: node.emergency is not None, by_sdo.LOOK_S)
         else:
-            self._switch_off(node)
+            by_sdo.switch_off(node)
             raise DeviceError(
                 f"{node} stayed enabled for {silent_ns * 1e-9:.3f} s without a heartbeat; it must "
                 f"switch itself off within {self.watchdog_s:.3f} s",
@@ -171,7 +166,7 @@ class Servo(Driver):
             )
         with self._beating():
             self.link.beat()
-            self._switch_off(node)
+            by_sdo.switch_off(node)
             node.start()
         return silent_ns * 1e-9
 
@@ -247,8 +242,8 @@ class Servo(Driver):
             node.sdo_timeout_s = RESCUE_TIMEOUT_S
             node.attach()
             node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
-            if not self._settled(node, _OFF, RESCUE_TIMEOUT_S):
-                state = self._state(node).value
+            if not by_sdo.reached(node, by_sdo.TORQUELESS, RESCUE_TIMEOUT_S):
+                state = by_sdo.state(node).value
                 raise DeviceError(f"{node} was told to switch off, yet is in {state}")
         finally:
             bus.close()
@@ -325,30 +320,6 @@ class Servo(Driver):
         link: CanBus | None = self.link  # None while a rig file is checked
         return link is not None and link.is_open
 
-    def _set_watch(self, node: Node) -> None:
-        """Have the drive watch our heartbeat; zero first, so that it begins anew."""
-        bus = self.link.config
-        node.write(objects.HEARTBEAT_CONSUMER, 0)
-        watch_ms = round(self.config.watchdog * 1e3)
-        node.ensure(objects.HEARTBEAT_CONSUMER, bus.master_node << 16 | watch_ms)
-        node.ensure(objects.ABORT_CONNECTION_OPTION, _DISABLE_VOLTAGE)
-
-    def _set_mode(self, node: Node) -> None:
-        modes = node.read(objects.SUPPORTED_MODES)
-        if not modes >> (self.mode - 1) & 1:
-            raise ProtocolError(
-                f"{node} does not offer {self.mode.name.lower().replace('_', ' ')} mode "
-                f"({self.mode:d}): object 6502 is 0x{modes:X}",
-                hint="update its firmware, or use another drive",
-            )
-        node.ensure(self.target, 0)
-        node.write(objects.MODE, self.mode)
-        deadline = time.monotonic() + _STEP_S
-        while (shown := node.read(objects.MODE_DISPLAY)) != self.mode:
-            if time.monotonic() > deadline:
-                raise ProtocolError(f"{node} shows mode {shown}, told was {self.mode:d}")
-            self.link.wait(lambda: False, _LOOK_S)
-
     def _map(self, node: Node) -> None:
         for one in self._pdos():
             node.configure(one)
@@ -359,53 +330,6 @@ class Servo(Driver):
 
     def _pdos(self) -> tuple[pdo.Pdo, ...]:
         return (self._command, *self._tpdos)
-
-    def _state(self, node: Node) -> DriveState:
-        return cia402.state_of(node.read(objects.STATUSWORD))
-
-    def _switch_off(self, node: Node) -> None:
-        """Switch the drive off and reset its fault, by SDO.
-
-        Raises:
-            DeviceError: the fault stays.
-
-        """
-        node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
-        if self._settled(node, (DriveState.SWITCH_ON_DISABLED,), 0.0):
-            return
-        node.write(objects.CONTROLWORD, cia402.FAULT_RESET)
-        off = self._settled(node, (DriveState.SWITCH_ON_DISABLED,), _STEP_S)
-        node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
-        node.emergency = None  # told of a fault that is reset, or is told below
-        if not off:
-            state = self._state(node)
-            last = node.read_optional(objects.LAST_ERROR)
-            cause = f"; last error: {emcy.describe(last & 0xFFFF)}" if last else ""
-            raise DeviceError(
-                f"{node} stays in {state.value}{cause}",
-                hint="remove the cause, switch the drive off and on",
-            )
-
-    def _enable_by_sdo(self, node: Node) -> None:
-        for word, state in (
-            (cia402.SHUTDOWN, DriveState.READY),
-            (cia402.SWITCH_ON, DriveState.SWITCHED_ON),
-            (cia402.ENABLE, DriveState.ENABLED),
-        ):
-            node.write(objects.CONTROLWORD, word)
-            if not self._settled(node, (state,), _STEP_S):
-                raise DeviceError(
-                    f"{node} stays in {self._state(node).value}, expected {state.value}",
-                    hint=_NOT_ENABLED,
-                )
-
-    def _settled(self, node: Node, states: Sequence[DriveState], timeout_s: float) -> bool:
-        deadline = time.monotonic() + timeout_s
-        while self._state(node) not in states:
-            if time.monotonic() > deadline:
-                return False
-            self.link.wait(lambda: False, _LOOK_S)
-        return True
 
     @contextmanager
     def _beating(self) -> Iterator[None]:
@@ -447,15 +371,5 @@ class Servo(Driver):
             raise DeviceError(
                 f"{self._node} is not enabled {_ARMING_NS // 1_000_000_000} s after arming: "
                 f"{cia402.state_of(word).value} (statusword 0x{word:04X})",
-                hint=_NOT_ENABLED if not word & cia402.VOLTAGE else None,
+                hint=by_sdo.NOT_ENABLED if not word & cia402.VOLTAGE else None,
             )
-
-
-#: States without torque.
-_OFF: Final = (
-    DriveState.SWITCH_ON_DISABLED,
-    DriveState.FAULT,
-    DriveState.NOT_READY,
-    DriveState.READY,
-)
-_NOT_ENABLED: Final = "check the supply of its power stage, safe torque off, and the enable input"

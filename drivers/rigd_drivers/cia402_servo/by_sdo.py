@@ -1,0 +1,126 @@
+"""Setting a drive up, and leading it through its states, by SDO: before the cycle, in no haste."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection
+from typing import Final
+
+from rigd.sdk import DeviceError, ProtocolError
+from rigd_drivers.can_node import Node
+from rigd_drivers.canopen import cia402, emcy, objects
+from rigd_drivers.canopen.cia402 import DriveState, Mode
+
+#: 6007h: what the drive does when it loses our heartbeat. 2 switches the voltage off at once; a
+#: quick stop (3) would keep torque on the wheel.
+_DISABLE_VOLTAGE: Final = 2
+#: A drive takes a controlword, and shows a mode, within this, in s.
+_STEP_S: Final = 0.5
+#: Pause between two looks at an object that is waited for, in s.
+LOOK_S: Final = 0.002
+#: States in which a drive gives no torque.
+TORQUELESS: Final = (
+    DriveState.NOT_READY,
+    DriveState.SWITCH_ON_DISABLED,
+    DriveState.READY,
+    DriveState.FAULT,
+)
+NOT_ENABLED: Final = "check the supply of its power stage, safe torque off, and the enable input"
+
+
+def state(node: Node) -> DriveState:
+    """Return the state that the drive is in."""
+    return cia402.state_of(node.read(objects.STATUSWORD))
+
+
+def reached(node: Node, states: Collection[DriveState], timeout_s: float) -> bool:
+    """Wait until the drive is in one of ``states``; return whether it is, at most ``timeout_s``."""
+    deadline = time.monotonic() + timeout_s
+    while state(node) not in states:
+        if time.monotonic() > deadline:
+            return False
+        node.bus.wait(lambda: False, LOOK_S)
+    return True
+
+
+def watch_heartbeat(node: Node, watchdog_s: float) -> None:
+    """Have the drive switch itself off after ``watchdog_s`` without a heartbeat of ours.
+
+    Zero is written first, so that it begins anew, with the first heartbeat that it hears.
+
+    Raises:
+        LinkError, ProtocolError: it does not answer, or refuses.
+
+    """
+    master = node.bus.config.master_node
+    node.write(objects.HEARTBEAT_CONSUMER, 0)
+    node.ensure(objects.HEARTBEAT_CONSUMER, master << 16 | round(watchdog_s * 1e3))
+    node.ensure(objects.ABORT_CONNECTION_OPTION, _DISABLE_VOLTAGE)
+
+
+def set_mode(node: Node, mode: Mode) -> None:
+    """Set the mode of operation, and see that the drive shows it.
+
+    Raises:
+        LinkError: the drive does not answer.
+        ProtocolError: it has no such mode, or does not take it.
+
+    """
+    modes = node.read(objects.SUPPORTED_MODES)
+    if not modes >> (mode - 1) & 1:
+        name = mode.name.lower().replace("_", " ")
+        raise ProtocolError(
+            f"{node} does not offer the {name} mode ({mode:d}): object 6502 is 0x{modes:X}",
+            hint="update its firmware, or use another drive",
+        )
+    node.write(objects.MODE, mode)
+    deadline = time.monotonic() + _STEP_S
+    while (shown := node.read(objects.MODE_DISPLAY)) != mode:
+        if time.monotonic() > deadline:
+            raise ProtocolError(f"{node} shows mode {shown} (object 6061), told was {mode:d}")
+        node.bus.wait(lambda: False, LOOK_S)
+
+
+def switch_off(node: Node) -> None:
+    """Switch the drive off, and reset the fault that it may stand in.
+
+    Raises:
+        LinkError, ProtocolError: it does not answer, or refuses.
+        DeviceError: the fault stays.
+
+    """
+    node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
+    if state(node) is DriveState.SWITCH_ON_DISABLED:
+        return
+    node.write(objects.CONTROLWORD, cia402.FAULT_RESET)
+    off = reached(node, (DriveState.SWITCH_ON_DISABLED,), _STEP_S)
+    node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
+    node.emergency = None  # told of a fault that is reset by now, or is told below
+    if not off:
+        last = node.read_optional(objects.LAST_ERROR)
+        cause = f"; last error: {emcy.describe(last & 0xFFFF)}" if last else ""
+        raise DeviceError(
+            f"{node} stays in {state(node).value}{cause}",
+            hint="remove the cause, then switch the drive off and on",
+        )
+
+
+def enable(node: Node) -> None:
+    """Enable the drive, step by step; its target must be zero.
+
+    Raises:
+        LinkError, ProtocolError: it does not answer, or refuses.
+        DeviceError: it does not follow.
+
+    """
+    for word, following in (
+        (cia402.SHUTDOWN, DriveState.READY),
+        (cia402.SWITCH_ON, DriveState.SWITCHED_ON),
+        (cia402.ENABLE, DriveState.ENABLED),
+    ):
+        node.write(objects.CONTROLWORD, word)
+        if not reached(node, (following,), _STEP_S):
+            raise DeviceError(
+                f"{node} stays in {state(node).value}, expected {following.value}",
+                hint=NOT_ENABLED,
+            )
