@@ -11,6 +11,7 @@ from functools import partial
 
 from rigd_drivers.mf624.access import RegIO
 from rigd_drivers.mf624.link import Mf624, Mf624Config
+from rigd_sim.cards.drives import OneShot
 from rigd_sim.cards.mf624 import Mf624Registers, Wires
 from rigd_sim.wire.part import Part
 
@@ -38,17 +39,24 @@ class Terminals:
     """The terminal block of a simulated card, as a test turns and reads it."""
 
     volts_in: list[float] = field(default_factory=lambda: [0.0] * 8)
-    volts_out: dict[int, float] = field(default_factory=dict)
+    volts_out: list[float] = field(default_factory=lambda: [0.0] * 8)
     counts: list[int] = field(default_factory=lambda: [0] * 4)
     index: list[bool] = field(default_factory=lambda: [False] * 4)
     lines_in: int = 0
     lines_out: int = 0
+    one_shot: OneShot | None = None  #: triggered by digital output 7, seen at digital input 7
 
     def card(self) -> Mf624Registers:
         """Return a card with everything wired to these terminals."""
 
         def put_lines(lines: int) -> None:
             self.lines_out = lines
+            if self.one_shot is not None:
+                self.one_shot.trigger(level=bool(lines >> 7 & 1))
+
+        def lines_in() -> int:
+            up = self.one_shot is not None and self.one_shot.up
+            return self.lines_in | up << 7
 
         return Mf624Registers(
             Wires(
@@ -56,7 +64,7 @@ class Terminals:
                 volts_out={one: partial(self.volts_out.__setitem__, one) for one in range(8)},
                 counts_in={one: partial(self.counts.__getitem__, one) for one in range(4)},
                 index_in={one: partial(self.index.__getitem__, one) for one in range(4)},
-                lines_in=lambda: self.lines_in,
+                lines_in=lines_in,
                 lines_out=put_lines,
             )
         )
