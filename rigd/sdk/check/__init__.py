@@ -1,0 +1,25 @@
+"""Does a driver keep its promises? A suite that any author runs in one line of pytest.
+
+::
+
+    def test_conforms() -> None:
+        check_driver(AcmeScale, {"port": "/dev/ttyUSB0"})               # what needs no device
+        check_driver(AcmeScale, {"unit": "kg"}, peer=simulated_acme)    # and what does
+
+``simulated_acme`` is a function that makes a simulated device to talk to; see :class:`Peer`.
+"""
+
+from rigd.sdk.check.peer import FAULTS, Peer, background_loop
+from rigd.sdk.check.report import Finding, NonConforming, Report
+from rigd.sdk.check.suite import check_driver, examine_driver
+
+__all__ = [
+    "FAULTS",
+    "Finding",
+    "NonConforming",
+    "Peer",
+    "Report",
+    "background_loop",
+    "check_driver",
+    "examine_driver",
+]

@@ -1,0 +1,213 @@
+"""Rules for block drivers: what the helper process around them relies on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Final
+
+import numpy as np
+
+from rigd.sdk.check.caller import Caller
+from rigd.sdk.check.subject import FAILURES, Rule, Subject, Unfit, described
+from rigd.sdk.driver import Block, BlockDriver
+
+#: open() may take seconds, and wait for a device that does not answer.
+OPEN_S: Final = 30.0
+#: The time-out given to read_block, and the room it is given above that, in s.
+TIMEOUT_S: Final = 0.2
+ROOM_S: Final = 1.0
+#: Blocks of the measurements, and how long they may take, in s.
+BLOCKS: Final = 5
+BLOCKS_S: Final = 10.0
+#: What read_block may still give after the device is dead, in s: what was buffered.
+TAIL_S: Final = 1.0
+
+
+class Bench:
+    """One block driver, called as its helper process calls it."""
+
+    def __init__(self, driver: BlockDriver, caller: Caller) -> None:
+        self.driver = driver
+        self.call = caller.call
+
+    def must(self, what: str, function: Callable[[], Any]) -> Any:
+        """Return the value of a call that a rule presupposes."""
+        outcome = self.call(function, OPEN_S)
+        if outcome.error is not None:
+            raise Unfit(f"{what} raises {described(outcome.error)}")
+        return outcome.value
+
+    def read(self) -> Any:
+        """Return how one read_block ended; it may take its time-out."""
+        return self.call(lambda: self.driver.read_block(TIMEOUT_S), OPEN_S)
+
+
+@contextmanager
+def bench(subject: Subject, fault: str = "") -> Iterator[tuple[Bench, Callable[[], object]]]:
+    """Put a new driver, open and started, before a new device; also yield what begins ``fault``."""
+    with subject.fresh_peer() as peer, Caller() as caller:
+        one = Bench(subject.make(peer, peer.link()), caller)
+        one.must("open", one.driver.open)
+        one.must("start", one.driver.start)
+        try:
+            yield one, peer.faults.get(fault, lambda: None)
+        finally:
+            caller.call(one.driver.close, OPEN_S)
+
+
+def _opens(subject: Subject) -> Iterator[str]:
+    with bench(subject) as (one, _):
+        rate = one.driver.rate_hz
+        if not (np.isfinite(rate) and rate > 0):
+            yield f"rate_hz is {rate} once it is open"
+
+
+def _blocks(subject: Subject) -> Iterator[str]:
+    with bench(subject) as (one, _):
+        blocks: list[Block] = []
+        end = time.monotonic() + BLOCKS_S
+        while len(blocks) < BLOCKS and time.monotonic() < end:
+            outcome = one.read()
+            if outcome.error is not None:
+                yield f"read_block raises {described(outcome.error)}"
+                return
+            if outcome.value is not None:
+                blocks.append(outcome.value)
+        if not blocks:
+            yield f"no block in {BLOCKS_S:g} s"
+            return
+        problems = [problem for block in blocks for problem in _block_problems(one.driver, block)]
+        yield from sorted(set(problems))
+        if not problems:
+            times = np.concatenate([block.times_ns for block in blocks])
+            if np.any(np.diff(times) <= 0):
+                yield "the times of the rows do not increase from row to row, block to block"
+            now_ns = time.monotonic_ns()
+            if abs(now_ns - int(times[-1])) > 60e9:
+                yield f"the last row is of {times[-1]} ns, CLOCK_MONOTONIC stands at {now_ns} ns"
+
+
+def _block_problems(driver: BlockDriver, block: object) -> Iterator[str]:
+    columns = len(driver.channels) + driver.has_status
+    if not isinstance(block, Block):
+        yield f"read_block returns {type(block).__name__}, expected a Block or None"
+        return
+    times, values = block.times_ns, block.values
+    if times.dtype != np.int64 or times.ndim != 1:
+        yield f"times_ns is {times.dtype} of shape {times.shape}, expected int64 of (n,)"
+    if values.dtype != np.float64 or values.shape != (len(times), columns):
+        yield (
+            f"values is {values.dtype} of shape {values.shape}, expected float64 of "
+            f"({len(times)}, {columns})"
+        )
+    elif not np.all(np.isfinite(values)):
+        yield "a healthy device gives values that are not finite"
+
+
+def _timeout(subject: Subject) -> Iterator[str]:
+    with bench(subject) as (one, _):
+        for _ in range(BLOCKS):
+            took_s = one.read().took_s
+            if took_s > TIMEOUT_S + ROOM_S:
+                yield f"read_block({TIMEOUT_S:g}) takes {took_s:.1f} s"
+                return
+
+
+def _closed_twice(subject: Subject) -> Iterator[str]:
+    with bench(subject) as (one, _):
+        one.read()
+        for turn in ("close", "close again"):
+            outcome = one.call(one.driver.close, OPEN_S)
+            if outcome.error is not None:
+                yield f"{turn} raises {described(outcome.error)}"
+
+
+def _reopens(subject: Subject) -> Iterator[str]:
+    with subject.fresh_peer() as peer, Caller() as caller:
+        for turn in ("first", "second"):
+            driver = subject.make(peer, peer.link())
+            outcome = caller.call(driver.open, OPEN_S)
+            if outcome.error is not None:
+                yield f"the {turn} of two drivers, one after the other: {described(outcome.error)}"
+            caller.call(driver.close, OPEN_S)
+
+
+def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
+    def check(subject: Subject) -> Iterator[str]:
+        with bench(subject, fault) as (one, begin):
+            one.read()
+            begin()
+            began = time.monotonic()
+            end = began + TAIL_S + 2 * one.driver.silent_s
+            while time.monotonic() < end:
+                outcome = one.read()
+                if outcome.error is not None:
+                    if not isinstance(outcome.error, FAILURES):
+                        yield f"read_block raises {described(outcome.error)}"
+                    break
+                if outcome.value is not None and time.monotonic() > began + TAIL_S:
+                    yield f"read_block still gives rows {TAIL_S:g} s after the device is {fault}"
+                    break
+            for turn in ("close", "close again"):
+                outcome = one.call(one.driver.close, OPEN_S)
+                if outcome.error is not None:
+                    yield f"{turn} raises {described(outcome.error)}"
+
+    return check
+
+
+def _not_there(subject: Subject) -> Iterator[str]:
+    with subject.fresh_peer() as peer, Caller() as caller:
+        peer.faults["dead"]()
+        driver = subject.make(peer, peer.link())
+        outcome = caller.call(driver.open, OPEN_S)
+        if outcome.error is None:
+            yield "open() succeeds although nothing is connected"
+        elif not isinstance(outcome.error, FAILURES):
+            yield f"open() raises {described(outcome.error)}"
+        elif outcome.error.hint is None:
+            yield f"open() says {outcome.error.message!r}, and not what to do about it"
+        closed = caller.call(driver.close, OPEN_S)
+        if closed.error is not None:
+            yield f"close() after that raises {described(closed.error)}"
+
+
+#: The first decides whether there is anything to examine.
+RULES: Final = (
+    Rule(
+        "opens and starts",
+        "open() and start() a healthy device; rate_hz is known from then on",
+        _opens,
+        "",
+    ),
+    Rule(
+        "blocks",
+        "read_block() returns a Block: int64 times of CLOCK_MONOTONIC in ns, increasing, and "
+        "float64 values with a column per channel, the status last where has_status",
+        _blocks,
+        "",
+    ),
+    Rule("time-out", "read_block() waits no longer than its time-out", _timeout, ""),
+    Rule("closed twice", "close() may come twice, silently", _closed_twice, ""),
+    Rule("lets go", "close() lets go of the device: the next session opens it", _reopens, ""),
+    Rule(
+        "dead",
+        "with the device gone read_block() raises a LinkError or DeviceError, or returns None",
+        _lost("dead"),
+        "dead",
+    ),
+    Rule(
+        "silent",
+        "with the device silent read_block() returns None or raises a DeviceError",
+        _lost("silent"),
+        "silent",
+    ),
+    Rule(
+        "not there",
+        "open() without a device raises a LinkError with a hint: what to check",
+        _not_there,
+        "dead",
+    ),
+)

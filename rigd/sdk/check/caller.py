@@ -1,0 +1,69 @@
+"""Calls into a driver from a thread, so that one that hangs is found and not waited for."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a call ended: its value or its error, and how long it took."""
+
+    value: Any = None
+    error: BaseException | None = None
+    took_s: float = 0.0
+
+
+class Hung(Exception):
+    """A call did not return."""
+
+
+class Caller:
+    """Makes all calls of one examination from one thread, as the cycle would.
+
+    A thread whose call hangs is left behind; it is a daemon and ends with the process.
+    """
+
+    def __init__(self) -> None:
+        self._calls: queue.SimpleQueue[Callable[[], Any] | None] = queue.SimpleQueue()
+        self._outcomes: queue.SimpleQueue[Outcome] = queue.SimpleQueue()
+        threading.Thread(target=self._serve, name="driver under check", daemon=True).start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._calls.put(None)
+
+    def call(self, function: Callable[[], Any], within_s: float) -> Outcome:
+        """Return how ``function()`` ended.
+
+        Raises:
+            Hung: it did not return within ``within_s``.
+
+        """
+        self._calls.put(function)
+        try:
+            return self._outcomes.get(timeout=within_s)
+        except queue.Empty:
+            raise Hung(f"did not return within {within_s:g} s") from None
+
+    def _serve(self) -> None:
+        while (function := self._calls.get()) is not None:
+            start = time.perf_counter()
+            try:
+                value, failure = function(), None
+            except BaseException as error:  # noqa: BLE001  # whatever a driver raises is a finding
+                value, failure = None, error
+            self._outcomes.put(Outcome(value, failure, time.perf_counter() - start))

@@ -1,0 +1,263 @@
+"""Rules for what a driver declares, and for what it does before it is opened."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import math
+import re
+from collections.abc import Callable, Iterator
+from typing import Any, Final, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from rigd.model.channels import STATUS_FIELD, Channel
+from rigd.sdk.check.caller import Caller, Hung
+from rigd.sdk.check.subject import Rule, Subject, described
+from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
+from rigd.sdk.quantities import In
+
+_NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
+#: Every call on a driver that is not open must return at once; machines stall, so in s:
+AT_ONCE_S: Final = 2.0
+
+
+def _title(subject: Subject) -> Iterator[str]:
+    title = subject.driver_class.title
+    if not title.strip() or "\n" in title:
+        yield f"title is {title!r}"
+
+
+def _safe_is_said(subject: Subject) -> Iterator[str]:
+    cls = subject.driver_class
+    if not issubclass(cls, Driver):
+        return
+    said = [cls.make_safe.__doc__ or "", *(one.__doc__ or "" for one in _own_classes(cls))]
+    if not any("safe" in text.lower() for text in said):
+        yield f"neither {cls.__name__} nor its make_safe says what safe means"
+    elif not (cls.make_safe.__doc__ or "").strip():
+        yield f"{cls.__name__}.make_safe has no docstring"
+
+
+def _options_documented(subject: Subject) -> Iterator[str]:
+    for where, field in _fields(subject.driver_class.Config):
+        if not (field.description or "").strip():
+            yield f"option {where} has no documentation"
+
+
+def _options_have_units(subject: Subject) -> Iterator[str]:
+    for where, field in _fields(subject.driver_class.Config):
+        kinds = {field.annotation, *get_args(field.annotation)}
+        marked = [*field.metadata, *(m for kind in kinds for m in get_args(kind)[1:])]
+        if float in kinds and not any(isinstance(one, In) for one in marked):
+            yield f"option {where} is a bare float"
+
+
+def _options_strict(subject: Subject) -> Iterator[str]:
+    config_class = subject.driver_class.Config
+    if not issubclass(config_class, DriverConfig):
+        yield f"Config is {config_class!r}"
+        return
+    try:
+        config_class.model_validate({**subject.options, "no_such_option_": 1})
+    except ValidationError as error:
+        if any(one["type"] == "extra_forbidden" for one in error.errors()):
+            return
+    yield "an unknown option is accepted"
+
+
+def _constructor_opens_nothing(subject: Subject) -> Iterator[str]:
+    try:
+        with Caller() as caller:
+            ended = caller.call(subject.make, AT_ONCE_S)
+    except Hung as hung:
+        yield f"the constructor {hung}"
+        return
+    if ended.error is not None:
+        yield f"{subject.driver_class.__name__}(config, None) raises {described(ended.error)}"
+
+
+def _channels(subject: Subject) -> Iterator[str]:
+    driver = subject.make()
+    setpoints = getattr(driver, "setpoints", ())
+    if not driver.channels and not setpoints:
+        yield "it has neither channels nor setpoints"
+    yield from _named_well("channel", driver.channels)
+    names = {channel.name for channel in driver.channels}
+    for channel in driver.channels:
+        if channel.name == STATUS_FIELD:
+            yield f"channel {STATUS_FIELD!r}: the name is taken by the status word"
+        if channel.raw_of is not None and channel.raw_of not in names:
+            yield f"channel {channel.name!r} is raw_of {channel.raw_of!r}, which is no channel"
+        if not channel.low < channel.high:
+            yield f"channel {channel.name!r} has the range {channel.low:g} to {channel.high:g}"
+
+
+def _setpoints(subject: Subject) -> Iterator[str]:
+    setpoints = getattr(subject.make(), "setpoints", ())
+    yield from _named_well("setpoint", setpoints)
+    for one in setpoints:
+        finite = math.isfinite(one.low) and math.isfinite(one.high)
+        if not finite or not one.low < one.high:
+            yield f"setpoint {one.name!r} has the range {one.low:g} to {one.high:g} {one.unit}"
+    if setpoints and subject.driver_class.write is Driver.write:  # type: ignore[attr-defined]
+        yield "it has setpoints, and write() is not its own"
+
+
+def _hooks(subject: Subject) -> Iterator[str]:
+    cls = subject.driver_class
+    driver = subject.make()
+    if isinstance(driver, Driver):
+        # A watchdog may depend on the link, which is not there yet: the method says enough.
+        proves = cls.prove_watchdog is not Driver.prove_watchdog  # type: ignore[attr-defined]
+        if driver.watchdog_s is not None and not proves:
+            yield f"watchdog_s is {driver.watchdog_s:g} s, and prove_watchdog() is not its own"
+        if driver.watchdog_s is not None and not 0 < driver.watchdog_s < math.inf:
+            yield f"watchdog_s is {driver.watchdog_s}"
+        if driver.second_link and cls.rescue is Driver.rescue:  # type: ignore[attr-defined]
+            yield "second_link is True, and rescue() is not its own"
+        acts = cls.act is not Driver.act  # type: ignore[attr-defined]
+    else:
+        acts = not isinstance(driver, SlowDriver) or type(driver).act is not SlowDriver.act
+    if driver.actions and not acts:
+        yield f"it has the actions {', '.join(driver.actions)}, and act() is not its own"
+    for name, doc in driver.actions.items():
+        if not _NAME.fullmatch(name) or not doc.strip():
+            yield f"action {name!r} is described as {doc!r}"
+
+
+def _silence(subject: Subject) -> Iterator[str]:
+    silent_s = subject.make().silent_s
+    if not (math.isfinite(silent_s) and silent_s > 0):
+        yield f"silent_s is {silent_s}"
+
+
+def _same_again(subject: Subject) -> Iterator[str]:
+    first, second = subject.make(), subject.make()
+    for what in ("channels", "setpoints", "has_status"):
+        if getattr(first, what, None) != getattr(second, what, None):
+            yield f"two drivers of the same options differ in {what}"
+    if first.config is second.config and first is second:
+        yield "the class gives the same object twice"
+
+
+def _unopened(subject: Subject) -> Iterator[str]:
+    driver = subject.make()
+    steps: list[tuple[str, Callable[[], object]]] = []
+    if isinstance(driver, Driver):
+        steps = [("make_safe", driver.make_safe), ("make_safe again", driver.make_safe)]
+    steps += [("close", _closing(driver)), ("close again", _closing(driver))]
+    with Caller() as caller:
+        for name, step in steps:
+            try:
+                ended = caller.call(step, AT_ONCE_S)
+            except Hung as hung:
+                yield f"{name} before open {hung}"
+                return
+            if ended.error is not None:
+                yield f"{name} before open raises {described(ended.error)}"
+
+
+def _closing(driver: AnyDriver) -> Callable[[], object]:
+    if isinstance(driver, SlowDriver):
+        return lambda: asyncio.run(driver.close())
+    if isinstance(driver, Driver | BlockDriver):
+        return driver.close
+    raise TypeError(f"{type(driver).__name__} is none of Driver, BlockDriver and SlowDriver")
+
+
+def _named_well(what: str, channels: tuple[Channel, ...]) -> Iterator[str]:
+    names = [channel.name for channel in channels]
+    for channel in channels:
+        if not _NAME.fullmatch(channel.name):
+            yield f"{what} {channel.name!r}: lower case letters, digits and _ make a name"
+        if names.count(channel.name) > 1:
+            yield f"{what} {channel.name!r} is there more than once"
+        if not channel.doc.strip():
+            yield f"{what} {channel.name!r} has no doc"
+
+
+def _own_classes(cls: type[AnyDriver]) -> list[type]:
+    return [one for one in inspect.getmro(cls) if one.__module__ != Driver.__module__]
+
+
+def _fields(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:
+    """Yield every option, those of nested parts too, by its path."""
+    for name, field in model.model_fields.items():
+        yield prefix + name, field
+        for part in _models_in(field.annotation):
+            if part is not model:
+                yield from _fields(part, f"{prefix}{name}.")
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _models_in(argument)
+
+
+#: Rules for the class alone.
+CLASS_RULES: Final = (
+    Rule("title", "give the class a `title` of one line: what the device is", _title),
+    Rule(
+        "safe is said",
+        "say in the docstring of make_safe, and of the class, what safe means for this device",
+        _safe_is_said,
+    ),
+    Rule(
+        "options strict",
+        "derive Config from DriverConfig, and leave its model_config as it is",
+        _options_strict,
+    ),
+    Rule(
+        "options documented",
+        "put a docstring beneath every field of Config: `rigd drivers` and `rigd check` show it",
+        _options_documented,
+    ),
+    Rule(
+        "options have units",
+        'declare quantities as Annotated[float, In("A")], pure numbers with In("1")',
+        _options_have_units,
+    ),
+)
+
+#: The rule that comes before all that construct the driver.
+CONSTRUCTOR: Final = (
+    Rule(
+        "constructor opens nothing",
+        "checking a rig file constructs the driver with link=None: connect in open()",
+        _constructor_opens_nothing,
+    ),
+)
+
+#: Rules for drivers that are not open.
+UNOPENED_RULES: Final = (
+    Rule(
+        "same again",
+        "make channels and setpoints from the options alone",
+        _same_again,
+    ),
+    Rule(
+        "channels",
+        "give every channel a name of its own, a doc, an SI unit, and a range that it can measure",
+        _channels,
+    ),
+    Rule(
+        "setpoints",
+        "give every setpoint a name, a doc and the finite range that the device takes",
+        _setpoints,
+    ),
+    Rule(
+        "hooks",
+        "what a driver declares (watchdog_s, second_link, actions) it implements and describes",
+        _hooks,
+    ),
+    Rule("silence", "silent_s is a time in s, above 0", _silence),
+    Rule(
+        "safe and closed before open",
+        "make_safe() and close() do nothing, silently, while nothing is open",
+        _unopened,
+    ),
+)

@@ -1,0 +1,61 @@
+"""The driver under examination: its class, its options, and the peers it is put before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from rigd.model.errors import DeviceError, LinkError, ProtocolError
+from rigd.sdk.check.peer import Peer
+from rigd.sdk.driver import AnyDriver
+
+#: What a driver may raise when a device or its connection is not as it should be.
+FAILURES = (LinkError, ProtocolError, DeviceError)
+
+
+class Unfit(Exception):
+    """A rule could not be tried, for the driver failed before; the message says how."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What rules are applied to."""
+
+    driver_class: type[AnyDriver]
+    options: Mapping[str, Any]
+    peer: Callable[[], AbstractContextManager[Peer]] | None
+
+    def make(self, peer: Peer | None = None, link: object = None) -> Any:
+        """Return a new driver; nothing is opened."""
+        extra = {} if peer is None else peer.options
+        config = self.driver_class.Config.model_validate({**self.options, **extra})
+        return self.driver_class(config, link)
+
+    @contextmanager
+    def fresh_peer(self) -> Iterator[Peer]:
+        """Start a simulated device of its own for one rule."""
+        if self.peer is None:
+            raise RuntimeError("no peer was given")
+        with self.peer() as peer:
+            yield peer
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One thing that is asked of drivers.
+
+    ``check`` yields a sentence for every breach it sees. ``fault`` is what the peer must be able
+    to show; "" where a healthy one will do, None where no peer is needed.
+    """
+
+    name: str
+    demand: str
+    check: Callable[[Subject], Iterator[str]]
+    fault: str | None = None
+
+
+def described(error: BaseException) -> str:
+    """Return an error as a finding names it."""
+    return f"{type(error).__name__}: {error}"

@@ -1,0 +1,137 @@
+"""Applies the rules to a driver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from contextlib import AbstractContextManager
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from rigd.sdk.check import declared
+from rigd.sdk.check.blocks import RULES as BLOCK_RULES
+from rigd.sdk.check.caller import Hung
+from rigd.sdk.check.cycled import RULES as CYCLE_RULES
+from rigd.sdk.check.peer import FAULTS, Peer
+from rigd.sdk.check.report import Finding, NonConforming, Report
+from rigd.sdk.check.slow import RULES as SLOW_RULES
+from rigd.sdk.check.subject import Rule, Subject, Unfit
+from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
+
+#: The rules of each kind of driver that need a device to talk to.
+RULES: Final[Mapping[type[AnyDriver], tuple[Rule, ...]]] = {
+    Driver: CYCLE_RULES,
+    BlockDriver: BLOCK_RULES,
+    SlowDriver: SLOW_RULES,
+}
+#: Rules that end the examination when they are broken.
+GATES: Final = frozenset(
+    {declared.CONSTRUCTOR[0].name, *(rules[0].name for rules in RULES.values())}
+)
+
+
+def check_driver(
+    driver_class: type[AnyDriver],
+    options: Mapping[str, Any] | DriverConfig | None = None,
+    *,
+    peer: Callable[[], AbstractContextManager[Peer]] | None = None,
+    only: Collection[str] = (),
+) -> Report:
+    """Put a driver to the test; return what was checked.
+
+    Args:
+        driver_class: the driver, of any kind.
+        options: its options as a rig file gives them, or its Config; None for the defaults.
+        peer: starts a simulated device, see :class:`Peer`; without one only what needs no
+            device is checked. It is started anew for each rule.
+        only: names of the rules to apply, while one is being worked on; by default all.
+
+    Raises:
+        NonConforming: the driver breaks rules; the message names all, with what to do.
+        ValueError: the options are not valid, or the peer has a fault of an unknown name, or there is
+            no such rule.
+
+    """
+    report = examine_driver(driver_class, options, peer=peer, only=only)
+    if report.findings:
+        raise NonConforming(report)
+    return report
+
+
+def examine_driver(
+    driver_class: type[AnyDriver],
+    options: Mapping[str, Any] | DriverConfig | None = None,
+    *,
+    peer: Callable[[], AbstractContextManager[Peer]] | None = None,
+    only: Collection[str] = (),
+) -> Report:
+    """Return what :func:`check_driver` would find, without raising."""
+    kind = _kind(driver_class)
+    given = options.model_dump(exclude_unset=True) if isinstance(options, DriverConfig) else options
+    stages = (
+        declared.CLASS_RULES, declared.CONSTRUCTOR, declared.UNOPENED_RULES,
+        RULES[kind][:1], RULES[kind][1:],
+    )  # fmt: skip
+    known = [rule.name for rules in stages for rule in rules]
+    if unknown := set(only) - set(known):
+        raise ValueError(f"no rule {', '.join(sorted(unknown))}; there are {', '.join(known)}")
+    subject, faults = _subject(driver_class, given or {}, peer)
+    findings: list[Finding] = []
+    checked: list[str] = []
+    skipped: dict[str, str] = {}
+    for rules in stages:
+        # A driver that cannot be constructed, or opened, has nothing else to show.
+        stopped = any(one.rule in GATES for one in findings)
+        for rule in rules:
+            if only and rule.name not in only:
+                continue
+            missing = "mend what is above first" if stopped else _missing(rule, faults)
+            if missing:
+                skipped[rule.name] = missing
+                continue
+            checked.append(rule.name)
+            try:
+                findings += [Finding(rule.name, one, rule.demand) for one in rule.check(subject)]
+            except (Unfit, Hung) as unfit:
+                findings.append(Finding(rule.name, str(unfit), rule.demand))
+    return Report(driver_class.__name__, tuple(findings), tuple(checked), skipped)
+
+
+def _missing(rule: Rule, faults: frozenset[str] | None) -> str:
+    if rule.fault is None:
+        return ""
+    if faults is None:
+        return "no peer was given"
+    return "" if rule.fault in {"", *faults} else f"the peer has no fault {rule.fault!r}"
+
+
+def _subject(
+    driver_class: type[AnyDriver],
+    options: Mapping[str, Any],
+    peer: Callable[[], AbstractContextManager[Peer]] | None,
+) -> tuple[Subject, frozenset[str] | None]:
+    """Return what is examined and the faults its peer can show, None without one."""
+    faults = None
+    if peer is not None:
+        with peer() as first:
+            if unknown := first.faults.keys() - FAULTS.keys():
+                raise ValueError(
+                    f"the peer has the fault {', '.join(sorted(unknown))}; "
+                    f"those the suite knows are {', '.join(FAULTS)}"
+                )
+            faults = frozenset(first.faults)
+            options = {**options, **first.options}
+    try:
+        driver_class.Config.model_validate(options)
+    except ValidationError as error:
+        raise ValueError(f"the options given to the suite are not accepted: {error}") from error
+    return Subject(driver_class, options, peer), faults
+
+
+def _kind(driver_class: type[AnyDriver]) -> type[AnyDriver]:
+    for kind in RULES:
+        if issubclass(driver_class, kind):
+            return kind
+    raise TypeError(
+        f"{driver_class.__name__} derives from none of Driver, BlockDriver and SlowDriver"
+    )
