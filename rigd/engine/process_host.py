@@ -156,7 +156,7 @@ class ProcessHost:
             reasons += self._beside.start()
             if not reasons:
                 self._watched.append(self._beside)
-        return [*reasons, *self._ask(m.Open(self._next()), OPEN_S)]
+        return (*reasons, *self._ask(m.Open(self._next()), OPEN_S))
 
     def unfit(self) -> Sequence[str]:
         """Return why the rig, looked at in rest, is not fit to be armed."""
