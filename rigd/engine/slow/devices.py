@@ -151,12 +151,13 @@ class SlowDevices:
         if thread is None:
             return
         try:
-            self._call(self._close_all(), 3 * CLOSE_S)
+            ended = self._call(self._close_all(), 3 * CLOSE_S)
         except FutureTimeoutError:
             self._faults.setdefault("", "a slow device blocks its loop and could not be closed")
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        thread.join(CLOSE_S)
-        if not thread.is_alive():
+            ended = False
+        if ended:  # else the thread is left to what holds it, and dies with the process
+            self._loop.call_soon_threadsafe(self._loop.stop)
+            thread.join()
             self._loop.close()
 
     def _turn(self) -> None:
@@ -201,6 +202,11 @@ class SlowDevices:
         try:
             await driver.run(self._emitter(name))
             reason = "it stopped measuring by itself"
+        except asyncio.CancelledError:
+            task = asyncio.current_task()
+            if task is None or task.cancelling():
+                raise
+            reason = "it cancelled itself"  # a cancellation of its own making has leaked out
         except DEVICE_ERRORS as error:
             reason = error.message
         except Exception as error:  # noqa: BLE001 - boundary: a bug of one driver ends the run well
@@ -218,15 +224,18 @@ class SlowDevices:
 
         return emit
 
-    async def _close_all(self) -> None:
-        await asyncio.gather(*(self._close(*one) for one in self._drivers.items()))
+    async def _close_all(self) -> bool:
+        """Cancel and close all at once; return whether all have ended."""
+        ended = await asyncio.gather(*(self._close(*one) for one in self._drivers.items()))
+        return all(ended)
 
-    async def _close(self, name: str, driver: SlowDriver) -> None:
-        task = self._running.pop(name, None)
+    async def _close(self, name: str, driver: SlowDriver) -> bool:
+        task, ended = self._running.pop(name, None), True
         if task is not None:
             task.cancel()
-            _, pending = await asyncio.wait([task], timeout=CLOSE_S)
-            if pending:
+            await asyncio.wait([task], timeout=CLOSE_S)
+            ended = task.done()
+            if not ended:
                 self._faults.setdefault(name, f"{name}: did not stop within {CLOSE_S:g} s")
         try:
             await asyncio.wait_for(driver.close(), CLOSE_S)
@@ -234,3 +243,4 @@ class SlowDevices:
             self._faults.setdefault(name, f"{name}: was not closed within {CLOSE_S:g} s")
         except Exception as error:  # noqa: BLE001 - boundary: told, and the others are closed
             self._faults.setdefault(name, f"{name}: could not be closed: {error}")
+        return ended

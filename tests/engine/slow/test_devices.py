@@ -1,0 +1,264 @@
+"""Slow devices on their loop: rows, actions, and failures that stay with the one that failed."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from support.blocks import until
+
+from rigd.engine.slow import LatestTable, SlowDevices
+from rigd.model.channels import Channel, Stream
+from rigd.model.errors import DeviceError, LinkError, ProtocolError
+from rigd.sdk import DriverConfig, EmitRow, SlowDriver
+
+START_NS, ORIGIN_NS = 1_700_000_000_000_000_000, 5_000_000_000
+
+
+class Scale(SlowDriver):
+    """A scale that gives 1, 2, 3, ... kg and can do what its name says."""
+
+    channels = (Channel("mass", "kg"),)
+    actions = {"tare": "sets zero", "dawdle": "never ends", "refuse": "says no"}  # noqa: RUF012
+
+    def __init__(self, fault: str = "") -> None:
+        super().__init__(DriverConfig(), None)
+        self.fault = fault
+        self.opened = self.closed = self.cancelled = self.let_go = False
+        self.mass = 0.0
+
+    async def open(self) -> None:
+        match self.fault:
+            case "absent":
+                raise LinkError("nobody answers", hint="switch it on")
+            case "other":
+                raise ProtocolError("it is a kettle", hint="fill it")
+            case "deaf":
+                await asyncio.Event().wait()
+        self.opened = True
+        self.identity = "scale 1"
+
+    def preflight(self) -> Sequence[str]:
+        return ["it is loaded"] if self.fault == "loaded" else []
+
+    async def run(self, emit: EmitRow) -> None:
+        while not (self.fault == "returns" and self.mass == 3):
+            self.mass += 1.0
+            if self.mass > 3 and self.fault:
+                await self.go_wrong(emit)
+            emit((self.mass,))
+            try:
+                await asyncio.sleep(0.01)
+            except asyncio.CancelledError:
+                self.cancelled = True
+                raise
+
+    async def go_wrong(self, emit: EmitRow) -> None:
+        match self.fault:
+            case "fails":
+                raise DeviceError("overload")
+            case "bug":
+                raise KeyError("unit")
+            case "cancels":
+                raise asyncio.CancelledError
+            case "wide":
+                emit((1.0, 2.0))
+            case "blocks":
+                while not self.let_go:
+                    time.sleep(0.01)  # what a driver must never do
+            case "stubborn":
+                while not self.let_go:
+                    try:
+                        await asyncio.sleep(0.01)
+                    except asyncio.CancelledError:
+                        self.cancelled = True
+
+    async def act(self, action: str) -> str:
+        match action:
+            case "tare":
+                self.mass = 0.0
+                return "zero is set"
+            case "refuse":
+                raise DeviceError("the load moves")
+        await asyncio.Event().wait()
+        raise AssertionError
+
+    async def close(self) -> None:
+        if self.fault == "clings":
+            raise OSError("the port is gone")
+        self.closed = True
+
+
+@dataclass
+class Ring:
+    """Keeps rows."""
+
+    rows: list[tuple[int, tuple[float, ...]]] = field(default_factory=list)
+
+    def push(self, t_ns: int, row: Sequence[float]) -> None:
+        self.rows.append((t_ns, tuple(row)))
+
+
+@dataclass
+class Bench:
+    """Some scales, run together."""
+
+    scales: dict[str, Scale]
+    rings: dict[str, Ring]
+    table: LatestTable
+    devices: SlowDevices
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[object]:
+    made: list[Bench] = []
+
+    def make(**faults: str) -> Bench:
+        scales = {name: Scale(fault) for name, fault in faults.items()}
+        streams = [Stream(name, scale.channels) for name, scale in scales.items()]
+        table = LatestTable.create(tmp_path / f"latest-{len(made)}", streams)
+        rings = {name: Ring() for name in scales}
+        devices = SlowDevices(
+            scales,
+            rings=rings,
+            slots={name: table.slot(name) for name in scales},
+            start_ns=START_NS,
+            origin_ns=ORIGIN_NS,
+        )
+        made.append(Bench(scales, rings, table, devices))
+        return made[-1]
+
+    yield make
+    for one in made:
+        for scale in one.scales.values():
+            scale.let_go = True
+        one.devices.stop()
+
+
+Make = type[Bench]
+
+
+def test_rows_go_to_the_ring_and_the_newest_to_the_table(bench: Make) -> None:
+    one = bench(left="", right="")
+    one.devices.start()
+    until(lambda: all(len(ring.rows) >= 5 for ring in one.rings.values()))
+    assert one.devices.poll() is None
+    assert one.devices.identities == {"left": "scale 1", "right": "scale 1"}
+    one.devices.stop()
+    rows = one.rings["left"].rows
+    assert [row for _, row in rows] == [(index + 1.0,) for index in range(len(rows))]
+    newest = one.table.slot("left").read()
+    assert newest is not None
+    assert (newest[0] + START_NS - ORIGIN_NS, tuple(newest[1])) == rows[-1]
+    now_ns = time.monotonic_ns() + START_NS - ORIGIN_NS
+    assert all(now_ns - 60e9 < t_ns <= now_ns for t_ns, _ in rows)
+    assert all(scale.cancelled and scale.closed for scale in one.scales.values())
+    assert one.devices.faults == {}
+
+
+def test_what_cannot_be_opened_is_all_named_and_all_is_closed(bench: Make) -> None:
+    one = bench(good="", gone="absent", wrong="other")
+    with pytest.raises(LinkError, match="gone: nobody answers; wrong: it is a kettle") as caught:
+        one.devices.start()
+    assert caught.value.hint == "switch it on; fill it"
+    assert all(scale.closed for scale in one.scales.values())
+    assert one.rings["good"].rows == []
+    assert "slow devices" not in {thread.name for thread in threading.enumerate()}
+
+
+def test_opening_is_bounded(bench: Make) -> None:
+    one = bench(deaf="deaf")
+    with pytest.raises(LinkError, match=r"deaf was not open within 0\.2 s"):
+        one.devices.start(timeout_s=0.2)
+    assert one.scales["deaf"].closed
+
+
+def test_what_keeps_a_device_from_being_armed_is_told(bench: Make) -> None:
+    one = bench(left="loaded", right="")
+    one.devices.start()
+    assert one.devices.unfit == ["left: it is loaded"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("fails", "bad: overload"),
+        ("bug", "bad: its driver fails: KeyError: 'unit'"),
+        ("returns", "bad: it stopped measuring by itself"),
+        ("cancels", "bad: it cancelled itself"),
+        ("wide", "bad: its driver fails: ValueError: the row has 2 values, expected 1"),
+    ],
+)
+def test_one_that_fails_does_not_stop_the_others(bench: Make, fault: str, words: str) -> None:
+    one = bench(bad=fault, good="")
+    one.devices.start()
+    until(lambda: one.devices.poll() is not None)
+    assert one.devices.poll() == words
+    assert one.devices.faults == {"bad": words}
+    assert len(one.rings["bad"].rows) == 3
+    seen = len(one.rings["good"].rows)
+    until(lambda: len(one.rings["good"].rows) > seen + 3)
+    with pytest.raises(DeviceError, match="bad does not run"):
+        one.devices.act("bad", "tare")
+    assert one.devices.act("good", "tare") == "zero is set"
+    one.devices.stop()
+    assert one.scales["bad"].closed
+    assert one.scales["good"].closed
+
+
+def test_actions_while_it_measures(bench: Make) -> None:
+    one = bench(scale="")
+    one.devices.start()
+    until(lambda: len(one.rings["scale"].rows) > 5)
+    assert one.devices.act("scale", "tare") == "zero is set"
+    until(lambda: [row for _, row in one.rings["scale"].rows].count((1.0,)) == 2)
+    with pytest.raises(DeviceError, match="the load moves"):
+        one.devices.act("scale", "refuse")
+    with pytest.raises(DeviceError, match=r"scale did not dawdle within 0\.1 s"):
+        one.devices.act("scale", "dawdle", timeout_s=0.1)
+    with pytest.raises(DeviceError, match="scale cannot do 'jump'") as caught:
+        one.devices.act("scale", "jump")
+    assert caught.value.hint == "it can do: tare, dawdle, refuse"
+    with pytest.raises(DeviceError, match="there is no slow device 'stool'"):
+        one.devices.act("stool", "tare")
+    assert one.devices.poll() is None
+
+
+def test_a_driver_that_blocks_the_loop_is_found_out(
+    bench: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rigd.engine.slow.devices.BLOCKED_S", 0.5)
+    monkeypatch.setattr("rigd.engine.slow.devices.CLOSE_S", 0.2)
+    one = bench(bad="blocks", good="")
+    one.devices.start()
+    until(lambda: one.devices.poll() is not None)
+    reason = str(one.devices.poll())
+    assert reason.startswith("the loop of the slow devices (bad, good) has stood still for 0.5 s")
+    one.devices.stop()  # bounded
+    assert not one.scales["good"].closed
+
+
+def test_one_that_will_not_be_cancelled_does_not_keep_the_others(
+    bench: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rigd.engine.slow.devices.CLOSE_S", 0.5)
+    one = bench(bad="stubborn", good="")
+    one.devices.start()
+    until(lambda: one.scales["bad"].mass > 3)
+    one.devices.stop()
+    assert one.devices.faults == {"bad": "bad: did not stop within 0.5 s"}
+    assert one.scales["good"].closed
+
+
+def test_one_that_cannot_be_closed_is_told(bench: Make) -> None:
+    one = bench(bad="clings", good="")
+    one.devices.start()
+    one.devices.stop()
+    one.devices.stop()  # twice is silent
+    assert one.devices.faults == {"bad": "bad: could not be closed: the port is gone"}
+    assert one.scales["good"].closed
