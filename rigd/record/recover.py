@@ -36,11 +36,12 @@ class RecoveryReport:
     lost_bytes: int
 
 
-def recover(path: Path) -> RecoveryReport:
+def recover(path: Path, *, trusted: int = 0) -> RecoveryReport:
     """Make a recording readable again, in place; does nothing to an intact one.
 
-    It may be interrupted and run again. A repaired recording has a metadata record
-    ``recovery``; its run counts as interrupted, as it has no ``run_end`` event.
+    The first ``trusted`` bytes are not checked (:mod:`~rigd.record.scan`). It may be interrupted
+    and run again. A repaired recording has a metadata record ``recovery``; its run counts as
+    interrupted, as it has no ``run_end`` event.
 
     Raises:
         Headless: empty, or no MCAP file.
@@ -54,16 +55,16 @@ def recover(path: Path) -> RecoveryReport:
         raise RecordingError(f"cannot open {path}: {error.strerror}") from error
     try:
         lock(fd, path)
-        return _recover(fd, path)
+        return _recover(fd, path, trusted)
     except OSError as error:
         raise write_error(path, error) from error
     finally:
         os.close(fd)
 
 
-def _recover(fd: int, path: Path) -> RecoveryReport:
+def _recover(fd: int, path: Path, trusted: int) -> RecoveryReport:
     size = os.fstat(fd).st_size
-    found = _scan(fd, path)
+    found = _scan(fd, path, trusted)
     problem, from_journal, lost = found.problem, False, 0
     if not found.intact:
         _refuse_foreign(path, found)
@@ -71,7 +72,7 @@ def _recover(fd: int, path: Path) -> RecoveryReport:
         if saved is not None and _journal_has_more(found, saved):
             write_all(fd, (saved.data,), saved.offset)
             os.ftruncate(fd, saved.offset + len(saved.data))
-            found, from_journal = _scan(fd, path), True
+            found, from_journal = _scan(fd, path, trusted), True
         lost = max(size - found.data_end, 0)
         _finish(fd, found, problem)
     journal_path(path).unlink(missing_ok=True)
@@ -95,11 +96,11 @@ def _refuse_foreign(path: Path, found: Scan) -> None:
         )
 
 
-def _scan(fd: int, path: Path) -> Scan:
+def _scan(fd: int, path: Path, trusted: int) -> Scan:
     if os.fstat(fd).st_size == 0:
         raise Headless(f"{path} is empty", hint="Nothing was recorded; the file can be deleted.")
     try:
-        return scan(map_file(fd))
+        return scan(map_file(fd), trusted)
     except Malformed as error:
         raise Headless(
             f"{path} cannot be recovered: {error}", hint="It is no recording, or lost its head."

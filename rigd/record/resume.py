@@ -25,8 +25,10 @@ class Start:
     start_ns: int
 
 
-def open_for_append(path: Path, streams: Sequence[Stream]) -> Start:
+def open_for_append(path: Path, streams: Sequence[Stream], trusted: int = 0) -> Start:
     """Open a recording of exactly these streams; it stays locked until the file is closed.
+
+    The first ``trusted`` bytes are not checked (:mod:`~rigd.record.scan`).
 
     Raises:
         RecordingError: missing, torn, not written by rigd, being written, or other streams.
@@ -40,7 +42,7 @@ def open_for_append(path: Path, streams: Sequence[Stream]) -> Start:
         raise write_error(path, error) from error
     try:
         lock(fd, path)
-        found = scan(map_file(fd))
+        found = scan(map_file(fd), trusted)
         if not found.intact:
             raise RecordingError(
                 f"{path} is damaged: {found.problem}", hint=f"Run `rigd recover {path}` first."

@@ -1,4 +1,9 @@
-"""Walks a recording from its start and checks every byte: what recovery and appending build on."""
+"""Walks a recording from its start and checks every byte: what recovery and appending build on.
+
+Unpacking all chunks of a long file takes minutes. Whoever has written the first bytes of it himself
+and knows that no crash of the machine came since may call those *trusted*: their chunks are taken
+by what their heads and message indexes say, ten times as fast.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +20,7 @@ from mcap.records import (
 )
 
 from rigd.record.chunks import (
+    ChunkHead,
     Times,
     build_message_index,
     index_messages,
@@ -35,6 +41,7 @@ class Scan:
 
     ``data_end`` is where the sound data ends and ``data_crc`` the CRC up to there;
     ``missing_index`` has to be written at ``data_end`` for the last chunk to be complete.
+    ``trusted`` are bytes at the start of the file whose chunks need no unpacking.
     """
 
     contents: Contents = field(default_factory=Contents)
@@ -43,6 +50,7 @@ class Scan:
     missing_index: bytes = b""
     problem: str = ""
     library: str = ""  #: what wrote the file
+    trusted: int = 0
 
     @property
     def intact(self) -> bool:
@@ -50,8 +58,8 @@ class Scan:
         return not self.problem
 
 
-def scan(buffer: memoryview) -> Scan:
-    """Walk a whole file.
+def scan(buffer: memoryview, trusted: int = 0) -> Scan:
+    """Walk a whole file, of which the first ``trusted`` bytes are known to be sound.
 
     Raises:
         Malformed: it does not even begin like an MCAP file.
@@ -59,7 +67,7 @@ def scan(buffer: memoryview) -> Scan:
     """
     if bytes(buffer[: len(MAGIC)]) != MAGIC:
         raise Malformed("the file does not begin like an MCAP file")
-    found = Scan(data_end=len(MAGIC))
+    found = Scan(data_end=len(MAGIC), trusted=trusted)
     try:
         header = record_at(buffer, len(MAGIC))
         if header.opcode != Opcode.HEADER:
@@ -89,7 +97,10 @@ def walk(buffer: memoryview, found: Scan, base: int = 0) -> None:
         if record.opcode == Opcode.DATA_END:
             return
         if record.opcode == Opcode.CHUNK:
-            _take_chunk(buffer, record, found, base)
+            if base + record.end < found.trusted:
+                _take_trusted_chunk(buffer, record, found, base)
+            else:
+                _take_chunk(buffer, record, found, base)
             continue
         if record.opcode == Opcode.MESSAGE:
             raise Malformed("a message outside of a chunk, which rigd does not write or index")
@@ -140,19 +151,7 @@ def _take_chunk(buffer: memoryview, record: Record, found: Scan, base: int) -> N
     for channel, encoded in index.items():
         offsets[channel] = at
         at += len(encoded)
-    found.contents.chunks.append(
-        ChunkIndex(
-            message_start_time=head.start_ns,
-            message_end_time=head.end_ns,
-            chunk_start_offset=base + record.start,
-            chunk_length=record.end - record.start,
-            message_index_offsets=offsets,
-            message_index_length=at - (base + record.end),
-            compression=head.compression,
-            compressed_size=len(head.packed),
-            uncompressed_size=head.size,
-        )
-    )
+    found.contents.chunks.append(_chunk_index(record, head, base, offsets, at))
     for channel, (times, _) in messages.items():
         found.contents.add_messages(channel, len(times), int(times.min()), int(times.max()))
     if sound_end is None:
@@ -160,6 +159,39 @@ def _take_chunk(buffer: memoryview, record: Record, found: Scan, base: int) -> N
         found.missing_index = b"".join(index.values())
         raise Malformed(f"the message index of the chunk at byte {base + record.start} is damaged")
     found.data_end = base + sound_end
+
+
+def _take_trusted_chunk(buffer: memoryview, record: Record, found: Scan, base: int) -> None:
+    head = parse_chunk(record.content)
+    offsets: dict[int, int] = {}
+    at = record.end
+    while base + at < found.trusted:
+        index = record_at(buffer, at)
+        if index.opcode != Opcode.MESSAGE_INDEX:
+            break
+        channel, entries = parse_message_index(index.content)
+        offsets[channel] = base + at
+        found.contents.add_messages(channel, len(entries), head.start_ns, head.end_ns)
+        at = index.end
+    found.contents.chunks.append(_chunk_index(record, head, base, offsets, base + at))
+    found.data_end = base + at
+
+
+def _chunk_index(
+    record: Record, head: ChunkHead, base: int, offsets: dict[int, int], end: int
+) -> ChunkIndex:
+    """Return the index of a chunk whose message indexes end at byte ``end`` of the file."""
+    return ChunkIndex(
+        message_start_time=head.start_ns,
+        message_end_time=head.end_ns,
+        chunk_start_offset=base + record.start,
+        chunk_length=record.end - record.start,
+        message_index_offsets=offsets,
+        message_index_length=end - (base + record.end),
+        compression=head.compression,
+        compressed_size=len(head.packed),
+        uncompressed_size=head.size,
+    )
 
 
 def _message_indexes(

@@ -126,17 +126,19 @@ class RecordingWriter:
         compression: Compression = "zstd",
         sync_interval_s: float | None = DEFAULT_SYNC_S,
         clock: Callable[[], float] = time.monotonic,
+        trusted: int = 0,
     ) -> Self:
         """Go on writing a complete recording of the same streams.
 
-        Further ``metadata`` of a name that the file has is merged over it by the reader.
+        Further ``metadata`` of a name that the file has is merged over it by the reader. All but
+        the first ``trusted`` bytes are checked before anything is written.
 
         Raises:
             RecordingError: the file is missing, torn (recover it first), not written by rigd,
                 being written by another process, or has other streams.
 
         """
-        start = open_for_append(path, streams)
+        start = open_for_append(path, streams, trusted)
         extras = build_extras(
             metadata or {}, attachments, start.start_ns, start.file.sealed, start.contents
         )
@@ -152,6 +154,11 @@ class RecordingWriter:
         if extras:
             writer._commit(extras, ())
         return writer
+
+    @property
+    def sealed(self) -> int:
+        """Bytes at the start of the file that nothing changes again."""
+        return self._file.sealed
 
     def write(self, stream: str, rows: NDArray[np.void]) -> None:
         """Take rows of a stream, as its :func:`~rigd.model.rows.row_dtype`, in order of time.

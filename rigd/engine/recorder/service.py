@@ -57,7 +57,8 @@ class Service:
         """Record until the run is over, or until told to stop; return whether it is over."""
         transfer = Transfer(self._folder)
         try:
-            transfer.open()
+            transfer.open(trusted=self._board[Word.SEALED])
+            self._board[Word.SEALED] = transfer.sealed
             self._board[Word.RECORDER_STATE] = RecorderState.RECORDING
             told = False
             # Asked before the rings are emptied for the last time: nobody pushes any more.
@@ -66,6 +67,7 @@ class Service:
                     transfer.pause()
                     return False
                 transfer.move()
+                self._board[Word.SEALED] = transfer.sealed
                 told = self._told_to_stop()
             transfer.finish(reason)
             return True

@@ -51,8 +51,11 @@ class Transfer:
         self._latest_ns = job.start_ns  #: time of the latest row or event that was recorded
         self._ended = False  #: whether the run's own end is recorded
 
-    def open(self) -> None:
+    def open(self, trusted: int = 0) -> None:
         """Begin the recording, or go on with it where an earlier recorder was killed.
+
+        ``trusted`` is what :attr:`sealed` was when that recorder last said so, which spares
+        reading all of a long file; 0 where the machine may have failed since.
 
         Raises:
             RecordingError: the recording cannot be written.
@@ -60,7 +63,7 @@ class Transfer:
         deadline = time.monotonic() + _PATIENCE_S
         while self._writer is None:
             try:
-                self._open_writer()
+                self._open_writer(trusted)
             except InUse:
                 if time.monotonic() > deadline:
                     raise
@@ -72,6 +75,11 @@ class Transfer:
         return not any(ring.fill for ring in self._rows.values()) and not any(
             ring.fill for ring in self._events
         )
+
+    @property
+    def sealed(self) -> int:
+        """Bytes of the recording that nothing changes again."""
+        return self._to.sealed
 
     @property
     def begun(self) -> bool:
@@ -139,14 +147,14 @@ class Transfer:
     def _begun_path(self) -> Path:
         return self._folder.path / _BEGUN
 
-    def _open_writer(self) -> None:
+    def _open_writer(self, trusted: int) -> None:
         path = self._job.recording
         if self.begun:
-            self._go_on()
+            self._go_on(trusted)
         elif self._job.resume:
             recover(path)
             self._note_begun(Recording.open(path))
-            self._go_on()
+            self._go_on(trusted)
         elif path.exists():
             raise RecordingError(
                 f"{path} exists already", hint="Choose another name; rigd overwrites no recording."
@@ -166,13 +174,13 @@ class Transfer:
             compression=job.compression,
         )
 
-    def _go_on(self) -> None:
+    def _go_on(self, trusted: int) -> None:
         """Continue the file, after counting what of the rings it already has."""
         path, job = self._job.recording, self._job
         if not job.resume and not path.exists():
             return self._create_again("the recording was gone")
         try:
-            recover(path)
+            recover(path, trusted=trusted)
         except Headless:
             if job.resume:
                 raise
@@ -197,6 +205,7 @@ class Transfer:
             },
             attachments=[one for one in job.attachments if one.name not in held],
             compression=job.compression,
+            trusted=trusted,
         )
         self._latest_ns = max(recording.end_ns, job.start_ns)
         self._settle(recording)

@@ -34,7 +34,9 @@ class Word(IntEnum):
     ORIGIN_NS = 13  #: daemon: monotonic time of slot 0, ns
     TRIAL = 14  #: daemon: number of the trial under way
     TICKING = 15  #: cycle: 1 while it exchanges with the devices, slot by slot
+    MUTE = 17  #: cycle: devices that have not given a row yet
     AT_REST = 16  #: cycle: 1 while every setpoint stands at its rest value
+    SEALED = 17  #: recorder: bytes of the recording that nothing changes again
 
 
 class Phase(IntEnum):
