@@ -20,7 +20,7 @@ TIMEOUT_S: Final = 0.2
 ROOM_S: Final = 1.0
 #: Blocks of the measurements, and how long they may take, in s.
 BLOCKS: Final = 5
-BLOCKS_S: Final = 10.0
+BLOCKS_S: Final = 5.0
 #: What read_block may still give after the device is dead, in s: what was buffered.
 TAIL_S: Final = 1.0
 

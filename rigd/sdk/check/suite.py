@@ -48,8 +48,8 @@ def check_driver(
 
     Raises:
         NonConforming: the driver breaks rules; the message names all, with what to do.
-        ValueError: the options are not valid, or the peer has a fault of an unknown name, or there is
-            no such rule.
+        ValueError: the options are not valid, the peer has a fault of an unknown name, or there
+            is no such rule.
 
     """
     report = examine_driver(driver_class, options, peer=peer, only=only)

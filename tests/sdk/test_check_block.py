@@ -1,0 +1,212 @@
+"""The suite finds every mistake that a block driver can make, and none in a good one."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from rigd.sdk import Block, BlockDriver, Channel, LinkError
+from rigd.sdk.check import FAULTS, Peer, check_driver, examine_driver
+from rigd.sdk.check.blocks import RULES
+
+ROWS = 10
+
+
+class Wire:
+    """A card in memory."""
+
+    def __init__(self) -> None:
+        self.fault = ""
+        self.taken = False
+
+    def begin(self, fault: str) -> None:
+        self.fault = fault
+
+
+@contextmanager
+def card() -> Iterator[Peer]:
+    wire = Wire()
+    yield Peer(
+        link=lambda: wire,
+        faults={fault: lambda fault=fault: wire.begin(fault) for fault in FAULTS},  # type: ignore[misc]
+    )
+
+
+class Good(BlockDriver):
+    """A card in memory."""
+
+    title: ClassVar[str] = "card in memory"
+    channels = (Channel("voltage", "V", "input 0", -10.0, 10.0),)
+    has_status = True
+    link: Wire
+    ours = False
+    last_ns = 0
+
+    def open(self) -> None:
+        """Open."""
+        if self.link.fault == "dead":
+            raise LinkError("there is no card", hint="plug it in")
+        if self.link.taken:
+            raise LinkError("somebody has it", hint="end the other session")
+        self.link.taken = self.ours = True
+        self.rate_hz = 1000.0
+
+    def start(self) -> None:
+        """Start."""
+
+    def read_block(self, timeout_s: float) -> Block | None:
+        """Read."""
+        time.sleep(0.01)
+        if self.link.fault == "dead":
+            raise LinkError("it is gone")
+        return None if self.link.fault else Block(self.times(), self.values())
+
+    def times(self) -> Any:
+        return np.linspace(time.monotonic_ns() - 1_000_000, time.monotonic_ns(), ROWS).astype("i8")
+
+    def values(self) -> Any:
+        return np.zeros((ROWS, 2))
+
+    def close(self) -> None:
+        """Close."""
+        if self.ours:
+            self.link.taken = self.ours = False
+
+
+def test_a_good_driver_passes_every_rule() -> None:
+    report = check_driver(Good, peer=card)
+    assert report.findings == ()
+    # Late and damaged answers are the library's matter: there are no rules for them here.
+    assert report.skipped == {}
+
+
+class Closed(Good):
+    def open(self) -> None:
+        raise LinkError("never")
+
+
+class Rateless(Good):
+    def open(self) -> None:
+        super().open()
+        self.rate_hz = 0.0
+
+
+class Narrow(Good):
+    def values(self) -> Any:
+        return np.zeros((ROWS, 1))
+
+
+class Single(Good):
+    def values(self) -> Any:
+        return np.zeros((ROWS, 2), np.float32)
+
+
+class Seconds(Good):
+    def times(self) -> Any:
+        return np.linspace(0.0, 1.0, ROWS)
+
+
+class Undefined(Good):
+    def values(self) -> Any:
+        return np.full((ROWS, 2), np.nan)
+
+
+class Backward(Good):
+    def times(self) -> Any:
+        return super().times()[::-1]
+
+
+class WallClock(Good):
+    def times(self) -> Any:
+        return np.arange(ROWS) + time.time_ns()
+
+
+class Rows(Good):
+    def read_block(self, timeout_s: float) -> Any:
+        return [(0.0, 1)]
+
+
+class Empty(Good):
+    def read_block(self, timeout_s: float) -> Block | None:
+        time.sleep(timeout_s)
+        return None
+
+
+class Waiting(Good):
+    def read_block(self, timeout_s: float) -> Block | None:
+        time.sleep(2.0)
+        return None
+
+
+class CloseOnce(Good):
+    def close(self) -> None:
+        if self.link is not None:
+            if not self.ours:
+                raise LinkError("not open")
+            super().close()
+
+
+class Clinging(Good):
+    def close(self) -> None:
+        """Forget to let go."""
+
+
+class Inventive(Good):
+    def read_block(self, timeout_s: float) -> Block | None:
+        time.sleep(0.01)
+        return Block(self.times(), self.values())
+
+
+class BadWords(Good):
+    def read_block(self, timeout_s: float) -> Block | None:
+        if self.link.fault:
+            raise OSError(5, "Input/output error")
+        return super().read_block(timeout_s)
+
+
+class Pretending(Good):
+    def open(self) -> None:
+        self.link.taken = self.ours = True
+
+
+class Curt(Good):
+    def open(self) -> None:
+        raise LinkError("no")
+
+
+BAD: list[tuple[str, type[BlockDriver], str]] = [
+    ("opens and starts", Closed, "open raises LinkError: never"),
+    ("opens and starts", Rateless, "rate_hz is 0.0"),
+    ("blocks", Narrow, "of shape (10, 1), expected float64 of (10, 2)"),
+    ("blocks", Single, "float32"),
+    ("blocks", Seconds, "times_ns is float64"),
+    ("blocks", Undefined, "not finite"),
+    ("blocks", Backward, "do not increase"),
+    ("blocks", WallClock, "CLOCK_MONOTONIC stands at"),
+    ("blocks", Rows, "returns list"),
+    ("blocks", Empty, "no block in"),
+    ("time-out", Waiting, "read_block(0.2) takes"),
+    ("closed twice", CloseOnce, "close again raises"),
+    ("lets go", Clinging, "the second of two"),
+    ("dead", Inventive, "still gives rows"),
+    ("dead", BadWords, "read_block raises OSError"),
+    ("silent", Inventive, "still gives rows"),
+    ("not there", Pretending, "open() succeeds"),
+    ("not there", Curt, "not what to do about it"),
+]
+
+
+@pytest.mark.parametrize(("rule", "driver", "words"), BAD)
+def test_a_mistake_is_found_by_its_rule(rule: str, driver: type[BlockDriver], words: str) -> None:
+    report = examine_driver(driver, peer=card, only=[rule])
+    assert {one.rule for one in report.findings} == {rule}
+    assert any(words in one.problem for one in report.findings), str(report)
+
+
+def test_no_rule_is_without_a_driver_that_breaks_it() -> None:
+    assert {rule.name for rule in RULES} == {rule for rule, _, _ in BAD}

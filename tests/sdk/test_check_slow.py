@@ -1,0 +1,248 @@
+"""The suite finds every mistake that a slow driver can make, and none in a good one."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, ClassVar
+
+import pytest
+
+from rigd.sdk import Channel, DeviceError, EmitRow, LinkError, SlowDriver
+from rigd.sdk.check import FAULTS, Peer, check_driver, examine_driver
+from rigd.sdk.check.slow import RULES
+
+
+class Wire:
+    """A thermometer in memory."""
+
+    def __init__(self) -> None:
+        self.fault = ""
+        self.taken = False
+
+    def begin(self, fault: str) -> None:
+        self.fault = fault
+
+
+@contextmanager
+def thermometer() -> Iterator[Peer]:
+    wire = Wire()
+    yield Peer(
+        link=lambda: wire,
+        faults={fault: lambda fault=fault: wire.begin(fault) for fault in FAULTS},  # type: ignore[misc]
+    )
+
+
+class Good(SlowDriver):
+    """A thermometer in memory."""
+
+    title: ClassVar[str] = "thermometer in memory"
+    channels = (Channel("temperature", "K", "temperature", 200.0, 400.0),)
+    actions: Mapping[str, str] = {"zero": "takes what it shows as zero"}
+    silent_s = 0.2
+    link: Wire
+    ours = False
+
+    async def open(self) -> None:
+        """Open."""
+        if self.link.fault == "dead":
+            raise LinkError("nothing answers", hint="plug it in")
+        if self.link.taken:
+            raise LinkError("somebody has it", hint="end the other session")
+        self.link.taken = self.ours = True
+        await asyncio.sleep(0.01)
+
+    async def run(self, emit: EmitRow) -> None:
+        """Run."""
+        while True:
+            await asyncio.sleep(0.01)
+            if self.link.fault == "dead":
+                raise LinkError("it is gone")
+            if not self.link.fault:
+                emit(self.row())
+
+    def row(self) -> Sequence[float]:
+        return (293.15,)
+
+    async def act(self, action: str) -> str:
+        """Act."""
+        if action != "zero":
+            raise ValueError(f"no action {action!r}")
+        return "zero done"
+
+    async def close(self) -> None:
+        """Close."""
+        if self.ours:
+            self.link.taken = self.ours = False
+
+
+def test_a_good_driver_passes_every_rule() -> None:
+    report = check_driver(Good, peer=thermometer)
+    assert report.findings == ()
+    assert report.skipped == {}
+
+
+class Closed(Good):
+    async def open(self) -> None:
+        raise LinkError("never")
+
+
+class Unready(Good):
+    def preflight(self) -> Sequence[str]:
+        return ("cold",)
+
+
+class Short(Good):
+    def row(self) -> Sequence[float]:
+        return ()
+
+
+class Sentence(Good):
+    def row(self) -> Any:
+        return ("293.15",)
+
+
+class Ends(Good):
+    async def run(self, emit: EmitRow) -> None:
+        for _ in range(5):
+            emit(self.row())
+
+
+class Mute(Good):
+    async def run(self, emit: EmitRow) -> None:
+        await asyncio.Event().wait()
+
+
+class Blocking(Good):
+    async def run(self, emit: EmitRow) -> None:
+        while True:
+            time.sleep(0.5)  # what an author does who calls a blocking library
+            emit(self.row())
+            await asyncio.sleep(0)
+
+
+class Immortal(Good):
+    async def run(self, emit: EmitRow) -> None:
+        while True:
+            try:
+                await asyncio.sleep(0.01)
+                emit(self.row())
+            except asyncio.CancelledError:
+                return
+
+
+class Leaky(Good):
+    async def open(self) -> None:
+        if self.link.taken:
+            raise LinkError("somebody has it", hint="end the other session")
+        self.link.taken = True
+        await asyncio.sleep(0.02)
+        self.ours = True  # not reached when cancelled: it stays taken
+
+
+class Deaf(Good):
+    async def act(self, action: str) -> str:
+        raise DeviceError("cannot")
+
+
+class Vague(Good):
+    async def act(self, action: str) -> str:
+        return ""
+
+
+class CloseOnce(Good):
+    async def close(self) -> None:
+        if self.link is not None:
+            if not self.ours:
+                raise LinkError("not open")
+            self.link.taken = self.ours = False
+
+
+class Abandoning(Good):
+    task: asyncio.Task[bool] | None = None
+
+    async def open(self) -> None:
+        await super().open()
+        self.task = asyncio.create_task(asyncio.Event().wait(), name="forgotten")
+
+
+class Inventive(Good):
+    async def run(self, emit: EmitRow) -> None:
+        while True:
+            await asyncio.sleep(0.01)
+            emit(self.row())
+
+
+class BadWords(Good):
+    async def run(self, emit: EmitRow) -> None:
+        while not self.link.fault:
+            await asyncio.sleep(0.01)
+            emit(self.row())
+        raise OSError(5, "Input/output error")
+
+
+class GivesUp(Good):
+    async def run(self, emit: EmitRow) -> None:
+        while not self.link.fault:
+            await asyncio.sleep(0.01)
+            emit(self.row())
+
+
+class BelievesGarbage(Good):
+    def row(self) -> Sequence[float]:
+        return (293.15, 0.0) if self.link.fault else (293.15,)
+
+    async def run(self, emit: EmitRow) -> None:
+        while True:
+            await asyncio.sleep(0.01)
+            emit(self.row())
+
+
+class Pretending(Good):
+    async def open(self) -> None:
+        self.link.taken = self.ours = True
+
+
+class Curt(Good):
+    async def open(self) -> None:
+        raise LinkError("no")
+
+
+BAD: list[tuple[str, type[SlowDriver], str]] = [
+    ("opens", Closed, "open raises LinkError: never"),
+    ("opens", Unready, "cold"),
+    ("opens", Abandoning, "tasks go on after close(): forgotten"),
+    ("rows", Short, "expected 1 numbers"),
+    ("rows", Sentence, "expected a float"),
+    ("rows", Ends, "run() returned"),
+    ("rows", Mute, "0 rows"),
+    ("never blocks", Blocking, "the event loop stood still"),
+    ("cancelled anywhere", Immortal, "run() returns when it is cancelled"),
+    ("cancelled anywhere", Leaky, "somebody has it"),
+    ("actions", Deaf, "zero at a healthy device raises DeviceError"),
+    ("actions", Deaf, "unknown action raises"),
+    ("actions", Vague, "zero returns ''"),
+    ("actions", Vague, "unknown action returns"),
+    ("closed twice", CloseOnce, "close again raises"),
+    ("dead", Inventive, "still gives rows"),
+    ("dead", GivesUp, "run() returns"),
+    ("silent", Inventive, "still gives rows"),
+    ("silent", BadWords, "run() raises OSError"),
+    ("late", BadWords, "run() raises OSError"),
+    ("garbled", BelievesGarbage, "expected 1 numbers"),
+    ("not there", Pretending, "open() succeeds"),
+    ("not there", Curt, "not what to do about it"),
+]
+
+
+@pytest.mark.parametrize(("rule", "driver", "words"), BAD)
+def test_a_mistake_is_found_by_its_rule(rule: str, driver: type[SlowDriver], words: str) -> None:
+    report = examine_driver(driver, peer=thermometer, only=[rule])
+    assert {one.rule for one in report.findings} == {rule}
+    assert any(words in one.problem for one in report.findings), str(report)
+
+
+def test_no_rule_is_without_a_driver_that_breaks_it() -> None:
+    assert {rule.name for rule in RULES} == {rule for rule, _, _ in BAD}
