@@ -52,12 +52,18 @@ class LugreWiring:
         "one_shot_dead": "the one-shot stays up for ever",
     }
 
-    def __init__(self, plant: LugrePlant, clock_ns: Callable[[], int] = time.monotonic_ns) -> None:
+    def __init__(
+        self,
+        plant: LugrePlant,
+        clock_ns: Callable[[], int] = time.monotonic_ns,
+        *,
+        one_shot_s: float = ONE_SHOT_S,
+    ) -> None:
         self._plant = plant
         self._clock_ns = clock_ns
         self._advanced_ns = clock_ns()
         plant.advance(self._advanced_ns)
-        self.one_shot = OneShot(ONE_SHOT_S, clock_ns)
+        self.one_shot = OneShot(one_shot_s, clock_ns)
         self.drives = {
             "wheel": AnalogDrive(WHEEL_A_PER_V, self.one_shot),
             "belt": AnalogDrive(BELT_M_S_PER_V, self.one_shot),
