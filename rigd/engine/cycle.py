@@ -97,6 +97,9 @@ class Cycle:
         self._silent_ns = [round(mount.driver.silent_s * 1e9) for mount in rig.mounts]
         self._steady = [i for i, mount in enumerate(rig.mounts) if mount.driver.every_cycle]
         self._hold_until_ns = 0
+        self._settle_ns = max(self._silent_ns, default=0)
+        self._begun_ns = 0
+        self._settled = False
         self._player: Player | None = None
         self._leaving: Outcome | None = None
         self._heeded: Verb | None = None
@@ -107,6 +110,11 @@ class Cycle:
     def t_ns(self) -> int:
         """Unix time of the slot under way, in ns."""
         return self.clock.start_ns + max(self._slot, 0) * self.clock.period_ns
+
+    @property
+    def mute(self) -> int:
+        """How many devices have not given a single row yet."""
+        return len(self._mute)
 
     def unfit(self) -> Sequence[str]:
         """Return why the rig, looked at in rest, is not fit to be armed; a sentence each."""
@@ -176,6 +184,7 @@ class Cycle:
             self._emit(self.t_ns, "late", {"missed_slots": missed})
         t_ns = clock.start_ns + slot * clock.period_ns
         if self._slot < 0:
+            self._begun_ns = t_ns
             self._stamps = [t_ns] * len(self._stamps)
         self._slot = slot
 
@@ -230,8 +239,12 @@ class Cycle:
 
     def _decide(self, t_ns: int) -> Outcome | None:
         """Set the wanted setpoints from interlocks, requests and the program, in that order."""
-        for trip in self.interlocks.check(t_ns, self._values, self._stamps):
-            self._heed_trip(trip)
+        if not self._settled:
+            # Before its first row a device has no value that could be judged; nothing is armed.
+            self._settled = not self._mute or t_ns - self._begun_ns >= self._settle_ns
+        if self._settled:
+            for trip in self.interlocks.check(t_ns, self._values, self._stamps):
+                self._heed_trip(trip)
         verb = self.control.verb
         if verb is not None and verb != self._heeded:
             self._heeded = verb

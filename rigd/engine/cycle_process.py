@@ -95,6 +95,7 @@ class CycleProcess:
         board[Word.CYCLES] = counters.cycles
         board[Word.MISSED] = counters.missed
         board[Word.STALE] = counters.stale
+        board[Word.MUTE] = cycle.mute
         board[Word.AT_REST] = cycle.limiter.at_rest()
         if self._arming_since is not None and outcome is None:
             outcome = self._arming()

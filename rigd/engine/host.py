@@ -86,8 +86,8 @@ class Host(Protocol):
         """Keep the rig at rest as long as ``condition`` holds."""
         ...
 
-    def run_cycles(self, count: int) -> Outcome | None:
-        """Run ``count`` cycles with the setpoints at rest."""
+    def settle(self, count: int) -> Outcome | None:
+        """Run ``count`` cycles at rest, and more until every device has given a row."""
         ...
 
     def ends_everything(self) -> str:

@@ -168,14 +168,10 @@ class InProcessHost:
                 return outcome
         return None
 
-    def run_cycles(self, count: int) -> Outcome | None:
-        """Run ``count`` cycles with the setpoints at rest."""
-        self.cycle.load(None)
-        for _ in range(count):
-            outcome = self._step()
-            if outcome is not None:
-                return outcome
-        return None
+    def settle(self, count: int) -> Outcome | None:
+        """Run ``count`` cycles at rest, and more until every device has given a row."""
+        enough = self.cycle.counters.cycles + count
+        return self.rest_while(lambda: self.cycle.counters.cycles < enough or self.cycle.mute > 0)
 
     def _step(self) -> Outcome | None:
         outcome = self.cycle.step()

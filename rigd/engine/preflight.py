@@ -32,7 +32,7 @@ def preflight(
     closed = host.open()
     reasons += closed
     if not closed:
-        outcome = host.run_cycles(PREFLIGHT_CYCLES)
+        outcome = host.settle(PREFLIGHT_CYCLES)
         if outcome is not None and outcome.trip is None and outcome.ending is not Ending.FAULTED:
             return outcome
         reasons += [] if outcome is None else [outcome.reason]

@@ -198,10 +198,11 @@ class ProcessHost:
             raise RuntimeError("a program ended without an outcome")
         return outcome
 
-    def run_cycles(self, count: int) -> Outcome | None:
-        """Run ``count`` cycles with the setpoints at rest."""
-        enough = self._board[Word.CYCLES] + count
-        return self.rest_while(lambda: self._board[Word.CYCLES] < enough)
+    def settle(self, count: int) -> Outcome | None:
+        """Run ``count`` cycles at rest, and more until every device has given a row."""
+        board = self._board
+        enough = board[Word.CYCLES] + count
+        return self.rest_while(lambda: board[Word.CYCLES] < enough or board[Word.MUTE] > 0)
 
     def rest_while(self, condition: Callable[[], bool]) -> Outcome | None:
         """Keep the rig at rest as long as ``condition`` holds."""

@@ -50,7 +50,7 @@ def test_with_no_program_setpoints_go_to_rest() -> None:
     host = bench.host()
     host.play(move("go", 1.0))
     assert bench.axis.speed == 1.0
-    host.run_cycles(20)
+    host.settle(20)
     assert bench.axis.speed == 0.0
 
 

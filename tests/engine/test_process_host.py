@@ -69,7 +69,7 @@ def move(speed: float, duration_s: float = 0.1) -> CycleProgram:
 
 def ready(host: ProcessHost) -> None:
     assert host.open() == ()
-    assert host.run_cycles(20) is None
+    assert host.settle(20) is None
     assert host.unfit() == ()
     assert host.arm() is None
 

@@ -261,7 +261,7 @@ def test_a_pause_waits_for_the_end_of_the_trial_and_keeps_the_rig_at_rest() -> N
         if progress.run_s > 0.9 and RunState.PAUSING not in states:
             bench.control.pause_wanted = True
         if progress.state is RunState.PAUSED:
-            run.host.run_cycles(10)
+            run.host.settle(10)
             speeds_while_paused.append(bench.axis.speed)
             bench.control.pause_wanted = False
 

@@ -1,0 +1,118 @@
+"""The shipped rig at the wire in a folder of its own, with its devices served by `rigd sim`."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rigd.config.loader import load_rig
+from rigd.sdk import LinkError
+
+ROOT = Path(__file__).parent.parent.parent
+#: A crowded machine starts a simulation within this time.
+START_S = 60.0
+
+
+@dataclass
+class WireRig:
+    """A rig file of its own, and the simulation behind it."""
+
+    rig: Path
+    folder: Path
+    process: subprocess.Popen[bytes] | None = None
+
+    def ask(self, **request: object) -> Mapping[str, Any]:
+        """Ask the simulation; see :meth:`rigd.sdk.Simulation.ask`."""
+        setup = load_rig(self.rig).simulation
+        assert setup is not None
+        return setup.simulation_class(setup.config).ask(request)
+
+    def parts(self) -> Mapping[str, Any]:
+        """The state of every simulated device."""
+        parts: Mapping[str, Any] = self.ask(do="state")["parts"]
+        return parts
+
+    def start(self) -> None:
+        """Serve the devices; return once they can be reached."""
+        with (self.folder / "sim.log").open("wb") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "rigd", "sim", str(self.rig)],
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
+        deadline = time.monotonic() + START_S
+        while True:
+            try:
+                self.ask(do="state")
+                return
+            except LinkError:
+                ended = self.process.poll() is not None
+                if ended or time.monotonic() > deadline:
+                    raise AssertionError((self.folder / "sim.log").read_text()) from None
+            time.sleep(0.02)
+
+    def stop(self) -> None:
+        """End the simulation."""
+        if self.process is not None:
+            self.process.send_signal(signal.SIGTERM)
+            self.process.wait(30)
+            self.process = None
+
+
+def write_rig(folder: Path, name: str, replaced: Mapping[str, str] | None = None) -> WireRig:
+    """Write the shipped rig into ``folder``, with sockets and ports of its own.
+
+    ``name`` is the name of the rig; ``replaced`` maps texts of the file to others.
+    """
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    text = (ROOT / "configs" / "wire_lugre.yaml").read_text()
+    served = Path(tempfile.mkdtemp(prefix="rigd-", dir="/tmp"))  # names of sockets are short
+    known = {
+        "/tmp/rigd-wire-lugre": str(served),
+        "127.0.0.1:31763": f"127.0.0.1:{port}",
+        "rig: wire-1": f"rig: {name}",
+        "floor: stone}\n": f"floor: stone}}\n  accelerometer: {{address: '127.0.0.1:{port}'}}\n",
+        "$schema=../": f"$schema={ROOT}/",
+        "parameters: plants/lugre.yaml": f"parameters: {ROOT}/configs/plants/lugre.yaml",
+    }
+    for old, new in {**known, **(replaced or {})}.items():
+        assert old in text, old
+        text = text.replace(old, new)
+    rig = folder / f"{name}.yaml"
+    rig.write_text(text)
+    return WireRig(rig, served)
+
+
+@contextmanager
+def wire_rig(
+    folder: Path, name: str = "wire-test", replaced: Mapping[str, str] | None = None
+) -> Iterator[WireRig]:
+    """The rig of :func:`write_rig`, its devices served as long as this lasts."""
+    rig = write_rig(folder, name, replaced)
+    rig.start()
+    try:
+        yield rig
+    finally:
+        rig.stop()
+
+
+def alive(pid: int) -> bool:
+    """Return whether there is such a process, that is no zombie."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
