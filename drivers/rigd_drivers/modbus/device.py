@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from abc import abstractmethod
 from collections.abc import Iterable
 from typing import Final
 
@@ -51,18 +52,28 @@ class ModbusDevice(Driver):
             raise LinkError(f"{self.title}: the connection is not open")
         return self._client
 
-    def connect(self) -> Client:
-        """Open the connection.
-
-        Raises:
-            LinkError: it cannot be opened.
-
-        """
+    def open(self) -> None:
+        """Connect, and :meth:`prove` the device; see :class:`~rigd.sdk.Driver`."""
         self.close()
         client = self.config.client(self._access.silence)
         client.open()
         self._client = client
-        return client
+        try:
+            self.prove()
+        except BaseException:
+            self.close()
+            raise
+
+    @abstractmethod
+    def prove(self) -> None:
+        """Make sure over the opened connection that the device is the one expected.
+
+        Raises:
+            LinkError: no answer.
+            ProtocolError: it is another device, or another setting than the map describes.
+            DeviceError: the device refused, or reports a fault.
+
+        """
 
     def close(self) -> None:
         """Close the connection; closing twice is silent."""

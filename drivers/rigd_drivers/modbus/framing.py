@@ -73,7 +73,7 @@ class TcpFraming:
             raise ProtocolError(
                 f"received {bytes(buffer[:8]).hex(' ')}: protocol {protocol}, length {length}; "
                 "expected protocol 0 and a length of 3 to 254",
-                hint="the server at this address and port does not speak Modbus TCP",
+                hint="the server at this address and port does not speak Modbus TCP, or lost bytes",
             )
         if len(buffer) < 6 + length:
             return None

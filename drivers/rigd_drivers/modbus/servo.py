@@ -59,7 +59,7 @@ class ServoConfig(ConnectionConfig):
         counts = self.watchdog / self.map.watchdog.scale
         if round(counts) < 1 or abs(counts - round(counts)) > 1e-6:
             raise ValueError(f"'watchdog' must be a multiple of {self.map.watchdog.scale:g} s")
-        self.map.watchdog.register.encode(counts, self.map.word_order)
+        self.map.watchdog.time.encode(counts, self.map.word_order)
         least = 1 / self.rate + _LOST_REPLIES * self.lost_reply_s()
         if self.watchdog < least:
             raise ValueError(
@@ -104,18 +104,15 @@ class ModbusServo(ModbusDevice):
             Channel("speed_raw", "count", "number in the register", raw_of="speed"),
         )
 
-    def open(self) -> None:
-        """Connect, check the drive's settings, leave a fault of before, set the watchdog.
+    def prove(self) -> None:
+        """Check the drive's settings, leave a fault of before, set the watchdog.
 
         A watchdog that cannot be set is told by :meth:`preflight`.
 
         Raises:
-            LinkError: no connection, or no answer.
-            ProtocolError: not the drive, or not its settings, that the map describes.
-            DeviceError: the drive refused, or has a fault that does not go away.
+            DeviceError: the drive has a fault that does not go away.
 
         """
-        self.connect()
         self.check(self._map.expect)
         self._disable()
         self._words = self.fetch(self._reads)
@@ -316,7 +313,7 @@ class ModbusServo(ModbusDevice):
     def _set_watchdog(self) -> Sequence[str]:
         """Write the watchdog's time and read it back; return what is wrong with it, if anything."""
         watchdog, order = self._map.watchdog, self._map.word_order
-        register, counts = watchdog.register, self.config.watchdog / watchdog.scale
+        register, counts = watchdog.time, self.config.watchdog / watchdog.scale
         self.watchdog_s = None
         self.client.ask(self._map.write(register.address, register.encode(counts, order)))
         kept = register.decode(self.fetch(self._map.reads([register.addresses])), order)

@@ -35,7 +35,7 @@ class Setting(Write):
 class WatchdogMap(Described):
     """The communication watchdog of the drive."""
 
-    register: Register
+    time: Register
     """Its time."""
     scale: Annotated[float, In("s/count"), Gt(0)]
     """Time per count."""

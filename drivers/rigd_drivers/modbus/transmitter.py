@@ -146,16 +146,13 @@ class ModbusTransmitter(ModbusDevice):
             Channel("force_raw", "count", "number in the register", least, most, raw_of="force"),
         )
 
-    def open(self) -> None:
-        """Connect, check the settings, and take a few readings that must be possible.
+    def prove(self) -> None:
+        """Check the settings, and take a few readings that must be possible.
 
         Raises:
-            LinkError: no connection, or no answer.
             ProtocolError: another device, or readings that cannot be: says which option to try.
-            DeviceError: the device refused, or reports a fault.
 
         """
-        self.connect()
         self.check(self._map.expect)
         self.identity = ", ".join(
             [self._map.title, *(f"{k} {self.fetch_word(a)}" for k, a in self._map.identity.items())]

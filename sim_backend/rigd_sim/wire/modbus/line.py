@@ -107,6 +107,7 @@ class _Connection(asyncio.Protocol):
         self._buffer = bytearray()
         self._transport: asyncio.Transport | None = None
         self._loop = asyncio.get_running_loop()
+        self._whole_at = 0.0  # when a frame sent in pieces is out
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         if isinstance(transport, asyncio.Transport):
@@ -123,12 +124,21 @@ class _Connection(asyncio.Protocol):
         self._buffer += data
         try:
             while (ask := take_tcp(self._buffer)) is not None:
-                wait_s = 0.0
-                for pause_s, piece in self._handle(ask):
-                    wait_s += pause_s
-                    self._send(wait_s, piece)
+                self._answer(self._handle(ask))
         except NotModbus:
             self.reset()
+
+    def _answer(self, pieces: Pieces) -> None:
+        """Send the pieces of one frame; nothing comes between them, as in any stream."""
+        at = max(self._loop.time(), self._whole_at)
+        for pause_s, piece in pieces:
+            at += pause_s
+            if at > self._loop.time():
+                self._loop.call_at(at, self._send, piece)
+            else:
+                self._send(piece)
+        if len(pieces) > 1:
+            self._whole_at = at + 1e-3  # later timers of one time run in any order
 
     def reset(self) -> None:
         """Close with RST, as a crashed device does."""
@@ -137,10 +147,8 @@ class _Connection(asyncio.Protocol):
             connected.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             self._transport.abort()
 
-    def _send(self, wait_s: float, piece: bytes) -> None:
-        if wait_s > 0:
-            self._loop.call_later(wait_s, self._send, 0.0, piece)
-        elif self._transport is not None:
+    def _send(self, piece: bytes) -> None:
+        if self._transport is not None:
             self._transport.write(piece)
 
 
@@ -247,6 +255,7 @@ class SerialLine(Line):
         loop = asyncio.get_running_loop()
         while True:
             begin, pieces = await self._queue.get()
+            begin = max(begin, self._quiet_from + self.gap_s)
             for pause_s, piece in pieces:
                 begin += pause_s
                 await self._send(begin, piece, loop)

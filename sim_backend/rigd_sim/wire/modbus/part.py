@@ -18,7 +18,7 @@ _BUSY = 6
 LINE_FAULTS = {
     "silent": "hears and obeys, and answers nothing",
     "deaf": "is still connected, and neither hears nor answers (a half-open connection)",
-    "late": "answers 'delay_s' (0.3) too late",
+    "late": "answers 'delay_s' (0.15) too late",
     "wrong_unit": "answers as another unit",
     "wrong_transaction": "answers with a transaction number never asked with (TCP)",
     "wrong_function": "answers to another function",
@@ -27,12 +27,12 @@ LINE_FAULTS = {
     "crc": "answers with a wrong check sum (RTU)",
     "truncated": "stops in the middle of its answer",
     "garbage": "sends bytes of noise before its answer",
-    "byte_gap": "pauses for 'delay_s' (0.3) in the middle of its answer",
+    "byte_gap": "pauses for 'delay_s' (0.15) in the middle of its answer",
     "cut": "resets the connection (TCP), or loses its port (RTU), once",
 }
 _ONLY_TCP = {"wrong_transaction"}
 _ONLY_SERIAL = {"crc"}
-_OPTIONS = {"delay_s": 0.3, "code": 4, "count": None}
+_OPTIONS = {"delay_s": 0.15, "code": 4, "count": None}
 
 
 @dataclass

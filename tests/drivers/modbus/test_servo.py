@@ -1,0 +1,226 @@
+"""The servo driver against a simulated drive, over a real socket and a real pty."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+from support.modbus_bench import ServoBench, cycle, rows_of
+
+from rigd.sdk import DeviceError, LinkError, ProtocolError
+from rigd_drivers.modbus.framing import Trouble
+from rigd_drivers.modbus.servo import ENABLED, ServoConfig
+
+RPM = 2 * math.pi / 60
+TCP = pytest.mark.parametrize("line", ["tcp"], indirect=True)
+#: Options of each drive; the Delta's watchdog counts whole seconds.
+DRIVES = {
+    "schneider-atv320": {"map": "schneider-atv320", "watchdog": "0.5 s"},
+    "delta-asda-b": {"map": "delta-asda-b", "watchdog": "1 s"},
+}
+both_drives = pytest.mark.parametrize("drive", list(DRIVES))
+
+
+def armed(bench: ServoBench, **options: Any) -> Any:
+    driver = bench.driver(**options)
+    driver.open()
+    assert not driver.preflight()
+    rows_of(driver, 2)
+    driver.arm()
+    cycle(driver, lambda rows: driver.ready(), [0.0])
+    return driver
+
+
+@both_drives
+def test_it_is_enabled_at_rest_and_follows_its_setpoint(servo: ServoBench, drive: str) -> None:
+    driver = armed(servo, **DRIVES[drive])
+    assert servo.state()["enabled"]
+    assert servo.physics.speed == 0.0
+    rows = cycle(driver, lambda rows: bool(rows and rows[-1][1] == -1200), [-1200 * RPM])
+    speed, _, status = rows[-1]
+    assert speed == pytest.approx(-1200 * RPM)
+    assert status & ENABLED
+    assert servo.physics.speed == pytest.approx(-1200 * RPM)
+    driver.make_safe()
+    assert servo.physics.speed == 0.0
+    assert not servo.state()["enabled"]
+    driver.make_safe()  # twice is silent
+
+
+def test_an_axis_moves_in_metres(servo: ServoBench) -> None:
+    driver = armed(servo, travel="-0.01 m/rad", max_speed="100 rad/s")
+    assert driver.setpoints[0].unit == "m/s"
+    assert (driver.setpoints[0].low, driver.setpoints[0].high) == (-1.0, 1.0)
+    cycle(driver, lambda rows: servo.physics.speed != 0, [0.5])
+    assert servo.physics.speed == pytest.approx(-50.0, abs=RPM / 2)
+
+
+@both_drives
+def test_nothing_is_commanded_before_arming(servo: ServoBench, drive: str) -> None:
+    driver = servo.driver(**DRIVES[drive])
+    driver.open()
+    cycle(driver, lambda rows: len(rows) > 4, [100.0])
+    state = servo.state()
+    assert (state["enabled"], state["setpoint"]) == (False, 0.0)
+    assert not driver.ready()
+
+
+@both_drives
+def test_the_watchdog_is_set_and_proven_by_silence(servo: ServoBench, drive: str) -> None:
+    driver = servo.driver(**DRIVES[drive])
+    driver.open()
+    assert servo.state()["watchdog_s"] == pytest.approx(driver.config.watchdog)
+    proven_s = driver.prove_watchdog()
+    assert driver.config.watchdog < proven_s < driver.watchdog_s + 1.0
+    assert servo.state()["fault_code"] == 0  # it was reset
+    rows_of(driver, 1)
+
+
+def test_a_dead_watchdog_is_found_out(servo: ServoBench) -> None:
+    servo.fault("watchdog_dead")
+    driver = servo.driver()
+    driver.open()
+    with pytest.raises(DeviceError, match="did not trip; its watchdog is set to 0.5 s"):
+        driver.prove_watchdog()
+
+
+def test_a_watchdog_that_is_not_kept_refuses_to_arm(servo: ServoBench) -> None:
+    servo.fault("watchdog_unset")
+    driver = servo.driver()
+    driver.open()
+    (reason,) = driver.preflight()
+    assert "set to 0.5 s and reads back as 10 s" in reason
+    assert driver.watchdog_s is None
+    with pytest.raises(DeviceError, match="no watchdog to prove"):
+        driver.prove_watchdog()
+
+
+def test_a_silent_master_stops_the_drive(servo: ServoBench) -> None:
+    driver = armed(servo)
+    cycle(driver, lambda rows: servo.physics.speed != 0, [50.0])
+    assert driver.watchdog_s is not None
+    time.sleep(driver.watchdog_s + 0.1)  # the master is silent: that is the test
+    assert servo.physics.speed == 0.0
+    with pytest.raises(DeviceError, match="communication fault means that it heard nothing"):
+        rows_of(driver, 5)
+
+
+def test_a_lost_reply_neither_trips_nor_stops_the_drive(servo: ServoBench) -> None:
+    driver = armed(servo)
+    for fault in ("silent", "late", "wrong_unit"):
+        servo.fault(fault, count=1)
+        cycle(driver, lambda rows: len(rows) > 3, [20.0])
+    assert sum(driver.client.counts) >= 3
+    assert servo.physics.speed == pytest.approx(20.0, abs=RPM / 2)
+
+
+@pytest.mark.parametrize("fault", ["overcurrent", "watchdog_tripped"])
+def test_a_fault_of_the_drive_ends_the_run(servo: ServoBench, fault: str) -> None:
+    driver = armed(servo)
+    servo.fault(fault)
+    with pytest.raises(DeviceError, match="the drive reports a fault"):
+        cycle(driver, lambda rows: False, [10.0])
+    driver.make_safe()
+
+
+def test_a_drive_disabled_by_somebody_else_ends_the_run(servo: ServoBench) -> None:
+    driver = armed(servo)
+    other = b"\x06" + (8501).to_bytes(2, "big") + b"\0\0"
+    servo.call(lambda: servo.part.bank.answer(other))  # type: ignore[attr-defined]
+    with pytest.raises(DeviceError, match="no longer enabled"):
+        cycle(driver, lambda rows: False, [10.0])
+
+
+def test_a_fault_of_the_last_session_is_reset_at_opening(servo: ServoBench) -> None:
+    servo.fault("overcurrent")
+    armed(servo)
+
+
+@pytest.mark.parametrize("fault", ["late", "wrong_unit", "silent"])
+def test_it_is_made_safe_in_time_whatever_the_line_does(servo: ServoBench, fault: str) -> None:
+    """One reply is spoiled while a request is out: the disable still comes through."""
+    driver = armed(servo)
+    cycle(driver, lambda rows: servo.physics.speed != 0, [50.0])
+    servo.fault(fault, count=1)
+    asked = servo.state()["asked"]
+    cycle(driver, lambda rows: servo.state()["asked"] > asked, [50.0])
+    began = time.monotonic()
+    driver.make_safe()
+    assert time.monotonic() - began < 0.1 + 0.4  # the bound, and a stall of this machine
+    assert servo.physics.speed == 0.0
+
+
+def test_making_safe_on_a_dead_line_is_bounded_and_says_so(servo: ServoBench) -> None:
+    driver = armed(servo)
+    servo.fault("deaf")
+    began = time.monotonic()
+    with pytest.raises(LinkError):
+        driver.make_safe()
+    assert time.monotonic() - began < 0.5
+    driver.close()
+    driver.make_safe()  # closed: nothing to do, and no error
+
+
+def test_another_process_can_rescue(servo: ServoBench) -> None:
+    driver = armed(servo)
+    cycle(driver, lambda rows: servo.physics.speed != 0, [50.0])
+    if servo.line.is_serial:
+        driver.close()  # as the kernel does for a process that was killed
+    began = time.monotonic()
+    servo.driver().rescue()
+    assert time.monotonic() - began < 1.0
+    assert servo.physics.speed == 0.0
+
+
+@TCP
+def test_a_rescue_of_nobody_says_so(servo: ServoBench) -> None:
+    with pytest.raises(LinkError, match="cannot connect"):
+        servo.driver(port=1).rescue()
+
+
+def test_a_setpoint_that_is_no_number_is_refused(servo: ServoBench) -> None:
+    driver = armed(servo)
+    with pytest.raises(DeviceError, match="not a number"):
+        driver.write([math.nan])
+
+
+@pytest.mark.parametrize("drive", ["delta-asda-b"])
+def test_a_parameter_that_must_be_set_at_the_drive_is_named(servo: ServoBench) -> None:
+    bank = servo.part.bank  # type: ignore[attr-defined]
+    servo.call(lambda: bank.constant(0x020A, 0x0111))
+    with pytest.raises(ProtocolError, match=r"digital input 1, P2-10 .* is 0x0111, expected 0x010"):
+        servo.driver(map="delta-asda-b", watchdog="1 s").open()
+
+
+def test_another_drive_is_refused(servo: ServoBench) -> None:
+    with pytest.raises((DeviceError, ProtocolError), match="illegal data address"):
+        servo.driver(map="delta-asda-b", watchdog="1 s").open()
+
+
+@TCP
+def test_troubles_stand_in_the_status_word(servo: ServoBench) -> None:
+    driver = armed(servo)
+    servo.fault("wrong_transaction", count=1)
+    rows = cycle(driver, lambda rows: bool(rows and rows[-1][2] >> 8 & 0xFF), [0.0])
+    assert rows[-1][2] >> 8 & 1 << Trouble.WRONG_TRANSACTION
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"watchdog": "0.25 s"}, r"multiple of 0.1 s"),
+        ({"watchdog": "0.1 s"}, r"too short for this line"),
+        ({"watchdog": "0 s"}, r"greater than 0"),
+        ({"max_speed": "40000 rpm"}, r"does not fit into int16"),
+        ({"max_speed": "3 m/s"}, r"expected rad/s"),
+        ({"rate": "200 Hz"}, r"less than or equal to 100"),
+        ({"map": "laumas-tlb4"}, r"no shipped map of a servo"),
+    ],
+)
+def test_a_wrong_option_says_what_to_write(options: dict[str, Any], message: str) -> None:
+    right = {"host": "h", "map": "schneider-atv320", "max_speed": "100 rpm", "watchdog": "0.5 s"}
+    with pytest.raises(ValidationError, match=message):
+        ServoConfig.model_validate(right | options)

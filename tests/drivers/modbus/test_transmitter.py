@@ -1,0 +1,291 @@
+"""The transmitter driver against a simulated one, over a real socket and a real pty."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+from support.modbus_bench import TransmitterBench, cycle, rows_of
+
+from rigd.sdk import DeviceError, LinkError, ProtocolError
+from rigd_drivers.modbus.framing import Trouble
+from rigd_drivers.modbus.transmitter import TransmitterConfig
+from rigd_sim.wire.modbus.line import SerialLine
+
+TCP = pytest.mark.parametrize("line", ["tcp"], indirect=True)
+RTU = pytest.mark.parametrize("line", ["rtu"], indirect=True)
+
+
+def opened(bench: TransmitterBench, **options: Any) -> Any:
+    driver = bench.driver(**options)
+    driver.open()
+    rows_of(driver, 1)
+    return driver
+
+
+def test_rows_carry_force_counts_and_the_stable_flag(transmitter: TransmitterBench) -> None:
+    driver = opened(transmitter)
+    assert rows_of(driver, 1)[-1] == (12.5, 1250.0, 1)
+    assert "serial 1234" in driver.identity
+
+
+def test_the_sign_is_taken_from_the_status_register(transmitter: TransmitterBench) -> None:
+    transmitter.physics.force = -7.25
+    force, count, _ = rows_of(opened(transmitter), 1)[-1]
+    assert (force, count) == (-7.25, -725.0)
+
+
+def test_rows_come_at_the_rate_asked_for_and_no_faster(transmitter: TransmitterBench) -> None:
+    driver = opened(transmitter, rate="20 Hz")
+    began = time.monotonic()
+    rows_of(driver, 11)
+    assert time.monotonic() - began > 0.45  # ten periods of 50 ms, less one begun before
+
+
+@pytest.mark.parametrize(
+    ("fault", "trouble"),
+    [
+        ("silent", Trouble.TIMEOUT),
+        ("deaf", Trouble.TIMEOUT),
+        ("late", Trouble.LATE),
+        ("wrong_unit", Trouble.WRONG_UNIT),
+        ("wrong_function", Trouble.WRONG_REPLY),
+        ("byte_gap", Trouble.GARBLED),
+        ("busy", Trouble.REFUSED),
+    ],
+)
+def test_a_fault_of_the_line_costs_a_row_and_is_counted(
+    transmitter: TransmitterBench, fault: str, trouble: Trouble
+) -> None:
+    driver = opened(transmitter)
+    transmitter.fault(fault, count=1)
+    rows = cycle(driver, lambda rows: bool(rows and rows[-1][2] >> 8 & 1 << trouble))
+    assert {tuple(row[:2]) for row in rows} == {(12.5, 1250.0)}
+    assert driver.client.counts[trouble] == 1
+    assert rows[-1][2] >> 16 & 0xFF == sum(driver.client.counts)
+    assert rows_of(driver, 1)[-1][2] >> 8 & 0xFF == 0  # news are told once
+
+
+@RTU
+@pytest.mark.parametrize(
+    ("fault", "trouble"),
+    [("crc", Trouble.CRC), ("truncated", Trouble.GARBLED), ("garbage", Trouble.GARBLED)],
+)
+def test_a_damaged_frame_is_no_data(
+    transmitter: TransmitterBench, fault: str, trouble: Trouble
+) -> None:
+    driver = opened(transmitter)
+    transmitter.fault(fault, count=1)
+    rows = cycle(driver, lambda rows: driver.client.counts[trouble] > 0 and len(rows) > 1)
+    assert {tuple(row[:2]) for row in rows} == {(12.5, 1250.0)}
+
+
+@TCP
+def test_an_unknown_transaction_is_no_data(transmitter: TransmitterBench) -> None:
+    driver = opened(transmitter)
+    transmitter.fault("wrong_transaction", count=1)
+    cycle(driver, lambda rows: len(rows) > 1)
+    assert driver.client.counts[Trouble.WRONG_TRANSACTION] == 1
+
+
+@TCP
+@pytest.mark.parametrize("fault", ["truncated", "garbage"])
+def test_a_stream_out_of_step_ends_in_words(transmitter: TransmitterBench, fault: str) -> None:
+    driver = opened(transmitter)
+    transmitter.fault(fault, count=1)
+    with pytest.raises(ProtocolError, match="expected protocol 0"):
+        rows_of(driver, 100)
+
+
+def test_a_late_reply_is_never_data(transmitter: TransmitterBench) -> None:
+    """The force changes after each late reply was made: none of the old values may come up."""
+    driver = opened(transmitter)
+    for step in range(3):
+        transmitter.fault("late", count=1)
+        asked = transmitter.state()["asked"]
+        cycle(driver, lambda rows, asked=asked: transmitter.state()["asked"] > asked)  # type: ignore[misc]
+        transmitter.physics.force = 20.0 + step
+        rows = rows_of(driver, 3)
+        rows += cycle(driver, lambda rows, n=step + 1: driver.client.counts[Trouble.LATE] == n)  # type: ignore[misc]
+        assert {row[0] for row in rows} == {20.0 + step}
+
+
+@RTU
+def test_after_a_failure_the_line_is_left_alone(transmitter: TransmitterBench) -> None:
+    driver = opened(transmitter, longest_reply="0.4 s")
+    transmitter.fault("silent", count=1)
+    before = driver.client.counts[Trouble.TIMEOUT]
+    cycle(driver, lambda rows: driver.client.counts[Trouble.TIMEOUT] > before)
+    began = time.monotonic()
+    rows_of(driver, 1)
+    assert time.monotonic() - began > 0.3  # 0.4 s from the request, of which 0.05 s had passed
+
+
+def test_a_refusal_ends_the_run_with_what_it_means(transmitter: TransmitterBench) -> None:
+    driver = opened(transmitter)
+    transmitter.fault("exception", code=2)
+    with pytest.raises(DeviceError, match="exception 2, illegal data address"):
+        rows_of(driver, 10)
+
+
+def test_a_lost_connection_is_known_at_once(transmitter: TransmitterBench) -> None:
+    driver = opened(transmitter)
+    transmitter.fault("cut")
+    with pytest.raises(LinkError, match=r"lost|closed"):
+        rows_of(driver, 100)
+
+
+def test_a_broken_cell_ends_the_run(transmitter: TransmitterBench) -> None:
+    driver = opened(transmitter)
+    transmitter.fault("broken")
+    with pytest.raises(DeviceError, match="reports a fault"):
+        rows_of(driver, 10)
+
+
+def test_an_overload_is_a_flag_and_the_value_goes_on(transmitter: TransmitterBench) -> None:
+    driver = opened(transmitter)
+    transmitter.physics.force = 620.0
+    rows = cycle(driver, lambda rows: bool(rows and rows[-1][0] == 620.0))
+    assert rows[-1][2] & 2
+
+
+@pytest.mark.parametrize(
+    ("instrument", "options"),
+    [
+        ("laumas-tlb4", {}),
+        ("seneca-z-sg2", {"map": "seneca-z-sg2", "scale": "1 N/count"}),
+        ("tuna-id551", {"map": "tuna-id551", "scale": "1 N/count"}),
+    ],
+)
+def test_swapped_words_are_found_out_at_opening_and_the_cure_is_named(
+    transmitter: TransmitterBench, options: dict[str, Any]
+) -> None:
+    transmitter.fault("word_order")
+    with pytest.raises(ProtocolError, match="try 'word_order: low-first'"):
+        transmitter.driver(**options).open()
+    driver = opened(transmitter, word_order="low-first", **options)
+    assert rows_of(driver, 1)[-1][0] == 12.5
+
+
+def test_swapped_words_are_found_out_as_soon_as_zero_is_left(
+    transmitter: TransmitterBench,
+) -> None:
+    transmitter.physics.force = 0.0  # both words are zero: nothing to tell
+    transmitter.fault("word_order")
+    driver = opened(transmitter)
+    transmitter.physics.force = 3.0
+    with pytest.raises(ProtocolError, match="try 'word_order: low-first'"):
+        rows_of(driver, 100)
+
+
+def test_a_force_that_cannot_be_is_refused_at_opening(transmitter: TransmitterBench) -> None:
+    transmitter.physics.force = 510.0
+    with pytest.raises(ProtocolError, match="reads 510 N, beyond -500 N to 500 N"):
+        transmitter.driver().open()
+
+
+@pytest.mark.parametrize("instrument", ["laumas-tlb4", "tuna-id551"])
+def test_tare_is_done_between_rows(transmitter: TransmitterBench, instrument: str) -> None:
+    driver = opened(transmitter, map=instrument, scale=_SCALES[instrument])
+    driver.act("tare")
+    with pytest.raises(DeviceError, match="still under way"):
+        driver.act("zero")
+    said: list[str | None] = []
+
+    def done(rows: Any) -> bool:
+        said.append(driver.acted())
+        return said[-1] is not None
+
+    cycle(driver, done)
+    assert said[-1] == "tare: accepted"
+    assert driver.acted() is None
+    assert rows_of(driver, 2)[-1][0] == pytest.approx(0.0, abs=1e-9)
+    with pytest.raises(ValueError, match="known: tare, zero, untare"):
+        driver.act("dance")
+
+
+_SCALES = {"laumas-tlb4": "0.01 N/count", "tuna-id551": "1 N/count"}
+
+
+def test_an_action_refused_is_told_and_measuring_goes_on(transmitter: TransmitterBench) -> None:
+    custom = {
+        "title": "TLB4 with a command it has not",
+        "source": "none",
+        "write_function": 16,
+        "force": {"address": 9, "type": "uint32"},
+        "actions": {"polish": {"doc": "?", "writes": [{"address": 5, "value": 77}]}},
+    }
+    driver = opened(transmitter, map=custom)
+    driver.act("polish")
+    with pytest.raises(DeviceError, match="polish: refused: illegal data value"):
+        cycle(driver, lambda rows: driver.acted() is not None)
+    assert rows_of(driver, 1)[-1][0] == 12.5
+
+
+@RTU
+def test_another_baud_rate_is_no_answer_and_the_hint_says_so(
+    transmitter: TransmitterBench,
+) -> None:
+    with pytest.raises(LinkError, match="no answer to the read") as caught:
+        transmitter.driver(baud=9600).open()
+    assert caught.value.hint is not None
+    assert "baud rate" in caught.value.hint
+
+
+def test_another_unit_is_no_answer(transmitter: TransmitterBench) -> None:
+    with pytest.raises(LinkError, match="no answer"):
+        transmitter.driver(unit=7).open()
+
+
+@RTU
+def test_the_port_is_ours_alone(transmitter: TransmitterBench) -> None:
+    opened(transmitter)
+    with pytest.raises(LinkError, match="no other program holds it"):
+        transmitter.driver().open()
+
+
+@RTU
+def test_the_silence_between_frames_is_kept(transmitter: TransmitterBench) -> None:
+    rows_of(opened(transmitter, rate="1 kHz"), 20)  # as fast as the line allows
+    assert isinstance(transmitter.line, SerialLine)
+    assert transmitter.line.ignored == 0
+
+
+@pytest.mark.parametrize("instrument", ["seneca-z-sg2"])
+def test_another_unit_of_measurement_is_refused(transmitter: TransmitterBench) -> None:
+    part = transmitter.part
+    transmitter.call(lambda: part.bank.constant(2, 0x0000))  # type: ignore[attr-defined]
+    with pytest.raises(ProtocolError, match=r"unit of measurement .* is 0x0000, expected 0x0500"):
+        transmitter.driver(map="seneca-z-sg2", scale="1 N/count").open()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"map": "laumas-tlb5"}, "did you mean 'laumas-tlb4'"),
+        ({"map": "delta-asda-b"}, "no shipped map of a transmitter"),
+        ({"scale": None}, "has no scale: give 'scale'"),
+        ({"low": "1 kg"}, "expected N"),
+        ({"low": "600 N"}, "'low' must be below 'high'"),
+        ({"host": None}, "either 'host'"),
+        ({"baud": 9600}, "'baud' belongs to 'serial_port'"),
+        ({"unit": 300}, "less than or equal to 255"),
+        (
+            {
+                "map": {
+                    "title": "t",
+                    "source": "s",
+                    "force": {"address": 9, "type": "uint32"},
+                    "negative": {"address": 6},
+                }
+            },
+            "raise 'bridge'",
+        ),
+    ],
+)
+def test_a_wrong_option_says_what_to_write(options: dict[str, Any], message: str) -> None:
+    right = {"host": "h", "map": "laumas-tlb4", "scale": "1 N/count", "low": "0 N", "high": "9 N"}
+    with pytest.raises(ValidationError, match=message):
+        TransmitterConfig.model_validate(right | options)
