@@ -182,7 +182,8 @@ class Driver(AnyDriver, ABC):
 class Block:
     """Rows taken together: ``times_ns`` int64 of shape (n,), ``values`` float64 of shape (n, k).
 
-    Times are CLOCK_MONOTONIC in ns, increasing; the k columns are in the order of ``channels``.
+    Times are CLOCK_MONOTONIC in ns, increasing; the k columns are in the order of ``channels``,
+    the status word last where the driver has one.
     """
 
     times_ns: NDArray[np.int64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -114,8 +114,11 @@ class Bench:
     devices: SlowDevices
 
 
+Make = Callable[..., Bench]
+
+
 @pytest.fixture
-def bench(tmp_path: Path) -> Iterator[object]:
+def bench(tmp_path: Path) -> Iterator[Make]:
     made: list[Bench] = []
 
     def make(**faults: str) -> Bench:
@@ -138,9 +141,6 @@ def bench(tmp_path: Path) -> Iterator[object]:
         for scale in one.scales.values():
             scale.let_go = True
         one.devices.stop()
-
-
-Make = type[Bench]
 
 
 def test_rows_go_to_the_ring_and_the_newest_to_the_table(bench: Make) -> None:

@@ -1,0 +1,90 @@
+"""The times of samples: drift, delays, stalls, from arrivals made up with a known truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from rigd_drivers.ni_daq.sample_clock import MOST_SLEW, SampleClock, line_below
+
+RATE_HZ, BLOCK, START_NS = 9600.0, 96, 7_000_000_000
+
+
+def stamped(
+    seconds: float, ppm: float, *, stall_s: float = 0.0, late_start_s: float = 0.003
+) -> tuple[SampleClock, NDArray[np.int64], NDArray[np.int64]]:
+    """Return the clock, its times and the true ones (ns) of a card that runs fast by ``ppm``.
+
+    A block arrives 0.3 ms late, and by another 1 ms on average.
+    """
+    random = np.random.default_rng(7)
+    period_ns = 1e9 / (RATE_HZ * (1 + ppm * 1e-6))
+    first_ns = START_NS + late_start_s * 1e9
+    clock = SampleClock(RATE_HZ, START_NS)
+    times, truth, arrived = [], [], 0.0
+    for number in range(int(seconds * RATE_HZ / BLOCK)):
+        true = first_ns + (number * BLOCK + np.arange(BLOCK)) * period_ns
+        delay_ns = 0.3e6 + random.exponential(1e6)
+        if number % 1000 == 500:
+            delay_ns += stall_s * 1e9
+        arrived = max(arrived, true[-1] + delay_ns)  # blocks come one after the other
+        times.append(clock.stamp(BLOCK, int(arrived)))
+        truth.append(true.astype(np.int64))
+    return clock, np.concatenate(times), np.concatenate(truth)
+
+
+@pytest.mark.parametrize("ppm", [-100.0, 0.0, 40.0, 100.0])
+def test_times_follow_the_true_ones_and_the_rate_is_found(ppm: float) -> None:
+    clock, times, truth = stamped(120, ppm, stall_s=0.1)
+    error_ns = times - truth
+    settled = error_ns[len(error_ns) // 4 :]
+    assert 0.1e6 < settled.mean() < 0.6e6  # the smallest delay is what cannot be told
+    assert np.abs(settled - settled.mean()).max() < 0.3e6
+    assert clock.rate_hz == pytest.approx(RATE_HZ * (1 + ppm * 1e-6), rel=3e-6)
+    assert clock.count == len(times)
+
+
+def test_times_are_smooth_from_the_first() -> None:
+    _, times, _ = stamped(30, 40.0, stall_s=0.1)
+    steps = np.diff(times) * RATE_HZ * 1e-9
+    assert np.abs(steps - 1.0).max() < MOST_SLEW + 1e-4  # and so they increase
+
+
+def test_no_sample_is_before_the_start() -> None:
+    """A first block whose arrival is reported early would put them there."""
+    clock = SampleClock(1000.0, START_NS)
+    times = clock.stamp(10, START_NS + 1_000_000)
+    assert times[0] == START_NS
+    assert np.array_equal(np.diff(times), np.full(9, 1_000_000))
+
+
+def test_a_late_first_block_is_worked_off() -> None:
+    clock = SampleClock(1000.0, START_NS)
+    late_ns = 20_000_000
+    clock.stamp(10, START_NS + 9_000_000 + late_ns)
+    for number in range(1, 4000):
+        last = clock.stamp(10, START_NS + (number * 10 + 9) * 1_000_000)[-1]
+    assert last == pytest.approx(START_NS + 39_999 * 1_000_000, abs=100_000)
+
+
+def test_line_below_is_the_linear_programme() -> None:
+    random = np.random.default_rng(3)
+    for _ in range(50):
+        x = np.sort(random.uniform(0, 10, 20))
+        y = 2 - 0.3 * x + random.exponential(1.0, 20)
+        level, slope = line_below(list(zip(x.tolist(), y.tolist(), strict=True)))
+        # Highest sum of the line over all points, with every point on or above it.
+        solved = linprog(
+            [-len(x), -x.sum()],
+            A_ub=np.column_stack([np.ones_like(x), x]),
+            b_ub=y,
+            bounds=[(None, None), (None, None)],
+        )
+        assert solved.x is not None
+        assert [level, slope] == pytest.approx(solved.x.tolist(), abs=1e-6)
+
+
+def test_line_below_one_point_is_level() -> None:
+    assert line_below([(5.0, 3.0)]) == (3.0, 0.0)
