@@ -40,6 +40,7 @@ class Node:
         self.emergency: emcy.Emergency | None = None  #: the first that was not looked at yet
         self.sdo_timeout_s = SDO_TIMEOUT_S
         self._replies: deque[bytes] = deque(maxlen=16)
+        self._claimed = False
         self._restarted = False
         self._garbled = ""
         self._heard_ns = 0
@@ -68,6 +69,7 @@ class Node:
 
         """
         self.bus.claim(self.node_id, owner)
+        self._claimed = True
         self.attach()
         self._order(nmt.Command.PRE_OPERATIONAL)
         found = self.read(objects.DEVICE_TYPE) & 0xFFFF
@@ -106,6 +108,9 @@ class Node:
 
     def close(self) -> None:
         """Leave the node pre-operational, quiet but for its heartbeat."""
+        if not self._claimed:
+            return  # it is another device's
+        self._claimed = False
         self.bus.release(self.node_id)
         if self.bus.is_open:
             with suppress(LinkError):  # the bus is lost: the node hears nothing from us anyway

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
+
 from rigd_drivers.canopen.cia402 import DriveState, Enabling, state_of
 
 
@@ -46,7 +49,7 @@ def test_nothing_is_asked_of_a_drive_that_is_not_ready_or_reacts_to_a_fault() ->
 def test_a_fault_is_reset_by_an_edge_that_rises_again_until_it_is_gone() -> None:
     enabling = Enabling()
     words = [enabling.next(0x0218) for _ in range(4 * Enabling.HOLD)]
-    rises = sum(new == 0x80 and old == 0x00 for old, new in zip(words, words[1:], strict=False))
+    rises = sum(new == 0x80 and old == 0x00 for old, new in itertools.pairwise(words))
     assert words[0] == 0x00  # low first, so that there is an edge
     assert rises == 2
     assert set(words) == {0x00, 0x80}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+
 from rigd_drivers.canopen import emcy, frames, nmt
 
 

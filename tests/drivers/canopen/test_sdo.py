@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+
 from rigd_drivers.canopen.sdo import Aborted, Download, Garbled, Upload
 
 

@@ -1,0 +1,310 @@
+"""Opening a drive: what is written, and every refusal with what to change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from support.can_bench import belt, encoder, wheel
+from support.can_script import ScriptedBus, ScriptedServo, number, servo
+from support.can_script import encoder as scripted_encoder
+
+from rigd.sdk import DeviceError, LinkError, ProtocolError
+from rigd_drivers.can_bus import CanBus
+
+Connect = Callable[..., tuple[CanBus, ScriptedBus]]
+
+
+def test_a_drive_is_left_operational_switched_off_and_mapped(connect: Connect) -> None:
+    drive = servo()
+    bus, port = connect(drive)
+    driver = wheel(bus)
+    driver.open()
+    kept = drive.objects
+    assert drive.state == 0x05
+    assert kept[0x6041, 0] == number(0x0250, 2)
+    assert kept[0x1016, 1] == bytes.fromhex("64 00 7F 00")  # node 127, 100 ms
+    assert kept[0x6007, 0] == b"\x02\x00"
+    assert kept[0x6060, 0] == b"\x0a"
+    assert kept[0x6071, 0] == b"\x00\x00"
+    assert kept[0x1400, 1] == number(0x201, 4)
+    assert kept[0x1600, 0] == b"\x02"
+    assert [kept[0x1600, sub].hex() for sub in (1, 2)] == ["10004060", "10007160"]
+    assert kept[0x1800, 1] == number(0x4000_0181, 4)
+    assert kept[0x1800, 2] == b"\x01"
+    assert kept[0x1800, 3] == b"\x00\x00"  # no inhibit time
+    assert [kept[0x1A00, sub].hex() for sub in (1, 2, 3)] == ["10004160", "10007760", "20006460"]
+    unused = [(0x1401, 1), (0x1801, 1), (0x1802, 1), (0x1803, 1)]
+    assert all(kept[address][3] & 0x80 for address in unused)
+    assert driver.identity == "Test, vendor 0xFB, serial number 4711"
+    # Never enabled on the way: no controlword but "disable voltage".
+    words = [data[4:6] for to, data in port.sent if to == 0x601 and data[:4].hex() == "2b406000"]
+    assert set(words) == {b"\x00\x00"}
+
+
+def test_the_mapping_is_written_while_the_pdo_is_off(connect: Connect) -> None:
+    bus, port = connect(servo())
+    wheel(bus).open()
+    writes = [data for to, data in port.sent if to == 0x601 and data[0] >> 5 == 1]
+    order = [data.hex(" ") for data in writes if data[1:3] in (b"\x00\x1a", b"\x00\x18")]
+    assert order == [
+        "23 00 18 01 81 01 00 c0",
+        "2f 00 18 02 01 00 00 00",
+        "2f 00 1a 00 00 00 00 00",
+        "23 00 1a 01 10 00 41 60",
+        "23 00 1a 02 10 00 77 60",
+        "23 00 1a 03 20 00 64 60",
+        "2f 00 1a 00 03 00 00 00",
+        "23 00 18 01 81 01 00 40",
+        "2b 00 18 03 00 00 00 00",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("address", "code", "message", "hint"),
+    [
+        ((0x1A00, 1), 0x06040041, r"1A00:01 .*cannot be mapped to a PDO", "update it"),
+        ((0x1A00, 3), 0x06040042, r"1A00:03 .*exceed the length of a PDO", "fewer objects"),
+        ((0x1600, 0), 0x06010002, r"1600:00 .*it is read only", "make it variable"),
+        ((0x1400, 1), 0x08000022, r"1400:01 .*present state of the device", "off and on"),
+        ((0x1016, 1), 0x06020000, r"1016:01 .*object does not exist", "update it"),
+        ((0x6007, 0), 0x06090030, r"6007:00 .*out of range", ""),
+    ],
+)
+def test_a_refused_set_up_names_object_abort_and_remedy(
+    connect: Connect, address: tuple[int, int], code: int, message: str, hint: str
+) -> None:
+    drive = servo()
+    drive.refuse[address] = code
+    bus, _ = connect(drive)
+    with pytest.raises(ProtocolError, match=message) as caught:
+        wheel(bus).open()
+    assert f"0x{code:08X}" in caught.value.message
+    assert hint in (caught.value.hint or "")
+    assert drive.state != 0x05  # not operational: it heeds no PDO
+
+
+@pytest.mark.parametrize("address", [(0x1016, 1), (0x6007, 0), (0x1A00, 2), (0x1017, 0)])
+def test_what_does_not_read_back_is_refused(connect: Connect, address: tuple[int, int]) -> None:
+    drive = servo()
+    drive.stuck.add(address)
+    bus, _ = connect(drive)
+    with pytest.raises(ProtocolError, match=f"{address[0]:04X}:{address[1]:02X} .*reads back"):
+        wheel(bus).open()
+
+
+def changed(address: tuple[int, int], value: bytes) -> ScriptedServo:
+    drive = servo()
+    drive.objects[address] = value
+    return drive
+
+
+@pytest.mark.parametrize(
+    ("drive", "options", "message"),
+    [
+        (changed((0x1000, 0), number(0x196, 4)), {}, "device profile 406 .*expected 402"),
+        (servo(), {"serial": 4712}, "serial number 4711, the rig file expects 4712"),
+        (servo(mode=9), {}, r"does not offer the cyclic torque mode \(10\): object 6502 is 0x100"),
+        (servo(), {"rated_torque": "60 mN m"}, "rated torque 0.04425 .*says 0.06"),
+        (servo(), {"torque_constant": "50 mN m/A"}, "torque constant 0.0295 .*says 0.05"),
+        (changed((0x6076, 0), number(0, 4)), {}, "rated torque 0 "),
+        (changed((0x6076, 0), number(100, 4)), {}, "at most 0.111 A"),
+    ],
+)
+def test_another_device_than_the_rig_file_says_is_refused(
+    connect: Connect, drive: ScriptedServo, options: dict[str, object], message: str
+) -> None:
+    bus, _ = connect(drive)
+    with pytest.raises(ProtocolError, match=message):
+        wheel(bus, **options).open()
+
+
+def test_a_torque_constant_that_the_drive_does_not_tell_must_be_given(connect: Connect) -> None:
+    drive = servo()
+    del drive.objects[0x3001, 5]
+    bus, _ = connect(drive)
+    driver = wheel(bus)
+    with pytest.raises(ProtocolError, match="does not tell its torque constant"):
+        driver.open()
+    driver.close()
+    wheel(bus, torque_constant="29.5 mN m/A").open()
+
+
+def test_another_unit_of_velocity_is_refused_with_both(connect: Connect) -> None:
+    drive = servo(2, mode=9)
+    drive.objects[0x60A9, 0] = number(0x00B44700, 4)  # 1 rpm
+    bus, _ = connect(drive)
+    driver = belt(bus)
+    with pytest.raises(ProtocolError, match=r"units of 1 rpm .*says 0.001 rpm"):
+        driver.open()
+    driver.close()
+    belt(bus, velocity_unit="1 rpm").open()
+
+
+def test_a_node_that_does_not_answer_is_named_with_those_that_do(connect: Connect) -> None:
+    drive = servo()
+    drive.silent = True
+    bus, port = connect(drive)
+    port.say(0x702, "05")
+    port.say(0x70B, "05")
+    with pytest.raises(LinkError, match=r"node 1 .*does not answer.*nodes heard: 2, 11") as caught:
+        wheel(bus).open()
+    assert "1000 kbit/s" in (caught.value.hint or "")
+
+
+def test_errors_instead_of_answers_tell_of_the_bitrate(connect: Connect) -> None:
+    drive = servo()
+    drive.silent = True
+    bus, port = connect(drive)
+    port.say(0x2000_0008, bytes(8))
+    with pytest.raises(LinkError, match="only errors are heard") as caught:
+        wheel(bus).open()
+    assert "bitrate" in (caught.value.hint or "")
+
+
+def test_two_nodes_with_one_id_are_told_by_their_answers(connect: Connect) -> None:
+    drive = servo()
+    drive.replies = 2
+    bus, _ = connect(drive)
+    with pytest.raises(ProtocolError, match=r"1000:00|two nodes answer under node id 1"):
+        wheel(bus).open()
+
+
+def test_two_devices_of_the_rig_file_cannot_have_one_id(connect: Connect) -> None:
+    first = servo()
+    bus, _ = connect(first)
+    wheel(bus).open()
+    second = belt(bus, node=1)
+    with pytest.raises(ProtocolError, match="two devices of the rig file have node id 1"):
+        second.open()
+    second.close()
+    assert first.state == 0x05  # still operational: it is not the second one's
+    with pytest.raises(ProtocolError, match=r"node id 127 .*is rigd's own"):
+        wheel(bus, node=127).open()
+
+
+def test_a_drive_that_is_opened_again_is_no_second_one(connect: Connect) -> None:
+    drive = servo()
+    drive.refuse[0x1600, 0] = 0x06010002
+    bus, _ = connect(drive)
+    driver = wheel(bus)
+    with pytest.raises(ProtocolError):
+        driver.open()
+    drive.refuse.clear()
+    driver.open()
+    driver.open()
+    driver.close()
+    driver.close()
+    assert drive.state == 0x7F
+
+
+def test_a_node_that_does_not_start_is_refused(connect: Connect) -> None:
+    drive = servo()
+    drive.beats = False
+    bus, _ = connect(drive)
+    with pytest.raises(ProtocolError, match=r"not operational .*no heartbeat"):
+        wheel(bus).open()
+
+
+def test_a_fault_that_can_be_reset_is_reset(connect: Connect) -> None:
+    drive = changed((0x6041, 0), number(0x0218, 2))
+    bus, _ = connect(drive)
+    wheel(bus).open()
+    assert drive.objects[0x6041, 0] == number(0x0250, 2)
+
+
+def test_a_fault_that_stays_is_told_with_its_cause(connect: Connect) -> None:
+    drive = changed((0x6041, 0), number(0x0218, 2))
+    drive.stuck.add((0x6040, 0))
+    drive.objects[0x1003, 1] = number(0x3220, 4)
+    bus, _ = connect(drive)
+    with pytest.raises(DeviceError, match=r"stays in fault; last error: 0x3220 \(supply under"):
+        wheel(bus).open()
+
+
+def test_a_watchdog_that_does_not_act_is_no_watchdog(connect: Connect) -> None:
+    drive = servo()
+    bus, port = connect(drive)
+    driver = wheel(bus)
+    driver.open()
+    first = len(port.sent)
+    with pytest.raises(DeviceError, match=r"stayed enabled for 0.2.* s without a heartbeat"):
+        driver.prove_watchdog()
+    assert drive.objects[0x6041, 0] == number(0x0250, 2)  # switched off all the same
+    sent = [identifier for identifier, _ in port.sent[first:]]
+    assert 0x77F in sent
+    assert 0x080 not in sent
+    assert 0x201 not in sent
+
+
+def test_a_drive_without_power_cannot_be_proven(connect: Connect) -> None:
+    drive = servo()
+    bus, _ = connect(drive)
+    driver = wheel(bus)
+    driver.open()
+    drive.stuck.add((0x6040, 0))
+    with pytest.raises(DeviceError, match="stays in switch on disabled, expected ready") as caught:
+        driver.prove_watchdog()
+    assert "supply" in (caught.value.hint or "")
+
+
+def test_a_watchdog_shorter_than_three_heartbeats_blocks_arming(connect: Connect) -> None:
+    bus, _ = connect(servo())
+    driver = wheel(bus, watchdog="50 ms")
+    driver.open()
+    (reason,) = driver.preflight()
+    assert "50 ms is shorter than 3 heartbeats (60 ms)" in reason
+    assert wheel(bus, watchdog="60 ms").preflight() == ()
+
+
+def test_an_rpdo_timer_is_set_where_there_is_one(connect: Connect) -> None:
+    drive = servo()
+    drive.objects[0x1400, 5] = number(0, 2)
+    bus, _ = connect(drive)
+    wheel(bus).open()
+    assert drive.objects[0x1400, 5] == number(100, 2)
+
+
+def test_drivers_tell_what_they_measure_without_a_bus() -> None:
+    servo_, axis, angle = wheel(None), belt(None), encoder(None)
+    assert [(c.name, c.unit) for c in servo_.channels] == [
+        ("current", "A"), ("current_raw", "1"), ("angle", "rad"), ("counts", "count"),
+    ]  # fmt: skip
+    assert [(c.name, c.low, c.high) for c in servo_.setpoints] == [("current", -2.0, 2.0)]
+    assert [c.name for c in axis.channels] == ["position", "speed", "force"]
+    assert [c.name for c in axis.setpoints] == ["speed", "engaged"]
+    assert [c.name for c in belt(None, clutch=False).setpoints] == ["speed"]
+    assert [c.name for c in angle.channels] == ["angle", "counts"]
+    for driver in (servo_, axis, angle):
+        driver.make_safe()  # nothing to do, and nothing to fail
+        driver.close()
+
+
+@pytest.mark.parametrize(
+    ("objects", "options", "message"),
+    [
+        ({(0x6501, 0): number(1024, 4)}, {"counts_per_revolution": "4096 count/rev"}, "has 1024"),
+        ({(0x6501, 0): number(0, 4)}, {}, "does not tell its resolution"),
+        ({}, {"bits": 25}, "24 bits; the rig file says 25"),
+        ({(0x6004, 0): number(1 << 24, 4)}, {}, "beyond its range of 16777216"),
+        ({(0x1000, 0): number(0x20192, 4)}, {}, "profile 402 .*expected 406"),
+    ],
+)
+def test_another_encoder_than_the_rig_file_says_is_refused(
+    connect: Connect,
+    objects: dict[tuple[int, int], bytes],
+    options: dict[str, object],
+    message: str,
+) -> None:
+    node = scripted_encoder()
+    node.objects |= objects
+    bus, _ = connect(node)
+    with pytest.raises(ProtocolError, match=message):
+        encoder(bus, **options).open()
+
+
+def test_options_of_the_other_kind_of_encoder_are_refused() -> None:
+    with pytest.raises(ValueError, match="'gear_ratio' belongs to 'kind: rotary'"):
+        encoder(None, kind="linear", distance_per_count="30 um/count", gear_ratio=2)
+    with pytest.raises(ValueError, match="needs 'distance_per_count'"):
+        encoder(None, kind="linear")
