@@ -17,7 +17,16 @@ from figures import PREFIX
 
 HERE = Path(__file__).parent
 #: In the order to run; each prints its own table and `figure:` lines.
-BENCHES = ("startup", "check", "plant", "simulated_run", "register_card", "recording", "identify", "kill")
+BENCHES = (
+    "startup",
+    "check",
+    "plant",
+    "simulated_run",
+    "register_card",
+    "recording",
+    "identify",
+    "kill",
+)
 
 
 def main() -> int:
