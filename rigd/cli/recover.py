@@ -33,46 +33,48 @@ def execute(args: argparse.Namespace) -> int:
     """Repair every file; one that cannot be never keeps the others from being repaired."""
     from rigd.model.errors import Exit
 
-    wanted = {path.resolve() for path in args.files}
-    drained = _drain(wanted)
-    repaired = [_repair(path) for path in args.files]
-    if not args.files and not drained:
-        print("no killed run has left anything behind")
-    return int(Exit.OK if all([*drained, *repaired]) else Exit.BAD_DATA)
+    went_well = [_recover(path) for path in args.files] if args.files else _recover_left()
+    return int(Exit.OK if all(went_well) else Exit.BAD_DATA)
 
 
-def _drain(wanted: set[Path]) -> list[bool]:
-    """Add what killed runs left in memory to ``wanted`` recordings, or to all where it is empty.
-
-    Returns for each such run whether that went well.
-    """
-    from rigd.engine.recorder import drain_leftovers
-    from rigd.engine.shared import RunFolder, leftovers
-    from rigd.model.errors import Blocked, RigdError
+def _recover_left() -> list[bool]:
+    """Recover the recordings of all killed runs; return how each went."""
+    from rigd.engine.shared import leftovers
+    from rigd.model.errors import RecordingError
 
     went_well: list[bool] = []
-    for found in leftovers():
+    for folder in leftovers():
         try:
-            job = found.job
-            if wanted and job.recording.resolve() not in wanted:
-                continue
-            folder = RunFolder.take_at(found.path, job.rig, "rigd recover", job.recording)
-            try:
-                path = drain_leftovers(folder)
-            finally:
-                folder.release()
-        except Blocked as error:  # a run under way, which is nothing to recover
-            print(f"rigd: {'; '.join(error.reasons)}", file=sys.stderr)
-            went_well.append(not wanted)
-            continue
-        except RigdError as error:
+            path = folder.job.recording
+        except RecordingError as error:
             print(f"rigd: {error}", file=sys.stderr)
             went_well.append(False)
-            continue
-        went_well.append(True)
-        if path is not None:
-            print(f"{path}: completed with what the killed run on {job.rig} had left in memory")
+        else:
+            went_well.append(_recover(path))
+    if not went_well:
+        print("no killed run has left anything behind")
     return went_well
+
+
+def _recover(path: Path) -> bool:
+    """Add what a killed run left in memory for a file, then repair it; return whether it is well.
+
+    A run that is under way is left alone.
+    """
+    from rigd.engine.recorder import drain_into
+    from rigd.model.errors import Blocked, RigdError
+
+    completed = True
+    try:
+        if drain_into(path, command="rigd recover"):
+            print(f"{path}: completed with what its killed run had left in memory")
+    except Blocked as error:
+        print(f"rigd: {path}: {'; '.join(error.reasons)}", file=sys.stderr)
+        return False
+    except RigdError as error:
+        print(f"rigd: {error}", file=sys.stderr)
+        completed = False
+    return _repair(path) and completed
 
 
 def _repair(path: Path) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from rigd.engine.recorder import drain_into
 from rigd.model.errors import ConfigError, RecordingError
 from rigd.record import Recording, recover, trials
 
@@ -42,11 +43,13 @@ class ResumePoint:
 
 
 def read_resume_point(path: Path) -> ResumePoint:
-    """Return where the run in ``path`` stands; a torn file is repaired in place first.
+    """Return where the run in ``path`` stands; it is completed and repaired in place first.
 
     Raises:
+        Blocked: that run is still under way.
         RecordingError: no recording, or not one that ``rigd run`` made.
     """
+    drain_into(path, command="rigd run --resume")
     recover(path)
     recording = Recording.open(path)
     run = recording.metadata.get("run", {})

@@ -1,11 +1,12 @@
-"""What becomes of a run whose processes were all killed: its samples, out of the rings."""
+"""What becomes of a run whose processes were all killed: its samples go from the rings to disk."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from rigd.engine.recorder.transfer import Transfer
-from rigd.engine.shared import RunFolder
+from rigd.engine.shared import RunFolder, leftovers
+from rigd.model.errors import RecordingError
 
 
 def drain_leftovers(folder: RunFolder) -> Path | None:
@@ -33,3 +34,29 @@ def drain_leftovers(folder: RunFolder) -> Path | None:
         transfer.close()
     folder.clear()
     return recording
+
+
+def drain_into(recording: Path, *, command: str) -> bool:
+    """Put what a killed run left for ``recording`` into it; return whether there was anything.
+
+    Raises:
+        Blocked: that run is still under way.
+        RecordingError: the recording cannot be written, or some run was left that cannot be
+            read; everything stays as it is.
+    """
+    unreadable: RecordingError | None = None
+    for found in leftovers():
+        try:
+            job = found.job
+        except RecordingError as error:
+            unreadable = error  # of whichever recording that is
+            continue
+        if job.recording.resolve() == recording.resolve():
+            folder = RunFolder.take_at(found.path, job.rig, command, recording)
+            try:
+                return drain_leftovers(folder) is not None
+            finally:
+                folder.release()
+    if unreadable is not None:
+        raise unreadable
+    return False

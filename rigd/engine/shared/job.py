@@ -82,5 +82,6 @@ class Job:
         except (KeyError, TypeError, ValueError) as error:
             raise RecordingError(
                 f"{path} is not the job of a recorder: {error!r}",
-                hint="It was made by another version of rigd.",
+                hint="It was made by another version of rigd, which can recover it; "
+                f"removing {path.parent} gives those samples up.",
             ) from error

@@ -20,7 +20,7 @@ from rigd.engine.recorder import Health, RecorderProcess, drain_leftovers
 from rigd.engine.shared import Job, Phase, RecorderState, RunFolder, Word
 from rigd.model import RecordingError
 from rigd.model.errors import Blocked
-from rigd.record import Recording, run_info
+from rigd.record import Recording, RecordingWriter, run_info
 
 from .conftest import START_NS, check_numbered, own_events
 
@@ -308,17 +308,25 @@ def test_rigd_recover_completes_a_killed_run(bench: Bench, named: bool) -> None:
     bench.folder.release()
     done = rigd("recover", *([str(bench.job.recording)] if named else []))
     assert (done.returncode, done.stderr) == (0, "")
-    assert "completed with what the killed run on bench had left in memory" in done.stdout
+    assert "run.mcap: completed with what its killed run had left in memory" in done.stdout
     counts = {name: ring.head for name, ring in bench.rings.items()}
     check_numbered(bench.job.recording, counts)
     again = rigd("recover")
     assert (again.returncode, again.stdout) == (0, "no killed run has left anything behind\n")
 
 
-def test_a_job_that_cannot_be_read_is_named(folder: RunFolder) -> None:
+def test_a_job_that_cannot_be_read_is_named(folder: RunFolder, job: Job) -> None:
     folder.release()
     (folder.path / "job.json").write_text(json.dumps({"rig": "bench"}))
     done = rigd("recover")
     assert done.returncode == 7
     assert str(folder.path) in done.stderr
     assert Path(folder.path, "rows-0.ring").exists()
+    # It keeps no other recording from being repaired, but is named there too.
+    RecordingWriter.create(
+        job.recording, streams=job.streams, metadata={}, attachments=(), start_ns=START_NS
+    ).close()
+    done = rigd("recover", str(job.recording))
+    assert done.returncode == 7
+    assert str(folder.path) in done.stderr
+    assert done.stdout == f"{job.recording}: intact\n"
