@@ -73,7 +73,8 @@ class Bench:
         if isinstance(self.line, TcpLine):
             return {"host": "127.0.0.1", "port": self.line.port} | more
         assert isinstance(self.line, SerialLine)
-        return {"serial_port": str(self.line.path), "baud": self.line.baud} | more
+        serial = {"serial_port": str(self.line.path), "baud": self.line.baud, "parity": "none"}
+        return serial | more
 
     def keep(self, driver: Any) -> Any:
         self.drivers.append(driver)

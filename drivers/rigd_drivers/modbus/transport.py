@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import socket
+import termios
 from typing import Final, Protocol
 
 import serial
@@ -122,14 +123,15 @@ class SerialTransport:
             self._serial = serial.Serial(
                 self.where,
                 self._baud,
-                parity=self._parity,
                 stopbits=self._stop_bits,
                 timeout=0,
                 write_timeout=0,
                 exclusive=True,
             )
+            self._set_parity(self._serial)
             self._serial.reset_input_buffer()
         except (serial.SerialException, OSError, ValueError) as error:
+            self.close()
             raise LinkError(
                 f"cannot open {self.where}: {error}",
                 hint="check the path and your right to it, and that no other program holds it",
@@ -163,6 +165,17 @@ class SerialTransport:
             with contextlib.suppress(OSError):  # the adapter may have been pulled out
                 self._serial.close()
             self._serial = None
+
+    def _set_parity(self, port: serial.Serial) -> None:
+        """Set the parity by itself, so that a port without one says so every time."""
+        try:
+            port.parity = self._parity
+        except termios.error as error:
+            self.close()
+            raise LinkError(
+                f"{self.where} does not take parity {self._parity}: {error}",
+                hint="a simulated port (a pseudo terminal) knows none: set 'parity: none'",
+            ) from error
 
     def _opened(self) -> serial.Serial:
         if self._serial is None:

@@ -162,6 +162,7 @@ class SerialLine(Line):
 
     path: Path
     baud: int = 19200
+    strict: bool = True  #: deaf to a request without silence before it; many devices are not
     turnaround_s: float = 2e-3  #: from the end of a request to the begin of its reply
     ignored: int = 0  #: requests not heard: no silence before them, another baud rate, no frame
     is_serial = True
@@ -225,7 +226,8 @@ class SerialLine(Line):
             data = os.read(self._master, 1024)
         except BlockingIOError:
             return
-        if now < self._quiet_from + self.gap_s or not self._same_baud():
+        hasty = self.strict and now < self._quiet_from + self.gap_s
+        if hasty or not self._same_baud():
             self.ignored += 1
             self._quiet_from = max(self._quiet_from, now)
             return

@@ -1,0 +1,160 @@
+"""Golden frames: what the standard and the manuals print."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rigd.sdk import ProtocolError
+from rigd_drivers.modbus.framing import RtuFraming, TcpFraming, Trouble, crc16
+from rigd_drivers.modbus.pdu import (
+    READ_INPUT,
+    Request,
+    read_registers,
+    write_register,
+    write_registers,
+)
+
+WATCHED = read_registers(0x0200, 2)
+
+
+@pytest.mark.parametrize(
+    ("request_", "asked", "answered", "words"),
+    [
+        # MODBUS Application Protocol V1.1b3, section 6.3, example.
+        (read_registers(0x006B, 3), "03 00 6B 00 03", "03 06 02 2B 00 00 00 64", (555, 0, 100)),
+        # Section 6.4.
+        (read_registers(8, 1, READ_INPUT), "04 00 08 00 01", "04 02 00 0A", (10,)),
+        # Section 6.6.
+        (write_register(1, 3), "06 00 01 00 03", "06 00 01 00 03", ()),
+        # Section 6.12.
+        (write_registers(1, [10, 0x0102]), "10 00 01 00 02 04 00 0A 01 02", "10 00 01 00 02", ()),
+    ],
+)
+def test_requests_and_answers_of_the_standard(
+    request_: Request, asked: str, answered: str, words: tuple[int, ...]
+) -> None:
+    assert request_.pdu == bytes.fromhex(asked)
+    assert request_.words(bytes.fromhex(answered)) == words
+
+
+@pytest.mark.parametrize(
+    ("request_", "asked", "answered", "pdu"),
+    [
+        # Delta ASDA-B user manual (January 2009), section 8.3, RTU mode: read of 2 words.
+        (
+            WATCHED,
+            "01 03 02 00 00 02 C5 B3",
+            "01 03 04 00 B1 1F 40 A3 D4",
+            "03 04 00 B1 1F 40",
+        ),
+        # Delta ASDA-A2 user manual (January 2011), page 9-12: write of 2 words.
+        (
+            write_registers(0x0112, [0x0BB8, 0]),
+            "01 10 01 12 00 02 04 0B B8 00 00 FC EB",
+            "01 10 01 12 00 02 E0 31",
+            "10 01 12 00 02",
+        ),
+        # ASDA-B, section 8.3, communication related error code: a refusal of a write.
+        (write_register(0x0200, 100), "01 06 02 00 00 64 89 99", "01 86 02 C3 A1", "86 02"),
+    ],
+)
+def test_serial_frames_of_the_delta_manuals(
+    request_: Request, asked: str, answered: str, pdu: str
+) -> None:
+    framing = RtuFraming()
+    assert framing.wrap(1, request_) == bytes.fromhex(asked)
+    buffer = bytearray.fromhex(answered)
+    assert framing.unwrap(buffer, 1, request_) == bytes.fromhex(pdu)
+    assert not buffer
+
+
+def test_the_check_sum_of_the_standard() -> None:
+    # MODBUS over Serial Line V1.02, section 6.2.2: 02 07 gives 0x1241, sent as 41 12.
+    assert crc16(b"\x02\x07") == 0x1241
+
+
+def test_tcp_frames_of_the_guide() -> None:
+    # Messaging on TCP/IP Implementation Guide V1.0b, section 4.4.2.1: transaction 0x15 01, unit FF,
+    # read of one register at 4.
+    framing = TcpFraming()
+    request = read_registers(4, 1)
+    for _ in range(0x1501):
+        frame = framing.wrap(0xFF, request)
+    assert frame == bytes.fromhex("15 01 00 00 00 06 FF 03 00 04 00 01")
+    buffer = bytearray.fromhex("15 01 00 00 00 05 FF 03 02 00 05")
+    pdu = framing.unwrap(buffer, 0xFF, request)
+    assert isinstance(pdu, bytes)
+    assert request.words(pdu) == (5,)
+
+
+@pytest.mark.parametrize(
+    ("reply", "trouble"),
+    [
+        ("", Trouble.TIMEOUT),
+        ("01 03 04 00 B1 1F 40 A3 D5", Trouble.CRC),
+        ("01 03 04 00 B1", Trouble.GARBLED),
+        ("55 01 03 04 00 B1 1F 40 A3 D4", Trouble.GARBLED),
+        ("01 03 04 00 B1 1F 40 A3 D4 55", Trouble.GARBLED),
+        ("01 06 02 00 00 64 89 99", Trouble.WRONG_REPLY),
+        ("02 03 04 00 B1 1F 40 E7 D4", Trouble.WRONG_UNIT),
+    ],
+)
+def test_what_is_not_exactly_the_answer_is_named_and_never_taken(
+    reply: str, trouble: Trouble
+) -> None:
+    framing = RtuFraming()
+    buffer = bytearray.fromhex(reply)
+    if trouble is Trouble.WRONG_UNIT:
+        buffer[-2:] = crc16(buffer[:-2]).to_bytes(2, "little")
+    assert framing.unwrap(buffer, 1, WATCHED) is None
+    assert framing.leftover(buffer, 1, WATCHED) is trouble
+
+
+@given(st.integers(0, 8 * 9 - 1), st.integers(1, 0xFFFF))
+def test_no_burst_of_up_to_16_wrong_bits_is_taken(position: int, pattern: int) -> None:
+    """What a CRC-16 promises: every burst of at most 16 bits is found."""
+    good = int.from_bytes(bytes.fromhex("01 03 04 00 B1 1F 40 A3 D4"), "big")
+    spoiled = good ^ (pattern << position) & ((1 << 72) - 1)
+    if spoiled == good:
+        return
+    buffer = bytearray(spoiled.to_bytes(9, "big"))
+    assert RtuFraming().unwrap(buffer, 1, WATCHED) is None
+
+
+@given(st.binary(max_size=300))
+def test_noise_on_a_serial_line_is_never_an_answer(noise: bytes) -> None:
+    framing = RtuFraming()
+    buffer = bytearray(noise)
+    assert framing.unwrap(buffer, 1, WATCHED) is None or crc16(noise[:-2]) == int.from_bytes(
+        noise[-2:], "little"
+    )
+
+
+def test_a_late_transaction_is_told_from_one_never_sent() -> None:
+    framing = TcpFraming()
+    framing.wrap(1, WATCHED)
+    framing.wrap(1, WATCHED)
+    answer = "00 00 00 07 01 03 04 00 B1 1F 40"
+    assert framing.unwrap(bytearray.fromhex("00 01" + answer), 1, WATCHED) is Trouble.LATE
+    never = framing.unwrap(bytearray.fromhex("80 02" + answer), 1, WATCHED)
+    assert never is Trouble.WRONG_TRANSACTION
+    other = framing.unwrap(
+        bytearray.fromhex("00 02" + answer.replace("07 01", "07 09")), 1, WATCHED
+    )
+    assert other is Trouble.WRONG_UNIT
+    assert isinstance(framing.unwrap(bytearray.fromhex("00 02" + answer), 1, WATCHED), bytes)
+
+
+def test_what_is_not_modbus_is_said() -> None:
+    framing = TcpFraming()
+    framing.wrap(1, WATCHED)
+    with pytest.raises(ProtocolError, match="does not speak Modbus TCP"):
+        framing.unwrap(bytearray(b"HTTP/1.1 400"), 1, WATCHED)
+
+
+@pytest.mark.parametrize("count", [0, 126])
+def test_more_registers_than_the_standard_allows_are_refused(count: int) -> None:
+    with pytest.raises(ValueError, match=f"cannot read {count} registers"):
+        read_registers(0, count)
