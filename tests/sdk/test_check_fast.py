@@ -137,6 +137,28 @@ class Unsaid(Good):
         pass
 
 
+class Unexplained(Driver):
+    """A motor."""
+
+    title: ClassVar[str] = "motor"
+
+    def open(self) -> None:
+        """Open."""
+
+    def arm(self) -> None:
+        """Arm."""
+
+    def read(self, t_ns: int) -> Sequence[float] | None:
+        """Read."""
+        return None
+
+    def write(self, setpoints: Sequence[float]) -> None:
+        """Write."""
+
+    def make_safe(self) -> None:
+        """Do something."""
+
+
 class LaxConfig(MotorConfig):
     model_config = ConfigDict(extra="ignore")
 
@@ -364,6 +386,7 @@ class Stubborn(Good):
 BAD: list[tuple[str, type[Driver], str]] = [
     ("title", Untitled, "title is ''"),
     ("safe is said", Unsaid, "no docstring"),
+    ("safe is said", Unexplained, "nowhere says what safe means"),
     ("options strict", Lax, "unknown option is accepted"),
     ("options documented", Undocumented, "option turns"),
     ("options have units", Bare, "option gain is a bare float"),

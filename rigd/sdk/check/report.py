@@ -31,7 +31,9 @@ class Report:
     def __str__(self) -> str:
         lines = [f"{self.driver}: {len(self.checked)} rules checked"]
         lines += [f"  {finding}" for finding in self.findings]
-        lines += [f"  not checked: {rule} ({why})" for rule, why in self.skipped.items()]
+        for why in dict.fromkeys(self.skipped.values()):
+            rules = ", ".join(rule for rule, reason in self.skipped.items() if reason == why)
+            lines.append(f"  not checked, for {why}: {rules}")
         return "\n".join(lines)
 
 

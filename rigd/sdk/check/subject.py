@@ -9,7 +9,7 @@ from typing import Any
 
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.sdk.check.peer import Peer
-from rigd.sdk.driver import AnyDriver
+from rigd.sdk.driver import AnyDriver, DriverConfig
 
 #: What a driver may raise when a device or its connection is not as it should be.
 FAILURES = (LinkError, ProtocolError, DeviceError)
@@ -24,14 +24,27 @@ class Subject:
     """What rules are applied to."""
 
     driver_class: type[AnyDriver]
-    options: Mapping[str, Any]
+    #: As a rig file gives them, or read already.
+    options: Mapping[str, Any] | DriverConfig
     peer: Callable[[], AbstractContextManager[Peer]] | None
+
+    def config(self, more: Mapping[str, Any]) -> DriverConfig:
+        """Return the options with ``more`` among them.
+
+        Raises:
+            ValidationError: they are not those of the driver.
+            ValueError: they are read already, and cannot be added to.
+
+        """
+        if not isinstance(self.options, DriverConfig):
+            return self.driver_class.Config.model_validate({**self.options, **more})
+        if more:
+            raise ValueError("give the suite the options as a mapping: the peer adds its own")
+        return self.options
 
     def make(self, peer: Peer | None = None, link: object = None) -> Any:
         """Return a new driver; nothing is opened."""
-        extra = {} if peer is None else peer.options
-        config = self.driver_class.Config.model_validate({**self.options, **extra})
-        return self.driver_class(config, link)
+        return self.driver_class(self.config({} if peer is None else peer.options), link)
 
     @contextmanager
     def fresh_peer(self) -> Iterator[Peer]:

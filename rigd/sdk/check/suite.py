@@ -67,7 +67,6 @@ def examine_driver(
 ) -> Report:
     """Return what :func:`check_driver` would find, without raising."""
     kind = _kind(driver_class)
-    given = options.model_dump(exclude_unset=True) if isinstance(options, DriverConfig) else options
     stages = (
         declared.CLASS_RULES, declared.CONSTRUCTOR, declared.UNOPENED_RULES,
         RULES[kind][:1], RULES[kind][1:],
@@ -75,7 +74,7 @@ def examine_driver(
     known = [rule.name for rules in stages for rule in rules]
     if unknown := set(only) - set(known):
         raise ValueError(f"no rule {', '.join(sorted(unknown))}; there are {', '.join(known)}")
-    subject, faults = _subject(driver_class, given or {}, peer)
+    subject, faults = _subject(driver_class, {} if options is None else options, peer)
     findings: list[Finding] = []
     checked: list[str] = []
     skipped: dict[str, str] = {}
@@ -107,25 +106,29 @@ def _missing(rule: Rule, faults: frozenset[str] | None) -> str:
 
 def _subject(
     driver_class: type[AnyDriver],
-    options: Mapping[str, Any],
+    options: Mapping[str, Any] | DriverConfig,
     peer: Callable[[], AbstractContextManager[Peer]] | None,
 ) -> tuple[Subject, frozenset[str] | None]:
     """Return what is examined and the faults its peer can show, None without one."""
+    subject = Subject(driver_class, options, peer)
     faults = None
+    more: Mapping[str, Any] = {}
     if peer is not None:
         with peer() as first:
-            if unknown := first.faults.keys() - FAULTS.keys():
-                raise ValueError(
-                    f"the peer has the fault {', '.join(sorted(unknown))}; "
-                    f"those the suite knows are {', '.join(FAULTS)}"
-                )
+            more = first.options
             faults = frozenset(first.faults)
-            options = {**options, **first.options}
+        if unknown := faults - FAULTS.keys():
+            raise ValueError(
+                f"the peer has the fault {', '.join(sorted(unknown))}; "
+                f"those the suite knows are {', '.join(FAULTS)}"
+            )
     try:
-        driver_class.Config.model_validate(options)
+        subject.config(more)
     except ValidationError as error:
         raise ValueError(f"the options given to the suite are not accepted: {error}") from error
-    return Subject(driver_class, options, peer), faults
+    if not isinstance(options, DriverConfig):  # what is checked without a peer needs them all
+        subject = Subject(driver_class, {**options, **more}, peer)
+    return subject, faults
 
 
 def _kind(driver_class: type[AnyDriver]) -> type[AnyDriver]:

@@ -1,0 +1,78 @@
+"""Every driver that comes with rigd keeps the promises of the SDK."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import entry_points
+from typing import Any
+
+import pytest
+
+from rigd.config.loader import load_rig
+from rigd.config.rig import DeviceConfig
+from rigd.config.shipped import shipped_folder
+from rigd.sdk.check import Peer, check_driver
+from rigd_sim.devices.lugre_amplifier import LugreAmplifier
+from rigd_sim.devices.lugre_belt import LugreBelt
+from rigd_sim.devices.lugre_sensors import LugreAccelerometer, LugreEncoder, LugreTruth
+from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
+
+#: Options of drivers that no shipped rig has; the suite needs some to construct them.
+OPTIONS: dict[str, dict[str, Any]] = {
+    "modbus-transmitter": {"host": "cell", "map": "laumas-tlb4", "low": "-500 N", "high": "500 N",
+                           "scale": "0.01 N/count"},
+    "modbus-servo": {"host": "drive", "map": "schneider-atv320", "max_speed": "300 rpm",
+                     "watchdog": "0.5 s"},
+}  # fmt: skip
+
+
+def devices() -> list[Any]:
+    found = []
+    for file in sorted(shipped_folder("configs").glob("*.yaml")):
+        rig = load_rig(file)
+        found += [pytest.param(one, id=f"{rig.name}-{one.name}") for one in rig.devices.values()]
+    return found
+
+
+@pytest.mark.parametrize("device", devices())
+def test_every_device_of_a_shipped_rig_declares_itself_well(device: DeviceConfig) -> None:
+    check_driver(device.driver_class, device.config)
+
+
+@pytest.mark.parametrize("name", sorted(OPTIONS))
+def test_other_drivers_declare_themselves_well(name: str) -> None:
+    (point,) = entry_points(group="rigd.drivers", name=name)
+    check_driver(point.load(), OPTIONS[name])
+
+
+def test_no_driver_is_left_out() -> None:
+    shipped = {
+        point.name
+        for point in entry_points(group="rigd.drivers")
+        if point.dist is not None and point.dist.name == "rigd"
+    }
+    assert shipped <= {one.values[0].driver for one in devices()} | OPTIONS.keys()
+
+
+@contextmanager
+def plant() -> Iterator[Peer]:
+    yield Peer(link=lambda: LugrePlant(LugreConfig(), period_ns=1_000_000, seed=1))
+
+
+@pytest.mark.parametrize(
+    ("driver", "options"),
+    [
+        (LugreAmplifier, {}),
+        (LugreBelt, {"axis": "longitudinal"}),
+        (LugreBelt, {"axis": "lateral"}),
+        (LugreEncoder, {"axis": "wheel"}),
+        (LugreAccelerometer, {}),
+        (LugreTruth, {}),
+    ],
+)
+def test_devices_in_process_work_as_drivers_do(driver: type[Any], options: dict[str, Any]) -> None:
+    report = check_driver(driver, options, peer=plant)
+    assert set(report.skipped.values()) == {
+        f"the peer has no fault '{fault}'" for fault in ("dead", "silent", "late", "garbled")
+    }
