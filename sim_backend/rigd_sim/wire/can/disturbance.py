@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import random
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
@@ -48,7 +49,7 @@ class Disturbance:
         self._active: dict[str, dict[str, Any]] = {}
         self._timers: set[asyncio.TimerHandle] = set()
         self._held: Frame | None = None
-        self._last_due = 0.0
+        self._late: deque[tuple[float, Frame]] = deque()
 
     @property
     def active(self) -> bool:
@@ -107,6 +108,7 @@ class Disturbance:
         """Forget frames that are on their way, without a word."""
         self._active.clear()
         self._held = None
+        self._late.clear()
         for timer in self._timers:
             timer.cancel()
         self._timers.clear()
@@ -143,10 +145,21 @@ class Disturbance:
         if delay == 0.0:
             self._ordered(frame)
             return
-        loop = asyncio.get_running_loop()
+        now = asyncio.get_running_loop().time()
         # Never before the one ahead of it: a bus does not overtake by itself.
-        self._last_due = max(loop.time() + delay, self._last_due)
-        self._later(self._last_due, lambda: self._ordered(frame))
+        due = max(now + delay, self._late[-1][0] if self._late else 0.0)
+        self._late.append((due, frame))
+        if len(self._late) == 1:
+            self._later(due, self._arrive)
+
+    def _arrive(self) -> None:
+        """Let through what is due of the frames that are late."""
+        now = asyncio.get_running_loop().time()
+        while self._late and self._late[0][0] <= now:
+            self._ordered(self._late[0][1])  # in its place until then: answers come behind it
+            self._late.popleft()
+        if self._late:
+            self._later(self._late[0][0], self._arrive)
 
     def _ordered(self, frame: Frame) -> None:
         if self._held is None and self._strikes("reorder", frame):
