@@ -43,8 +43,15 @@ _STILL_NS: Final = 50_000
 class LugreWiring:
     """The rig at the other end of the card's wires.
 
-    The plant is brought to ``clock_ns`` before the card looks; what else advances it (a simulation
-    with other devices) calls :meth:`advance` too, so that the one-shot acts when nobody looks.
+    The plant is brought to ``clock_ns`` before the card looks. Whoever serves the card calls
+    :meth:`advance` too, so that the one-shot acts when no master looks.
+
+    Args:
+        plant: the rig; all its commands are the card's.
+        clock_ns: the time of plant and one-shot.
+        one_shot_s: how long the one-shot stays up.
+        advance: brings the plant to a time; that of a plant which other devices look at too.
+
     """
 
     faults: Mapping[str, str] = {
@@ -58,11 +65,13 @@ class LugreWiring:
         clock_ns: Callable[[], int] = time.monotonic_ns,
         *,
         one_shot_s: float = ONE_SHOT_S,
+        advance: Callable[[int], object] | None = None,
     ) -> None:
         self._plant = plant
         self._clock_ns = clock_ns
+        self._advance = plant.advance if advance is None else advance
         self._advanced_ns = clock_ns()
-        plant.advance(self._advanced_ns)
+        self._advance(self._advanced_ns)
         self.one_shot = OneShot(one_shot_s, clock_ns)
         self.drives = {
             "wheel": AnalogDrive(WHEEL_A_PER_V, self.one_shot),
@@ -100,7 +109,7 @@ class LugreWiring:
         now = self._clock_ns()
         if now - self._advanced_ns >= _STILL_NS:
             self._command()
-            self._plant.advance(now)
+            self._advance(now)
             self._advanced_ns = now
 
     def state(self) -> Mapping[str, float | int | bool | str]:

@@ -5,16 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final, Literal, Self
 
 from annotated_types import Ge, Gt, Le
+from pydantic import model_validator
 
 from rigd.sdk import In, SimulationConfig
+from rigd_sim.cards.lugre import ONE_SHOT_S, LugreWiring
+from rigd_sim.cards.mf624 import Mf624Registers
 from rigd_sim.plants.lugre import layout
 from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
 from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.mf624 import SimMf624
 from rigd_sim.wire.ni import SimNi
 from rigd_sim.wire.part import Part
 from rigd_sim.wire.scale import SimScale
@@ -94,6 +98,15 @@ class ScaleOptions(SimulationConfig):
     """Its baud rate."""
     unit: str = "kg"
     """The unit it shows."""
+
+
+class RegisterCardOptions(SimulationConfig):
+    """An MF624 with the whole rig wired to it, as ``configs/card_lugre.yaml`` has it."""
+
+    socket: str = "card"
+    """Name in the folder of the socket where its registers are reached."""
+    one_shot: Annotated[float, In("s"), Gt(0), Le(1)] = ONE_SHOT_S
+    """How long the one-shot on the enable lines stays up."""
 
 
 @dataclass(frozen=True)
@@ -195,6 +208,13 @@ def _accelerometer(name: str, options: CardOptions, bench: Bench) -> Part:
     )  # fmt: skip
 
 
+def _card(name: str, options: RegisterCardOptions, bench: Bench) -> Part:
+    world = bench.world
+    wiring = LugreWiring(world.plant, one_shot_s=options.one_shot, advance=world.at)
+    registers = Mf624Registers(wiring.wires())
+    return SimMf624(name, bench.folder.socket(options.socket), registers, wiring)
+
+
 #: ``build(name, options, bench)`` makes the part of that name.
 Builder = Callable[..., Part]
 #: Of the measuring wheel on the guide.
@@ -218,6 +238,7 @@ BUILDERS: Final[Mapping[str, Builder]] = {
     "carriage": _carriage,
     "accelerometer": _accelerometer,
     "scale": _scale,
+    "card": _card,
 }
 
 
@@ -238,6 +259,15 @@ class DeviceOptions(SimulationConfig):
     """NI card with the accelerometer of the carriage."""
     scale: ScaleOptions | None = ScaleOptions()
     """Scale on which the quarter model rests, with its weights."""
+    card: RegisterCardOptions | None = None
+    """Register card that drives the rig in place of the three servo drives."""
+
+    @model_validator(mode="after")
+    def _one_drive_per_axis(self) -> Self:
+        for name in ("wheel_servo", "longitudinal_belt", "lateral_belt"):
+            if self.card is not None and getattr(self, name) is not None:
+                raise ValueError(f"the card drives the rig already; write '{name}: null'")
+        return self
 
 
 def build_parts(options: DeviceOptions, bench: Bench) -> list[Part]:
