@@ -1,0 +1,224 @@
+"""The bus: who else is on it, floods, errors, and what comes to an end."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import can
+import pytest
+from support.can_bench import Clock
+from support.can_script import ScriptedBus
+
+from rigd.sdk import LinkError
+from rigd_drivers.can_bus import FRAMES_PER_CYCLE, CanBus, CanBusConfig
+from rigd_drivers.can_ports import open_port
+
+Connect = Callable[..., tuple[CanBus, ScriptedBus]]
+
+
+@pytest.mark.parametrize(
+    ("identifier", "data", "does"),
+    [
+        (0x080, "", "sends SYNC"),
+        (0x77F, "05", "sends the heartbeat of node 127"),
+        (0x000, "01 00", "sends NMT commands"),
+    ],
+)
+@pytest.mark.parametrize("late", [False, True])
+def test_a_second_master_is_not_borne(
+    monkeypatch: pytest.MonkeyPatch, identifier: int, data: str, does: str, late: bool
+) -> None:
+    port = ScriptedBus()
+    monkeypatch.setattr("rigd_drivers.can_bus.open_port", lambda *_: port)
+    bus = CanBus(CanBusConfig(interface="scripted"))
+    if late:
+        bus.open()
+    port.say(identifier, data)
+    with pytest.raises(LinkError, match=f"another rigd .*drives .*: it {does}"):
+        bus.begin(0) if late else bus.open()
+    assert port.sent == []
+    assert bus.is_open is late
+
+
+def test_somebody_else_may_send_sync_where_the_rig_file_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    port = ScriptedBus()
+    monkeypatch.setattr("rigd_drivers.can_bus.open_port", lambda *_: port)
+    bus = CanBus(CanBusConfig(interface="scripted", sync=False))
+    bus.open()
+    port.say(0x080, "")
+    bus.begin(0)
+    bus.end(0)
+    assert bus.syncs == 1
+    assert 0x080 not in [identifier for identifier, _ in port.sent]
+
+
+def test_other_nodes_are_heard_and_left_alone(connect: Connect) -> None:
+    bus, port = connect(listen=True)
+    for identifier in (0x70B, 0x18B, 0x8000_0181, 0x4000_0181):
+        port.say(identifier, "05")
+    bus.begin(0)
+    assert bus.foreign == 4
+    assert bus.heard == {11}
+
+
+def test_the_heartbeat_comes_from_the_cycle_and_only_when_due(
+    connect: Connect, clock: Clock
+) -> None:
+    bus, port = connect()
+    for _ in range(100):  # 100 ms
+        bus.begin(0)
+        bus.end(0)
+        clock.pass_by(1e-3)
+    beats = [data for identifier, data in port.sent if identifier == 0x77F]
+    assert set(beats) == {b"\x05"}
+    assert 4 <= len(beats) <= 8  # one in 20 ms, and as many more as this host stalled
+    assert port.sent[0] == (0x080, b"")
+    before = len(port.sent)
+    clock.pass_by(10.0)
+    assert len(port.sent) == before
+
+
+def test_a_flood_is_taken_in_pieces_and_ends_in_the_name_of_who_floods(
+    connect: Connect, clock: Clock
+) -> None:
+    bus, port = connect()
+    heard: list[bytes] = []
+    bus.subscribe(0x181, heard.append)
+
+    def flood() -> None:
+        for _ in range(FRAMES_PER_CYCLE):
+            port.say(0x3A5, bytes(8))
+        port.say(0x181, "01")
+
+    flood()
+    bus.begin(0)
+    assert bus.behind
+    assert heard == []
+    bus.end(0)
+    bus.begin(0)  # one frame was left
+    assert not bus.behind
+    assert heard == [b"\x01"]
+    with pytest.raises(LinkError, match=r"is flooded: .*of them 0x3A5 \(TPDO3 of node 37\)"):
+        for _ in range(100):
+            flood()
+            clock.pass_by(1e-3)
+            bus.begin(0)
+
+
+def test_bus_off_ends_it_at_once(connect: Connect) -> None:
+    bus, port = connect()
+    port.say(0x2000_0040, bytes(8))
+    with pytest.raises(LinkError, match="bus-off") as caught:
+        bus.begin(0)
+    assert "bitrate" in (caught.value.hint or "")
+
+
+def test_errors_end_it_only_when_nothing_good_comes_between(connect: Connect) -> None:
+    bus, port = connect()
+    for _ in range(40):
+        port.say(0x2000_0008, bytes(8))
+        port.say(0x70B, "05")
+        bus.begin(0)
+    with pytest.raises(LinkError, match="frames are destroyed"):
+        for _ in range(16):
+            port.say(0x2000_0008, bytes(8))
+            bus.begin(0)
+
+
+def test_only_errors_while_listening(monkeypatch: pytest.MonkeyPatch) -> None:
+    port = ScriptedBus()
+    monkeypatch.setattr("rigd_drivers.can_bus.open_port", lambda *_: port)
+    port.say(0x2000_0088, bytes(8))
+    with pytest.raises(LinkError, match="only errors are heard"):
+        CanBus(CanBusConfig(interface="scripted")).open()
+    assert port.closed == 1
+
+
+def test_a_queue_may_be_full_for_a_moment_but_not_for_long(connect: Connect, clock: Clock) -> None:
+    bus, port = connect()
+    port.full = True
+    bus.begin(0)
+    bus.end(0)
+    assert bus.unsent >= 1
+    port.full = False
+    clock.pass_by(0.2)
+    bus.begin(0)
+    bus.end(0)
+    port.full = True
+    bus.end(0)
+    clock.pass_by(0.1)
+    with pytest.raises(LinkError, match="takes no frames") as caught:
+        bus.end(0)
+    assert "no node acknowledges" in (caught.value.hint or "")
+
+
+def test_a_bus_that_is_not_open_says_so() -> None:
+    bus = CanBus(CanBusConfig(interface="hub", channel="nowhere"))
+    bus.close()
+    with pytest.raises(LinkError, match="is not open"):
+        bus.begin(0)
+
+
+def test_a_simulated_bus_that_does_not_run_says_how_to_start_it(tmp_path: Path) -> None:
+    bus = CanBus(CanBusConfig(interface="hub", channel=str(tmp_path / "bus")))
+    with pytest.raises(LinkError, match="no simulated CAN bus") as caught:
+        bus.open()
+    assert "rigd sim" in (caught.value.hint or "")
+
+
+def test_a_simulated_bus_that_goes_away_is_lost(tmp_path: Path) -> None:
+    path = str(tmp_path / "bus")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        listener.bind(path)
+        listener.listen()
+        bus = CanBus(CanBusConfig(interface="hub", channel=path))
+        bus.open_second()
+        peer, _ = listener.accept()
+        peer.send(bytes.fromhex("0b 07 00 00 01 00 00 00 05 00 00 00 00 00 00 00"))
+        bus.begin(0)
+        assert bus.heard == {11}
+        bus.end(0)
+        assert peer.recv(32) == bytes.fromhex("80 00 00 00 00 00 00 00" + "00" * 8)
+        peer.close()
+    try:
+        with pytest.raises(LinkError, match="is gone: "):
+            bus.begin(0)
+        with pytest.raises(LinkError, match="is gone: "):
+            bus.end(0)
+    finally:
+        bus.close()
+
+
+def test_socketcan_without_the_interface_says_what_to_do() -> None:
+    with pytest.raises(LinkError, match=r"no CAN interface 'nosuchcan'|has no SocketCAN"):
+        open_port("socketcan", "nosuchcan", 500_000)
+
+
+def test_an_unknown_adapter_is_named_with_those_there_are() -> None:
+    with pytest.raises(LinkError, match="nosuch 1 cannot be opened") as caught:
+        open_port("nosuch", "1", 500_000)
+    assert "pcan" in (caught.value.hint or "")
+
+
+def test_an_adapter_of_python_can_carries_frames_both_ways() -> None:
+    port = open_port("virtual", "rigd-test", 500_000, {"receive_own_messages": "False"})
+    with can.Bus(interface="virtual", channel="rigd-test") as peer:
+        port.send(0x201, b"\x0f\x00")
+        seen = peer.recv(1.0)
+        assert seen is not None
+        assert (seen.arbitration_id, bytes(seen.data), seen.is_extended_id) == (
+            0x201, b"\x0f\x00", False
+        )  # fmt: skip
+        assert port.receive() is None
+        peer.send(can.Message(arbitration_id=0x181, data=b"\x37\x12", is_extended_id=False))
+        port.wait(1.0)
+        assert port.receive() == (0x181, b"\x37\x12")
+        peer.send(can.Message(arbitration_id=0x181, is_extended_id=True))
+        peer.send(can.Message(arbitration_id=0x40, is_error_frame=True, is_extended_id=False))
+        assert port.receive() == (0x8000_0181, b"")
+        assert port.receive() == (0x2000_0040, b"")
+    port.close()

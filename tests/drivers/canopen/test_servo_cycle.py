@@ -1,0 +1,366 @@
+"""A drive in the cycle: bytes sent, rows made, every way it fails, and making it safe."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+from support.can_bench import Clock, belt, encoder, wheel
+from support.can_script import ScriptedBus, number, servo
+from support.can_script import encoder as scripted_encoder
+
+from rigd.sdk import DeviceError, LinkError, ProtocolError
+from rigd_drivers.can_bus import CanBus
+from rigd_drivers.cia402_servo.current import CurrentServo
+from rigd_drivers.cia402_servo.servo import Servo
+from rigd_drivers.cia402_servo.speed import CLUTCH_ENGAGED, velocity_unit
+
+Connect = Callable[..., tuple[CanBus, ScriptedBus]]
+
+ENABLED = 0x1237  # operation enabled, voltage, remote, follows
+OFF = 0x0250
+
+
+def feedback(port: ScriptedBus, status: int, torque: int = 0, counts: int = 0) -> None:
+    port.say(0x181, number(status, 2) + number(torque, 2) + number(counts, 4))
+
+
+def cycle(driver: Servo, port: ScriptedBus, *setpoints: float) -> list[tuple[int, str]]:
+    """One cycle; what was sent in it, but for heartbeats."""
+    first = len(port.sent)
+    driver.link.begin(0)
+    driver.read(0)
+    driver.write(setpoints)
+    driver.link.end(0)
+    return [(to, data.hex(" ")) for to, data in port.sent[first:] if to != 0x77F]
+
+
+def enabled(connect: Connect, **options: object) -> tuple[CurrentServo, ScriptedBus]:
+    """A wheel that is armed and enabled."""
+    bus, port = connect(servo())
+    driver = wheel(bus, **options)
+    driver.open()
+    cycle(driver, port, 0.0)
+    driver.arm()
+    for status in (OFF, 0x0231, 0x0233, ENABLED):
+        feedback(port, status)
+        cycle(driver, port, 0.0)
+    assert driver.ready()
+    return driver, port
+
+
+def test_the_way_to_enabled_is_one_controlword_per_cycle_at_zero_torque(connect: Connect) -> None:
+    bus, port = connect(servo())
+    driver = wheel(bus)
+    driver.open()
+    feedback(port, OFF)
+    sent = cycle(driver, port, 1.0)
+    assert sent == [(0x000, "01 01"), (0x201, "00 00 00 00"), (0x080, "")]
+    driver.arm()
+    words = []
+    for status in (OFF, 0x0231, 0x0233, ENABLED):
+        assert not driver.ready()
+        feedback(port, status)
+        words.append(cycle(driver, port, 1.0))
+    assert driver.ready()
+    assert words == [
+        [(0x201, "06 00 00 00"), (0x080, "")],
+        [(0x201, "07 00 00 00"), (0x080, "")],
+        [(0x201, "0f 00 00 00"), (0x080, "")],
+        # 1 A x 29.5 mN m/A = 29.5 mN m, of 44.25 mN m: 667 per mille.
+        [(0x201, "0f 00 9b 02"), (0x080, "")],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("inverted", "data", "row"),
+    [
+        (False, "37 12 9B 02 00 04 00 00", (1.0005, 667, 2 * math.pi, 1024, ENABLED)),
+        (True, "37 12 9B 02 00 04 00 00", (-1.0005, 667, -2 * math.pi, 1024, ENABLED)),
+        (False, "37 12 FF FF FF FF FF FF", (-0.0015, -1, -2 * math.pi / 1024, -1, ENABLED)),
+    ],
+)
+def test_a_row_is_made_of_what_came(
+    connect: Connect, inverted: bool, data: str, row: tuple[float, ...]
+) -> None:
+    driver, port = enabled(connect, inverted=inverted)
+    port.say(0x181, data)
+    driver.link.begin(0)
+    assert driver.read(0) == pytest.approx(row)
+
+
+def test_nothing_came_is_no_row(connect: Connect) -> None:
+    driver, _ = enabled(connect)
+    driver.link.begin(0)
+    assert driver.read(0) is None
+
+
+def test_the_setpoint_is_held_within_the_range_of_the_drive(connect: Connect) -> None:
+    driver, port = enabled(connect)
+    feedback(port, ENABLED)
+    assert cycle(driver, port, -99.0)[0] == (0x201, "0f 00 cb fa")  # -2 A: -1333 per mille
+
+
+def test_what_is_no_number_is_refused(connect: Connect) -> None:
+    driver, _ = enabled(connect)
+    with pytest.raises(DeviceError, match="setpoint 'current' is NaN; expected -2 to 2 A"):
+        driver.write([float("nan")])
+
+
+def test_the_angle_begins_where_the_rig_was_opened_and_goes_on_over_the_end(
+    connect: Connect,
+) -> None:
+    drive = servo()
+    drive.objects[0x6064, 0] = number(2**31 - 10, 4)
+    bus, port = connect(drive)
+    driver = wheel(bus)
+    driver.open()
+    angles = []
+    for counts in (2**31 - 10, 2**31 - 1, -(2**31), -(2**31) + 9):
+        feedback(port, OFF, 0, counts)
+        bus.begin(0)
+        row = driver.read(0)
+        assert row is not None
+        angles.append(round(row[2] / (2 * math.pi) * 1024))
+        bus.end(0)
+    assert angles == [0, 9, 10, 19]
+
+
+@pytest.mark.parametrize(
+    ("frame", "data", "message"),
+    [
+        (0x081, "10 23 03 00 00 00 00 00", r"emergency 0x2310 \(overcurrent at the output\)"),
+        (0x081, "30 81 11 00 00 00 00 00", r"emergency 0x8130 \(heartbeat of the master lost\)"),
+        (0x081, "30 81", "an emergency of 2 bytes"),
+        (0x701, "00", r"has restarted \(boot-up message\)"),
+        (0x701, "42", "a heartbeat of 42"),
+        (0x181, "18 02 00 00 00 00 00 00", r"left operation enabled: fault \(statusword 0x0218\)"),
+        (0x181, "50 02 00 00 00 00 00 00", "left operation enabled: switch on disabled"),
+        (0x181, "37 02 00 00 00 00 00 00", "ignores its target .*bit 12 or 9"),
+        (0x181, "37 10 00 00 00 00 00 00", "ignores its target .*bit 12 or 9"),
+        (0x181, "37 12 00 00 00 00 00", "has 7 bytes, mapped were 8"),
+    ],
+)
+def test_a_drive_that_fails_while_it_is_enabled_says_how(
+    connect: Connect, frame: int, data: str, message: str
+) -> None:
+    driver, port = enabled(connect)
+    port.say(frame, data)
+    driver.link.begin(0)
+    with pytest.raises((DeviceError, ProtocolError), match=message):
+        driver.read(0)
+
+
+def test_a_node_that_leaves_operational_is_a_fault_of_its_own(connect: Connect) -> None:
+    driver, port = enabled(connect)
+    for _ in range(2):
+        port.say(0x701, "7F")
+    driver.link.begin(0)
+    with pytest.raises(DeviceError, match=r"no longer operational, .*: pre_operational"):
+        driver.read(0)
+
+
+def test_a_lost_heartbeat_is_missed(connect: Connect, clock: Clock) -> None:
+    driver, port = enabled(connect)
+    port.say(0x701, "05")
+    feedback(port, ENABLED)
+    cycle(driver, port, 0.0)
+    clock.pass_by(0.4)
+    feedback(port, ENABLED)
+    cycle(driver, port, 0.0)
+    clock.pass_by(0.2)
+    feedback(port, ENABLED)
+    driver.link.begin(0)
+    with pytest.raises(DeviceError, match="sent no heartbeat for 6"):
+        driver.read(0)
+
+
+def test_what_our_own_silence_did_before_arming_is_forgiven_and_reset(connect: Connect) -> None:
+    bus, port = connect(servo())
+    driver = wheel(bus)
+    driver.open()
+    port.say(0x081, "30 81 11 00 00 00 00 00")
+    port.say(0x701, "7F")
+    feedback(port, 0x0218)
+    assert (0x000, "01 01") in cycle(driver, port, 0.0)  # operational again
+    driver.arm()
+    seen = set()
+    for _ in range(8):
+        feedback(port, 0x0218)
+        seen |= set(cycle(driver, port, 0.0))
+    assert {(0x201, "00 00 00 00"), (0x201, "80 00 00 00")} <= seen
+
+
+def test_an_emergency_of_the_drive_itself_counts_before_arming_too(connect: Connect) -> None:
+    bus, port = connect(servo())
+    driver = wheel(bus)
+    driver.open()
+    port.say(0x081, "20 32 04 00 00 00 00 00")
+    bus.begin(0)
+    with pytest.raises(DeviceError, match="supply undervoltage"):
+        driver.read(0)
+
+
+def test_a_drive_that_is_not_enabled_in_time_says_what_it_lacks(
+    connect: Connect, clock: Clock
+) -> None:
+    bus, port = connect(servo())
+    driver = wheel(bus)
+    driver.open()
+    driver.arm()
+    feedback(port, 0x0240)
+    cycle(driver, port, 0.0)
+    clock.pass_by(3.1)
+    feedback(port, 0x0240)
+    bus.begin(0)
+    with pytest.raises(DeviceError, match="not enabled 3 s after arming: switch on dis") as caught:
+        driver.read(0)
+    assert "supply of its power stage" in (caught.value.hint or "")
+
+
+def test_safe_is_zero_and_disabled_twice_each_with_its_sync(connect: Connect) -> None:
+    driver, port = enabled(connect)
+    feedback(port, ENABLED)
+    driver.link.begin(0)
+    driver.read(0)
+    driver.write([1.0])  # queued, and not to be sent after it was made safe
+    first = len(port.sent)
+    driver.make_safe()
+    driver.link.end(0)
+    sent = [(to, data.hex(" ")) for to, data in port.sent[first:] if to != 0x77F]
+    assert sent == [(0x201, "00 00 00 00"), (0x080, "")] * 2 + [(0x080, "")]
+    driver.write([1.0])
+    driver.link.end(0)
+    assert (port.sent[-2][0], port.sent[-2][1].hex(" ")) == (0x201, "00 00 00 00")
+
+
+def test_a_drive_that_cannot_be_told_to_be_safe_is_reported(connect: Connect) -> None:
+    driver, port = enabled(connect)
+    port.full = True
+    with pytest.raises(LinkError, match="takes no frames: its queue is full"):
+        driver.make_safe()
+    driver.link.close()
+    driver.make_safe()  # nothing left to say it over: the watchdog acts
+
+
+def test_a_rescue_needs_no_listening_and_sees_that_the_drive_is_off(connect: Connect) -> None:
+    drive = servo()
+    drive.objects[0x6041, 0] = number(ENABLED, 2)
+    bus, port = connect(drive)
+    bus.close()
+    wheel(bus).rescue()
+    assert [(to, data.hex(" ")) for to, data in port.sent] == [
+        (0x201, "00 00 00 00"),
+        (0x080, ""),
+        (0x201, "00 00 00 00"),
+        (0x080, ""),
+        (0x601, "2b 40 60 00 00 00 00 00"),
+        (0x601, "40 41 60 00 00 00 00 00"),
+    ]
+    assert not bus.is_open
+
+
+def test_a_rescue_that_fails_says_so_and_closes(connect: Connect) -> None:
+    drive = servo()
+    drive.objects[0x6041, 0] = number(ENABLED, 2)
+    drive.stuck.add((0x6040, 0))
+    bus, _ = connect(drive)
+    with pytest.raises(DeviceError, match="told to switch off, yet is in operation enabled"):
+        wheel(bus).rescue()
+    assert not bus.is_open
+    drive.silent = True
+    with pytest.raises(LinkError, match="does not answer"):
+        wheel(bus).rescue()
+    assert not bus.is_open
+
+
+def test_a_belt_moves_holds_and_lets_go(connect: Connect) -> None:
+    bus, port = connect(servo(2, mode=9))
+    driver = belt(bus)
+    driver.open()
+    driver.arm()
+    for status in (OFF, 0x0231, 0x0233, ENABLED):
+        port.say(0x182, number(status, 2) + bytes(6))
+        port.say(0x282, bytes(4))
+        sent = cycle(driver, port, 0.5, 0.0)
+    assert driver.ready()
+    # 0.5 m/s over 100 mm/rev is 5 rev/s, 300 000 thousandths of a revolution per minute.
+    assert sent == [
+        (0x302, "00 00 01 00"),  # the clutch lets go, once the drive is enabled
+        (0x202, "0f 00 e0 93 04 00"),
+        (0x080, ""),
+    ]
+    # 100 mm: one revolution; -0.5 m/s; 1000 per mille of 44.25 mN m at 100 mm/rev.
+    port.say(0x182, number(ENABLED, 2) + number(1000, 2) + number(4096, 4))
+    port.say(0x282, number(-300_000, 4))
+    bus.begin(0)
+    row = driver.read(0)
+    assert row == pytest.approx((0.1, -0.5, 0.04425 * 2 * math.pi / 0.1, ENABLED))
+    driver.write([0.5, 1.0])
+    bus.end(0)
+    assert (0x302, bytes(4)) in port.sent[-4:]
+    port.say(0x182, number(ENABLED, 2) + bytes(6))
+    bus.begin(0)
+    assert driver.read(0) is None  # its second PDO is missing
+    first = len(port.sent)
+    driver.make_safe()
+    sent = [(to, data.hex(" ")) for to, data in port.sent[first:]]
+    assert sent == [(0x202, "00 00 00 00 00 00"), (0x302, "00 00 00 00"), (0x080, "")] * 2
+
+
+def test_the_clutch_is_told_in_the_status(connect: Connect) -> None:
+    bus, port = connect(servo(2, mode=9))
+    driver = belt(bus)
+    driver.open()
+    port.say(0x182, number(OFF, 2) + bytes(6))
+    port.say(0x282, bytes(4))
+    bus.begin(0)
+    row = driver.read(0)
+    assert row is not None
+    assert row[3] == OFF | CLUTCH_ENGAGED
+
+
+def test_units_of_velocity() -> None:
+    # CiA 402-2, object 60A9h: prefix, numerator, denominator; FDh is 10^-3, B4h revolutions.
+    assert velocity_unit(0x00B44700) == pytest.approx(2 * math.pi / 60)
+    assert velocity_unit(0xFDB44700) == pytest.approx(2 * math.pi / 60e3)
+    assert velocity_unit(0x00B40300) == pytest.approx(2 * math.pi)
+    assert velocity_unit(0x00010300) is None  # m/s
+
+
+def test_an_encoder_begins_at_zero_and_counts_over_its_end(connect: Connect) -> None:
+    bus, port = connect(scripted_encoder())
+    driver = encoder(bus, gear_ratio=2.0)
+    driver.open()
+    rows = []
+    for counts in (100, 0, (1 << 24) - 1, 100 + 4096):
+        port.say(0x18B, number(counts, 4))
+        bus.begin(0)
+        rows.append(driver.read(0))
+        bus.end(0)
+    assert rows == [
+        pytest.approx((0.0, 100, 5)),
+        pytest.approx((-100 * math.pi / 4096, 0, 5)),
+        pytest.approx((-101 * math.pi / 4096, -1, 5)),
+        pytest.approx((math.pi, 4196, 5)),
+    ]
+
+
+def test_an_encoder_may_keep_its_own_zero_and_direction(connect: Connect) -> None:
+    bus, port = connect(scripted_encoder())
+    driver = encoder(
+        bus, kind="linear", distance_per_count="10 um/count", zero_at_open=False, inverted=True
+    )
+    driver.open()
+    port.say(0x18B, number(100, 4))
+    bus.begin(0)
+    assert driver.read(0) == pytest.approx((-1e-3, 100, 5))
+    bus.end(0)
+    bus.begin(0)
+    assert driver.read(0) is None
+    bus.end(0)
+    port.say(0x18B, number(1 << 24, 4))
+    bus.begin(0)
+    with pytest.raises(ProtocolError, match="beyond its range"):
+        driver.read(0)
