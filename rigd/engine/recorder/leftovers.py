@@ -30,6 +30,10 @@ def drain_leftovers(folder: RunFolder) -> Path | None:
     try:
         transfer.open()
         transfer.finish("all processes of the run were killed")
+    except RecordingError as error:
+        waiting = f"Samples of a killed run wait in {folder.path}; removing it gives them up."
+        hint = waiting if error.hint is None else f"{error.hint}\n  {waiting}"
+        raise RecordingError(error.message, hint=hint) from error
     finally:
         transfer.close()
     folder.clear()

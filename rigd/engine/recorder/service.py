@@ -45,6 +45,8 @@ class Service:
             finished = self._record()
         except RecordingError as error:
             return self._fail(error)
+        except OSError as error:
+            return self._fail(RecordingError(f"the recorder cannot go on: {error}"))
         if finished:
             # Said before the board goes: who sees neither would start another recorder.
             self._board[Word.RECORDER_STATE] = RecorderState.FINISHED

@@ -154,7 +154,7 @@ class Transfer:
         elif self._job.resume:
             recover(path)
             self._note_begun(Recording.open(path))
-            self._go_on(trusted)
+            self._go_on(path.stat().st_size)
         elif path.exists():
             raise RecordingError(
                 f"{path} exists already", hint="Choose another name; rigd overwrites no recording."
@@ -205,7 +205,7 @@ class Transfer:
             },
             attachments=[one for one in job.attachments if one.name not in held],
             compression=job.compression,
-            trusted=trusted,
+            trusted=path.stat().st_size,  # recover has just been through it
         )
         self._latest_ns = max(recording.end_ns, job.start_ns)
         self._settle(recording)
@@ -223,8 +223,8 @@ class Transfer:
         self._ended = any(event.kind == "run_end" for event in since)
         rows_lost = self._settle_rows(recording, before["rows"])
         events_lost = self._settle_events([one for one in since if BY_RECORDER not in one.data])
-        begun = bool(since) or any(map(recording.count, self._rows))
-        if rows_lost or events_lost or (begun and not self._ended):
+        rows_since = any(recording.count(name) > before["rows"][name] for name in self._rows)
+        if rows_lost or events_lost or ((since or rows_since) and not self._ended):
             self._note_restart("the recorder before was killed", rows_lost, events_lost)
 
     def _settle_rows(self, recording: Recording, before: Mapping[str, int]) -> dict[str, int]:

@@ -14,8 +14,9 @@ import pytest
 from rigd.engine.recorder import drain_leftovers
 from rigd.engine.recorder.transfer import Transfer
 from rigd.engine.shared import EventRing, Job, RowRing, RunFolder
+from rigd.model import RecordingError
 from rigd.model.rows import row_dtype
-from rigd.record import Recording, RecordingWriter, run_info
+from rigd.record import Event, Recording, RecordingWriter, run_info
 
 from .conftest import CAPACITIES, START_NS, STREAMS, check_numbered, own_events
 
@@ -80,6 +81,11 @@ def check(job: Job, count: int) -> None:
     assert own_events(job.recording, "trip") == [i // 2 for i in range(count)]
 
 
+def restarts(job: Job) -> list[Event]:
+    events = Recording.open(job.recording).events()
+    return [event for event in events if event.kind == "recorder_restarted"]
+
+
 @pytest.mark.parametrize("step", range(1, 20))
 def test_killed_between_any_two_steps(step: int, folder: RunFolder, job: Job) -> None:
     source = Source(folder)
@@ -133,10 +139,12 @@ def test_a_resumed_recording_is_counted_from_where_it_was(folder: RunFolder, job
     source = Source(folder)
     source.count = 30
     source.push(20)
-    assert die_at(7, folder, lambda transfer: transfer.move())
+    assert die_at(14, folder, lambda transfer: transfer.move())
+    assert not restarts(job)  # to go on is not to start again
     source.push(10)
     drain_leftovers(folder)
     check(job, 60)
+    assert len(restarts(job)) == 1
     recording = Recording.open(job.recording)
     assert recording.metadata["resumed"] == {"trials": "1"}
     names = [index.name for index in recording.contents.metadata]
@@ -152,7 +160,7 @@ def test_nothing_was_recorded_yet_so_nothing_is_left(folder: RunFolder, job: Job
 
 def test_a_file_that_is_already_there_is_never_touched(folder: RunFolder, job: Job) -> None:
     job.recording.write_bytes(b"precious")
-    with pytest.raises(Exception, match="exists already"):
+    with pytest.raises(RecordingError, match="exists already"):
         Transfer(folder).open()
     assert job.recording.read_bytes() == b"precious"
 
@@ -181,8 +189,9 @@ def test_another_recording_of_that_name_is_not_added_to(folder: RunFolder, job: 
     RecordingWriter.create(
         job.recording, streams=STREAMS, metadata={}, attachments=(), start_ns=START_NS + 1
     ).close()
-    with pytest.raises(Exception, match="is not the recording that the rings"):
+    with pytest.raises(RecordingError, match="is not the recording that the rings") as caught:
         drain_leftovers(folder)
+    assert f"{folder.path}; removing it gives them up" in (caught.value.hint or "")
     assert Recording.open(job.recording).count("fast") == 0
     assert folder.has_job
 
@@ -198,7 +207,7 @@ def test_rows_that_are_gone_from_the_file_are_told(folder: RunFolder, job: Job) 
     drain_leftovers(folder)
     recording = Recording.open(job.recording)
     assert recording.read("fast")["c0"].tolist() == [10, 11, 12, 13, 14]
-    (event,) = [one for one in recording.events() if one.kind == "recorder_restarted"]
+    (event,) = restarts(job)
     assert event.data["rows_lost"] == {"fast": 10, "slow": 10, "block": 10}
     assert event.data["events_lost"] == 20
 
