@@ -24,6 +24,7 @@ BENCHES = (
     "simulated_run",
     "register_card",
     "recording",
+    "recorder",
     "identify",
     "kill",
 )
