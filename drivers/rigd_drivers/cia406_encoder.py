@@ -46,8 +46,8 @@ class EncoderConfig(DriverConfig):
     """The position (object 6004) rolls over after so many bits: 16, 24, 32; none: as it says."""
     inverted: bool = False
     """Whether counting up is the rig's negative direction."""
-    zero_at_open: bool = True
-    """Whether zero is where the rig is opened, as with an incremental encoder, or count zero."""
+    zero: Annotated[float, In("count")] | None = None
+    """Count at zero, of an absolute encoder; none: where the rig is opened, as of incremental."""
 
     @model_validator(mode="after")
     def _only_options_of_the_kind(self) -> Self:
@@ -88,7 +88,7 @@ class Cia406Encoder(Driver):
         )
         self._inbox = Inbox(self._tpdo, config.node)
         self._unwrap = Unwrap(_WHOLE_OBJECT)
-        self._zero = 0
+        self._zero = 0.0
         self._scale = float("nan")
         self._watched = False
         self._node: Node | None = None
@@ -114,7 +114,7 @@ class Cia406Encoder(Driver):
         node.switch_off_rest(receive=0, transmit=1)
         self._unwrap = Unwrap(self._span(node))
         count = self._unwrap.follow(self._within_span(node.read(objects.ENCODER_POSITION)))
-        self._zero = count if config.zero_at_open else 0
+        self._zero = count if config.zero is None else config.zero
         self._watched = False
         self._inbox = Inbox(self._tpdo, config.node, link.syncs)
         link.subscribe(self._tpdo.identifier, self._inbox.receive)

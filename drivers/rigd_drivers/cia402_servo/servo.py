@@ -41,8 +41,8 @@ class ServoConfig(DriverConfig):
     """Counts of the position (object 6064) per revolution of the motor, as in `4096 count/rev`."""
     inverted: bool = False
     """Whether the drive's positive direction is the rig's negative one."""
-    zero_at_open: bool = True
-    """Whether the position is zero where the rig is opened, or where the drive counts zero."""
+    zero: Annotated[float, In("count")] | None = None
+    """Count (object 6064) at zero, of a homed or absolute axis; none: where the rig is opened."""
     rated_torque: Annotated[float, In("N m"), Gt(0)] | None = None
     """Rated torque that the drive must be set to (object 6076); none: whatever it says."""
     watchdog: Annotated[float, In("s"), Ge(0.01), Le(5)] = 0.1
@@ -83,7 +83,7 @@ class Servo(Driver):
         self._command_layout = self._command.layout()
         self._inboxes: tuple[Inbox, ...] = ()
         self._unwrap = Unwrap(1 << 32)
-        self._zero = 0
+        self._zero = 0.0
         self._rated_torque = float("nan")
         self._enabling = cia402.Enabling()
         self._statusword = 0
@@ -115,7 +115,7 @@ class Servo(Driver):
         self._map(node)
         self._unwrap = Unwrap(1 << 32)
         count = self._unwrap.follow(node.read(objects.POSITION))
-        self._zero = count if self.config.zero_at_open else 0
+        self._zero = count if self.config.zero is None else self.config.zero
         self._armed = self._enabled = False
         self._inboxes = tuple(Inbox(one, self.config.node, self.link.syncs) for one in self._tpdos)
         for one, inbox in zip(self._tpdos, self._inboxes, strict=True):

@@ -350,12 +350,12 @@ def test_an_encoder_begins_at_zero_and_counts_over_its_end(connect: Connect) -> 
 def test_an_encoder_may_keep_its_own_zero_and_direction(connect: Connect) -> None:
     bus, port = connect(scripted_encoder())
     driver = encoder(
-        bus, kind="linear", distance_per_count="10 um/count", zero_at_open=False, inverted=True
+        bus, kind="linear", distance_per_count="10 um/count", zero="40 count", inverted=True
     )
     driver.open()
     port.say(0x18B, number(100, 4))
     bus.begin(0)
-    assert driver.read(0) == pytest.approx((-1e-3, 100, 5))
+    assert driver.read(0) == pytest.approx((-0.6e-3, 100, 5))
     bus.end(0)
     bus.begin(0)
     assert driver.read(0) is None
