@@ -6,7 +6,7 @@ machine share.
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import IntEnum, unique
 from pathlib import Path
 from typing import Final, Self
 
@@ -15,6 +15,7 @@ from rigd.engine.shared.mapping import FIRST_FREE_WORD, SharedFile
 _MAGIC: Final = b"rigdbrd1"
 
 
+@unique
 class Word(IntEnum):
     """The words of the board; behind each, who writes it."""
 
@@ -34,9 +35,9 @@ class Word(IntEnum):
     ORIGIN_NS = 13  #: daemon: monotonic time of slot 0, ns
     TRIAL = 14  #: daemon: number of the trial under way
     TICKING = 15  #: cycle: 1 while it exchanges with the devices, slot by slot
-    MUTE = 17  #: cycle: devices that have not given a row yet
     AT_REST = 16  #: cycle: 1 while every setpoint stands at its rest value
-    SEALED = 17  #: recorder: bytes of the recording that nothing changes again
+    MUTE = 17  #: cycle: devices that have not given a row yet
+    SEALED = 18  #: recorder: bytes of the recording that nothing changes again
 
 
 class Phase(IntEnum):
