@@ -75,16 +75,19 @@ def write_rig(folder: Path, name: str, replaced: Mapping[str, str] | None = None
 
     ``name`` is the name of the rig; ``replaced`` maps texts of the file to others.
     """
-    with socket.socket() as free:
+    with socket.socket() as free, socket.socket() as also_free:
         free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+        also_free.bind(("127.0.0.1", 0))
+        port, modbus = free.getsockname()[1], also_free.getsockname()[1]
     text = (ROOT / "configs" / "wire_lugre.yaml").read_text()
     served = Path(tempfile.mkdtemp(prefix="rigd-", dir="/tmp"))  # names of sockets are short
     known = {
         "/tmp/rigd-wire-lugre": str(served),
         "127.0.0.1:31763": f"127.0.0.1:{port}",
         "rig: wire-1": f"rig: {name}",
-        "floor: stone}\n": f"floor: stone}}\n  accelerometer: {{address: '127.0.0.1:{port}'}}\n",
+        "floor: stone}\n": f"floor: stone}}\n  accelerometer: {{address: '127.0.0.1:{port}'}}\n"
+        f"  traction: {{port: {modbus}}}\n",
+        "port: 15020": f"port: {modbus}",
         "$schema=../": f"$schema={ROOT}/",
         "parameters: plants/lugre.yaml": f"parameters: {ROOT}/configs/plants/lugre.yaml",
     }

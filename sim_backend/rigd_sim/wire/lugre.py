@@ -19,6 +19,8 @@ from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.mf624 import SimMf624
+from rigd_sim.wire.modbus.line import TcpLine
+from rigd_sim.wire.modbus.transmitter import LoadCell, SimModbusTransmitter
 from rigd_sim.wire.ni import SimNi
 from rigd_sim.wire.part import Part
 from rigd_sim.wire.scale import SimScale
@@ -85,6 +87,27 @@ class CardOptions(SimulationConfig):
     """Input of the accelerometer."""
     drift: float = 40.0
     """By how many parts in a million its clock runs fast."""
+
+
+class TransmitterOptions(SimulationConfig):
+    """A load-cell transmitter on Modbus TCP, between the floor and the bench."""
+
+    host: str = "127.0.0.1"
+    """Address where it is reached."""
+    port: Annotated[int, Ge(1), Le(65535)] = 15020
+    """TCP port where it is reached."""
+    instrument: str = "laumas-tlb4"
+    """Which transmitter: laumas-tlb4, seneca-z-sg2, tuna-id551."""
+    unit: Annotated[int, Ge(0), Le(255)] = 1
+    """Its unit address."""
+    capacity: Annotated[float, In("N"), Gt(0)] = 200.0
+    """Largest force of the cell."""
+    resolution: Annotated[float, In("N/count"), Gt(0)] = 0.01
+    """Force per count."""
+    noise: Annotated[float, In("N"), Ge(0)] = 0.02
+    """Standard deviation of a conversion."""
+    filter: Annotated[float, In("s"), Ge(0)] = 0.01
+    """Time constant of its filter."""
 
 
 class ScaleOptions(SimulationConfig):
@@ -215,6 +238,16 @@ def _card(name: str, options: RegisterCardOptions, bench: Bench) -> Part:
     return SimMf624(name, bench.folder.socket(options.socket), registers, wiring)
 
 
+def _traction(name: str, options: TransmitterOptions, bench: Bench) -> Part:
+    cell = LoadCell(
+        bench.world.reading(layout.READINGS.index("traction_force")),
+        capacity=options.capacity, resolution=options.resolution, noise=options.noise,
+        filter_s=options.filter, seed=bench.seed,
+    )  # fmt: skip
+    line = TcpLine(options.host, options.port)
+    return SimModbusTransmitter(name, line, cell, unit=options.unit, instrument=options.instrument)
+
+
 #: ``build(name, options, bench)`` makes the part of that name.
 Builder = Callable[..., Part]
 #: Of the measuring wheel on the guide.
@@ -237,6 +270,7 @@ BUILDERS: Final[Mapping[str, Builder]] = {
     "wheel_encoder": _wheel_encoder,
     "carriage": _carriage,
     "accelerometer": _accelerometer,
+    "traction": _traction,
     "scale": _scale,
     "card": _card,
 }
@@ -257,6 +291,8 @@ class DeviceOptions(SimulationConfig):
     """Encoder of the measuring wheel on the guide."""
     accelerometer: CardOptions | None = CardOptions()
     """NI card with the accelerometer of the carriage."""
+    traction: TransmitterOptions | None = TransmitterOptions()
+    """Load cell that measures the force of the floor on the wheel, on a Modbus transmitter."""
     scale: ScaleOptions | None = ScaleOptions()
     """Scale on which the quarter model rests, with its weights."""
     card: RegisterCardOptions | None = None
