@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.model.channels import Stream
+from rigd.evaluate.resample import check_stale, means_around, period_ns, stale_rows
+from rigd.model.channels import STATUS_FIELD, Stream
 from rigd.model.errors import DataError
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import Quantity, parse_unit
@@ -72,12 +75,15 @@ class RecordedSweep:
     def signals(self, trial: TrialInfo) -> tuple[FloatArray, dict[str, FloatArray]]:
         """Return time in s since the trial began (n,) and every signal of the plan (n,), SI.
 
-        All stand at the times of the first signal's stream. Nothing is interpolated: what is
-        missing would look like data.
+        All stand at the times of the first signal's stream. A stream with other times must be
+        sampled at least twice as fast: it is brought there by the mean of its samples within half
+        a period around each. A row that repeats an earlier one, as the device was late, is left
+        out of such a mean; elsewhere it is taken as it is (see :meth:`stale`). Nothing is
+        interpolated: what is missing would look like data.
 
         Raises:
-            DataError: a stream or channel that the plan names is not in the recording, or has
-                other times.
+            DataError: a stream or channel that the plan names is not in the recording, samples
+                are missing, or too many rows repeat an earlier one.
         """
         times: NDArray[np.int64] | None = None
         columns: dict[str, FloatArray] = {}
@@ -89,20 +95,52 @@ class RecordedSweep:
                     f"{self.path}: stream {stream.name!r} has no sample in trial {trial.number}"
                 )
             own: NDArray[np.int64] = rows[TIME_FIELD]
-            values: FloatArray = np.ascontiguousarray(rows[field])
             if times is None:
                 times = own
-            elif len(own) != len(times) or not np.array_equal(own, times):
-                raise DataError(
-                    f"{self.path}: in trial {trial.number}, stream {stream.name!r} has "
-                    f"{len(own)} samples that do not stand at the times of the {len(times)} of the "
-                    "first signal",
-                    hint="samples are missing or decimated: record all streams of the model whole",
-                )
-            columns[name] = values
+            if len(own) == len(times) and np.array_equal(own, times):
+                with self._telling(stream, trial):
+                    check_stale(_stale(stream, rows))
+                columns[name] = np.ascontiguousarray(rows[field])
+            else:
+                columns[name] = self._means(stream, field, trial, times)
         if times is None:
             raise DataError(f"{self.path}: its plan of identification names no signals")
         return (times - times[0]) * 1e-9, columns
+
+    def stale(self, trial: TrialInfo) -> int:
+        """Return how many rows of the plan's streams repeat an earlier one in ``trial``."""
+        count = 0
+        for name in {self._field(*item)[0].name for item in self.plan.signals.items()}:
+            rows = self.recording.read(name, trial.start_ns, trial.end_ns)
+            count += int(np.count_nonzero(_stale(self.recording.streams[name], rows)))
+        return count
+
+    def _means(
+        self, stream: Stream, field: str, trial: TrialInfo, times: NDArray[np.int64]
+    ) -> FloatArray:
+        """Return the means of a faster stream around ``times``."""
+        margin = period_ns(times)
+        if not np.isfinite(margin):
+            raise DataError(f"{self.path}: trial {trial.number} has a single sample")
+        around = round(margin)
+        rows = self.recording.read(stream.name, int(times[0]) - around, int(times[-1]) + around)
+        fresh = rows[~_stale(stream, rows)]
+        with self._telling(stream, trial):
+            return means_around(times, fresh[TIME_FIELD], np.ascontiguousarray(fresh[field]))
+
+    @contextmanager
+    def _telling(self, stream: Stream, trial: TrialInfo) -> Iterator[None]:
+        """Say of which stream and trial an error is."""
+        try:
+            yield
+        except DataError as error:
+            raise DataError(
+                f"{self.path}: in trial {trial.number}, stream {stream.name!r} does not fit the "
+                f"first signal: {error.message}",
+                hint="samples are missing or decimated: record all streams of the model whole, "
+                "that of the first signal being the slowest; repeat the trial where a device was "
+                "late",
+            ) from error
 
     def _field(self, signal: str, channel: str) -> tuple[Stream, str]:
         device, _, field = channel.partition(".")
@@ -116,6 +154,11 @@ class RecordedSweep:
         if field not in {one.name for one in stream.channels}:
             raise DataError(f"{self.path}: stream {device!r} has no channel {field!r}")
         return stream, field
+
+
+def _stale(stream: Stream, rows: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Return which rows repeat an earlier one; none of a stream without a status word."""
+    return stale_rows(rows[STATUS_FIELD]) if stream.has_status else np.zeros(len(rows), np.bool_)
 
 
 def open_sweep(path: Path) -> RecordedSweep:

@@ -1,0 +1,126 @@
+"""Signals of a recording: of one rate, of several, with late rows."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from rigd.evaluate.source import RecordedSweep, open_sweep
+from rigd.model.channels import STALE, Channel, Stream
+from rigd.model.errors import DataError
+from rigd.model.rows import row_dtype
+from rigd.record import RecordingWriter
+
+START_NS = 1_790_000_000_000_000_000
+ENCODER = Stream("encoder", (Channel("angle", "rad"),), has_status=True)
+CARD = Stream("card", (Channel("acceleration", "m/s^2"),), has_status=True)
+TRIAL_MS = (100, 1100)
+
+Rows = NDArray[np.void]
+Make = Callable[..., RecordedSweep]
+
+
+def rows_of(stream: Stream, rate_hz: float, seconds: float = 1.2) -> Rows:
+    """Return rows whose value is their time in s."""
+    rows = np.zeros(round(rate_hz * seconds), row_dtype(stream))
+    at_s = np.arange(len(rows)) / rate_hz
+    rows["t_ns"] = START_NS + np.rint(at_s * 1e9).astype(np.int64)
+    rows[stream.channels[0].name] = at_s
+    return rows
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Make:
+    """Record the two streams; the plan has a signal of each, ``first`` naming the first."""
+
+    def record(encoder: Rows, card: Rows, first: str = "angle") -> RecordedSweep:
+        signals = {"angle": "encoder.angle", "acceleration": "card.acceleration"}
+        ordered = dict(sorted(signals.items(), key=lambda one: one[0] != first))
+        plan = {
+            "model": "lugre", "signals": json.dumps(ordered), "constants": "{}", "group_by": "[]",
+        }  # fmt: skip
+        path = tmp_path / "run.mcap"
+        with RecordingWriter.create(
+            path, streams=[ENCODER, CARD], metadata={"identify": plan}, attachments=(),
+            start_ns=START_NS, sync_interval_s=None,
+        ) as writer:  # fmt: skip
+            begin, end = (START_NS + ms * 1_000_000 for ms in TRIAL_MS)
+            writer.event(begin, "trial_start", 1, {})
+            writer.write("encoder", encoder)
+            writer.write("card", card)
+            writer.event(end, "trial_end", 1, {"complete": True})
+        return open_sweep(path)
+
+    return record
+
+
+def test_signals_of_one_rate_are_taken_as_they_are(make: Make) -> None:
+    encoder, card = rows_of(ENCODER, 1000), rows_of(CARD, 1000)
+    sweep = make(encoder, card)
+    t_s, signals = sweep.signals(sweep.trials[0])
+    assert np.array_equal(signals["angle"], encoder["angle"][100:1100])
+    assert np.array_equal(signals["acceleration"], card["acceleration"][100:1100])
+    assert t_s == pytest.approx(np.arange(1000) * 1e-3)
+
+
+def test_a_faster_stream_is_averaged_to_the_times_of_the_first(make: Make) -> None:
+    sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 9600))
+    t_s, signals = sweep.signals(sweep.trials[0])
+    assert len(t_s) == len(signals["angle"]) == len(signals["acceleration"]) == 1000
+    assert signals["acceleration"] == pytest.approx(signals["angle"], abs=0.5 / 9600)
+
+
+def test_its_samples_beside_the_trial_are_used(make: Make) -> None:
+    """Half a period before the trial's first row belongs to that row: its mean is not beside it."""
+    sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 100_000))
+    _, signals = sweep.signals(sweep.trials[0])
+    assert signals["acceleration"][0] == pytest.approx(0.1, abs=1e-5)
+
+
+def test_a_slower_stream_is_refused(make: Make) -> None:
+    sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 9600), first="acceleration")
+    with pytest.raises(DataError, match="stream 'encoder' does not fit the first signal") as caught:
+        sweep.signals(sweep.trials[0])
+    assert "that of the first signal being the slowest" in str(caught.value.hint)
+
+
+@pytest.mark.parametrize("rate_hz", [1000, 9600])
+def test_a_gap_is_refused_at_any_rate(make: Make, rate_hz: int) -> None:
+    card = rows_of(CARD, rate_hz)
+    late = np.delete(card, slice(rate_hz // 2, rate_hz // 2 + rate_hz // 500))
+    sweep = make(rows_of(ENCODER, 1000), late)
+    with pytest.raises(DataError, match="in trial 1, stream 'card' does not fit"):
+        sweep.signals(sweep.trials[0])
+
+
+def test_a_few_late_rows_hold_their_value_and_are_counted(make: Make) -> None:
+    encoder = rows_of(ENCODER, 1000)
+    encoder["angle"][500] = encoder["angle"][499]
+    encoder["status"][[50, 500]] = STALE  # the first one is before the trial
+    sweep = make(encoder, rows_of(CARD, 1000))
+    _, signals = sweep.signals(sweep.trials[0])
+    assert signals["angle"][400] == signals["angle"][399]
+    assert sweep.stale(sweep.trials[0]) == 1
+
+
+def test_many_late_rows_are_refused(make: Make) -> None:
+    encoder = rows_of(ENCODER, 1000)
+    encoder["status"][200:800:100] = STALE
+    sweep = make(encoder, rows_of(CARD, 1000))
+    with pytest.raises(DataError, match=r"stream 'encoder' .* 6 of 1000 rows"):
+        sweep.signals(sweep.trials[0])
+
+
+def test_late_rows_of_a_faster_stream_are_left_out_of_its_means(make: Make) -> None:
+    card = rows_of(CARD, 9600)
+    card["acceleration"][4800:4803] = 1e6  # whatever they repeat
+    card["status"][4800:4803] = STALE
+    sweep = make(rows_of(ENCODER, 1000), card)
+    _, signals = sweep.signals(sweep.trials[0])
+    assert signals["acceleration"] == pytest.approx(signals["angle"], abs=3 / 9600)
+    assert sweep.stale(sweep.trials[0]) == 3
