@@ -29,7 +29,7 @@ from rigd.engine.player import Ending, Outcome
 from rigd.engine.realtime import RealTime
 from rigd.engine.shared import RunFolder, Word
 from rigd.engine.slow import stand_ins
-from rigd.engine.wiring import wire
+from rigd.engine.wiring import in_cycle, wire
 from rigd.record.events import NO_TRIAL
 
 JOB: Final = "cycle.pickle"
@@ -57,7 +57,12 @@ class CycleProcess:
         )
         self._cycle: Cycle = wiring.cycle
         self._plant = wiring.plant
-        self._cycle.connect(run.row_rings(run.job), self._job.decimation, self._emit)
+        # A ring has one writer: devices beside the cycle have theirs.
+        elsewhere = {device.name for device in rig.devices.values() if not in_cycle(device)}
+        rings = {
+            name: ring for name, ring in run.row_rings(run.job).items() if name not in elsewhere
+        }
+        self._cycle.connect(rings, self._job.decimation, self._emit)
         self._trial = NO_TRIAL
         self._serial = 0  #: of what plays, 0 where nothing was asked for that has not ended
         self._unasked: Outcome | None = None  #: how the cycle acted while nothing was asked for
@@ -212,11 +217,8 @@ class CycleProcess:
             return reasons
         reasons = self._prove_watchdogs()
         self._real_time.enter()
-        self._emit(
-            self._cycle.t_ns,
-            "realtime",
-            {"granted": self._real_time.granted, "lost": self._real_time.lost},
-        )
+        real_time = self._real_time
+        self._tell("realtime", {"granted": real_time.granted, "lost": real_time.lost})
         for sentence in self._real_time.lost:
             self._say(m.Notice(f"not in real time: {sentence}"))
         return reasons
@@ -236,7 +238,7 @@ class CycleProcess:
                     )
                 else:
                     waiver = {"by": device.waiver.by, "reason": device.waiver.reason}
-                    self._emit(self._cycle.t_ns, "waiver", {"device": mount.name, **waiver})
+                    self._tell("waiver", {"device": mount.name, **waiver})
                 continue
             try:
                 took_s = driver.prove_watchdog()
@@ -244,7 +246,7 @@ class CycleProcess:
                 reasons.append(f"{mount.name}: its watchdog is not proven: {error}")
                 continue
             found = {"device": mount.name, "safe_after_s": took_s, "bound_s": driver.watchdog_s}
-            self._emit(self._cycle.t_ns, "watchdog", found)
+            self._tell("watchdog", found)
         return reasons
 
     def _change(self, quantity: str, value: float | str) -> Sequence[str]:
@@ -259,7 +261,7 @@ class CycleProcess:
     def _abandon(self, reason: str) -> None:
         """The daemon is gone: setpoints to rest within their rates, then safe, closed, over."""
         self._control.request(Verb.ABORT, reason)
-        self._emit(self._cycle.t_ns, "fault", {"reason": f"{reason}; the rig is made safe"})
+        self._tell("fault", {"reason": f"{reason}; the rig is made safe"})
         if self._ticking:
             self._cycle.load(None)
             until = time.monotonic_ns() + LEAVE_NS
@@ -268,7 +270,7 @@ class CycleProcess:
         self._stand_still()
         problems = [*self._cycle.make_safe(), *close_devices(self._cycle)]
         for problem in problems:
-            self._emit(self._cycle.t_ns, "fault", {"reason": problem})
+            self._tell("fault", {"reason": problem})
         self.over = True
 
     def heed(self, number: int, frame: FrameType | None) -> None:
@@ -278,6 +280,11 @@ class CycleProcess:
 
     def _emit(self, t_ns: int, kind: str, data: Mapping[str, object]) -> None:
         self._events.push(t_ns, kind, self._trial, data)
+
+    def _tell(self, kind: str, data: Mapping[str, object]) -> None:
+        """Record an event outside of the slots."""
+        clock = self._cycle.clock
+        self._emit(clock.start_ns + clock.now(), kind, data)
 
     def _answer(self, serial: int, sentences: Sequence[str]) -> None:
         self._say(m.Said(serial, tuple(sentences)))

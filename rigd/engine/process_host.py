@@ -104,7 +104,7 @@ class ProcessHost:
         self._events = folder.event_ring("daemon")
         job = m.CycleJob(rig, decimation, seed)
         (folder.path / JOB).write_bytes(pickle.dumps(job))
-        self._serial = 0
+        self._serial = self._closing = 0
         self._ended: dict[int, Outcome] = {}
         self._said: dict[int, tuple[str, ...]] = {}
         self._asked_for: Verb | None = None
@@ -254,7 +254,8 @@ class ProcessHost:
         """Close every device, end the cycle process, then finish the recording."""
         try:
             if self._lost is None:
-                for problem in self._ask(m.Close(self._next()), CLOSE_S, recording=False):
+                self._closing = self._next()
+                for problem in self._ask(m.Close(self._closing), CLOSE_S, recording=False):
                     self.event("fault", {"reason": problem})
                 self._process.wait(CLOSE_S)
         except (_Unanswered, subprocess.TimeoutExpired) as error:
@@ -375,6 +376,8 @@ class ProcessHost:
         code = self._process.poll()
         if code is not None:
             self._receive()  # what it said last
+            if self._closing in self._said:
+                return  # as it was told
             how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
             self._lose(f"the cycle process ended by itself ({how}){self._last_words()}")
             return
