@@ -176,14 +176,15 @@ class CanBus(Link):
 
         """
         now = self.now_ns = time.monotonic_ns()
-        if now - self._cycled_ns > 3e9 * self.config.heartbeat:
-            for action in self._resume.values():
-                action()
+        paused = now - self._cycled_ns > 3e9 * self.config.heartbeat
         if self._take(FRAMES_PER_CYCLE):
             self.behind = False
             self._crowded_since = 0
         else:
             self._crowded(now)
+        if paused:  # last, so that what nodes said meanwhile counts no more
+            for action in self._resume.values():
+                action()
 
     def end(self, t_ns: int) -> None:
         """Send what is queued, then SYNC, then the heartbeat if it is due.

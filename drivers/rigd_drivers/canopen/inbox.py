@@ -9,8 +9,9 @@ from rigd_drivers.canopen.pdo import Pdo
 
 #: A TPDO that comes more often than SYNC in so many cycles in a row is no chance.
 _DOUBLED_CYCLES: Final = 5
-#: SYNCs that may still be answered; older ones are lost, not late.
-_LATEST_SYNCS: Final = 2
+#: SYNCs that may still be answered; older ones are lost, not late. A stalled node, or a stalled
+#: bus adapter, answers all that it missed at once.
+_LATEST_SYNCS: Final = 200
 
 
 class Inbox:
