@@ -34,6 +34,11 @@ def cycle(driver: Driver, until: Callable[[Rows], bool], setpoints: Sequence[flo
     return rows
 
 
+def status(row: Sequence[float]) -> int:
+    """Return the status word of a row."""
+    return int(row[-1])
+
+
 def rows_of(driver: Driver, count: int) -> Rows:
     """Return the next ``count`` rows."""
     return cycle(driver, lambda rows: len(rows) >= count)

@@ -40,7 +40,7 @@ def test_pymodbus_reads_the_simulated_transmitter(transmitter: TransmitterBench)
         with pytest.raises(ModbusIOException):
             client.read_holding_registers(6, count=5, device_id=9)
     finally:
-        client.close()
+        client.close()  # type: ignore[no-untyped-call]
 
 
 def test_pymodbus_drives_the_simulated_drive(servo: ServoBench) -> None:
@@ -54,7 +54,7 @@ def test_pymodbus_drives_the_simulated_drive(servo: ServoBench) -> None:
         assert not client.write_register(8602, 600).isError()
         assert client.read_holding_registers(8604, count=1).registers == [600]
     finally:
-        client.close()
+        client.close()  # type: ignore[no-untyped-call]
     assert servo.physics.speed == pytest.approx(62.83, abs=0.01)
 
 
@@ -69,6 +69,7 @@ def pymodbus_server(registers: list[int], address: int) -> Iterator[int]:
         data = SimData(address, values=registers, datatype=DataType.REGISTERS)
         server = ModbusTcpServer(SimDevice(1, simdata=[data]), address=("127.0.0.1", 0))
         await server.serve_forever(background=True)
+        assert isinstance(server.transport, asyncio.Server)
         return server, server.transport.sockets[0].getsockname()[1]
 
     try:
@@ -76,7 +77,8 @@ def pymodbus_server(registers: list[int], address: int) -> Iterator[int]:
         try:
             yield port
         finally:
-            asyncio.run_coroutine_threadsafe(server.shutdown(), loop).result(20)
+            stopping = server.shutdown()  # type: ignore[no-untyped-call]
+            asyncio.run_coroutine_threadsafe(stopping, loop).result(20)
     finally:
         loop.call_soon_threadsafe(loop.stop)
         thread.join(20)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from pydantic import ValidationError
-from support.modbus_bench import ServoBench, cycle, rows_of
+from support.modbus_bench import ServoBench, cycle, rows_of, status
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.modbus.framing import Trouble
@@ -41,9 +41,8 @@ def test_it_is_enabled_at_rest_and_follows_its_setpoint(servo: ServoBench, drive
     assert servo.state()["enabled"]
     assert servo.physics.speed == 0.0
     rows = cycle(driver, lambda rows: bool(rows and rows[-1][1] == -1200), [-1200 * RPM])
-    speed, _, status = rows[-1]
-    assert speed == pytest.approx(-1200 * RPM)
-    assert status & ENABLED
+    assert rows[-1][0] == pytest.approx(-1200 * RPM)
+    assert status(rows[-1]) & ENABLED
     assert servo.physics.speed == pytest.approx(-1200 * RPM)
     driver.make_safe()
     assert servo.physics.speed == 0.0
@@ -75,6 +74,7 @@ def test_the_watchdog_is_set_and_proven_by_silence(servo: ServoBench, drive: str
     driver.open()
     assert servo.state()["watchdog_s"] == pytest.approx(driver.config.watchdog)
     proven_s = driver.prove_watchdog()
+    assert driver.watchdog_s is not None
     assert driver.config.watchdog < proven_s < driver.watchdog_s + 1.0
     assert servo.state()["fault_code"] == 0  # it was reset
     rows_of(driver, 1)
@@ -209,8 +209,8 @@ def test_another_drive_is_refused(servo: ServoBench) -> None:
 def test_troubles_stand_in_the_status_word(servo: ServoBench) -> None:
     driver = armed(servo)
     servo.fault("wrong_transaction", count=1)
-    rows = cycle(driver, lambda rows: bool(rows and rows[-1][2] >> 8 & 0xFF), [0.0])
-    assert rows[-1][2] >> 8 & 1 << Trouble.WRONG_TRANSACTION
+    rows = cycle(driver, lambda rows: bool(rows and status(rows[-1]) >> 8 & 0xFF), [0.0])
+    assert status(rows[-1]) >> 8 & 1 << Trouble.WRONG_TRANSACTION
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from pydantic import ValidationError
-from support.modbus_bench import TransmitterBench, cycle, rows_of
+from support.modbus_bench import TransmitterBench, cycle, rows_of, status
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.modbus.framing import Trouble
@@ -61,11 +61,11 @@ def test_a_fault_of_the_line_costs_a_row_and_is_counted(
 ) -> None:
     driver = opened(transmitter)
     transmitter.fault(fault, count=1)
-    rows = cycle(driver, lambda rows: bool(rows and rows[-1][2] >> 8 & 1 << trouble))
+    rows = cycle(driver, lambda rows: bool(rows and status(rows[-1]) >> 8 & 1 << trouble))
     assert {tuple(row[:2]) for row in rows} == {(12.5, 1250.0)}
     assert driver.client.counts[trouble] >= 1
-    assert rows[-1][2] >> 16 & 0xFF == sum(driver.client.counts)
-    assert rows_of(driver, 1)[-1][2] >> 8 & 0xFF == 0  # news are told once
+    assert status(rows[-1]) >> 16 & 0xFF == sum(driver.client.counts)
+    assert status(rows_of(driver, 1)[-1]) >> 8 & 0xFF == 0  # news are told once
 
 
 @RTU
@@ -148,7 +148,7 @@ def test_an_overload_is_a_flag_and_the_value_goes_on(transmitter: TransmitterBen
     driver = opened(transmitter)
     transmitter.physics.force = 620.0
     rows = cycle(driver, lambda rows: bool(rows and rows[-1][0] == 620.0))
-    assert rows[-1][2] & 2
+    assert status(rows[-1]) & 2
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,8 @@ class _Connection(asyncio.Protocol):
         self._buffer = bytearray()
         self._transport: asyncio.Transport | None = None
         self._loop = asyncio.get_running_loop()
-        self._whole_at = 0.0  # when a frame sent in pieces is out
+        self._torn = False  # a frame is out in part
+        self._held: list[Pieces] = []
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         if isinstance(transport, asyncio.Transport):
@@ -129,16 +130,19 @@ class _Connection(asyncio.Protocol):
             self.reset()
 
     def _answer(self, pieces: Pieces) -> None:
-        """Send the pieces of one frame; nothing comes between them, as in any stream."""
-        at = max(self._loop.time(), self._whole_at)
-        for pause_s, piece in pieces:
-            at += pause_s
-            if at > self._loop.time():
-                self._loop.call_at(at, self._send, piece)
+        """Send a frame; one that is sent in pieces holds up those behind it, as in any stream."""
+        if self._torn:
+            self._held.append(pieces)
+            return
+        self._torn = len(pieces) > 1
+        wait_s = 0.0
+        for number, (pause_s, piece) in enumerate(pieces, 1):
+            wait_s += pause_s
+            if wait_s > 0:
+                last = number == len(pieces)
+                self._loop.call_later(wait_s, self._send, piece, self._torn and last)
             else:
-                self._send(piece)
-        if len(pieces) > 1:
-            self._whole_at = at + 1e-3  # later timers of one time run in any order
+                self._send(piece, False)
 
     def reset(self) -> None:
         """Close with RST, as a crashed device does."""
@@ -147,9 +151,14 @@ class _Connection(asyncio.Protocol):
             connected.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             self._transport.abort()
 
-    def _send(self, piece: bytes) -> None:
+    def _send(self, piece: bytes, is_last: bool) -> None:
         if self._transport is not None:
             self._transport.write(piece)
+        if is_last:
+            self._torn = False
+            held, self._held = self._held, []
+            for pieces in held:
+                self._answer(pieces)
 
 
 @dataclass
@@ -189,10 +198,13 @@ class SerialLine(Line):
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
-        name = os.ttyname(self._slave)
         if self.path.is_symlink():
             self.path.unlink()  # left by a process that was killed
-        self.path.symlink_to(name)
+        try:
+            self.path.symlink_to(os.ttyname(self._slave))
+        except OSError:
+            self._close()
+            raise
         asyncio.get_running_loop().add_reader(self._master, self._hear, handle)
         self._sender = asyncio.create_task(self._send_all())
         return f"Modbus RTU at {self.path} ({self.baud} baud)"
@@ -214,10 +226,13 @@ class SerialLine(Line):
         if self._master < 0:
             return
         asyncio.get_running_loop().remove_reader(self._master)
+        self._close()
+        self.path.unlink(missing_ok=True)
+
+    def _close(self) -> None:
         os.close(self._master)
         os.close(self._slave)
         self._master = self._slave = -1
-        self.path.unlink(missing_ok=True)
 
     def _hear(self, handle: Handler) -> None:
         loop = asyncio.get_running_loop()

@@ -15,7 +15,7 @@ from rigd_sim.wire.part import State
 
 #: The converter's rate, in Hz, and conversions made up for at most after a pause.
 _RATE_HZ = 300.0
-_MOST_CONVERSIONS = 100
+_MOST_CONVERSIONS = 1000
 #: The weight is stable while it has moved by less than so many noise deviations plus counts.
 _STABLE_DEVIATIONS = 6.0
 
