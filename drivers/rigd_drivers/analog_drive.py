@@ -51,7 +51,8 @@ class AnalogDrive(Driver):
     """A drive that takes its set value in volts and shows one monitor in volts.
 
     Subclasses name the setpoint and the monitored quantity. Safe means 0 V and not enabled, at
-    once; the outputs of the card go on driving, since an input left open may drift.
+    once; the outputs of the card go on driving, since an input left open may drift. Closing the
+    card brings them to rest too.
     """
 
     link_kind: ClassVar[str] = "card"
@@ -72,7 +73,15 @@ class AnalogDrive(Driver):
         super().__init__(config, link)
         self._setpoint = setpoint
         self._volts_per_unit = (-1.0 if config.set_inverted else 1.0) / set_scale
-        self._units_per_volt = -monitor_scale if config.monitor_inverted else monitor_scale
+        scale = -monitor_scale if config.monitor_inverted else monitor_scale
+        self._units_per_volt = scale
+        ends = [(volts - config.monitor_zero) * scale for volts in (-10.0, 10.0)]
+        name, doc = setpoint.name, f"{setpoint.doc}, by the monitor"
+        #: What the monitor gives: the quantity of the setpoint, and the volts it comes from.
+        self.monitor_channels = (
+            Channel(name, setpoint.unit, doc, min(ends), max(ends)),
+            Channel(f"{name}_raw", "V", "monitor at the card", -10, 10, raw_of=name),
+        )
         self._armed = False
         self._enabled = False  # ready, once, since it was armed
         self._limited = False
@@ -149,10 +158,6 @@ class AnalogDrive(Driver):
     def rescue(self) -> None:
         """Bring all outputs of the card to rest, over a connection of its own."""
         self.link.rescue()
-
-    def close(self) -> None:
-        """Leave the drive safe; the card belongs to the rig."""
-        self.make_safe()
 
     def _rest(self) -> None:
         self.link.set_volts(self.config.set_output, 0.0)

@@ -49,11 +49,7 @@ class AnalogServo(AnalogDrive):
             monitor_scale=config.monitor_scale,
         )
         self.setpoints = (setpoint,)
-        span = 10.0 * config.monitor_scale
-        self.channels = (
-            Channel("current", "A", "motor current by the monitor", -span, span),
-            Channel("current_raw", "V", "monitor at the card", -10, 10, raw_of="current"),
-        )
+        self.channels = self.monitor_channels
 
     def read(self, t_ns: int) -> Sequence[float]:
         """Return current, monitor volts, status (:mod:`rigd_drivers.analog_drive`).

@@ -66,12 +66,10 @@ class AnalogSpeedServo(AnalogDrive):
         )
         clutch = Channel("engaged", "1", "clutch: 1 engaged, 0 released (no force)", 0.0, 1.0)
         self.setpoints = (setpoint,) if config.clutch_output is None else (setpoint, clutch)
-        span = 10.0 * config.monitor_scale
         self.channels = (
             Channel("position", "m", "position of the axis since it was opened"),
             Channel("counts", "count", "encoder counts", raw_of="position"),
-            Channel("speed", "m/s", "speed by the monitor", -span, span),
-            Channel("speed_raw", "V", "monitor at the card", -10, 10, raw_of="speed"),
+            *self.monitor_channels,
         )
         self._counter = EncoderCounter(config.encoder, config.fastest)
         distance = config.distance_per_count

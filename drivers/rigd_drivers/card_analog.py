@@ -28,7 +28,7 @@ class AnalogInput(BaseModel):
     """Change of the quantity per volt, with its unit, such as `9.8 m/s^2/V`; may be negative."""
     zero: Annotated[float, In("V")] = 0.0
     """Voltage at which the quantity is zero."""
-    doc: str = ""
+    doc: str | None = None
     """What it measures, for the recording."""
 
     @field_validator("unit")
@@ -55,10 +55,11 @@ class AnalogInput(BaseModel):
 
     def channels(self) -> tuple[Channel, Channel]:
         """Return the converted channel and the raw one."""
+        source = f"analogue input {self.input} of the card"
         ends = [(volts - self.zero) * self.per_volt for volts in (-10.0, 10.0)]
         return (
-            Channel(self.name, self.unit, self.doc, min(ends), max(ends)),
-            Channel(f"{self.name}_raw", "V", "input of the card", -10, 10, raw_of=self.name),
+            Channel(self.name, self.unit, self.doc or f"by {source}", min(ends), max(ends)),
+            Channel(f"{self.name}_raw", "V", source, -10, 10, raw_of=self.name),
         )
 
 

@@ -252,3 +252,10 @@ def test_a_drive_that_was_never_opened_is_safe_silently() -> None:
         servo = AnalogServo(config, link)
         servo.make_safe()
         servo.close()
+
+
+def test_the_range_of_the_channel_is_what_the_input_can_show() -> None:
+    config = AnalogServoConfig.model_validate(OPTIONS | {"monitor_zero": "1 V"})
+    current, raw = AnalogServo(config, None).channels
+    assert (current.name, current.low, current.high) == ("current", -22.5, 27.5)
+    assert (raw.name, raw.low, raw.high, raw.raw_of) == ("current_raw", -10, 10, "current")
