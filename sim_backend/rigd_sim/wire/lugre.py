@@ -94,7 +94,7 @@ class TransmitterOptions(SimulationConfig):
 
     host: str = "127.0.0.1"
     """Address where it is reached."""
-    port: Annotated[int, Ge(1), Le(65535)] = 15020
+    port: Annotated[int, Ge(1), Le(65535)]
     """TCP port where it is reached."""
     instrument: str = "laumas-tlb4"
     """Which transmitter: laumas-tlb4, seneca-z-sg2, tuna-id551."""
@@ -291,7 +291,7 @@ class DeviceOptions(SimulationConfig):
     """Encoder of the measuring wheel on the guide."""
     accelerometer: CardOptions | None = CardOptions()
     """NI card with the accelerometer of the carriage."""
-    traction: TransmitterOptions | None = TransmitterOptions()
+    traction: TransmitterOptions | None = None
     """Load cell that measures the force of the floor on the wheel, on a Modbus transmitter."""
     scale: ScaleOptions | None = ScaleOptions()
     """Scale on which the quarter model rests, with its weights."""
