@@ -92,12 +92,12 @@ class RecorderProcess:
 
     def poll(self, silence_s: float = SILENCE_S) -> Health:
         """Return how the recorder is; it is silent after ``silence_s`` without a sign of life."""
-        state = self.state
+        gone = self._process is None or self._process.poll() is not None
+        state = self.state  # asked after: the last that it said
         if state is RecorderState.FAILED:
             return Health.FAILED
-        if self._process is None or self._process.poll() is not None:
-            # Asked again: it may have ended between the two questions.
-            return Health.ENDED if self.state is RecorderState.FINISHED else Health.DIED
+        if gone:
+            return Health.ENDED if state is RecorderState.FINISHED else Health.DIED
         bound_s = START_S if state is RecorderState.STARTING else silence_s
         alive_ns = max(self._board[Word.BEAT_RECORDER], self._started_ns)
         if time.monotonic_ns() - alive_ns > bound_s * 1e9:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.numbered import CAPACITIES, START_NS, STREAMS, check_numbered, own_events
 
 from rigd.engine.recorder import drain_leftovers
 from rigd.engine.recorder.transfer import Transfer
@@ -17,8 +18,6 @@ from rigd.engine.shared import EventRing, Job, RowRing, RunFolder
 from rigd.model import RecordingError
 from rigd.model.rows import row_dtype
 from rigd.record import Event, Recording, RecordingWriter, run_info
-
-from .conftest import CAPACITIES, START_NS, STREAMS, check_numbered, own_events
 
 
 class Source:

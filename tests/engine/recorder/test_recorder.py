@@ -15,14 +15,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
+from support.command import rigd
+from support.numbered import START_NS, check_numbered, own_events
 
 from rigd.engine.recorder import Health, RecorderProcess, drain_leftovers
 from rigd.engine.shared import Job, Phase, RecorderState, RunFolder, Word
 from rigd.model import RecordingError
 from rigd.model.errors import Blocked
 from rigd.record import Recording, RecordingWriter, run_info
-
-from .conftest import START_NS, check_numbered, own_events
 
 #: Stands for the cycle: numbered rows at about 4 kHz into three rings, until VERB is set.
 WRITER = """
@@ -287,46 +287,41 @@ def test_the_rig_stays_locked_until_its_recorder_is_gone(bench: Bench) -> None:
     RunFolder.take("bench", command="test").release()
 
 
-def rigd(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "rigd", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
 @pytest.mark.parametrize("named", [True, False])
-def test_rigd_recover_completes_a_killed_run(bench: Bench, named: bool) -> None:
+def test_rigd_recover_completes_a_killed_run(bench: Bench, named: bool, tmp_path: Path) -> None:
     bench.recorder.start()
     bench.recorder.wait_until_recording()
     bench.rows_later(500)
     kill(bench.recorder.pid)
     bench.rows_later(100)
-    in_use = rigd("recover", str(bench.job.recording))
-    assert in_use.returncode == 7
-    assert "rig bench is in use by process" in in_use.stderr
+    in_use = rigd("recover", bench.job.recording, cwd=tmp_path)
+    assert in_use.code == 7
+    assert "rig bench is in use by process" in in_use.err
     bench.writer.kill()
     bench.writer.wait()
     wait_until(lambda: bench.recorder.poll() is Health.DIED)
     bench.folder.release()
-    done = rigd("recover", *([str(bench.job.recording)] if named else []))
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "run.mcap: completed with what its killed run had left in memory" in done.stdout
+    done = rigd("recover", *([bench.job.recording] if named else []), cwd=tmp_path)
+    assert (done.code, done.err) == (0, "")
+    assert "run.mcap: completed with what its killed run had left in memory" in done.out
     counts = {name: ring.head for name, ring in bench.rings.items()}
     check_numbered(bench.job.recording, counts)
-    again = rigd("recover")
-    assert (again.returncode, again.stdout) == (0, "no killed run has left anything behind\n")
+    again = rigd("recover", cwd=tmp_path)
+    assert (again.code, again.out) == (0, "no killed run has left anything behind\n")
 
 
-def test_a_job_that_cannot_be_read_is_named(folder: RunFolder, job: Job) -> None:
+def test_a_job_that_cannot_be_read_is_named(folder: RunFolder, job: Job, tmp_path: Path) -> None:
     folder.release()
     (folder.path / "job.json").write_text(json.dumps({"rig": "bench"}))
-    done = rigd("recover")
-    assert done.returncode == 7
-    assert str(folder.path) in done.stderr
+    done = rigd("recover", cwd=tmp_path)
+    assert done.code == 7
+    assert str(folder.path) in done.err
     assert Path(folder.path, "rows-0.ring").exists()
     # It keeps no other recording from being repaired, but is named there too.
     RecordingWriter.create(
         job.recording, streams=job.streams, metadata={}, attachments=(), start_ns=START_NS
     ).close()
-    done = rigd("recover", str(job.recording))
-    assert done.returncode == 7
-    assert str(folder.path) in done.stderr
-    assert done.stdout == f"{job.recording}: intact\n"
+    done = rigd("recover", job.recording, cwd=tmp_path)
+    assert done.code == 7
+    assert str(folder.path) in done.err
+    assert done.out == f"{job.recording}: intact\n"
