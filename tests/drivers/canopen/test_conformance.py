@@ -1,0 +1,43 @@
+"""The CAN drivers keep the promises of the SDK, on simulated nodes behind a real socket."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import pytest
+from support.can_bench_sim import can_peer
+
+from rigd.sdk.check import check_driver
+from rigd_drivers.cia402_servo.current import CurrentServo
+from rigd_drivers.cia402_servo.speed import SpeedServo
+from rigd_drivers.cia406_encoder import Cia406Encoder
+
+
+@pytest.mark.parametrize(
+    ("driver", "kind", "options"),
+    [
+        (
+            CurrentServo,
+            "current",
+            {"node": 1, "counts_per_revolution": "4096 count/rev", "current_range": "2 A"},
+        ),
+        (
+            SpeedServo,
+            "speed",
+            {
+                "node": 2,
+                "counts_per_revolution": "4096 count/rev",
+                "speed_range": "2 m/s",
+                "travel": "100 mm/rev",
+                "clutch": True,
+            },
+        ),
+        (Cia406Encoder, "encoder", {"node": 11, "kind": "rotary"}),
+    ],
+)
+def test_can_drivers_work_as_drivers_do(
+    driver: type[Any], kind: str, options: dict[str, Any]
+) -> None:
+    report = check_driver(driver, options, peer=partial(can_peer, kind))
+    assert not report.skipped

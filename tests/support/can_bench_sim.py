@@ -1,0 +1,72 @@
+"""Simulated CAN nodes on a hub of their own, each as a peer of the conformance suite."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rigd.sdk.check import Peer, background_loop
+from rigd_drivers.can_bus import CanBus, CanBusConfig
+from rigd_sim.wire.can.drive import Cia402Drive, Demand, Mode, Motor, Ratings, Sensed
+from rigd_sim.wire.can.encoder import Cia406Encoder, Scale
+from rigd_sim.wire.hub import CanHub
+
+
+class Shaft:
+    """A motor that turns as it is told and counts 4096 a turn."""
+
+    def __init__(self) -> None:
+        self.demand = Demand()
+
+    def sense(self, t_ns: int) -> Sensed:
+        return Sensed(counts=1234, speed=self.demand.value, torque=0.0295 * self.demand.value)
+
+    def command(self, t_ns: int, demand: Demand) -> None:
+        self.demand = demand
+
+
+def _node(kind: str, hub: CanHub) -> Cia402Drive | Cia406Encoder:
+    shaft = Shaft()
+    motor = Motor(shaft.sense, shaft.command)
+    if kind == "current":
+        return Cia402Drive("wheel", hub, 1, motor, Ratings(Mode.CST, 1.5, 2.0, 0.0295, 4096))
+    if kind == "speed":
+        return Cia402Drive("belt", hub, 2, motor, Ratings(Mode.CSV, 5.0, 9.0, 0.2, 4096))
+    return Cia406Encoder("encoder", hub, 11, lambda t_ns: 0.0, Scale(4096, 4096))
+
+
+@contextmanager
+def can_peer(kind: str) -> Iterator[Peer]:
+    """A node that runs: `current`, `speed` or `encoder`."""
+    path = Path(tempfile.mkdtemp(prefix="rigd-", dir="/tmp")) / "bus"
+    hub = CanHub("bus", path)
+    node = _node(kind, hub)
+
+    async def start() -> None:
+        await hub.start()
+        await node.start()
+
+    async def stop() -> None:
+        await node.stop()
+        await hub.stop()
+
+    async def inject(fault: str, **options: float) -> None:
+        node.inject(fault, **options)
+
+    with background_loop() as run:
+        run(start())
+        try:
+            yield Peer(
+                link=lambda: CanBus(CanBusConfig(interface="hub", channel=str(path))),
+                faults={
+                    "dead": lambda: run(hub.stop()),
+                    "silent": lambda: run(inject("silent")),
+                    "late": lambda: run(inject("slow", delay_s=1.0)),
+                    "garbled": lambda: run(inject("tpdo_short")),
+                },
+            )
+        finally:
+            run(stop())
+            path.parent.rmdir()
