@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Final, Literal
 
 from annotated_types import Ge, Le
 
-from rigd.sdk import Channel, DeviceError, Driver, DriverConfig, In
+from rigd.sdk import Channel, DeviceError, Driver, DriverConfig, In, LinkError
 from rigd_drivers.card import Card
 
 Level = Literal["high", "low"]
@@ -82,6 +82,7 @@ class AnalogDrive(Driver):
             Channel(name, setpoint.unit, doc, min(ends), max(ends)),
             Channel(f"{name}_raw", "V", "monitor at the card", -10, 10, raw_of=name),
         )
+        self._owns_outputs = False  # those of another device are never touched
         self._armed = False
         self._enabled = False  # ready, once, since it was armed
         self._limited = False
@@ -92,23 +93,24 @@ class AnalogDrive(Driver):
         """Take the outputs and inputs on the card; they stand at rest.
 
         Raises:
-            LinkError: the card does not have them, or another device drives them.
-            DeviceError: the enable line would be active at rest.
+            LinkError: the card does not have them, another device drives them, or the enable line
+                would be active at rest.
 
         """
         config, card = self.config, self.link
         if card.rests_high(config.enable_output) == (config.enable_active == "high"):
-            raise DeviceError(
+            raise LinkError(
                 f"digital output {config.enable_output} stands {config.enable_active} at rest, "
                 "which enables the drive",
                 hint="correct 'high_at_rest' of the link, or 'enable_active' here",
             )
         if config.behind_one_shot and card.one_shot_s is None:
-            raise DeviceError(
+            raise LinkError(
                 "the drive is said to stand behind a one-shot, but its card declares none",
                 hint="add 'one_shot' to the options of the link, or remove 'behind_one_shot'",
             )
         card.take_outputs(analog=(config.set_output,), lines=(config.enable_output,))
+        self._owns_outputs = True
         lines = () if config.ready_input is None else (config.ready_input,)
         card.use_inputs(analog=(config.monitor_input,), lines=lines)
         self.identity = card.identity
@@ -151,7 +153,7 @@ class AnalogDrive(Driver):
     def make_safe(self) -> None:
         """Set 0 V and disable, at once."""
         self._armed = self._enabled = False
-        if self.link is not None:
+        if self._owns_outputs:
             self._rest()
             self.link.put_out()
 

@@ -111,17 +111,21 @@ def test_safe_is_no_volts_and_not_enabled_at_once(active: str, rest: list[int]) 
 
 
 def test_an_enable_line_that_is_active_at_rest_is_refused() -> None:
-    with pytest.raises(DeviceError, match="output 3 stands low at rest, which enables the drive"):
+    with pytest.raises(LinkError, match="output 3 stands low at rest, which enables the drive"):
         Rig(enable_active="low")
-    with pytest.raises(DeviceError, match="output 3 stands high at rest, which enables the drive"):
+    with pytest.raises(LinkError, match="output 3 stands high at rest, which enables the drive"):
         Rig(link={"high_at_rest": [3]})
 
 
 def test_two_drives_never_share_an_output() -> None:
     rig = Rig()
-    second = AnalogServoConfig.model_validate(OPTIONS | {"enable_output": 0})
-    with pytest.raises(LinkError, match="analogue output 2 is driven by two devices"):
-        AnalogServo(second, rig.link).open()
+    config = AnalogServoConfig.model_validate(OPTIONS | {"set_output": 0})
+    second = AnalogServo(config, rig.link)
+    with pytest.raises(LinkError, match="digital output 3 is driven by two devices"):
+        second.open()
+    rig.arm()
+    second.make_safe()
+    assert rig.enable_line, "one that never had an output leaves it alone"
 
 
 def test_the_status_word_tells_what_the_drive_does() -> None:
@@ -190,7 +194,7 @@ def guarded(*, nominal_s: float = 0.05) -> tuple[Rig, OneShot]:
 def test_the_watchdog_is_that_of_the_card_or_none() -> None:
     assert Rig(link={"one_shot": ONE_SHOT_OPTIONS}).servo.watchdog_s is None
     assert guarded()[0].servo.watchdog_s == 0.1
-    with pytest.raises(DeviceError, match="behind a one-shot, but its card declares none"):
+    with pytest.raises(LinkError, match="behind a one-shot, but its card declares none"):
         Rig(behind_one_shot=True)
 
 
