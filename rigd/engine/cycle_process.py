@@ -51,10 +51,9 @@ class CycleProcess:
         self._board = board = run.board()
         self._events = run.event_ring("cycle")
         self._control = Control()
-        clock = RealClock(self._job.rig.period_ns, board[Word.START_NS], board[Word.ORIGIN_NS])
-        wiring = wire(
-            self._job.rig, clock, self._control, self._job.seed, stand_ins(self._job.rig, folder)
-        )
+        rig = self._job.rig
+        clock = RealClock(rig.period_ns, board[Word.START_NS], board[Word.ORIGIN_NS])
+        wiring = wire(rig, clock, self._control, self._job.seed, stand_ins(rig, folder))
         self._cycle: Cycle = wiring.cycle
         self._plant = wiring.plant
         # A ring has one writer: devices beside the cycle have theirs.
@@ -70,7 +69,7 @@ class CycleProcess:
         self._arming_since: int | None = None
         self._ticking = False
         self._real_time = RealTime()
-        self._silence_ns = round(self._job.rig.supervision.daemon_silence_s * 1e9)
+        self._silence_ns = round(rig.supervision.daemon_silence_s * 1e9)
         self._told_steps = ""
         self._told_trips = 0
         self._unsent: deque[bytes] = deque()
