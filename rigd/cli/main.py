@@ -9,7 +9,20 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from rigd import __version__
-from rigd.cli import check, completion, export, identify, info, jog, recover, run, runs, schema, sim
+from rigd.cli import (
+    check,
+    completion,
+    drivers,
+    export,
+    identify,
+    info,
+    jog,
+    recover,
+    run,
+    runs,
+    schema,
+    sim,
+)
 from rigd.model.errors import Exit, RigdError
 
 #: In the order a newcomer needs them.
@@ -23,6 +36,7 @@ COMMANDS: tuple[ModuleType, ...] = (
     export,
     recover,
     sim,
+    drivers,
     schema,
     completion,
 )

@@ -93,8 +93,8 @@ class ScaleConfig(DriverConfig):
 class SerialScale(SlowDriver):
     """A scale, asked for its weight again and again; safe as it is, for it moves nothing.
 
-    A row is the mass in kg (``force`` in N where the scale shows newtons) and a
-    :class:`ScaleStatus`; beyond its range the value is NaN, so that interlocks trip.
+    A row is the mass in kg (``force`` in N where the scale shows newtons) and a status word:
+    stable 1, overload 2, underload 4. Beyond its range the value is NaN, so that interlocks trip.
     """
 
     Config: ClassVar[type[DriverConfig]] = ScaleConfig

@@ -7,16 +7,15 @@ import inspect
 import math
 import re
 from collections.abc import Callable, Iterator
-from typing import Any, Final, get_args
+from typing import Final
 
-from pydantic import BaseModel, ValidationError
-from pydantic.fields import FieldInfo
+from pydantic import ValidationError
 
 from rigd.model.channels import STATUS_FIELD, Channel
 from rigd.sdk.check.caller import Caller, Hung
 from rigd.sdk.check.subject import Rule, Subject, described
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
-from rigd.sdk.quantities import In
+from rigd.sdk.options import options_of
 
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
 #: Every call on a driver that is not open must return at once; machines stall, so in s:
@@ -43,17 +42,15 @@ def _safe_is_said(subject: Subject) -> Iterator[str]:
 
 
 def _options_documented(subject: Subject) -> Iterator[str]:
-    for where, field in _fields(subject.driver_class.Config):
-        if not (field.description or "").strip():
-            yield f"option {where} has no documentation"
+    for option in options_of(subject.driver_class.Config):
+        if not option.doc:
+            yield f"option {option.name} has no documentation"
 
 
 def _options_have_units(subject: Subject) -> Iterator[str]:
-    for where, field in _fields(subject.driver_class.Config):
-        kinds = {field.annotation, *get_args(field.annotation)}
-        marked = [*field.metadata, *(m for kind in kinds for m in get_args(kind)[1:])]
-        if float in kinds and not any(isinstance(one, In) for one in marked):
-            yield f"option {where} is a bare float"
+    for option in options_of(subject.driver_class.Config):
+        if option.bare:
+            yield f"option {option.name} is a bare float"
 
 
 def _options_strict(subject: Subject) -> Iterator[str]:
@@ -182,22 +179,6 @@ def _named_well(what: str, channels: tuple[Channel, ...]) -> Iterator[str]:
 
 def _own_classes(cls: type[AnyDriver]) -> list[type]:
     return [one for one in inspect.getmro(cls) if one.__module__ != Driver.__module__]
-
-
-def _fields(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:
-    """Yield every option, those of nested parts too, by its path."""
-    for name, field in model.model_fields.items():
-        yield prefix + name, field
-        for part in _models_in(field.annotation):
-            if part is not model:
-                yield from _fields(part, f"{prefix}{name}.")
-
-
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for argument in get_args(annotation):
-        yield from _models_in(argument)
 
 
 #: Rules for the class alone.

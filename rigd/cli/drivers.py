@@ -1,0 +1,159 @@
+"""``rigd drivers``: what is installed, with the options and channels of each."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from rigd.cli.inventory import Installed
+    from rigd.model.channels import Channel
+
+HELP = "list what is installed: drivers, links, plants, simulations"
+EXAMPLES = """\
+examples:
+  rigd drivers                        names, kinds and what each is
+  rigd drivers serial-scale           its options, channels, setpoints and actions
+  rigd drivers serial-scale --json
+
+  Any installed package may bring some: see docs/drivers.md and `rigd new driver`.
+  Exit code 2: there is no such name, or what was asked for cannot be loaded.
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("name", nargs="?", metavar="NAME", help="show this one in full")
+    parser.add_argument("--json", action="store_true", help="print everything as JSON")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """List what is installed; what is broken never hides the rest."""
+    from rigd.cli.inventory import look_at, points
+    from rigd.config.problems import suggest
+    from rigd.model.errors import ConfigError, Exit
+
+    everything = list(points())
+    wanted = [one for one in everything if args.name in (None, one[1].name)]
+    if not wanted:
+        names = {point.name for _, point in everything}
+        raise ConfigError(
+            f"nothing of the name {args.name!r} is installed",
+            hint=suggest(args.name, names) or "`rigd drivers` lists what is",
+        )
+    in_full = args.json or args.name is not None
+    found = [look_at(group, point, in_full=in_full) for group, point in wanted]
+    if args.json:
+        print(json.dumps([_as_json(one) for one in found], indent=2, ensure_ascii=False))
+    else:
+        from rich.console import Console
+
+        # Piped, a line is a line: nothing folds.
+        console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
+        if args.name is None:
+            _print_list(console, found)
+        else:
+            for one in found:
+                _print_one(console, one)
+    broken = args.name is not None and any(one.broken for one in found)
+    return int(Exit.BAD_INPUT if broken else Exit.OK)
+
+
+def _as_json(one: Installed) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    data = asdict(one)
+    for option in data["options"]:
+        del option["bare"]
+    for key in ("channels", "setpoints"):
+        for channel in data[key] or ():
+            for bound in ("low", "high"):  # JSON has no infinity
+                if channel[bound] in (float("inf"), float("-inf")):
+                    channel[bound] = None
+    return data
+
+
+def _print_list(console: Console, found: list[Installed]) -> None:
+    from rich.markup import escape
+    from rich.table import Table
+
+    from rigd.cli.inventory import GROUPS
+
+    for kind in GROUPS.values():
+        members = [one for one in found if one.kind == kind.name]
+        if not members:
+            continue
+        console.print(f"[bold]{kind.name}s[/]   {escape(kind.where)}")
+        table = Table(box=None, pad_edge=False, show_header=False)
+        for _ in range(3):
+            table.add_column(overflow="fold")
+        for one in members:
+            text = f"[red]broken: {escape(one.broken)}[/]" if one.broken else escape(one.title)
+            table.add_row(f"  {one.name}", f"{one.package} {one.version}", text)
+        console.print(table)
+
+
+def _print_one(console: Console, one: Installed) -> None:
+    from rich.markup import escape
+
+    console.print(f"[bold]{one.name}[/]  {one.kind} of {one.package} {one.version}")
+    if one.broken:
+        console.print(f"  [red]broken: {escape(one.broken)}[/]", soft_wrap=True)
+        return
+    for line in one.doc.splitlines():
+        console.print(f"  {escape(line)}", soft_wrap=True)
+    if one.kind == "driver":
+        needs = f"a link of kind {one.link_kind!r}" if one.link_kind else "no link of the rig file"
+        console.print(f"  stands on {needs}")
+    rows = [
+        (
+            option.name,
+            "required" if option.required else option.default,
+            option.kind,
+            option.doc.partition("\n\n")[0].replace("\n", " "),
+        )
+        for option in one.options
+    ]
+    _print_table(console, "options", ("", "default", "takes", ""), rows)
+    if one.kind != "driver":
+        return
+    if one.channels is None:
+        console.print("channels and setpoints depend on its options")
+        return
+    of = f" of {one.example}" if one.example else ""
+    channels = [*map(_channel_row, one.channels)]
+    if one.has_status:
+        channels.append(("status", "", "", "bits, see above"))
+    _print_table(console, f"channels{of}", ("", "unit", "range", ""), channels)
+    _print_table(
+        console, f"setpoints{of}", ("", "unit", "range", ""), [*map(_channel_row, one.setpoints)]
+    )
+    _print_table(console, "actions", ("", ""), list(one.actions.items()))
+
+
+def _channel_row(channel: Channel) -> tuple[str, str, str, str]:
+    shown = f"{channel.low:g} to {channel.high:g}"
+    return channel.name, channel.unit, "" if shown == "-inf to inf" else shown, channel.doc
+
+
+def _print_table(
+    console: Console, title: str, columns: tuple[str, ...], rows: Sequence[tuple[str, ...]]
+) -> None:
+    from rich.markup import escape
+    from rich.table import Table
+
+    if not rows:
+        return
+    console.print(f"[bold]{title}[/]")
+    table = Table(box=None, pad_edge=False, show_header=any(columns))
+    for column in columns:
+        table.add_column(column, overflow="fold")
+    for row in rows:
+        first, *rest = map(escape, row)
+        table.add_row(f"  {first}", *rest)
+    console.print(table)
