@@ -63,13 +63,13 @@ class Mf624Config(LinkConfig):
     """The device file, the socket of the emulator, or what the entry point takes."""
     high_at_rest: tuple[Line, ...] = ()
     """Digital outputs that stand high while nothing is driven, such as enable lines that are
-    active low; all others stand low. An output that is high when the card has no power needs
-    an inverter behind it."""
+    active low; all others stand low. The card wakes with all of them low: what is active low must
+    be held off by its wiring until rigd has opened the card."""
     encoder_filter: bool = True
     """Whether the encoder inputs suppress pulses too short to be the encoder's."""
     reference: ReferenceOptions | None = None
     """Input on a known voltage: the only way to see that a scan came short or shifted, or that
-    the converter stands still."""
+    the converter is off."""
     one_shot: OneShotOptions | None = None
     """External watchdog. The card has none: when this computer dies, its outputs hold."""
 

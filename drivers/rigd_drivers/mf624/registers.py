@@ -93,5 +93,9 @@ def irc_control(*, filtered: bool) -> int:
 
 
 def index_bits(status: int) -> int:
-    """Return the index signals of the encoders, a bit each, from IRCSTATUS."""
+    """Return the index signals of the encoders, a bit each, from IRCSTATUS.
+
+    Taken to be bit 0 of each encoder's byte, where IRCCTRL has its byte too; not yet seen on a
+    real card.
+    """
     return mask_of(encoder for encoder in range(ENCODERS) if status >> (8 * encoder) & 1)
