@@ -29,6 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Serve until a signal; a line per device once all can be reached."""
     from rigd.config.loader import load_rig
+    from rigd.engine.realtime import SIMULATED_PRIORITY, RealTime
     from rigd.model.errors import ConfigError, Exit
 
     rig = load_rig(args.rig)
@@ -45,6 +46,7 @@ def execute(args: argparse.Namespace) -> int:
         stopped = True
 
     def started(lines: Sequence[str]) -> None:
+        RealTime().schedule(SIMULATED_PRIORITY)
         print(*lines, f"rig {rig.name} is served; Ctrl-C ends it", sep="\n", flush=True)
 
     # Signals are heeded from here on, also while the simulation starts.

@@ -17,6 +17,8 @@ from typing import Final
 
 #: SCHED_FIFO priority of the cycle: above interrupt threads' 50, below the kernel's watchdogs 99.
 PRIORITY: Final = 80
+#: That of devices simulated at the wire: they stand for hardware, which does not wait for programs.
+SIMULATED_PRIORITY: Final = 70
 _MCL_CURRENT: Final = 1  # <sys/mman.h>
 _MCL_FUTURE: Final = 2
 _PR_SET_TIMERSLACK: Final = 29  # <linux/prctl.h>
@@ -39,7 +41,7 @@ class RealTime:
         self._slack()
         self._hold_latency()
         self._lock_memory()
-        self._schedule(priority)
+        self.schedule(priority)
 
     def leave(self) -> None:
         """Give back what others would miss: the processor's sleep."""
@@ -79,7 +81,8 @@ class RealTime:
             "set `ulimit -l unlimited` (LimitMEMLOCK=infinity)"
         )
 
-    def _schedule(self, priority: int) -> None:
+    def schedule(self, priority: int = PRIORITY) -> None:
+        """Ask for SCHED_FIFO at ``priority`` for the calling thread, or else for what comes near."""
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
             self.granted.append(f"SCHED_FIFO {priority}")
