@@ -30,7 +30,7 @@ class ConnectionConfig(DriverConfig):
     """TCP port (with ``host``)."""
     serial_port: str | None = None
     """Path of the serial port: Modbus RTU. Use the stable name below /dev/serial/by-id."""
-    baud: Annotated[int, Ge(300), Le(4_000_000)] = 19200
+    baud: Annotated[int, Ge(1200), Le(4_000_000)] = 19200
     """Baud rate (with ``serial_port``), as set in the device."""
     parity: Literal["none", "even", "odd"] = "even"
     """Parity (with ``serial_port``), as set in the device."""

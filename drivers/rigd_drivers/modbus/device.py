@@ -144,5 +144,7 @@ class ModbusDevice(Driver):
         now_ns = time.monotonic_ns()
         if now_ns < self._due_ns:
             return False
-        self._due_ns = max(self._due_ns + self._period_ns, now_ns)
+        self._due_ns += self._period_ns
+        if self._due_ns <= now_ns:
+            self._due_ns = now_ns + self._period_ns
         return True

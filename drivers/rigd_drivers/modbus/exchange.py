@@ -58,7 +58,8 @@ class Exchange:
         self._buffer = bytearray()
         self._request: Request | None = None
         self._give_up_ns = 0
-        self._settled_ns = 0
+        self._settled_ns = 0  # when no reply to the request under way can come any more
+        self._late_until_ns = 0  # the same, of those given up
         self._free_ns = 0
         self._noise = False
         self._news = 0
@@ -117,11 +118,13 @@ class Exchange:
         """Give up the request under way, if any, and leave the line alone for one gap only.
 
         For a write that cannot wait: its answer is an echo that no late reply can be taken for.
+        Whatever is asked after it waits again.
         """
         gap_over_ns = now_ns + self.timing.gap_ns
-        self._rest(gap_over_ns if self.waiting else min(self._free_ns, gap_over_ns))
-        if self.timing.settle_ns:
-            self._buffer.clear()
+        if self._request is not None:
+            self._give_up(now_ns)
+            self._free_ns = gap_over_ns
+        self._free_ns = min(self._free_ns, gap_over_ns)
 
     def status(self) -> int:
         """Return the troubles since the last call (bits 8 to 15), and their count (16 to 23)."""
@@ -130,25 +133,30 @@ class Exchange:
 
     def _finish(self, request: Request, pdu: bytes, now_ns: int) -> Answer | Failure:
         if len(pdu) == 2 and pdu[0] == request.function | REFUSAL:
-            self._rest(now_ns + self.timing.gap_ns)
+            self._rest(now_ns)
             self._count(Trouble.REFUSED)
             return Failure(request, Trouble.REFUSED, pdu[1])
         words = request.words(pdu)
         if words is None:
             return self._fail(request, Trouble.WRONG_REPLY, now_ns)
-        self._rest(now_ns + self.timing.gap_ns)
+        self._rest(now_ns)
         return Answer(request, words)
 
     def _fail(self, request: Request, trouble: Trouble, now_ns: int) -> Failure:
-        self._rest(max(self._settled_ns, now_ns + self.timing.gap_ns))
-        if self.timing.settle_ns:
-            self._buffer.clear()
+        self._give_up(now_ns)
         self._count(trouble)
         return Failure(request, trouble)
 
-    def _rest(self, until_ns: int) -> None:
+    def _give_up(self, now_ns: int) -> None:
+        """End the request under way; a reply to it may come yet."""
+        if self.timing.settle_ns:
+            self._buffer.clear()
+            self._late_until_ns = max(self._late_until_ns, self._settled_ns)
+        self._rest(now_ns)
+
+    def _rest(self, now_ns: int) -> None:
         self._request = None
-        self._free_ns = until_ns
+        self._free_ns = max(now_ns + self.timing.gap_ns, self._late_until_ns)
 
     def _ignore(self, now_ns: int) -> None:
         """Throw away what nobody asked for, and wait until it is over."""

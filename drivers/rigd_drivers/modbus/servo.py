@@ -114,7 +114,8 @@ class ModbusServo(ModbusDevice):
 
         """
         self.check(self._map.expect)
-        self._disable()
+        for request in self._map.writes(self._map.disable):
+            self.client.ask(request)
         self._words = self.fetch(self._reads)
         if all_hold(self._map.fault, self._words):
             self._reset()
@@ -167,8 +168,8 @@ class ModbusServo(ModbusDevice):
 
         """
         (speed,) = setpoints
-        if math.isnan(speed):
-            raise DeviceError("the speed setpoint is not a number; the last one holds")
+        if not math.isfinite(speed):
+            raise DeviceError(f"the speed setpoint is {speed}, not a number; the last one holds")
         self._setpoint = speed
 
     def read(self, t_ns: int) -> Sequence[float] | None:
@@ -196,7 +197,8 @@ class ModbusServo(ModbusDevice):
         self._steps.clear()
         self._plan.clear()
         if self._client is not None:
-            self._disable()
+            for request in self._map.writes(self._map.disable):
+                self.client.insist(request, SAFE_S / len(self._map.disable))
 
     def rescue(self) -> None:
         """See :class:`~rigd.sdk.Driver`: disable over a connection opened anew."""
@@ -272,16 +274,6 @@ class ModbusServo(ModbusDevice):
             hint="read its display; a communication fault means that it heard nothing for "
             f"{self.config.watchdog:g} s",
         )
-
-    def _disable(self) -> None:
-        """Write what takes the torque away.
-
-        Raises:
-            LinkError: the drive did not acknowledge.
-
-        """
-        for request in self._map.writes(self._map.disable):
-            self.client.insist(request, SAFE_S / len(self._map.disable))
 
     def _tripped(self) -> bool:
         conditions = self._map.watchdog.tripped

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rigd_drivers.modbus.exchange import Answer, Exchange, Failure, Timing
 from rigd_drivers.modbus.framing import RtuFraming, TcpFraming, Trouble, crc16
-from rigd_drivers.modbus.pdu import read_registers
+from rigd_drivers.modbus.pdu import read_registers, write_register
 
 MS = 1_000_000
 RTU = Timing(50 * MS, settle_ns=200 * MS, gap_ns=2 * MS, byte_ns=MS // 10)
@@ -83,6 +83,17 @@ def test_an_abandoned_request_frees_the_line_after_one_gap() -> None:
     exchange.abandon(10 * MS)
     assert not exchange.free(11 * MS)
     assert exchange.free(12 * MS)
+
+
+def test_a_reply_to_an_abandoned_request_is_not_taken_for_a_later_ones() -> None:
+    exchange = Exchange(RtuFraming(), 1, RTU)
+    exchange.send(READ_5, 0)
+    exchange.abandon(10 * MS)
+    urgent = write_register(7, 0)
+    frame = exchange.send(urgent, 12 * MS)
+    assert exchange.receive(frame, 20 * MS) == Answer(urgent, ())  # a write is echoed
+    assert not exchange.free(200 * MS + WIRE - 1)
+    assert exchange.free(200 * MS + WIRE)
 
 
 def test_a_refusal_carries_its_code() -> None:

@@ -1,1 +1,0 @@
-"""Register maps of devices, made from their manuals: one TOML file each."""

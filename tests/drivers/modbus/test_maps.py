@@ -1,0 +1,94 @@
+"""The shipped maps: each is complete, and its addresses are those of the manual, less one."""
+
+from __future__ import annotations
+
+import pytest
+
+from rigd_drivers.modbus.registers import Access, Register
+from rigd_drivers.modbus.servo_map import ServoMap
+from rigd_drivers.modbus.shipped import shipped_map
+from rigd_drivers.modbus.transmitter import TransmitterMap
+
+HOLDING = 40001  # number that manuals give the register at address 0
+
+
+@pytest.mark.parametrize(
+    ("name", "force", "status", "kind"),
+    [
+        # Laumas: 40007 status, 40010-40011 net weight; magnitude, sign in the status register.
+        ("laumas-tlb4", 40010, 40007, "uint32"),
+        # Seneca MI-005370: 40064-40065 net weight, 40078 status register.
+        ("seneca-z-sg2", 40064, 40078, "float32"),
+        # Tuna ID551PN, section 3.5: 40001-40002 display weight, 40005 status.
+        ("tuna-id551", 40001, 40005, "float32"),
+    ],
+)
+def test_transmitters(name: str, force: int, status: int, kind: str) -> None:
+    described = TransmitterMap.model_validate(shipped_map(name, "transmitter"))
+    assert described.force == Register(address=force - HOLDING, type=kind)  # type: ignore[arg-type]
+    assert {flag.address for flag in described.status.values()} == {status - HOLDING}
+    assert "manual" in described.source
+
+
+@pytest.mark.parametrize(
+    ("name", "setpoint", "watchdog"),
+    [
+        ("delta-asda-b", 0x0109, 0x0304),  # P1-09, P3-04
+        ("schneider-atv320", 8602, 6005),  # LFRD, ttO
+    ],
+)
+def test_drives(name: str, setpoint: int, watchdog: int) -> None:
+    described = ServoMap.model_validate(shipped_map(name, "servo"))
+    assert described.setpoint.address == setpoint
+    assert described.watchdog.time.address == watchdog
+    assert described.scale == pytest.approx(0.10471975512)  # rpm
+
+
+def test_one_reading_is_asked_for_in_one_request() -> None:
+    described = TransmitterMap.model_validate(shipped_map("laumas-tlb4", "transmitter"))
+    (read,) = described.reads(described.polled())
+    assert (read.first, read.request.pdu.hex()) == (6, "0300060005")
+
+
+def access(**options: object) -> Access:
+    return Access.model_validate({"title": "t", "source": "s"} | options)
+
+
+@pytest.mark.parametrize(
+    ("options", "spans", "blocks"),
+    [
+        ({}, [range(0, 2), range(2, 4)], [(0, 4)]),
+        ({}, [range(0, 2), range(3, 5)], [(0, 2), (3, 2)]),
+        ({"bridge": 1}, [range(3, 5), range(0, 2)], [(0, 5)]),
+        ({"max_registers": 3}, [range(0, 2), range(2, 4)], [(0, 2), (2, 2)]),
+        ({}, [range(0, 1), range(0, 1), range(0, 4), range(1, 2)], [(0, 4)]),
+    ],
+)
+def test_reads_cover_all_tear_nothing_and_are_no_larger_than_allowed(
+    options: dict[str, object], spans: list[range], blocks: list[tuple[int, int]]
+) -> None:
+    reads = access(**options).reads(spans)
+    assert [(r.first, (r.request.reply_size - 2) // 2) for r in reads] == blocks
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "words"),
+    [
+        ("int16", -2, (0xFFFE,)),
+        ("uint16", 65535, (0xFFFF,)),
+        ("int32", -2, (0xFFFF, 0xFFFE)),
+        ("uint32", 0x12345678, (0x1234, 0x5678)),
+        ("float32", -12.5, (0xC148, 0x0000)),  # IEEE 754: sign, 1.5625 x 2^3
+    ],
+)
+def test_numbers_in_registers(kind: str, value: float, words: tuple[int, ...]) -> None:
+    register = Register(address=10, type=kind)  # type: ignore[arg-type]
+    assert register.encode(value, "high-first") == words
+    assert register.encode(value, "low-first") == words[::-1]
+    stored = dict(enumerate(words, 10))
+    assert register.decode(stored, "high-first") == value
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    with pytest.raises(ValueError, match="40000 does not fit into int16"):
+        Register(address=0, type="int16").encode(40000, "high-first")
