@@ -24,13 +24,14 @@ from rigd.engine import messages as m
 from rigd.engine.clock import RealClock
 from rigd.engine.control import Control, Verb
 from rigd.engine.cycle import DEVICE_ERRORS, Cycle
-from rigd.engine.in_process import ARM_NS, close_devices, open_devices
+from rigd.engine.in_process import ARM_NS, close_devices, judge_devices, open_devices
 from rigd.engine.player import Ending, Outcome
 from rigd.engine.realtime import RealTime
 from rigd.engine.shared import RunFolder, Word
 from rigd.engine.slow import stand_ins
 from rigd.engine.wiring import in_cycle, wire
 from rigd.record.events import NO_TRIAL
+from rigd.sdk import Driver
 
 JOB: Final = "cycle.pickle"
 #: How long setpoints may take to rest once the daemon is gone; then all is made safe at once.
@@ -66,6 +67,10 @@ class CycleProcess:
         self._serial = 0  #: of what plays, 0 where nothing was asked for that has not ended
         self._unasked: Outcome | None = None  #: how the cycle acted while nothing was asked for
         self._final: Outcome | None = None  #: every device is safe; nothing moves any more
+        self._in_cycle = [
+            mount for mount in self._cycle.rig.mounts if in_cycle(self._job.rig.devices[mount.name])
+        ]
+        self._acting: tuple[int, Driver] | None = None  #: for whom, and the device that acts
         self._arming_since: int | None = None
         self._ticking = False
         self._real_time = RealTime()
@@ -103,6 +108,8 @@ class CycleProcess:
         board[Word.AT_REST] = cycle.limiter.at_rest()
         if self._arming_since is not None and outcome is None:
             outcome = self._arming()
+        if self._acting is not None:
+            self._look_at_action(*self._acting)
         if cycle.segment != self._told_steps:
             self._told_steps = cycle.segment
             self._say(m.Entered(cycle.segment))
@@ -171,13 +178,20 @@ class CycleProcess:
                 refused = self._cycle.arm()
                 if refused is not None:
                     self._end(refused)
-            case m.Open(serial):
-                self._answer(serial, self._open())
+            case m.Open(serial, judge):
+                self._answer(serial, self._open(judge=judge))
+            case m.Judge(serial):
+                self._answer(serial, [*judge_devices(self._cycle), *self._prove_watchdogs()])
+            case m.Act(serial, device, action):
+                self._act(serial, device, action)
             case m.Ask(serial, "unfit"):
                 self._answer(serial, self._cycle.unfit())
             case m.Ask(serial, "barred"):
                 barred = self._cycle.ends_everything()
                 self._answer(serial, [barred] if barred else [])
+            case m.Ask(serial, "standing"):
+                standing = self._cycle.interlocks.active()
+                self._answer(serial, [interlock.name for interlock in standing])
             case m.Change(serial, quantity, value):
                 self._answer(serial, self._change(quantity, value))
             case m.MakeSafe(serial):
@@ -210,11 +224,13 @@ class CycleProcess:
         self._ticking = False
         self._board[Word.TICKING] = 0
 
-    def _open(self) -> Sequence[str]:
-        reasons = list(open_devices(self._cycle))
+    def _open(self, *, judge: bool) -> Sequence[str]:
+        reasons = list(open_devices(self._cycle, judge=judge))
+        self._tell("devices", {mount.name: mount.driver.identity for mount in self._in_cycle})
         if reasons:
             return reasons
-        reasons = self._prove_watchdogs()
+        if judge:
+            reasons = self._prove_watchdogs()
         self._real_time.enter()
         real_time = self._real_time
         self._tell("realtime", {"granted": real_time.granted, "lost": real_time.lost})
@@ -247,6 +263,27 @@ class CycleProcess:
             found = {"device": mount.name, "safe_after_s": took_s, "bound_s": driver.watchdog_s}
             self._tell("watchdog", found)
         return reasons
+
+    def _act(self, serial: int, device: str, action: str) -> None:
+        (driver,) = (mount.driver for mount in self._in_cycle if mount.name == device)
+        try:
+            driver.act(action)
+        except DEVICE_ERRORS as error:
+            self._say(m.Acted(serial, "", error))
+            return
+        self._acting = (serial, driver)
+
+    def _look_at_action(self, serial: int, driver: Driver) -> None:
+        """Tell what became of the action under way, once it is over."""
+        try:
+            said = driver.acted()
+        except DEVICE_ERRORS as error:
+            self._say(m.Acted(serial, "", error))
+        else:
+            if said is None:
+                return
+            self._say(m.Acted(serial, said))
+        self._acting = None
 
     def _change(self, quantity: str, value: float | str) -> Sequence[str]:
         if self._plant is None:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from rigd.engine.clock import Clock, monotonic_ns
 from rigd.engine.cycle import DEVICE_ERRORS, Cycle, CycleCounters
 from rigd.engine.interlocks import Trip
+from rigd.engine.mount import Mount
 from rigd.engine.player import Outcome
 from rigd.engine.ring import Ring
 from rigd.engine.sink import Sink
@@ -219,12 +220,13 @@ class InProcessHost:
         return sum(ring.overruns for ring in self._rings.values())
 
 
-def open_devices(cycle: Cycle) -> Sequence[str]:
+def open_devices(cycle: Cycle, *, judge: bool = True) -> Sequence[str]:
     """Open links and devices of ``cycle``; return what keeps them from being armed.
 
-    What stands on a link that could not be opened is left out: one cause, one sentence.
+    What stands on a link that could not be opened is left out: one cause, one sentence. With
+    ``judge`` False what is open is not asked whether it is fit (see :func:`judge_devices`).
     """
-    reasons = []
+    reasons: list[str] = []
     dead = set()
     for name, link in cycle.rig.links.items():
         try:
@@ -238,10 +240,24 @@ def open_devices(cycle: Cycle) -> Sequence[str]:
             continue
         try:
             driver.open()
-            reasons += [f"{mount.name}: {reason}" for reason in driver.preflight()]
         except DEVICE_ERRORS as error:
             reasons.append(f"{mount.name}: {error}")
+            continue
+        if judge:
+            reasons += _unfit(mount)
     return reasons
+
+
+def judge_devices(cycle: Cycle) -> Sequence[str]:
+    """Return what keeps the devices of ``cycle``, all open, from being armed; a sentence each."""
+    return [reason for mount in cycle.rig.mounts for reason in _unfit(mount)]
+
+
+def _unfit(mount: Mount) -> list[str]:
+    try:
+        return [f"{mount.name}: {reason}" for reason in mount.driver.preflight()]
+    except DEVICE_ERRORS as error:
+        return [f"{mount.name}: {error}"]
 
 
 def close_devices(cycle: Cycle) -> Sequence[str]:

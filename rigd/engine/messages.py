@@ -12,6 +12,7 @@ from rigd.config.rig import RigConfig
 from rigd.engine.control import Verb
 from rigd.engine.interlocks import Trip
 from rigd.engine.player import Outcome
+from rigd.model.errors import RigdError
 from rigd.procedure.program import CycleProgram
 
 #: A packet on the socket is at most this long; a longer program goes by way of a file.
@@ -39,7 +40,25 @@ class Command:
 
 @dataclass(frozen=True)
 class Open(Command):
-    """Open every device and prove its watchdog; replied by Said with what keeps it from arming."""
+    """Open every device; replied by Said with what keeps the rig from being armed.
+
+    ``judge`` False: only with what could not be opened. :class:`Judge` asks for the rest.
+    """
+
+    judge: bool = True
+
+
+@dataclass(frozen=True)
+class Judge(Command):
+    """Ask every open device whether it may be armed, and prove its watchdog; replied by Said."""
+
+
+@dataclass(frozen=True)
+class Act(Command):
+    """Begin an action of a device; replied by Acted once it is over, in the cycles that follow."""
+
+    device: str
+    action: str
 
 
 @dataclass(frozen=True)
@@ -73,7 +92,7 @@ class Change(Command):
 
 @dataclass(frozen=True)
 class Ask(Command):
-    """Ask ``unfit`` or ``barred``; replied by Said."""
+    """Ask ``unfit``, ``barred`` or ``standing`` (interlocks by name); replied by Said."""
 
     what: str
 
@@ -102,6 +121,15 @@ class Said:
 
     serial: int
     sentences: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Acted:
+    """What a device said of an action, or the error that it ended with."""
+
+    serial: int
+    said: str
+    error: RigdError | None = None
 
 
 @dataclass(frozen=True)

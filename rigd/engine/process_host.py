@@ -107,6 +107,7 @@ class ProcessHost:
         self._serial = self._closing = 0
         self._ended: dict[int, Outcome] = {}
         self._said: dict[int, tuple[str, ...]] = {}
+        self._acted: dict[int, m.Acted] = {}
         self._asked_for: Verb | None = None
         self._lost: Outcome | None = None  #: set once the cycle process is gone
         self._rescue_problems: Sequence[str] = ()
@@ -149,14 +150,18 @@ class ProcessHost:
         """Rows lost because a ring was full."""
         return sum(ring.overruns for ring in self._rings.values())
 
-    def open(self) -> Sequence[str]:
-        """Open the devices beside the cycle, then let the cycle process open its own."""
+    def open(self, *, judge: bool = True) -> Sequence[str]:
+        """Open the devices beside the cycle, then let the cycle process open its own.
+
+        With ``judge`` False the cycle's own are not asked whether they may be armed.
+        """
         reasons: list[str] = []
         if self._beside is not None:
             reasons += self._beside.start()
             if not reasons:
                 self._watched.append(self._beside)
-        return (*reasons, *self._ask(m.Open(self._next()), OPEN_S))
+            self.event("devices", self._beside.identities)
+        return (*reasons, *self._ask(m.Open(self._next(), judge), OPEN_S))
 
     def unfit(self) -> Sequence[str]:
         """Return why the rig, looked at in rest, is not fit to be armed."""
@@ -362,6 +367,8 @@ class ProcessHost:
             match pickle.loads(packet):
                 case m.Ended(serial, outcome):
                     self._ended[serial] = outcome
+                case m.Acted(serial) as acted:
+                    self._acted[serial] = acted
                 case m.Said(serial, sentences):
                     self._said[serial] = sentences
                 case m.Entered(name):

@@ -95,6 +95,18 @@ class Beside:
             reasons += self._slow.unfit
         return reasons
 
+    @property
+    def identities(self) -> dict[str, str]:
+        """What every device said it is, once started."""
+        return {helper.name: helper.identity for helper in self._helpers} | self._slow.identities
+
+    def act(self, device: str, action: str) -> str:
+        """Do what a person asks of a slow device; see :meth:`SlowDevices.act`.
+
+        Waits for it, so it is called in a thread of its own.
+        """
+        return self._slow.act(device, action)
+
     def poll(self) -> str | None:
         """Return why the run must end, or None."""
         for helper in self._helpers:

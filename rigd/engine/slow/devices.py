@@ -68,7 +68,7 @@ class SlowDevices:
         self._turned_ns = self._looked_ns = 0
 
     @property
-    def identities(self) -> Mapping[str, str]:
+    def identities(self) -> dict[str, str]:
         """What every device said it is, once started."""
         return {name: driver.identity for name, driver in self._drivers.items()}
 
