@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from pydantic import ValidationError
 from support.served import served
 
 from rigd.sdk import Block, DeviceError, LinkError, ProtocolError
+from rigd.sdk.check import Peer, background_loop, check_driver
 from rigd_drivers.ni_daq import NiDaq
 from rigd_drivers.ni_daq.config import Input, NiDaqConfig
 from rigd_sim.wire.ni import SimNi
@@ -110,7 +112,7 @@ def test_identity_values_and_status(opened: Opened) -> None:
     assert np.all(block.values[:, -1] == 0b0100)
     assert np.array_equal(block.values[:, -3], np.arange(len(block.times_ns)) / 9600)
     assert np.all(np.diff(block.times_ns) > 0)
-    assert block.times_ns[-1] < time.monotonic_ns()
+    assert block.times_ns[-1] <= time.monotonic_ns()
 
 
 def test_the_crystals_drift_is_seen_against_the_machines_clock(
@@ -124,8 +126,8 @@ def test_the_crystals_drift_is_seen_against_the_machines_clock(
     block = rows(driver, 30_000)
     passed_s = (block.times_ns[-1] - block.times_ns[9600]) * 1e-9
     card_s = block.values[-1, -3] - block.values[9600, -3]
-    # 2 % fast is beyond what a clock may be; the slew of 0.1 % is all that corrects it here.
-    assert 1.0005 < card_s / passed_s < 1.0015
+    # A fast card's samples would be later than their arrival, were they not moved at once.
+    assert 1.01 < card_s / passed_s < 1.03
 
 
 def test_closing_twice_is_silent_and_another_may_open(opened: Opened) -> None:
@@ -148,9 +150,6 @@ def test_a_task_left_by_a_killed_client_is_cleared(
     driver.start()
     rows(driver, 96)
     assert on_loop(part.state)["tasks"] == 1
-    driver.close()
-    with pytest.raises(DeviceError, match=r"cannot close NI card Dev1 .*-200088"):
-        killed.close()
 
 
 def test_before_it_is_started_there_is_nothing_to_read(opened: Opened) -> None:
@@ -219,9 +218,21 @@ def test_a_server_that_dies() -> None:
         rows(driver, 96)
     with pytest.raises(LinkError, match=r"cannot read NI card .*StatusCode\.UNAVAILABLE"):
         rows(driver, 100_000)
-    with pytest.raises(LinkError, match="cannot close"):
-        driver.close()
+    driver.close()  # silent: what is lost has been told
     driver.close()
+
+
+def test_a_server_that_hangs_does_not_hold_the_driver(
+    card: tuple[SimNi, OnLoop], opened: Opened, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rigd_drivers.ni_daq.daqmx.CALL_S", 1.0)
+    part, on_loop = card
+    driver = opened()
+    driver.start()
+    rows(driver, 96)
+    on_loop(lambda: part.inject("stall", seconds=3600))
+    with pytest.raises(LinkError, match="DEADLINE_EXCEEDED"):
+        rows(driver, 96)
 
 
 @pytest.mark.parametrize(
@@ -307,3 +318,29 @@ def test_the_buffer_holds_whole_blocks() -> None:
     assert config(buffer="5 s", block=96).buffer_samples == 48_000
     assert config(buffer="1 s", block=700).buffer_samples == 14 * 700
     assert config(buffer="0.1 s", rate="10 Hz", block=96).buffer_samples == 192
+
+
+@contextmanager
+def simulated() -> Iterator[Peer]:
+    """Start a card for the conformance suite."""
+    part = SimNi("daq", VOLTS)
+    with background_loop() as run:
+
+        async def stall() -> None:
+            part.inject("stall", seconds=3600)
+
+        run(part.start())
+        try:
+            yield Peer(
+                options={"server": f"127.0.0.1:{part.port}"},
+                faults={"dead": lambda: run(part.stop()), "silent": lambda: run(stall())},
+            )
+        finally:
+            run(part.stop())
+
+
+def test_it_keeps_what_a_block_driver_promises(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rigd_drivers.ni_daq.daqmx.CONNECT_S", 1.0)
+    monkeypatch.setattr("rigd_drivers.ni_daq.daqmx.CALL_S", 1.0)
+    report = check_driver(NiDaq, {"inputs": INPUTS}, peer=simulated)
+    assert report.skipped == {}

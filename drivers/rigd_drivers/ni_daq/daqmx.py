@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, Final
 
 import numpy as np
@@ -18,8 +18,10 @@ from rigd.model.errors import RigdError
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.ni_daq.config import NiDaqConfig, Terminal
 
-#: How long a device server may take to accept a connection.
+#: How long a device server may take to accept a connection,
 CONNECT_S: Final = 5.0
+#: and to answer a call: one that hangs must not hold us for ever, and nidaqmx sets no limit.
+CALL_S: Final = 5.0
 
 _TERMINALS: Final = {
     Terminal.DEFAULT: "DEFAULT",
@@ -52,7 +54,8 @@ class Daqmx:
     def __init__(self, config: NiDaqConfig) -> None:
         self._config = config
         self._nidaqmx: Any = None
-        self._server: Any = None  # the gRPC channel
+        self._server: Any = None  # the gRPC channel,
+        self._calls: Any = None  # and the same with a deadline for every call
         self._task: Any = None
         self._reader: Any = None
 
@@ -90,6 +93,7 @@ class Daqmx:
                 f"no NI gRPC Device Server answers at {address} within {CONNECT_S:g} s",
                 hint="start ni_grpc_device_server there, or correct `server`",
             ) from error
+        self._calls = _with_deadline(self._server)
 
     def _options(self, session: str, *, attach: bool = False) -> Any:
         """Return how to reach the server's session; None where NI-DAQmx is on this machine."""
@@ -102,7 +106,7 @@ class Daqmx:
             if attach
             else SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
         )
-        return GrpcSessionOptions(self._server, session, initialization_behavior=behaviour)
+        return GrpcSessionOptions(self._calls, session, initialization_behavior=behaviour)
 
     def _identify(self) -> str:
         from nidaqmx.system import Device, System
@@ -202,12 +206,16 @@ class Daqmx:
         return volts
 
     def close(self) -> None:
-        """Stop and forget the task; closing twice is silent."""
+        """Stop and forget the task; closing twice is silent, and so is closing what is lost.
+
+        :meth:`read` has told of the loss. A task that a server keeps is cleared by the next
+        :meth:`open`.
+        """
         task, self._task, self._reader = self._task, None, None
-        server, self._server = self._server, None
+        server, self._server, self._calls = self._server, None, None
         try:
             if task is not None:
-                with self._doing("close"):
+                with suppress(self._nidaqmx.errors.Error):
                     task.close()
         finally:
             if server is not None:
@@ -266,3 +274,13 @@ def _import_nidaqmx() -> Any:
             hint="install it: pip install 'rigd[ni]'",
         ) from error
     return nidaqmx
+
+
+def _with_deadline(channel: Any) -> Any:
+    import grpc
+
+    class Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]  # grpc has no types
+        def intercept_unary_unary(self, proceed: Any, details: Any, request: Any) -> Any:
+            return proceed(details._replace(timeout=CALL_S), request)
+
+    return grpc.intercept_channel(channel, Deadline())

@@ -20,6 +20,8 @@ WINDOWS_FOR_RATE: Final = 10
 MOST_DRIFT: Final = 200e-6
 #: Fastest that an error of the time is worked off: 1 ms in 1 s.
 MOST_SLEW: Final = 1e-3
+#: Slope at which the times of a block still increase, where it arrived before it was expected.
+MOST_HASTE: Final = -0.999
 
 Point = tuple[float, float]
 
@@ -34,8 +36,9 @@ class SampleClock:
     of clock skew from network delay measurements", INFOCOM 1999. What is left is the smallest
     delay, which nobody can tell from an offset.
 
-    Times never jump and always increase: an error that is found is worked off within
-    :data:`MOST_SLEW`.
+    Times always increase, and no sample is later than its arrival. An error that is found is
+    worked off within :data:`MOST_SLEW`; only where a block would be later than its arrival, it is
+    within that block.
     """
 
     def __init__(self, nominal_hz: float, started_ns: int) -> None:
@@ -45,7 +48,7 @@ class SampleClock:
         self._first_ns = started_ns
         self._count = 0  # samples so far
         # The line in use: lateness against the nominal clock, in ns, at a nominal time, in ns.
-        self._knot: Point = (0.0, 0.0)
+        self._knot: Point = (0.0, 0.0)  # of the last sample
         self._slope = 0.0
         self._drift = 0.0
         self._window_end_ns = float(WINDOW_NS)
@@ -72,33 +75,33 @@ class SampleClock:
         if self._count == 0:
             self._first_ns = max(self._first_ns, arrived_ns - int(last))
         self._count += count
-        self._observe(last, arrived_ns - self._first_ns - last)
+        arrival = (last, float(arrived_ns - self._first_ns - last))
+        if self._quickest is None or arrival[1] < self._quickest[1]:
+            self._quickest = arrival
         start, late = self._knot
-        times = nominal + late + (nominal - start) * self._slope
+        slope = self._slope
+        if late + (last - start) * slope > arrival[1]:  # no sample is later than its arrival
+            slope = max((arrival[1] - late) / max(last - start, 1.0), MOST_HASTE)
+        times = nominal + late + (nominal - start) * slope
+        self._knot = (last, late + (last - start) * slope)
         if last >= self._window_end_ns:
-            self._steer(last)
+            self._steer()
         return self._first_ns + times.astype(np.int64)
 
-    def _observe(self, nominal: float, late: float) -> None:
-        if self._quickest is None or late < self._quickest[1]:
-            self._quickest = (nominal, late)
-
-    def _steer(self, now: float) -> None:
+    def _steer(self) -> None:
         """Close a window and aim at the estimated line, to be met one window from now."""
+        now, late = self._knot
         if self._quickest is not None:
             self._arrivals.append(self._quickest)
         self._quickest = None
         self._window_end_ns = now + WINDOW_NS
-        start, late = self._knot
-        self._knot = (now, late + (now - start) * self._slope)
-        slope = self._drift
+        drift = self._drift
         if len(self._arrivals) >= WINDOWS_FOR_RATE:
-            slope = min(max(line_below(self._arrivals)[1], -MOST_DRIFT), MOST_DRIFT)
-        level = min(late - slope * at for at, late in self._arrivals)
-        self._drift = slope
-        aim = level + slope * (now + WINDOW_NS)
-        wanted = (aim - self._knot[1]) / WINDOW_NS
-        self._slope = min(max(wanted, slope - MOST_SLEW), slope + MOST_SLEW)
+            drift = min(max(line_below(self._arrivals)[1], -MOST_DRIFT), MOST_DRIFT)
+        self._drift = drift
+        level = min(late - drift * at for at, late in self._arrivals)
+        wanted = (level + drift * (now + WINDOW_NS) - late) / WINDOW_NS
+        self._slope = min(max(wanted, drift - MOST_SLEW), drift + MOST_SLEW)
 
 
 def line_below(points: Sequence[Point]) -> Point:
