@@ -67,9 +67,7 @@ class CycleProcess:
         self._serial = 0  #: of what plays, 0 where nothing was asked for that has not ended
         self._unasked: Outcome | None = None  #: how the cycle acted while nothing was asked for
         self._final: Outcome | None = None  #: every device is safe; nothing moves any more
-        self._in_cycle = [
-            mount for mount in self._cycle.rig.mounts if in_cycle(self._job.rig.devices[mount.name])
-        ]
+        self._in_cycle = [one for one in self._cycle.rig.mounts if one.name not in elsewhere]
         self._acting: tuple[int, Driver] | None = None  #: for whom, and the device that acts
         self._arming_since: int | None = None
         self._ticking = False

@@ -160,7 +160,8 @@ class ProcessHost:
             reasons += self._beside.start()
             if not reasons:
                 self._watched.append(self._beside)
-            self.event("devices", self._beside.identities)
+            if identities := self._beside.identities:
+                self.event("devices", identities)
         return (*reasons, *self._ask(m.Open(self._next(), judge), OPEN_S))
 
     def unfit(self) -> Sequence[str]:

@@ -110,7 +110,7 @@ def test_a_program_is_played_and_every_cycle_recorded(tmp_path: Path) -> None:
         assert skipped == host.counters.missed
         assert (cycles["actual"] >= cycles["scheduled"]).all()
         assert set(rows["speed_setpoint"]) >= {0.0, 0.5, -0.5}
-        assert kinds(folder)[:2] == ["watchdog", "realtime"]
+        assert kinds(folder)[:3] == ["devices", "watchdog", "realtime"]
 
 
 def test_setpoints_are_held_between_two_programs(tmp_path: Path) -> None:
