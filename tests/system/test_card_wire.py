@@ -28,7 +28,7 @@ CHANGES = {
     "cycle: 4 kHz": "cycle: 100 Hz",  # twenty packets to and fro in every cycle
     "interface: lugre": "interface: emulator",
     "resource: stone": "resource: FOLDER/card",
-    "time: 120 ms": f"time: {1.2 * ONE_SHOT_S} s",
+    "time: 240 ms": f"time: {1.2 * ONE_SHOT_S} s",
     "cycle_silence: 250 ms": "cycle_silence: 5 s",
     "\nlinks:": """
 simulation:

@@ -30,7 +30,7 @@ BRIDGE_M_S_PER_V: Final = 0.08
 MONITOR_M_S_PER_V: Final = 0.5
 M_PER_COUNT: Final = 10e-6
 REFERENCE_V: Final = 5.0
-ONE_SHOT_S: Final = 0.1  #: nominal
+ONE_SHOT_S: Final = 0.2  #: nominal
 
 _TRIGGER_LINE: Final = 7
 _CLUTCHES: Final = {"belt": 2, "bridge": 4}
