@@ -6,6 +6,7 @@ import asyncio
 import selectors
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any, ClassVar, Final, Self
 
@@ -25,6 +26,8 @@ from rigd_sim.wire.world import World
 #: How often faults that are planned are looked at, in s; the plant moves on whenever it is asked.
 TICK_S: Final = 0.005
 CONTROL: Final = "control"
+#: A plant in real time has no cycle of its own; this is what it is told.
+PLANT_PERIOD_NS: Final = 1_000_000
 
 
 class WireLugreConfig(DeviceOptions):
@@ -80,7 +83,9 @@ class WireLugre(Simulation):
         """Serve until ``stop()``; see :meth:`rigd.sdk.Simulation.serve`."""
         planned = [] if faults is None else read_fault_file(faults)
         with Folder(self.config.folder) as folder:
-            world = World(LugrePlant(self.config.plant, period_ns=1, seed=self.config.seed))
+            world = World(
+                LugrePlant(self.config.plant, period_ns=PLANT_PERIOD_NS, seed=self.config.seed)
+            )
             service = _Service(self.config, folder, world)
             with asyncio.Runner(loop_factory=precise_loop) as runner:
                 runner.run(service.run(started, stop, planned))
@@ -127,7 +132,10 @@ class _Service:
                 failed.set_exception(error)
 
         loop.set_exception_handler(fail)
-        try:
+        async with AsyncExitStack() as stack:  # stops all, also where one of them fails to
+            for part in self._parts.values():
+                stack.push_async_callback(part.stop)
+            stack.push_async_callback(self._control.stop)
             lines = await self._start()
             for entry in planned:
                 self._plan(entry)
@@ -140,10 +148,6 @@ class _Service:
                 await asyncio.wait([failed], timeout=TICK_S)
                 if failed.done():
                     failed.result()
-        finally:
-            await self._control.stop()
-            for part in reversed(self._parts.values()):
-                await part.stop()
 
     async def _start(self) -> list[str]:
         parts = list(self._parts.values())
@@ -182,7 +186,7 @@ class _Service:
             case "fault":
                 self._schedule.add(_entry(given), asyncio.get_running_loop().time())
             case "clear":
-                self._schedule.clear(given.pop("part", None), given.pop("fault", None))
+                self._schedule.clear(_name(given, "part"), _name(given, "fault"))
                 _exactly(given)
             case "faults":
                 _exactly(given)
@@ -212,6 +216,14 @@ def _exactly(given: Mapping[str, Any], *names: str) -> list[Any]:
             f"missing {sorted(missing)}, unknown {sorted(unknown)}"
         )
     return [given[name] for name in names]
+
+
+def _name(given: dict[str, Any], key: str) -> str | None:
+    """Remove the name that may stand at ``key`` and return it."""
+    name = given.pop(key, None)
+    if name is not None and not isinstance(name, str):
+        raise ValueError(f"{key!r} is {name!r}, expected a name")
+    return name
 
 
 def _entry(given: Mapping[str, Any]) -> FaultEntry:

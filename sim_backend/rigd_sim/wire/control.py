@@ -27,33 +27,49 @@ class ControlServer:
         self._path = path
         self._answer = answer
         self._server: asyncio.Server | None = None
-        self._clients: set[asyncio.StreamWriter] = set()
+        self._clients: set[asyncio.Task[None]] = set()
 
     async def start(self) -> None:
         """Begin to listen."""
-        self._server = await asyncio.start_unix_server(self._serve, self._path, limit=LONGEST)
+        self._server = await asyncio.start_unix_server(self._connected, self._path, limit=LONGEST)
 
     async def stop(self) -> None:
-        """Close every connection and remove the socket."""
+        """Close every connection and remove the socket; stopping twice is silent."""
         if self._server is not None:
             self._server.close()
             for client in self._clients:
-                client.close()
+                client.cancel()
             await self._server.wait_closed()
             self._server = None
             self._path.unlink(missing_ok=True)
 
+    def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        client = asyncio.create_task(self._serve(reader, writer))
+        self._clients.add(client)
+        client.add_done_callback(self._ended)
+
+    def _ended(self, client: asyncio.Task[None]) -> None:
+        self._clients.discard(client)
+        if not client.cancelled() and (error := client.exception()) is not None:
+            context = {"message": "the control socket failed", "exception": error}
+            asyncio.get_running_loop().call_exception_handler(context)
+
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._clients.add(writer)
         try:
-            while line := await reader.readline():
+            while line := await self._line(reader):
                 writer.write(json.dumps(self._reply(line)).encode() + b"\n")
                 await writer.drain()
-        except (ConnectionError, ValueError):
-            pass  # gone in the middle of a request, or one without an end: nobody to tell
+        except ConnectionError:
+            pass  # gone before it was answered: nobody to tell
         finally:
-            self._clients.discard(writer)
             writer.close()
+
+    async def _line(self, reader: asyncio.StreamReader) -> bytes:
+        """Return the next line; none once the client has gone, or sends one without an end."""
+        try:
+            return await reader.readline()
+        except ValueError:
+            return b""
 
     def _reply(self, line: bytes) -> Mapping[str, Any]:
         try:

@@ -15,7 +15,7 @@ LOCK: Final = "lock"
 
 
 class Folder:
-    """Holds ``path`` for this process, and removes what a killed simulation left there."""
+    """Holds ``path`` for this process; other files in it are left alone."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -48,9 +48,6 @@ class Folder:
         os.ftruncate(lock, 0)
         os.write(lock, str(os.getpid()).encode())
         self._lock = lock
-        for left in self.path.iterdir():
-            if left.is_socket() or left.is_symlink():
-                left.unlink()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -61,7 +58,7 @@ class Folder:
             self._lock = None
 
     def socket(self, name: str) -> Path:
-        """Return the path of the socket or name ``name``.
+        """Return the path of the socket or name ``name``; one that was left there is removed.
 
         Raises:
             LinkError: it is too long for a socket.
@@ -73,4 +70,6 @@ class Folder:
                 f"{path} is too long for a socket: at most {LONGEST_PATH - 1} bytes",
                 hint="give a shorter `folder` under `simulation:`",
             )
+        if path.is_socket():
+            path.unlink()  # of a simulation that was killed: the folder is ours now
         return path

@@ -178,7 +178,7 @@ class CanHub(Part):
     def submit(self, sender: object, can_id: int, data: bytes) -> None:
         """Take a frame from ``sender`` to the bus."""
         if self._disturbance.active:
-            self._disturbance.submit((sender, can_id, data), own=not isinstance(sender, _Client))
+            self._disturbance.submit((sender, can_id, data))
         else:
             self._offer((sender, can_id, data))
 
@@ -236,7 +236,10 @@ class CanHub(Part):
     def _accept(self) -> None:
         if self._listener is None:
             return
-        connection, _ = self._listener.accept()
+        try:
+            connection, _ = self._listener.accept()
+        except BlockingIOError:
+            return  # it has gone again
         connection.setblocking(False)
         client = _Client(connection)
         self._clients.append(client)

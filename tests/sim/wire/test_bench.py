@@ -160,6 +160,7 @@ def test_what_a_person_changes_at_the_bench(folder: Path) -> None:
         ({"do": "fault", "part": "carriage"}, "fault: Field required"),
         ({"do": "fault", "part": "scale", "fault": "x", "for_s": -1}, "for: .*greater than 0"),
         ({"do": "clear", "part": "wheel"}, "no part 'wheel'"),
+        ({"do": "clear", "part": ["carriage"]}, "'part' is .*, expected a name"),
     ],
 )
 def test_requests_that_cannot_be_met_say_what_can(
@@ -258,6 +259,15 @@ def test_a_folder_too_deep_for_sockets_is_refused(tmp_path: Path) -> None:
     deep = tmp_path / ("deep" * 25)
     with pytest.raises(LinkError, match="too long for a socket"), served(deep):
         pass
+
+
+def test_files_of_others_in_the_folder_are_left_alone(folder: Path) -> None:
+    (folder / "notes").symlink_to("elsewhere")
+    with socket.socket(socket.AF_UNIX) as other:
+        other.bind(str(folder / "other"))
+        with served(folder):
+            pass
+    assert sorted(path.name for path in folder.iterdir()) == ["lock", "notes", "other"]
 
 
 def test_a_node_on_a_bus_that_is_not_there_is_refused(folder: Path) -> None:

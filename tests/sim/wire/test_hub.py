@@ -263,6 +263,9 @@ def test_a_wrong_bitrate_gives_error_frames_only(tmp_path: Path) -> None:
             a.send(0x80)
             assert (await b.receive())[0] == PROTOCOL_ERROR
             assert (await a.receive())[0] == PROTOCOL_ERROR  # the sender's own controller too
+            node = hub.attach(lambda can_id, data, t_ns: None)
+            node.send(0x701, b"\0")
+            assert (await b.receive())[0] == PROTOCOL_ERROR
 
     run(scenario())
 

@@ -29,7 +29,7 @@ FAULTS: Final[Mapping[str, str]] = {
     "duplicate": "frames come twice (probability 0 to 1; id)",
     "babble": "a node sends without a pause (id, rate_hz, length)",
     "bus_off": "error frames, then silence, until cleared",
-    "wrong_bitrate": "no frame of a client is understood: each gives an error frame",
+    "wrong_bitrate": "clients and nodes do not understand each other: frames give error frames",
     "stalled": "no frame of a client is taken, so that its queue fills up",
 }
 
@@ -113,12 +113,12 @@ class Disturbance:
             timer.cancel()
         self._timers.clear()
 
-    def submit(self, frame: Frame, *, own: bool) -> None:
-        """Take a frame to the bus, as far as the faults let it; ``own``: a node of ours sent it."""
+    def submit(self, frame: Frame) -> None:
+        """Take a frame to the bus, as far as the faults let it."""
         active = self._active
         if "bus_off" in active:
             return
-        if "wrong_bitrate" in active and not own:
+        if "wrong_bitrate" in active:
             self._report(ERROR_PROTOCOL)
             return
         if self._strikes("drop", frame):
@@ -178,7 +178,7 @@ class Disturbance:
             return
         now, period = asyncio.get_running_loop().time(), 1.0 / options["rate_hz"]
         while due <= now:
-            self.submit((self, options["id"], bytes(options["length"])), own=True)
+            self.submit((self, options["id"], bytes(options["length"])))
             due += period
         self._later(due, lambda: self._babble(options, due))
 
