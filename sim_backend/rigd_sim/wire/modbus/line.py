@@ -83,10 +83,8 @@ class TcpLine(Line):
 
     async def stop(self) -> None:
         """See :class:`Line`."""
+        self.cut()
         if self._server is not None:
-            self._server.close()
-            for connection in list(self._open):
-                connection.reset()
             await self._server.wait_closed()
             self._server = None
 
@@ -95,7 +93,9 @@ class TcpLine(Line):
         return build_tcp(unit, pdu, transaction)
 
     def cut(self) -> None:
-        """Reset every connection (TCP RST)."""
+        """Reset every connection (TCP RST), and take no other."""
+        if self._server is not None:
+            self._server.close()
         for connection in list(self._open):
             connection.reset()
 

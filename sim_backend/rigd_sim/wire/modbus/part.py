@@ -28,7 +28,7 @@ LINE_FAULTS = {
     "truncated": "stops in the middle of its answer",
     "garbage": "sends bytes of noise before its answer",
     "byte_gap": "pauses for 'delay_s' (0.15) in the middle of its answer",
-    "cut": "resets the connection (TCP), or loses its port (RTU), once",
+    "cut": "is gone, for good: its connection is reset (TCP), or its port is lost (RTU)",
 }
 _ONLY_TCP = {"wrong_transaction"}
 _ONLY_SERIAL = {"crc"}
