@@ -8,7 +8,6 @@ else: a cycle that hangs falls silent, and the drives switch themselves off.
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable
 from typing import Annotated, ClassVar, Final, Literal
 
@@ -18,11 +17,11 @@ from pydantic import Field
 from rigd.sdk import In, Link, LinkConfig, LinkError, ProtocolError
 from rigd_drivers.can_ports import Frame, Full, Port, open_port
 from rigd_drivers.canopen import frames, nmt
+from rigd_drivers.canopen.flood import FloodWatch
 
 #: Frames taken in one cycle at most: three times what a bus of 1 Mbit/s carries in 1 ms.
 FRAMES_PER_CYCLE: Final = 64
-#: A queue that stays full, or a bus that stays flooded, for so long is a failure, in ns. Less than
-#: it takes a device to be missed, so that the cause is told and not its effect.
+#: A queue that stays full for so long is a failure, in ns; see :data:`flood.WINDOW_NS`.
 STALL_NS: Final = 50_000_000
 #: Error frames in a row, with no good frame between, after which the bus is given up: as many as
 #: make a transmitter error passive (CAN 2.0, error counter 128 by steps of 8).
@@ -67,7 +66,6 @@ class CanBus(Link):
     def _clear(self) -> None:
         self.syncs = 0  #: SYNCs on the bus since it was opened
         self.now_ns = time.monotonic_ns()  #: CLOCK_MONOTONIC of the cycle under way
-        self.behind = False  #: more has come than was taken in: what was taken may be old
         self.beating = False  #: whether heartbeats are sent while set-up waits
         self.beat_ns = 0  #: when the last heartbeat was sent
         self.unsent = 0  #: frames that found the queue full
@@ -78,16 +76,21 @@ class CanBus(Link):
         self._resume: dict[int, Callable[[], None]] = {}
         self._orders: list[bytes] = []
         self._outbox: dict[int, bytes] = {}
+        self.errors = 0  #: error frames of the controller
         self._errors_in_a_row = 0
         self._full_since = 0
-        self._crowded_since = 0
-        self._tally: Counter[int] = Counter()
+        self._flood = FloodWatch(self.now_ns)
         self._cycled_ns = 0
 
     @property
     def is_open(self) -> bool:
         """Whether the bus is open."""
         return self._port is not None
+
+    @property
+    def behind(self) -> bool:
+        """Whether more has come than was taken in: what was taken may then be old."""
+        return self._flood.crowded
 
     # -- opening and closing -------------------------------------------------------------------
 
@@ -106,7 +109,8 @@ class CanBus(Link):
         listening_s = max(3 * self.config.heartbeat, _SHORTEST_LISTENING_S)
         try:
             self.wait(lambda: False, listening_s)
-            self.check_errors()
+            if self._errors_in_a_row:
+                raise self.broken("only errors are heard")
         except LinkError:
             self.close()
             raise
@@ -177,11 +181,13 @@ class CanBus(Link):
         """
         now = self.now_ns = time.monotonic_ns()
         paused = now - self._cycled_ns > 3e9 * self.config.heartbeat
-        if self._take(FRAMES_PER_CYCLE):
-            self.behind = False
-            self._crowded_since = 0
-        else:
-            self._crowded(now)
+        flood = self._flood
+        flood.left(not self._take(FRAMES_PER_CYCLE), now)
+        if flooding := flood.judge(now):
+            raise LinkError(
+                f"{self.name} is flooded: {flooding}",
+                hint="switch that node off or correct its PDO transmission type",
+            )
         if paused:  # last, so that what nodes said meanwhile counts no more
             for action in self._resume.values():
                 action()
@@ -274,11 +280,6 @@ class CanBus(Link):
                 pause_ns = min(pause_ns, round(self.config.heartbeat * 1e9))
             port.wait(pause_ns * 1e-9)
 
-    def check_errors(self) -> None:
-        """Raise LinkError if the last thing heard from the bus was an error."""
-        if self._errors_in_a_row:
-            raise self._broken("only errors are heard")
-
     # -- within --------------------------------------------------------------------------------
 
     def _opened(self) -> Port:
@@ -308,14 +309,14 @@ class CanBus(Link):
     def _take(self, most: int) -> bool:
         """Dispatch up to ``most`` frames; return whether these were all."""
         receive = self._opened().receive
-        handlers = self._handlers
+        handlers, flood = self._handlers, self._flood
         for _ in range(most):
             frame = receive()
             if frame is None:
                 return True
             identifier, data = frame
-            if self._crowded_since:
-                self._tally[identifier] += 1
+            if flood.crowded:
+                flood.count(identifier)
             if identifier > 0x7FF:
                 self._no_canopen(frame)
                 continue
@@ -329,6 +330,8 @@ class CanBus(Link):
 
     def _unexpected(self, identifier: int) -> None:
         self.foreign += 1
+        if not self._flood.crowded:
+            self._flood.count(identifier)
         node = identifier - frames.HEARTBEAT
         if node in frames.NODES:
             self.heard.add(node)
@@ -340,24 +343,10 @@ class CanBus(Link):
             return
         if frames.is_only_news(identifier):
             return
+        self.errors += 1
         self._errors_in_a_row += 1
         if frames.is_bus_off(identifier) or self._errors_in_a_row >= ERRORS_IN_A_ROW:
-            raise self._broken(frames.describe_error(identifier, data))
-
-    def _crowded(self, now: int) -> None:
-        """Note that frames were left; raise once that has gone on for long."""
-        self.behind = True
-        if not self._crowded_since:
-            self._crowded_since = now
-            self._tally.clear()
-        elif now - self._crowded_since > STALL_NS:
-            ((identifier, count),) = self._tally.most_common(1)
-            total = self._tally.total()
-            raise LinkError(
-                f"{self.name} is flooded: in {(now - self._crowded_since) // 1_000_000} ms came "
-                f"more than {total} frames, {count} of them {frames.describe(identifier)}",
-                hint="switch that node off or correct its PDO transmission type",
-            )
+            raise self.broken(frames.describe_error(identifier, data))
 
     def _count_sync(self, data: bytes) -> None:
         self.syncs += 1
@@ -385,7 +374,8 @@ class CanBus(Link):
             "SocketCAN also: ip link set IF txqueuelen 1000",
         )
 
-    def _broken(self, what: str) -> LinkError:
+    def broken(self, what: str) -> LinkError:
+        """Return the error that tells of frames destroyed on the wire."""
         return LinkError(
             f"{self.name}: {what}",
             hint=f"check that all nodes and the adapter use the same bitrate ({self._rate()} in "

@@ -280,12 +280,12 @@ class Node:
     def _run(self, transfer: sdo.Transfer) -> None:
         where = f"{transfer.index:04X}:{transfer.sub:02X}"
         request: bytes | None = transfer.request
+        errors = self.bus.errors
         self._replies.clear()
         while request is not None:
             self.bus.send(frames.SDO_REQUEST + self.node_id, request)
             if not self.bus.wait(lambda: bool(self._replies), self.sdo_timeout_s):
-                self.bus.check_errors()
-                raise self._silent(where)
+                raise self._silent(where, self.bus.errors - errors)
             try:
                 request = transfer.feed(self._replies.popleft())
             except sdo.Garbled as error:
@@ -323,7 +323,9 @@ class Node:
             numbers.append(f"serial number {serial}")
         return ", ".join([text, *numbers])
 
-    def _silent(self, where: str) -> LinkError:
+    def _silent(self, where: str, errors: int) -> LinkError:
+        if errors:
+            return self.bus.broken(f"{errors} error frames, and no answer of node {self.node_id}")
         others = sorted(self.bus.heard - {self.node_id})
         heard = f"nodes heard: {', '.join(map(str, others))}" if others else "no node was heard"
         return LinkError(

@@ -102,11 +102,27 @@ def test_a_flood_is_taken_in_pieces_and_ends_in_the_name_of_who_floods(
     bus.begin(0)  # one frame was left
     assert not bus.behind
     assert heard == [b"\x01"]
-    with pytest.raises(LinkError, match=r"is flooded: .*of them 0x3A5 \(TPDO3 of node 37\)"):
+    with pytest.raises(LinkError, match=r"is flooded: .*frames 0x3A5 \(TPDO3 of node 37\)"):
         for _ in range(100):
             flood()
             clock.pass_by(1e-3)
             bus.begin(0)
+
+
+def test_one_identifier_that_never_stops_is_a_flood_too(connect: Connect, clock: Clock) -> None:
+    bus, port = connect()
+
+    def come(times: int) -> None:
+        for _ in range(60):
+            for _ in range(times):
+                port.say(0x3A5, bytes(8))
+            clock.pass_by(1e-3)
+            bus.begin(0)
+            bus.end(0)
+
+    come(2)  # another rig's node, at twice our rate
+    with pytest.raises(LinkError, match=r"is flooded: .*frames 0x3A5"):
+        come(20)
 
 
 def test_bus_off_ends_it_at_once(connect: Connect) -> None:

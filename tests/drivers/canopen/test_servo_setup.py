@@ -156,8 +156,9 @@ def test_errors_instead_of_answers_tell_of_the_bitrate(connect: Connect) -> None
     drive = servo()
     drive.silent = True
     bus, port = connect(drive)
-    port.say(0x2000_0008, bytes(8))
-    with pytest.raises(LinkError, match="only errors are heard") as caught:
+    bus.subscribe(0x702, lambda _: port.say(0x2000_0008, bytes(8)))
+    port.say(0x702, "05")
+    with pytest.raises(LinkError, match="1 error frames, and no answer of node 1") as caught:
         wheel(bus).open()
     assert "bitrate" in (caught.value.hint or "")
 

@@ -1,0 +1,50 @@
+"""Whether a bus is flooded, and by which identifier."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Final
+
+from rigd_drivers.canopen import frames
+
+#: A bus flooded for so long is a failure, in ns. Less than it takes a device to be missed, so that
+#: the cause is told and not its effect.
+WINDOW_NS: Final = 50_000_000
+#: No node sends the same identifier so often in 1 ms: the bus itself carries some 20 frames.
+_BABBLE_PER_MS: Final = 5
+
+
+class FloodWatch:
+    """Counts frames that no device expects; and all of them, once more came than was taken in."""
+
+    def __init__(self, now_ns: int) -> None:
+        self.crowded = False  #: frames were left when the last cycle stopped to take them in
+        self._since_ns = now_ns
+        self._tally: Counter[int] = Counter()
+
+    def count(self, identifier: int) -> None:
+        """Count a frame."""
+        self._tally[identifier] += 1
+
+    def left(self, some: bool, now_ns: int) -> None:
+        """Note whether frames were left."""
+        if some and not self.crowded:
+            self._since_ns = now_ns
+            self._tally.clear()
+        self.crowded = some
+
+    def judge(self, now_ns: int) -> str:
+        """Return what floods the bus, in words; "" where nothing does, or it is not known yet."""
+        if now_ns - self._since_ns <= WINDOW_NS:
+            return ""
+        elapsed_ms = (now_ns - self._since_ns) // 1_000_000
+        tally, self._tally, self._since_ns = self._tally, Counter(), now_ns
+        if not tally:
+            return ""
+        ((identifier, count),) = tally.most_common(1)
+        if not self.crowded and count <= _BABBLE_PER_MS * elapsed_ms:
+            return ""
+        return (
+            f"in {elapsed_ms} ms came {count} frames {frames.describe(identifier)}, of "
+            f"{tally.total()} counted"
+        )
