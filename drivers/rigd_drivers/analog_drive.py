@@ -217,17 +217,26 @@ class AnalogDrive(Driver):
             DeviceError: it is not a number; the value before it holds.
 
         """
-        low, high = self._setpoint.low, self._setpoint.high
-        if value != value:
-            raise DeviceError(
-                f"setpoint '{self._setpoint.name}' is NaN; expected {low:g} to {high:g} "
-                f"{self._setpoint.unit}",
-                hint="a profile or a limit made a number of nothing; the setpoint before it holds",
-            )
-        clipped = min(max(value, low), high)
+        clipped = accepted(self._setpoint, value)
         self._limited = clipped != value
         if self._armed:
             self.link.set_volts(self.config.set_output, clipped * self._volts_per_unit)
+
+
+def accepted(setpoint: Channel, value: float) -> float:
+    """Return ``value`` clipped to the range of ``setpoint``.
+
+    Raises:
+        DeviceError: it is not a number.
+
+    """
+    low, high = setpoint.low, setpoint.high
+    if value != value:
+        raise DeviceError(
+            f"setpoint '{setpoint.name}' is NaN; expected {low:g} to {high:g} {setpoint.unit}",
+            hint="a profile or a limit made a number of nothing; the setpoint before it holds",
+        )
+    return min(max(value, low), high)
 
 
 def check_reach(name: str, largest: float, set_scale: float) -> None:

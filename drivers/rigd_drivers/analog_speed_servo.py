@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
 from rigd.sdk import Channel, DriverConfig, In
-from rigd_drivers.analog_drive import AnalogDrive, AnalogDriveConfig, check_reach
+from rigd_drivers.analog_drive import AnalogDrive, AnalogDriveConfig, accepted, check_reach
 from rigd_drivers.card import Card
 from rigd_drivers.card_counter import EncoderCounter
 
@@ -65,7 +65,8 @@ class AnalogSpeedServo(AnalogDrive):
             monitor_scale=config.monitor_scale,
         )
         clutch = Channel("engaged", "1", "clutch: 1 engaged, 0 released (no force)", 0.0, 1.0)
-        self.setpoints = (setpoint,) if config.clutch_output is None else (setpoint, clutch)
+        self._clutched = config.clutch_output is not None
+        self.setpoints = (setpoint, clutch) if self._clutched else (setpoint,)
         self.channels = (
             Channel("position", "m", "position of the axis since it was opened"),
             Channel("counts", "count", "encoder counts", raw_of="position"),
@@ -97,12 +98,13 @@ class AnalogSpeedServo(AnalogDrive):
         """Demand a speed in m/s and set the clutch (above one half: engaged).
 
         Raises:
-            DeviceError: a setpoint is NaN; the speed before it holds.
+            DeviceError: a setpoint is NaN; those before it hold.
 
         """
+        engaged = not self._clutched or accepted(self.setpoints[1], setpoints[1]) > 0.5
         self._demand(setpoints[0])
-        if self.config.clutch_output is not None and self._armed:
-            self._set_clutch(engaged=not setpoints[1] <= 0.5)  # NaN: engaged
+        if self._armed:
+            self._set_clutch(engaged=engaged)
 
     def _rest(self) -> None:
         super()._rest()

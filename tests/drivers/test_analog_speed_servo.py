@@ -84,14 +84,20 @@ def test_safe_is_standing_still_with_the_clutch_engaged() -> None:
     assert (rig.terminals.volts_out[1], rig.lines) == (0.0, CLUTCH)
 
 
-def test_a_setpoint_that_is_no_number_moves_nothing_and_engages() -> None:
+@pytest.mark.parametrize(
+    ("setpoints", "name"), [((math.nan, 1.0), "speed"), ((-0.5, math.nan), "engaged")]
+)
+def test_a_setpoint_that_is_no_number_is_refused_and_those_before_hold(
+    setpoints: tuple[float, float], name: str
+) -> None:
     rig = Rig()
     rig.belt.arm()
     rig.cycle(0.5, 0.0)
-    with pytest.raises(DeviceError, match="'speed' is NaN"):
-        rig.belt.write((math.nan, 0.0))
-    rig.cycle(0.5, math.nan)
-    assert rig.lines == ENABLE
+    with pytest.raises(DeviceError, match=f"'{name}' is NaN"):
+        rig.belt.write(setpoints)
+    rig.link.end(0)
+    assert rig.terminals.volts_out[1] == pytest.approx(2.0, abs=LSB)
+    assert rig.lines == ENABLE | CLUTCH
 
 
 def test_without_a_clutch_there_is_one_setpoint() -> None:
