@@ -82,7 +82,7 @@ class RealTime:
         )
 
     def schedule(self, priority: int = PRIORITY) -> None:
-        """Ask for SCHED_FIFO at ``priority`` for the calling thread, or else for what comes near."""
+        """Ask for SCHED_FIFO at ``priority`` for the calling thread, or what comes near it."""
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
             self.granted.append(f"SCHED_FIFO {priority}")

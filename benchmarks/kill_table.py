@@ -1,0 +1,108 @@
+"""Kills every process of a run, and all at once, by five signals at random phases.
+
+Prints after how long the simulated drives have no torque (p50, p99, worst), and what is missing
+from the recording. The rig is the shipped one at the wire.
+
+    python benchmarks/kill_table.py --kills 50 --table kills.jsonl
+                        goes on where the table ends: stop it and start it as you like
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import shutil
+import statistics
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from figures import at_most, noted
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from support.killing import PATIENT, SIGNALS, VICTIMS, Victim, bound_s, own_state
+from support.wire import WireRig, wire_rig
+
+Row = dict[str, Any]
+
+
+def one_kill(rig: WireRig, folder: Path, victim: str, number: int, draw: random.Random) -> Row:
+    """Kill one run and return what became of it, with the bound that holds for it."""
+    place = Path(tempfile.mkdtemp(dir=folder))
+    state = own_state(place)
+    run = Victim(rig, place, state)
+    try:
+        time.sleep(draw.uniform(0.0, 1.0))
+        killed = run.hit(victim, SIGNALS[number])
+    finally:
+        run.end()
+        shutil.rmtree(state)
+        shutil.rmtree(place)
+    bound = bound_s(rig, victim, SIGNALS[number])
+    return {"victim": victim, "signal": SIGNALS[number].name, "bound_s": bound, **asdict(killed)}
+
+
+def report(rows: list[Row]) -> bool:
+    """Print the table; return whether every kill was survived as promised."""
+    cells: dict[tuple[str, str], list[Row]] = defaultdict(list)
+    for row in rows:
+        cells[row["victim"], row["signal"]].append(row)
+    print(f"{'killed':<10} {'by':<8} {'n':>3} {'safe after ms: p50':>20} {'p99':>7} {'worst':>7}"
+          f" {'bound':>7} {'missing cycles':>15}")  # fmt: skip
+    for (victim, name), found in cells.items():
+        after = sorted(1e3 * row["safe_after_s"] for row in found)
+        p99 = after[min(len(after) - 1, round(0.99 * len(after)))]
+        print(f"{victim:<10} {name:<8} {len(found):>3} {statistics.median(after):>20.0f}"
+              f" {p99:>7.0f} {after[-1]:>7.0f} {1e3 * found[0]['bound_s']:>7.0f}"
+              f" {sum(row['gaps'] for row in found):>15}")  # fmt: skip
+    late = [row for row in rows if row["safe_after_s"] > row["bound_s"]]
+    missing = [row for row in rows if row["gaps"] or row["last_row_s"] < -0.02]
+    noted("kill table, kills", len(rows), "")
+    at_most("kill table, drives with torque beyond the bound", len(late), 0, "kills")
+    at_most("kill table, runs with a sample missing", len(missing), 0, "kills")
+    return not late and not missing
+
+
+def main() -> int:
+    """Run as many kills as are missing from the table, then print it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kills", type=int, default=2, help="of each victim by each signal")
+    parser.add_argument("--table", type=Path, default=None, help="file of what is done already")
+    parser.add_argument("--seed", type=int, default=None)
+    args = parser.parse_args()
+    draw = random.Random(args.seed)
+    rows: list[Row] = []
+    if args.table is not None and args.table.exists():
+        rows = [json.loads(line) for line in args.table.read_text().splitlines()]
+    done = defaultdict(int)
+    for row in rows:
+        done[row["victim"], row["signal"]] += 1
+    missing = [
+        (victim, number)
+        for victim in VICTIMS
+        for number in range(len(SIGNALS))
+        for _ in range(args.kills - done[victim, SIGNALS[number].name])
+    ]
+    draw.shuffle(missing)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        wire_rig(Path(folder), "wire-table", PATIENT) as rig,
+    ):
+        for count, (victim, number) in enumerate(missing, start=1):
+            row = one_kill(rig, Path(folder), victim, number, draw)
+            rows.append(row)
+            if args.table is not None:
+                with args.table.open("a") as table:
+                    table.write(json.dumps(row) + "\n")
+            print(f"{count}/{len(missing)} {victim} {row['signal']}: "
+                  f"{1e3 * row['safe_after_s']:.0f} ms, {row['gaps']} missing", flush=True)  # fmt: skip
+    return 0 if report(rows) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,228 @@
+"""A run on the rig at the wire, killed in one of many ways, and what became of rig and samples."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from support.wire import ROOT, WireRig, alive
+
+from rigd.config.loader import load_rig
+from rigd.engine.shared import RunFolder, Word, state_folder
+from rigd.record import Recording
+
+#: Devices with torque, and how the simulation says that they have none.
+DRIVES = ("wheel_servo", "longitudinal_belt", "lateral_belt")
+#: Who can be hit, and with what.
+VICTIMS = ("daemon", "cycle", "recorder", "all")
+SIGNALS = (signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
+#: A crowded machine arms the rig within this time.
+START_S = 90.0
+#: Whatever happened, a run has ended this long after.
+END_S = 60.0
+
+#: A host that stalls for 20 ms would end a run before it is killed.
+PATIENT = {"stale_after: 20 ms": "stale_after: 150 ms"}
+
+PROCEDURE = """\
+procedure: shake
+title: Moves for as long as it is left alone
+doc: The wheel turns to and fro while the belt holds the carriage.
+trial:
+  steps:
+    - step: shake
+      set: {wheel_servo.current: {sine: {amplitude: 0.3 A, frequency: 2 Hz}}}
+      for: 600 s
+record: all
+"""
+
+
+@dataclass(frozen=True)
+class Killed:
+    """What one kill led to. Times are CLOCK_MONOTONIC, in ns."""
+
+    at_ns: int
+    safe_after_s: float  #: until every drive was without torque
+    last_row_s: float  #: of the last sample in the file, relative to the kill
+    gaps: int  #: cycles that ran and are not in the file
+    exit_code: int | None
+    ending: str  #: what the recording says of its end
+    told: str  #: what the operator read
+
+
+class Victim:
+    """A run under way: started, moving, and every process of it known."""
+
+    def __init__(self, rig: WireRig, folder: Path, state: Path) -> None:
+        self.rig = rig
+        self.recording = folder / "run.mcap"
+        self._state = state
+        self._offset_ns = 0
+        procedure = folder / "shake.yaml"
+        procedure.write_text(PROCEDURE)
+        self._log = (folder / "run.log").open("w+b")
+        self.process = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "rigd", "run", str(procedure), "--yes"),
+                *("--rig", str(rig.rig), "--output", str(self.recording)),
+            ],
+            cwd=ROOT,
+            env={**os.environ, "RIGD_STATE": str(state)},
+            stdin=subprocess.DEVNULL,
+            stdout=self._log,
+            stderr=self._log,
+            start_new_session=True,
+        )
+        self._wait_until_moving()
+
+    def _wait_until_moving(self) -> None:
+        deadline = time.monotonic() + START_S
+        while self.process.poll() is None and time.monotonic() < deadline:
+            servo = self.rig.parts()["wheel_servo"]
+            if servo["enabled"] and abs(servo["current"]) > 0.01:
+                return
+            time.sleep(0.02)
+        self.end()
+        raise AssertionError(f"the run did not begin to move: {self.told()}")
+
+    def pids(self) -> dict[str, int]:
+        """The processes of the run by their job."""
+        board = self.folder.board()
+        self._offset_ns = board[Word.START_NS] - board[Word.ORIGIN_NS]
+        return {
+            "daemon": self.process.pid,
+            "cycle": board[Word.PID_CYCLE],
+            "recorder": board[Word.PID_RECORDER],
+        }
+
+    @property
+    def folder(self) -> RunFolder:
+        """The run's folder in memory."""
+        (path,) = (one for one in self._state.iterdir() if RunFolder.at(one).has_job)
+        return RunFolder.at(path)
+
+    def told(self) -> str:
+        """What the run has told its operator."""
+        self._log.flush()
+        self._log.seek(0)
+        return self._log.read().decode()
+
+    def hit(self, victim: str, number: signal.Signals) -> Killed:
+        """Send ``number`` to ``victim``, and wait until all has ended."""
+        pids = self.pids()
+        chosen = list(pids.values()) if victim == "all" else [pids[victim]]
+        at_ns = time.monotonic_ns()
+        for pid in chosen:
+            os.kill(pid, number)
+        if victim == "recorder" and number is not signal.SIGSTOP:
+            # The run goes on: what is asked is that nothing is missing in the end.
+            time.sleep(1.5)
+            self.process.send_signal(signal.SIGINT)
+        elif victim == "recorder":
+            time.sleep(0.5)
+            self.process.send_signal(signal.SIGINT)
+        safe_ns = self._wait_until_safe()
+        self._wait_for_end(pids, stopped=number is signal.SIGSTOP and victim in ("daemon", "all"))
+        return self._examine(at_ns, safe_ns)
+
+    def end(self) -> None:
+        """End whatever is left of it."""
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait()
+        self._log.close()
+
+    def _wait_until_safe(self) -> int:
+        """Return when the last drive lost its torque."""
+        deadline = time.monotonic() + END_S
+        while time.monotonic() < deadline:
+            parts: Mapping[str, Any] = self.rig.parts()
+            since = [parts[name]["safe_since_ns"] for name in DRIVES]
+            if all(since):
+                return int(max(since))
+            time.sleep(0.005)
+        raise AssertionError(f"a drive still has torque: {self.rig.parts()}")
+
+    def _wait_for_end(self, pids: Mapping[str, int], *, stopped: bool) -> None:
+        """Wait until every process has ended; those that were stopped are then killed."""
+        deadline = time.monotonic() + END_S
+        if stopped:
+            while alive(pids["cycle"]) and time.monotonic() < deadline:
+                if (
+                    Path(f"/proc/{pids['cycle']}/stat").read_text().rsplit(")")[-1].split()[0]
+                    == "T"
+                ):
+                    break
+                time.sleep(0.01)
+            for pid in pids.values():
+                if alive(pid):
+                    os.kill(pid, signal.SIGKILL)
+        while time.monotonic() < deadline:
+            self.process.poll()
+            if not any(alive(pid) for pid in pids.values()) and not self._recorder_lives():
+                return
+            time.sleep(0.01)
+        raise AssertionError(f"the run did not end: {self.told()}")
+
+    def _recorder_lives(self) -> bool:
+        """Return whether a recorder that was started again still works."""
+        for path in self._state.iterdir():
+            folder = RunFolder.at(path)
+            if folder.has_job and (pid := folder.board()[Word.PID_RECORDER]):
+                return alive(pid)
+        return False
+
+    def _examine(self, at_ns: int, safe_ns: int) -> Killed:
+        """Recover the recording as an operator would, and look for what is missing."""
+        subprocess.run(
+            [sys.executable, "-m", "rigd", "recover", str(self.recording)],
+            env={**os.environ, "RIGD_STATE": str(self._state)},
+            check=True,
+            capture_output=True,
+        )
+        recording = Recording.open(self.recording)
+        cycles, servo = recording.read("cycle"), recording.read("wheel_servo")
+        slots = np.rint(cycles["scheduled"] * 1e3).astype(np.int64)
+        events = list(recording.events())
+        late = sum(int(e.data["missed_slots"]) for e in events if e.kind == "late")
+        skipped = int(slots[-1] - slots[0]) + 1 - len(slots)
+        unix_of_kill = at_ns + self._offset_ns  # on the clock of the run
+        ended = [e for e in events if e.kind == "run_end"]
+        return Killed(
+            at_ns,
+            (safe_ns - at_ns) * 1e-9,
+            (int(servo["t_ns"][-1]) - unix_of_kill) * 1e-9,
+            skipped - late + abs(len(servo) - len(cycles)),
+            self.process.returncode,
+            str(ended[-1].data["state"]) if ended else "",
+            self.told(),
+        )
+
+
+def own_state(folder: Path) -> Path:
+    """Return a state folder of its own below ``folder``, in memory where the usual one is."""
+    path = state_folder() / f"test-{folder.name}-{os.getpid()}"
+    path.mkdir(mode=0o700)
+    return path
+
+
+def bound_s(rig: WireRig, victim: str, number: signal.Signals) -> float:
+    """Return after how long the drives must be without torque, by what the rig file says."""
+    config = load_rig(rig.rig)
+    watchdog = 0.1  # of the drives
+    stalled = 0.15  # what a host may be away for on top, and the telling of it
+    if victim == "recorder":
+        return END_S  # the run goes on, and is ended by its operator
+    if number is signal.SIGSTOP and victim == "daemon":
+        return config.supervision.daemon_silence_s + stalled
+    if number in (signal.SIGKILL, signal.SIGSTOP) and victim != "daemon":
+        return watchdog + stalled
+    return 2 * stalled  # to rest at the rate of the rig file, then safe
