@@ -79,7 +79,7 @@ def main() -> int:
     rows: list[Row] = []
     if args.table is not None and args.table.exists():
         rows = [json.loads(line) for line in args.table.read_text().splitlines()]
-    done = defaultdict(int)
+    done: dict[tuple[str, str], int] = defaultdict(int)
     for row in rows:
         done[row["victim"], row["signal"]] += 1
     missing = [
@@ -99,8 +99,8 @@ def main() -> int:
             if args.table is not None:
                 with args.table.open("a") as table:
                     table.write(json.dumps(row) + "\n")
-            print(f"{count}/{len(missing)} {victim} {row['signal']}: "
-                  f"{1e3 * row['safe_after_s']:.0f} ms, {row['gaps']} missing", flush=True)  # fmt: skip
+            what = f"{victim} {row['signal']}: {1e3 * row['safe_after_s']:.0f} ms"
+            print(f"{count}/{len(missing)} {what}, {row['gaps']} missing", flush=True)
     return 0 if report(rows) else 1
 
 
