@@ -106,12 +106,15 @@ class DeviceError(RigdError):
 
 
 class Blocked(RigdError):
-    """Preflight refuses to arm; ``reasons`` names everything that is missing."""
+    """Preflight refuses to arm; ``reasons`` names everything that is missing.
+
+    ``what`` is what does not happen for these reasons.
+    """
 
     exit_code = Exit.BLOCKED
 
-    def __init__(self, reasons: Sequence[str]) -> None:
-        super().__init__("the rig is not armed: " + "; ".join(reasons))
+    def __init__(self, reasons: Sequence[str], what: str = "the rig is not armed") -> None:
+        super().__init__(f"{what}: " + "; ".join(reasons))
         self.reasons = tuple(reasons)
 
 

@@ -1,0 +1,97 @@
+"""``rigd read``: the newest value of each channel; nothing is armed, nothing is recorded."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rigd.daemon.manual import Look
+
+HELP = "show what the channels of a rig read now; nothing is armed, nothing moves"
+EXAMPLES = """\
+examples:
+  rigd read --rig wire-1                         all channels, until Ctrl-C
+  rigd read --rig wire-1 scale carriage.position only these devices are opened
+  rigd read --rig wire-1 --once --json           one object for a script
+  rigd read --rig wire-1 --for 10s --json        one object per line, each second
+
+On a terminal a table that refreshes itself, elsewhere a line per channel each second. Interlocks
+are judged and shown, but end nothing: nothing is armed that they could stop.
+"""
+
+#: A table on a terminal is drawn anew this often, lines are written this often; in s.
+TERMINAL_S, LINES_S = 0.25, 1.0
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument(
+        "channels", nargs="*", metavar="CHANNEL", help="device.channel, or a device (default: all)"
+    )
+    parser.add_argument("--rig", required=True, metavar="RIG", help="rig file, or the name in it")
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument("--for", dest="duration", metavar="TIME", help="how long (5s)")
+    length.add_argument("--once", action="store_true", help="show every channel once, then end")
+    parser.add_argument("--json", action="store_true", help="one JSON object per line")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Open what is asked for, show it, and leave it safe."""
+    from rigd.cli.readings_view import view_for
+    from rigd.config.loader import load_rig
+    from rigd.daemon.manual import Newest, chosen_channels, look_at, only
+    from rigd.daemon.signals import heed_signals
+    from rigd.engine.control import Control
+    from rigd.model.errors import Blocked, Exit
+
+    rig = load_rig(args.rig)
+    seconds = None if args.duration is None else _seconds(args.duration)
+    channels = chosen_channels(rig, args.channels)
+    if args.channels:
+        rig = only(rig, {channel.partition(".")[0] for channel in channels})
+    newest = Newest(rig, channels)
+    control = Control()
+    with heed_signals(control), look_at(rig, control, command="rigd read") as look:
+        look.on_rows = newest.take
+        reasons = look.open()
+        if reasons:
+            raise Blocked(reasons, f"rig {rig.name} cannot be read")
+        look.first_rows()
+        with view_for(as_json=args.json, refresh=not args.once) as view:
+            every_s = TERMINAL_S if view.on_terminal else LINES_S
+            for _ in _moments(look, 0.0 if args.once else seconds, every_s):
+                view.show(look.t_ns, list(newest.readings(look.t_ns)), look.standing())
+    return int(Exit.OK)
+
+
+def _moments(look: Look, seconds: float | None, every_s: float) -> Iterator[None]:
+    """Yield at once, then every ``every_s`` until ``seconds`` are over, or a person wants out."""
+    end_ns = None if seconds is None else look.t_ns + round(seconds * 1e9)
+    look.rest(0.0)
+    while not look.stopped:
+        yield
+        left_s = every_s if end_ns is None else min(every_s, (end_ns - look.t_ns) * 1e-9)
+        if left_s <= 0:
+            return
+        look.rest(left_s)
+
+
+def _seconds(text: str) -> float:
+    """Return a duration as a person writes it.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    from rigd.model.errors import ConfigError
+    from rigd.model.units import parse_quantity, parse_unit
+
+    try:
+        quantity = parse_quantity(text)
+    except ValueError as error:
+        raise ConfigError(f"--for {text}: {error}") from error
+    if not quantity.unit.same_kind(parse_unit("s")) or quantity.value <= 0:
+        raise ConfigError(f"--for {text}: expected a time above 0, such as '5 s'")
+    return quantity.value

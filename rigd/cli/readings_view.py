@@ -1,0 +1,178 @@
+"""Shows readings: a table that refreshes itself on a terminal, lines or JSON elsewhere."""
+
+from __future__ import annotations
+
+import json
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from datetime import UTC, datetime
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from rigd.daemon.manual import Reading
+from rigd.engine.interlocks import Trip
+
+#: Colours of the states of a reading.
+_COLOUR = {"ok": "green", "stale": "yellow", "NaN": "red", "no row": "red"}
+
+
+class View(AbstractContextManager["View"], ABC):
+    """Somewhere to show readings; ``on_terminal`` where a person watches them change."""
+
+    on_terminal = False
+
+    @abstractmethod
+    def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:
+        """Show how channels and interlocks stand at ``t_ns`` (Unix)."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Leave the screen in order."""
+
+
+def view_for(*, as_json: bool, refresh: bool) -> View:
+    """Return the view for where standard output goes; ``refresh``: more than one is shown."""
+    if as_json:
+        return JsonView()
+    console = Console(highlight=False)
+    if not refresh:
+        return TableView(console)
+    return LiveView(console) if console.is_terminal else LineView()
+
+
+class TableView(View):
+    """Prints a table."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+
+    def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:
+        """Print a table of now."""
+        self._console.print(picture(readings, standing))
+
+
+class LiveView(View):
+    """A table that is drawn over the one before."""
+
+    on_terminal = True
+
+    def __init__(self, console: Console) -> None:
+        self._live = Live(console=console, auto_refresh=False)
+
+    def __enter__(self) -> Self:
+        self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Leave the last table on the screen."""
+        self._live.stop()
+
+    def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:
+        """Draw the table anew."""
+        self._live.update(picture(readings, standing), refresh=True)
+
+
+class LineView(View):
+    """A line per channel, and per interlock that stands."""
+
+    def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:
+        """Print the lines of now, each with its time."""
+        now = iso_time(t_ns)
+        for one in readings:
+            print(now, one.channel, number(one.value), one.unit, age(one.age_s), state(one))
+        for trip in standing:
+            print(now, interlock_line(trip))
+        print(end="", flush=True)
+
+
+class JsonView(View):
+    """An object per line."""
+
+    def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:
+        """Print the object of now; what is no number is null."""
+        channels = {
+            one.channel: {
+                "value": one.value if math.isfinite(one.value) else None,
+                "unit": one.unit,
+                "age_s": round(one.age_s, 6) if math.isfinite(one.age_s) else None,
+                "state": one.state,
+                "status": one.status,
+            }
+            for one in readings
+        }
+        interlocks = [
+            {
+                "name": trip.interlock.name,
+                "action": trip.interlock.action.name.lower(),
+                "reason": trip.reason,
+                "message": trip.interlock.message,
+            }
+            for trip in standing
+        ]
+        line = {"time": iso_time(t_ns), "channels": channels, "interlocks": interlocks}
+        print(json.dumps(line), flush=True)
+
+
+def picture(readings: Sequence[Reading], standing: Sequence[Trip]) -> Group:
+    """Return the table of all channels, and below it what stands violated."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("channel", overflow="fold")
+    table.add_column("value", justify="right", no_wrap=True, min_width=13)
+    table.add_column("unit", no_wrap=True)
+    table.add_column("age", justify="right", no_wrap=True, min_width=7)
+    table.add_column("state", no_wrap=True)
+    for one in readings:
+        colour = _COLOUR[one.state]
+        shown = number(one.value)
+        unit = "" if one.unit == "1" else one.unit
+        table.add_row(one.channel, shown, unit, age(one.age_s), Text(state(one), style=colour))
+    lines = [Text(interlock_line(trip), style="red") for trip in standing]
+    return Group(table, *lines)
+
+
+def number(value: float) -> str:
+    """Return a value with six digits; ``-`` where there is none."""
+    return "-" if math.isnan(value) else f"{value:.6g}"
+
+
+def age(seconds: float) -> str:
+    """Return an age as ``3 ms`` or ``1.5 s``; ``-`` where there never was a row."""
+    if math.isinf(seconds):
+        return "-"
+    return f"{seconds * 1e3:.0f} ms" if seconds < 1 else f"{seconds:.1f} s"
+
+
+def state(reading: Reading) -> str:
+    """Return the state, with the status word of the device where it has one."""
+    return reading.state if reading.status is None else f"{reading.state} {reading.status:#06x}"
+
+
+def interlock_line(trip: Trip) -> str:
+    """Return what stands violated, and what that would do to a run."""
+    action = trip.interlock.action.name.lower().replace("_", " ")
+    return f"interlock {trip.interlock.name} ({action}): {trip.reason}"
+
+
+def iso_time(t_ns: int) -> str:
+    """Return Unix time as ISO 8601 in UTC, to the millisecond."""
+    moment = datetime.fromtimestamp(t_ns * 1e-9, UTC)
+    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")

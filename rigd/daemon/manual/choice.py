@@ -1,0 +1,57 @@
+"""What a person names of a rig: channels, devices, actions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rigd.config.loader import channel_names
+from rigd.config.problems import suggest
+from rigd.config.rig import RigConfig
+from rigd.model.errors import ConfigError
+from rigd.sdk import Driver, SlowDriver
+
+
+def chosen_channels(rig: RigConfig, names: Sequence[str]) -> list[str]:
+    """Return the channels that ``names`` mean, in the order of the rig file; all where empty.
+
+    A name is a channel, or a device, which means all its channels.
+
+    Raises:
+        ConfigError: the rig has neither of that name.
+    """
+    every = channel_names(rig)
+    for name in names:
+        if name not in every and name not in rig.devices:
+            raise ConfigError(
+                f"rig {rig.name} has no channel {name!r}",
+                hint=suggest(name, [*every, *rig.devices]),
+            )
+    if not names:
+        return every
+    return [one for one in every if one in names or one.partition(".")[0] in names]
+
+
+def check_action(rig: RigConfig, name: str, action: str) -> None:
+    """Make sure that a device has an action; nothing is opened.
+
+    Raises:
+        ConfigError: there is no such device, or it has no such action; names those that have.
+    """
+    device = rig.devices.get(name)
+    if device is None:
+        raise ConfigError(f"rig {rig.name} has no device {name!r}", hint=suggest(name, rig.devices))
+    known = _actions(rig, name)
+    if action in known:
+        return
+    if known:
+        hint = "it has: " + ", ".join(known)
+    else:
+        able = [one for one in rig.devices if action in _actions(rig, one)]
+        hint = f"it has none; {action} of this rig: {', '.join(able) or 'no device has it'}"
+    raise ConfigError(f"{name} ({device.driver}) has no action {action!r}", hint=hint)
+
+
+def _actions(rig: RigConfig, name: str) -> Sequence[str]:
+    device = rig.devices[name]
+    driver = device.driver_class(device.config, None)
+    return tuple(driver.actions) if isinstance(driver, Driver | SlowDriver) else ()

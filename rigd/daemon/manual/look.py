@@ -1,0 +1,200 @@
+"""Opens a rig to look at it: its cycle runs at rest, nothing is armed, nothing is recorded.
+
+It is the form of a real run (:mod:`rigd.daemon.forms`) without the recorder: whoever looks drains
+the rings. They stand in a folder that nobody takes for a run whose samples must be saved.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from rigd.config.rig import RigConfig, Supervision
+from rigd.engine.control import Control
+from rigd.engine.interlocks import Trip
+from rigd.engine.manual_host import ManualHost
+from rigd.engine.player import Outcome
+from rigd.engine.shared import EVENT_SOURCES, Job, RunFolder, Word, state_folder
+from rigd.engine.shared.folder import folder_name
+from rigd.engine.sink import Rows
+from rigd.engine.slow import Beside
+from rigd.engine.wiring import in_cycle, streams_of
+from rigd.model.channels import Stream
+from rigd.model.errors import DeviceError
+from rigd.model.limits import Action
+from rigd.record.events import Event
+from rigd.sdk import BlockDriver
+
+#: Rows are taken out of the rings every 50 ms; they hold this much where that stalls.
+RING_S: Final = 5.0
+#: Rows per second of a slow device, at most.
+SLOW_HZ: Final = 100.0
+#: The folder of looks within the state folder; no rig's own folder begins with a dot.
+FOLDER: Final = ".look"
+#: How long a process may be silent while nothing can move, in s.
+PATIENCE_S: Final = 600.0
+
+
+class Look:
+    """A rig that is being looked at; made by :func:`look_at`.
+
+    ``rig`` is as its file says, ``streams`` what its devices and its cycle give. ``on_rows`` gets
+    what has come of each stream, several times a second, in time order.
+    """
+
+    def __init__(
+        self, rig: RigConfig, host: ManualHost, folder: RunFolder, control: Control
+    ) -> None:
+        self.rig = rig
+        self.streams = {stream.name: stream for stream in streams_of(rig)}
+        self.on_rows: Callable[[str, Rows], None] = lambda _, __: None
+        self.events: list[Event] = []  #: what was told so far, watchdogs and faults among it
+        self._host = host
+        self._control = control
+        self._rings = folder.row_rings(folder.job)
+        self._event_rings = [folder.event_ring(source) for source in EVENT_SOURCES]
+        host.on_drain = self._drain
+
+    @property
+    def t_ns(self) -> int:
+        """Unix time now, on the clock of the rows, in ns."""
+        return self._host.t_ns
+
+    @property
+    def stopped(self) -> bool:
+        """Whether a person asked for the end."""
+        return self._control.verb is not None
+
+    @property
+    def missed(self) -> int:
+        """Slots that passed without a cycle."""
+        return self._host.counters.missed
+
+    @property
+    def trips(self) -> Sequence[Trip]:
+        """What tripped so far, each with its interlock as the rig file has it; nothing acted."""
+        own = {one.name: one for one in self.rig.interlocks}
+        return [replace(one, interlock=own[one.interlock.name]) for one in self._host.trips]
+
+    def open(self) -> Sequence[str]:
+        """Open every link and device; return what could not be opened, a sentence each."""
+        return self._told(self._host.open(judge=False))
+
+    def judge(self) -> Sequence[str]:
+        """Return what keeps the rig from being armed; every watchdog acts once for this."""
+        return self._told(self._host.judge())
+
+    def standing(self) -> Sequence[Trip]:
+        """Return the interlocks that stand tripped now, each as it last tripped."""
+        last = {trip.interlock.name: trip for trip in self.trips}
+        # One that tripped this moment is known to the cycle before its trip has come here.
+        return [last[name] for name in self._host.standing() if name in last]
+
+    def first_rows(self) -> None:
+        """Look at the rig until every device has given a row.
+
+        Raises:
+            DeviceError: see :meth:`rest`; a device that gives none counts as failed.
+        """
+        self._heed(self._host.settle(1))
+
+    def rest(self, seconds: float) -> None:
+        """Look at the rig for so long, or until a person wants out.
+
+        Raises:
+            DeviceError: a device, or the cycle, has failed; the rig is safe.
+        """
+        until_ns = self.t_ns + round(seconds * 1e9)
+        self._heed(self._host.rest_while(lambda: not self.stopped and self.t_ns < until_ns))
+        self._drain()
+
+    def act(self, device: str, action: str) -> str:
+        """Do one of a device's actions; see :meth:`ManualHost.act`."""
+        return self._host.act(device, action)
+
+    def _heed(self, outcome: Outcome | None) -> None:
+        if outcome is not None and not self.stopped:
+            self._drain()
+            raise DeviceError(outcome.reason)
+
+    def _told(self, reasons: Sequence[str]) -> Sequence[str]:
+        self._drain()
+        return reasons
+
+    def _drain(self) -> None:
+        for told in self._event_rings:
+            self.events += told.drain()
+        for name, ring in self._rings.items():
+            rows = ring.drain()
+            if len(rows):
+                self.on_rows(name, rows)
+
+
+@contextmanager
+def look_at(rig: RigConfig, control: Control, *, command: str) -> Iterator[Look]:
+    """Take ``rig`` and make it ready to be opened; on every way out it is safe, closed and free.
+
+    ``command`` is told to whoever wants the rig meanwhile.
+
+    Raises:
+        Blocked: the rig is in use.
+        RecordingError: there is no room for its rings.
+    """
+    lock = RunFolder.take(rig.name, command=command)
+    path = state_folder() / FOLDER / folder_name(rig.name)
+    shutil.rmtree(path, ignore_errors=True)  # what a look that was killed has left
+    try:
+        path.mkdir(mode=0o700, parents=True)
+        folder = RunFolder(path, lock.lock_fd)
+        host = _host(_harmless(rig), folder, control)
+        try:
+            yield Look(rig, host, folder, control)
+        finally:
+            host.make_safe()
+            host.close()
+    finally:
+        shutil.rmtree(path, ignore_errors=True)
+        lock.release()
+
+
+def _harmless(rig: RigConfig) -> RigConfig:
+    """Return ``rig`` with interlocks that only tell, and processes that nobody is killed for.
+
+    Nothing is armed, so nothing need end in a hurry: a terminal may be stopped (Ctrl-S).
+    """
+    told = tuple(replace(one, action=Action.WARN, latch=False) for one in rig.interlocks)
+    return replace(rig, interlocks=told, supervision=Supervision(PATIENCE_S, PATIENCE_S))
+
+
+def _host(rig: RigConfig, folder: RunFolder, control: Control) -> ManualHost:
+    streams = tuple(streams_of(rig))
+    start_ns, origin_ns = time.time_ns(), time.monotonic_ns()
+    job = Job(rig.name, Path(os.devnull), streams, start_ns)
+    folder.prepare(job, {stream.name: _capacity(rig, stream) for stream in streams})
+    board = folder.board()
+    board[Word.START_NS], board[Word.ORIGIN_NS] = start_ns, origin_ns
+    all_rows = {stream.name: 1 for stream in streams}
+    return ManualHost(
+        rig,
+        decimation=all_rows,
+        seed=1,
+        folder=folder,
+        control=control,
+        beside=Beside(rig, folder, job, origin_ns=origin_ns, decimation=all_rows),
+        finish=lambda: None,
+    )
+
+
+def _capacity(rig: RigConfig, stream: Stream) -> int:
+    device = rig.devices.get(stream.name)
+    rate_hz = 1e9 / rig.period_ns
+    if device is not None and not in_cycle(device):
+        driver = device.driver_class(device.config, None)
+        rate_hz = driver.rate_hz if isinstance(driver, BlockDriver) else SLOW_HZ
+    return round(RING_S * rate_hz) + 1000

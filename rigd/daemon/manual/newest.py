@@ -1,0 +1,85 @@
+"""The newest value of every channel of a rig: how old it is, and whether it can be trusted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from rigd.config.rig import RigConfig
+from rigd.engine.sink import Rows
+from rigd.model.channels import STALE, STATUS_FIELD, Channel
+from rigd.model.rows import TIME_FIELD
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One channel: ``value`` in SI ``unit``, NaN where there is none; ``age_s`` of its row.
+
+    ``status`` is the status word of its device, None where the device has none. ``state`` is one
+    of ``ok``, ``stale``, ``NaN`` and ``no row``.
+    """
+
+    channel: str
+    value: float
+    unit: str
+    age_s: float
+    status: int | None
+    state: str
+
+
+class Newest:
+    """Keeps the newest rows of ``rig``; channels stand in the order of the rig file.
+
+    ``channels`` (``device.channel``) leaves out all others, where given.
+    """
+
+    def __init__(self, rig: RigConfig, channels: Sequence[str] = ()) -> None:
+        self._shown: list[tuple[str, Channel]] = [
+            (device.name, channel)
+            for device in rig.devices.values()
+            for channel in device.channels
+            if not channels or f"{device.name}.{channel.name}" in channels
+        ]
+        self._silent_s = {
+            name: device.driver_class(device.config, None).silent_s
+            for name, device in rig.devices.items()
+        }
+        self._rows: dict[str, Mapping[str, float]] = {}
+        self._fresh_ns: dict[str, int] = {}
+
+    def take(self, stream: str, rows: Rows) -> None:
+        """Take rows of a stream, the newest last."""
+        names = rows.dtype.names or ()
+        last = rows[-1]
+        self._rows[stream] = {name: last[name].item() for name in names}
+        if STATUS_FIELD in names:
+            rows = rows[rows[STATUS_FIELD] & STALE == 0]
+        if len(rows):
+            self._fresh_ns[stream] = int(rows[TIME_FIELD][-1])
+
+    def readings(self, now_ns: int) -> Iterator[Reading]:
+        """Yield every channel as it stands at ``now_ns`` (Unix)."""
+        for device, channel in self._shown:
+            row = self._rows.get(device)
+            value = math.nan if row is None else row[channel.name]
+            fresh_ns = self._fresh_ns.get(device)
+            age_s = math.inf if fresh_ns is None else max(now_ns - fresh_ns, 0) * 1e-9
+            status = None if row is None else row.get(STATUS_FIELD)
+            yield Reading(
+                f"{device}.{channel.name}",
+                value,
+                channel.unit,
+                age_s,
+                None if status is None else int(status) & ~STALE,
+                self._state(device, row, value, age_s),
+            )
+
+    def _state(
+        self, device: str, row: Mapping[str, float] | None, value: float, age_s: float
+    ) -> str:
+        if row is None:
+            return "no row"
+        if age_s > self._silent_s[device]:
+            return "stale"
+        return "NaN" if math.isnan(value) else "ok"
