@@ -12,6 +12,7 @@ import socket
 import struct
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from rigd.sdk import LinkError
@@ -109,7 +110,12 @@ class SocketPort(Port):
         select.select([self._socket], [], [], timeout_s)
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the socket; what was sent still arrives."""
+        # A local socket that is closed with frames unread takes back those under way.
+        with suppress(OSError):  # SocketCAN has no shutdown, and the peer may be gone
+            self._socket.shutdown(socket.SHUT_RD)
+            while self._socket.recv(frames.CAN_FRAME.size):
+                pass
         self._socket.close()
 
     def _gone(self, why: object) -> LinkError:

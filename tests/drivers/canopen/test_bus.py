@@ -209,6 +209,22 @@ def test_a_simulated_bus_that_goes_away_is_lost(tmp_path: Path) -> None:
         bus.close()
 
 
+def test_what_was_sent_last_arrives_though_frames_are_left_unread(tmp_path: Path) -> None:
+    path = str(tmp_path / "bus")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
+        listener.bind(path)
+        listener.listen()
+        port = open_port("hub", path, 1_000_000)
+        peer, _ = listener.accept()
+        with peer:
+            for _ in range(10):
+                peer.send(bytes(16))
+            port.send(0x000, b"\x80\x01")
+            port.close()
+            assert peer.recv(32) == bytes.fromhex("00 00 00 00 02 00 00 00 80 01") + bytes(6)
+            assert peer.recv(32) == b""
+
+
 def test_socketcan_without_the_interface_says_what_to_do() -> None:
     with pytest.raises(LinkError, match=r"no CAN interface 'nosuchcan'|has no SocketCAN"):
         open_port("socketcan", "nosuchcan", 500_000)
