@@ -135,4 +135,4 @@ def test_a_killed_master_is_survived_by_the_one_shot_alone(
         assert time.monotonic() < give_up
     assert state["da0"] == pytest.approx(5.0, abs=2e-3), "the card itself holds what it was told"
     assert state["wheel_demand"] == 0.0
-    assert (state["safe_since_ns"] - killed_ns) * 1e-9 < ONE_SHOT_S + 1.0
+    assert 0 < (state["safe_since_ns"] - killed_ns) * 1e-9 < ONE_SHOT_S + 1.0

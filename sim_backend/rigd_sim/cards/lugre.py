@@ -114,6 +114,7 @@ class LugreWiring:
 
     def state(self) -> Mapping[str, float | int | bool | str]:
         """Return what the drives do, and since when none is enabled (CLOCK_MONOTONIC, ns)."""
+        self._command()  # the one-shot may have dropped since
         shown: dict[str, float | int | bool | str] = {
             "enabled": any(drive.enabled for drive in self.drives.values()),
             "safe_since_ns": self.safe_since_ns,

@@ -41,6 +41,19 @@ _POWER_ON_CODE: Final = 0x3FFF
 _PICKUP_V: Final = 3.0
 _MAINS_HZ: Final = 50.0
 
+#: The options of faults, and what each may be.
+_INPUT: Final = {"input": tuple(range(INPUTS))}
+_ENCODER: Final = {"encoder": tuple(range(ENCODERS))}
+_OPTIONS: Final[Mapping[str, Mapping[str, tuple[object, ...]]]] = {
+    "fifo_short": {"words": tuple(range(1, _FIFO_DEPTH + 1))},
+    "saturation": {**_INPUT, "rail": ("high", "low")},
+    "stuck_code": _INPUT,
+    "open_input": _INPUT,
+    "index_reset": _ENCODER,
+    "sign_flip": _ENCODER,
+}
+_DEFAULTS: Final[Mapping[str, object]] = {"words": 1, "rail": "high"}
+
 
 def _nothing() -> None:
     """Where no physics has to be brought up to now."""
@@ -234,29 +247,22 @@ class Mf624Registers:
                     wire(volts)
 
 
-def _checked(fault: str, options: Mapping[str, Any]) -> dict[str, Any]:
+def _checked(fault: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options of a fault with their defaults.
 
     Raises:
         ValueError: one is missing, unknown, or out of range.
 
     """
-    ranges: dict[str, tuple[object, ...]] = {
-        "saturation": {"input": range(INPUTS), "rail": ("high", "low")},
-        "stuck_code": {"input": range(INPUTS)},
-        "open_input": {"input": range(INPUTS)},
-        "fifo_short": {"words": range(1, _FIFO_DEPTH + 1)},
-        "index_reset": {"encoder": range(ENCODERS)},
-        "sign_flip": {"encoder": range(ENCODERS)},
-    }.get(fault, {})  # type: ignore[assignment]
-    given = {"rail": "high", "words": 1} | dict(options)
-    for name in options:
-        if name not in ranges:
-            known = ", ".join(ranges) or "no options"
-            raise ValueError(f"fault {fault!r} has no option {name!r}; it takes {known}")
-    for name, allowed in ranges.items():
-        if name not in given:
-            raise ValueError(f"fault {fault!r} needs '{name}'")
-        if given[name] not in allowed:
-            raise ValueError(f"fault {fault!r}: {name} {given[name]!r} is not in {allowed}")
-    return {name: given[name] for name in ranges}
+    known = _OPTIONS.get(fault, {})
+    for name in given:
+        if name not in known:
+            raise ValueError(
+                f"fault {fault!r} has no option {name!r}; it takes {', '.join(known) or 'none'}"
+            )
+    options = {name: given.get(name, _DEFAULTS.get(name)) for name in known}
+    for name, value in options.items():
+        if value not in known[name]:
+            found = "is missing" if value is None else f"is {value!r}"
+            raise ValueError(f"option {name!r} of fault {fault!r} {found}; one of {known[name]}")
+    return options

@@ -203,10 +203,19 @@ def test_fault_card_removed(terminals: Terminals) -> None:
     ("inject", "message"),
     [
         (lambda card: card.inject("smoke"), "no fault 'smoke'; it knows eolc_stuck, fifo_short"),
-        (lambda card: card.inject("stuck_code"), "needs 'input'"),
-        (lambda card: card.inject("stuck_code", input=8), "input 8 is not in range"),
-        (lambda card: card.inject("saturation", input=0, rail="up"), "rail 'up' is not in"),
-        (lambda card: card.inject("eolc_stuck", input=0), "no option 'input'; it takes no options"),
+        (
+            lambda card: card.inject("stuck_code"),
+            "'input' of fault 'stuck_code' is missing; one of",
+        ),
+        (
+            lambda card: card.inject("stuck_code", input=8),
+            "'input' of fault 'stuck_code' is 8; one of",
+        ),
+        (
+            lambda card: card.inject("saturation", input=0, rail="up"),
+            "'rail' of fault 'saturation' is 'up'; one of",
+        ),
+        (lambda card: card.inject("eolc_stuck", input=0), "no option 'input'; it takes none"),
     ],
 )
 def test_faults_it_does_not_know(
