@@ -71,6 +71,8 @@ class Counter(BlockDriver):
         match self.config.fault:
             case "overrun":
                 raise DeviceError("samples were lost", hint="make the buffer larger")
+            case "sticky":  # and close() fails as well
+                raise DeviceError("the sensor is broken")
             case "bug":
                 raise ZeroDivisionError("a bug in the driver")
             case "hang":
@@ -86,6 +88,10 @@ class Counter(BlockDriver):
                 block = self.block()
                 return Block(block.times_ns[::-1].copy(), block.values)
         raise AssertionError(self.config.fault)
+
+    def close(self) -> None:
+        if self.config.fault == "sticky":
+            raise OSError("the port is gone")
 
 
 def device_of(

@@ -116,8 +116,13 @@ def _run(job: BlockJob, link: socket.socket, stop: threading.Event) -> None:
             block = driver.read_block(BEAT_S)
             if block is not None:
                 publisher.publish(block)
-    finally:
-        driver.close()
+    except BaseException:
+        try:
+            driver.close()
+        except Exception as error:  # noqa: BLE001 - what failed first is what is told
+            traceback.print_exception(error)
+        raise
+    driver.close()
 
 
 def _failed(error: Exception) -> Failed:

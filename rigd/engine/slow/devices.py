@@ -10,6 +10,7 @@ from typing import Any, Final, Protocol, TypeVar
 
 from rigd.engine.clock import monotonic_ns
 from rigd.engine.cycle import DEVICE_ERRORS
+from rigd.engine.slow.block_helper import told
 from rigd.engine.slow.table import Slot
 from rigd.model.errors import DeviceError, LinkError, RigdError
 from rigd.sdk import EmitRow, SlowDriver
@@ -62,7 +63,7 @@ class SlowDevices:
         self._slots = slots
         self._offset_ns = start_ns - origin_ns
         self._faults: dict[str, str] = {}  # by device, in the order in which they came
-        self._loop = asyncio.new_event_loop()
+        self._loop: asyncio.AbstractEventLoop | None = None  # while it runs
         self._thread: threading.Thread | None = None
         self._running: dict[str, asyncio.Task[None]] = {}
         self._turned_ns = self._looked_ns = 0
@@ -94,7 +95,10 @@ class SlowDevices:
             ProtocolError: one is not what the rig file names.
             DeviceError: one reports a fault. Where several fail, the message names them all.
         """
-        self._thread = threading.Thread(target=self._turn, name="slow devices", daemon=True)
+        self._loop = loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(
+            target=self._turn, args=(loop,), name="slow devices", daemon=True
+        )
         self._thread.start()
         try:
             self._call(self._open_all(timeout_s), timeout_s + BLOCKED_S)
@@ -147,30 +151,35 @@ class SlowDevices:
 
     def stop(self) -> None:
         """Cancel and close all devices; what fails is in :attr:`faults`. Twice is silent."""
-        thread, self._thread = self._thread, None
-        if thread is None:
+        loop, thread, self._thread = self._loop, self._thread, None
+        if loop is None or thread is None:
             return
         try:
             ended = self._call(self._close_all(), 3 * CLOSE_S)
         except FutureTimeoutError:
             self._faults.setdefault("", "a slow device blocks its loop and could not be closed")
             ended = False
+        self._loop = None
         if ended:  # else the thread is left to what holds it, and dies with the process
-            self._loop.call_soon_threadsafe(self._loop.stop)
+            loop.call_soon_threadsafe(loop.stop)
             thread.join()
-            self._loop.close()
+            loop.close()
 
-    def _turn(self) -> None:
+    def _turn(self, loop: asyncio.AbstractEventLoop) -> None:
         """Run the loop until it is told to stop; the thread's only job."""
-        asyncio.set_event_loop(self._loop)
-        self._loop.call_soon(self._mark)
-        self._loop.run_forever()
+        asyncio.set_event_loop(loop)
 
-    def _mark(self) -> None:
-        self._turned_ns = monotonic_ns()
-        self._loop.call_later(_TURN_S, self._mark)
+        def mark() -> None:
+            self._turned_ns = monotonic_ns()
+            loop.call_later(_TURN_S, mark)
+
+        loop.call_soon(mark)
+        loop.run_forever()
 
     def _call(self, coroutine: Coroutine[Any, Any, T], timeout_s: float) -> T:
+        if self._loop is None:
+            coroutine.close()
+            raise RuntimeError("the slow devices are not started")
         future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
         try:
             return future.result(timeout_s)
@@ -208,7 +217,7 @@ class SlowDevices:
                 raise
             reason = "it cancelled itself"  # a cancellation of its own making has leaked out
         except DEVICE_ERRORS as error:
-            reason = error.message
+            reason = told(error)
         except Exception as error:  # noqa: BLE001 - boundary: a bug of one driver ends the run well
             reason = f"its driver fails: {type(error).__name__}: {error}"
         self._faults.setdefault(name, f"{name}: {reason}")

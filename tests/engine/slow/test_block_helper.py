@@ -70,7 +70,7 @@ def test_a_helper_that_is_not_open_in_time_is_ended(placed: Placed) -> None:
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        ("overrun", "daq: samples were lost"),
+        ("overrun", r"daq: samples were lost \(make the buffer larger\)$"),
         ("bug", "daq: its driver fails: ZeroDivisionError: a bug in the driver"),
         ("narrow", r"daq: the driver gave values of shape \(10, 2\) .* expected \(10, 3\)"),
         ("backwards", "daq: the driver gave times that do not increase"),
@@ -86,6 +86,13 @@ def test_a_fault_reaches_the_run_behind_the_rows_before_it(
     assert place.helper.poll() == reason  # it stays
     assert len(place.ring.drain()) == 30
     assert ("Traceback" in place.log.read_text()) == (fault == "bug")
+
+
+def test_what_fails_first_is_told_and_not_what_fails_then(placed: Placed) -> None:
+    place = placed(counter(fault="sticky"))
+    place.helper.start()
+    assert faulted(place) == "daq: the sensor is broken"
+    assert "OSError: the port is gone" in place.log.read_text()
 
 
 def test_no_rows_are_no_fault_of_the_process(placed: Placed) -> None:
