@@ -22,6 +22,7 @@ ASK_S: Final = 3.0
 _WORDS: Final = {
     Trouble.TIMEOUT: "no answer",
     Trouble.WRONG_UNIT: "an answer from another unit",
+    Trouble.WRONG_TRANSACTION: "an answer with a transaction number never asked with",
     Trouble.WRONG_REPLY: "an answer to something else",
     Trouble.CRC: "an answer with a wrong check sum",
     Trouble.GARBLED: "an answer cut short or with bytes that belong to no frame",

@@ -62,6 +62,7 @@ class Exchange:
         self._late_until_ns = 0  # the same, of those given up
         self._free_ns = 0
         self._noise = False
+        self._seen: Trouble | None = None  # what came, other than the answer waited for
         self._news = 0
 
     @property
@@ -85,7 +86,7 @@ class Exchange:
         self._request = request
         self._give_up_ns = now_ns + wire_ns + self.timing.timeout_ns
         self._settled_ns = now_ns + wire_ns + self.timing.settle_ns
-        self._noise = False
+        self._noise, self._seen = False, None
         return frame
 
     def receive(self, data: bytes, now_ns: int) -> Answer | Failure | None:
@@ -108,11 +109,13 @@ class Exchange:
             if pdu is None:
                 break
             self._count(pdu)  # of another request: ours may still come
+            if pdu is not Trouble.LATE:
+                self._seen = pdu
         if now_ns < self._give_up_ns:
             return None
-        return self._fail(
-            request, self._framing.leftover(self._buffer, self._unit, request), now_ns
-        )
+        trouble = self._framing.leftover(self._buffer, self._unit, request)
+        failure = self._fail(request, trouble, now_ns)
+        return failure if self._seen is None else Failure(request, self._seen)
 
     def abandon(self, now_ns: int) -> None:
         """Give up the request under way, if any, and leave the line alone for one gap only.

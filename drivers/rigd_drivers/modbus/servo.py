@@ -21,8 +21,10 @@ from rigd_drivers.modbus.registers import Condition, all_hold
 from rigd_drivers.modbus.servo_map import ServoMap, Step
 from rigd_drivers.modbus.shipped import shipped_map
 
-#: Bit of the status word: the drive follows its setpoint.
+#: Bits of the status word: the drive follows its setpoint; its watchdog has acted, which before
+#: arming is no fault (rigd was busy with other devices, and nothing moved).
 ENABLED: Final = 1
+TRIPPED: Final = 2
 #: Bounds on making safe over the open connection, and over one opened anew, in s.
 SAFE_S: Final = 0.1
 RESCUE_S: Final = 0.4
@@ -73,7 +75,7 @@ class ModbusServo(ModbusDevice):
     """A speed drive with a communication watchdog, which rigd sets, reads back and proves.
 
     Safe means without torque, by what the map writes to disable it. Status bits: enabled 1,
-    and the line's (see :class:`ModbusDevice`).
+    tripped while nobody talked to it 2, and the line's (see :class:`ModbusDevice`).
     """
 
     Config: ClassVar[type[DriverConfig]] = ServoConfig
@@ -86,6 +88,8 @@ class ModbusServo(ModbusDevice):
         super().__init__(config, link, config.map, config.rate)
         self._map = config.map
         self._reads = config.map.reads(config.map.polled())
+        self._all_reads = config.map.reads([*config.map.polled(), *config.map.watchdog.spans()])
+        self._asked = self._reads  # those of the row under way
         self._scale = config.map.scale * (config.travel or 1.0)  # channel's unit per count
         self._words: dict[int, int] = {}
         self._plan: deque[Request] = deque()  # what is left to ask for this row
@@ -93,6 +97,7 @@ class ModbusServo(ModbusDevice):
         self._until: Condition | None = None
         self._armed = self._enabled = False
         self._at_rest = False  # the drive holds speed zero
+        self._faulted = False  # it was in the last row
         self._setpoint = 0.0
         self._unfit: list[str] = []
         unit = "rad/s" if config.travel is None else "m/s"
@@ -135,11 +140,13 @@ class ModbusServo(ModbusDevice):
         """
         if self.watchdog_s is None:
             raise DeviceError(f"{self.client.where}: the drive has no watchdog to prove")
-        self._words = self.fetch(self._reads)  # the drive has heard from us
+        self._words = self.fetch(self._reads)
+        if all_hold(self._map.fault, self._words):
+            self._reset()  # it has tripped since it was opened: that proves nothing
         began_ns = time.monotonic_ns()
         time.sleep(self.watchdog_s)  # the silence is the proof
         silent_s = (time.monotonic_ns() - began_ns) * 1e-9
-        if not self._tripped():
+        if not all_hold(self._map.watchdog.tripped, self.fetch(self._all_reads)):
             raise DeviceError(
                 f"{self.client.where}: the drive heard nothing for {silent_s:.2f} s and did not "
                 f"trip; its watchdog is set to {self.config.watchdog:g} s",
@@ -150,11 +157,15 @@ class ModbusServo(ModbusDevice):
         return silent_s
 
     def arm(self) -> None:
-        """Begin to enable the drive, at speed zero; goes on in the cycles until :meth:`ready`."""
+        """Begin to enable the drive, at speed zero; goes on in the cycles until :meth:`ready`.
+
+        A drive whose watchdog has acted meanwhile is reset first.
+        """
         self._setpoint = 0.0
         self._armed, self._at_rest = True, False
         self._until = None
-        self._steps = deque(self._map.enable)
+        resets = [Step(address=w.address, value=w.value) for w in self._map.reset]
+        self._steps = deque([*(resets if self._faulted else ()), *self._map.enable])
 
     def ready(self) -> bool:
         """Return whether the drive says that it follows its setpoint."""
@@ -219,9 +230,10 @@ class ModbusServo(ModbusDevice):
         if not self._plan:
             if not self.due():
                 return
+            self._asked = self._all_reads if self._faulted else self._reads
             command = self._command()
             self._plan.extend([] if command is None else [command])
-            self._plan.extend(read.request for read in self._reads)
+            self._plan.extend(read.request for read in self._asked)
         self.client.start(self._plan[0])
 
     def _command(self) -> Request | None:
@@ -240,10 +252,10 @@ class ModbusServo(ModbusDevice):
             return None  # of a row that was given up
         left = len(self._plan)
         self._plan.popleft()
-        if left > len(self._reads):
+        if left > len(self._asked):
             self._written()
             return None
-        self._words |= self._reads[-left].words(answer.words)
+        self._words |= self._asked[-left].words(answer.words)
         return None if self._plan else self._row()
 
     def _written(self) -> None:
@@ -252,8 +264,15 @@ class ModbusServo(ModbusDevice):
             self._until = self._steps.popleft().until
         self._at_rest = True
 
-    def _row(self) -> Sequence[float]:
-        if all_hold(self._map.fault, self._words):
+    def _row(self) -> Sequence[float] | None:
+        known = self._asked is self._all_reads
+        self._faulted = all_hold(self._map.fault, self._words)
+        if self._faulted and not self._may_be_faulted():
+            raise self._fault()
+        if self._faulted and not known:
+            return None  # the next row tells whether it was its watchdog
+        tripped = self._faulted and all_hold(self._map.watchdog.tripped, self._words)
+        if self._faulted and not tripped:
             raise self._fault()
         enabled = all_hold(self._map.enabled, self._words)
         if self.ready() and not enabled:
@@ -263,8 +282,12 @@ class ModbusServo(ModbusDevice):
             )
         self._enabled = enabled
         count = self._map.speed.decode(self._words, self._map.word_order)
-        status = (ENABLED if enabled else 0) | self.client.status()
-        return count * self._scale, count, status
+        flags = (ENABLED if enabled else 0) | (TRIPPED if tripped else 0)
+        return count * self._scale, count, flags | self.client.status()
+
+    def _may_be_faulted(self) -> bool:
+        """Return whether it is not armed yet, or is being reset."""
+        return not self._armed or len(self._steps) > len(self._map.enable)
 
     def _fault(self) -> DeviceError:
         at = {condition.address for condition in self._map.fault}
@@ -274,11 +297,6 @@ class ModbusServo(ModbusDevice):
             hint="read its display; a communication fault means that it heard nothing for "
             f"{self.config.watchdog:g} s",
         )
-
-    def _tripped(self) -> bool:
-        conditions = self._map.watchdog.tripped
-        spans = [range(c.address, c.address + 1) for c in conditions]
-        return all_hold(conditions, self.fetch(self._map.reads(spans)))
 
     def _reset(self) -> None:
         """Leave the fault state.

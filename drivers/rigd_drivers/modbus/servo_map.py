@@ -44,6 +44,10 @@ class WatchdogMap(Described):
     tripped: Annotated[tuple[Condition, ...], MinLen(1)]
     """All hold once it has acted, until the drive is reset."""
 
+    def spans(self) -> list[range]:
+        """Return the registers that tell whether it has acted."""
+        return [range(c.address, c.address + 1) for c in self.tripped]
+
 
 class ServoMap(Access):
     """What stands where in a speed drive, and what enables, disables and resets it."""

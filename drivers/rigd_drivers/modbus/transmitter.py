@@ -32,6 +32,9 @@ FLAGS: Final = {"stable": 1, "overload": 2, "underload": 4, "fault": 8}
 #: Readings taken at opening to judge the range, and how often an action is tried.
 _PROBES: Final = 5
 _TRIES: Final = 3
+#: So many readings in a row must make sense with their words swapped, and none as they are, before
+#: the order is called wrong: an overload can look like that once.
+_SUSPECTS: Final = 3
 #: A float this small and not zero is two words swapped, not a force.
 #: (0.5 N as 0x3F000000 reads 2.3e-41 when swapped.)
 _LEAST_FLOAT: Final = 1e-30
@@ -139,6 +142,7 @@ class ModbusTransmitter(ModbusDevice):
         self._to_write: deque[Request] = deque()
         self._tries = 0
         self._refused: str | None = None
+        self._suspects = 0
         self.actions = {name: action.doc for name, action in config.map.actions.items()}
         least, most = sorted((config.low / self._scale, config.high / self._scale))
         self.channels = (
@@ -148,6 +152,9 @@ class ModbusTransmitter(ModbusDevice):
 
     def prove(self) -> None:
         """Check the settings, and take a few readings that must be possible.
+
+        Both words of a zero are the same: with no force on the cell at all, their order is judged
+        as soon as there is some, in the cycle.
 
         Raises:
             ProtocolError: another device, or readings that cannot be: says which option to try.
@@ -159,9 +166,9 @@ class ModbusTransmitter(ModbusDevice):
         )
         for _ in range(_PROBES):
             self._words = self.fetch(self._reads)
-            self._row()
-            force = self._count(self._order) * self._scale
-            if not self._possible(force):
+            row = self._row()
+            if row is not None and not self._possible(row[0]):
+                force = row[0]
                 raise ProtocolError(
                     f"{self.client.where} reads {force:g} N, beyond {self.config.low:g} N to "
                     f"{self.config.high:g} N",
@@ -246,7 +253,8 @@ class ModbusTransmitter(ModbusDevice):
         self._turn = (self._turn + 1) % len(self._reads)
         return self._row() if self._turn == 0 else None
 
-    def _row(self) -> Sequence[float]:
+    def _row(self) -> Sequence[float] | None:
+        """Return the row; None where it may be of words in the wrong order."""
         flags = 0
         for name, condition in self._map.status.items():
             if condition.holds(self._words):
@@ -259,27 +267,35 @@ class ModbusTransmitter(ModbusDevice):
             )
         count = self._count(self._order)
         force = count * self._scale
-        if not self._possible(force):
-            self._judge_order(force)
-        return force, count, flags | self.client.status()
+        if self._possible(force) or not self._swapped(force):
+            self._suspects = 0
+            return force, count, flags | self.client.status()
+        return None
 
     def _count(self, order: WordOrder) -> float:
         count = self._map.force.decode(self._words, order)
         negative = self._map.negative
         return -count if negative is not None and negative.holds(self._words) else count
 
-    def _judge_order(self, force: float) -> None:
-        """Raise when the words, taken the other way round, make a possible force."""
-        if self._map.force.count == 1:
-            return
+    def _swapped(self, force: float) -> bool:
+        """Return whether the words, taken the other way round, make a possible force.
+
+        Raises:
+            ProtocolError: they did so several times on end.
+
+        """
         other: WordOrder = "low-first" if self._order == "high-first" else "high-first"
         swapped = self._count(other) * self._scale
-        if self._possible(swapped):
+        if self._map.force.count == 1 or not self._possible(swapped):
+            return False
+        self._suspects += 1
+        if self._suspects >= _SUSPECTS:
             raise ProtocolError(
                 f"{self.client.where} reads {force:g} N, which cannot be; with its two words "
                 f"swapped it is {swapped:g} N",
                 hint=f"try 'word_order: {other}'",
             )
+        return True
 
     def _possible(self, force: float) -> bool:
         if self._map.force.type == "float32" and 0 < abs(force / self._scale) < _LEAST_FLOAT:

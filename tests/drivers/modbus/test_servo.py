@@ -13,7 +13,7 @@ from support.modbus_bench import ServoBench, cycle, rows_of, status
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.modbus.framing import Trouble
-from rigd_drivers.modbus.servo import ENABLED, ServoConfig
+from rigd_drivers.modbus.servo import ENABLED, TRIPPED, ServoConfig
 
 RPM = 2 * math.pi / 60
 TCP = pytest.mark.parametrize("line", ["tcp"], indirect=True)
@@ -133,6 +133,38 @@ def test_a_drive_disabled_by_somebody_else_ends_the_run(servo: ServoBench) -> No
     servo.call(lambda: servo.part.bank.answer(other))  # type: ignore[attr-defined]
     with pytest.raises(DeviceError, match="no longer enabled"):
         cycle(driver, lambda rows: False, [10.0])
+
+
+@both_drives
+def test_a_watchdog_that_acts_before_arming_is_no_fault(servo: ServoBench, drive: str) -> None:
+    driver = servo.driver(**DRIVES[drive])
+    driver.open()
+    rows_of(driver, 1)
+    assert driver.watchdog_s is not None
+    time.sleep(driver.watchdog_s + 0.1)  # other devices are being opened meanwhile
+    assert servo.state()["fault_code"] != 0
+    assert status(rows_of(driver, 1)[-1]) & TRIPPED
+    driver.arm()
+    rows = cycle(driver, lambda rows: driver.ready(), [0.0])
+    assert status(rows[-1]) & (ENABLED | TRIPPED) == ENABLED
+    assert servo.physics.speed == 0.0
+
+
+def test_another_fault_before_arming_is_one(servo: ServoBench) -> None:
+    driver = servo.driver()
+    driver.open()
+    servo.fault("overcurrent")
+    with pytest.raises(DeviceError, match="the drive reports a fault"):
+        rows_of(driver, 20)
+
+
+def test_a_drive_that_has_tripped_already_proves_nothing(servo: ServoBench) -> None:
+    driver = servo.driver()
+    driver.open()
+    servo.fault("watchdog_tripped")
+    servo.fault("watchdog_dead")
+    with pytest.raises(DeviceError, match="did not trip"):
+        driver.prove_watchdog()
 
 
 def test_a_fault_of_the_last_session_is_reset_at_opening(servo: ServoBench) -> None:

@@ -180,6 +180,19 @@ def test_swapped_words_are_found_out_as_soon_as_zero_is_left(
         rows_of(driver, 100)
 
 
+def test_an_overload_that_looks_swapped_once_is_withheld_and_no_more(
+    transmitter: TransmitterBench,
+) -> None:
+    """655.36 N is 65536 counts, words 1 and 0; as 0 and 1 they would be 0.01 N."""
+    driver = opened(transmitter)
+    transmitter.physics.force = 655.36
+    cycle(driver, lambda rows: driver._suspects > 0)
+    transmitter.physics.force = 655.35
+    rows = cycle(driver, lambda rows: bool(rows and rows[-1][0] > 500))
+    assert [row[0] for row in rows if row[0] > 500] == [pytest.approx(655.35)]
+    assert driver._suspects == 0
+
+
 def test_a_force_that_cannot_be_is_refused_at_opening(transmitter: TransmitterBench) -> None:
     transmitter.physics.force = 510.0
     with pytest.raises(ProtocolError, match="reads 510 N, beyond -500 N to 500 N"):
@@ -237,6 +250,18 @@ def test_another_baud_rate_is_no_answer_and_the_hint_says_so(
 def test_another_unit_is_no_answer(transmitter: TransmitterBench) -> None:
     with pytest.raises(LinkError, match="no answer"):
         transmitter.driver(unit=7).open()
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [("wrong_unit", "from another unit"), ("wrong_function", "to something else")],
+)
+def test_what_answers_instead_is_said_at_opening(
+    transmitter: TransmitterBench, fault: str, words: str
+) -> None:
+    transmitter.fault(fault)
+    with pytest.raises(LinkError, match=f"an answer {words}"):
+        transmitter.driver().open()
 
 
 @RTU
