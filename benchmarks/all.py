@@ -22,6 +22,7 @@ BENCHES = (
     "check",
     "plant",
     "simulated_run",
+    "simulated_bus",
     "register_card",
     "recording",
     "recorder",

@@ -20,12 +20,14 @@ from rigd_sim.wire.faults import FaultEntry, Schedule, read_fault_file
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
 from rigd_sim.wire.lugre import Bench, BusOptions, DeviceOptions, build_parts
+from rigd_sim.wire.pace import in_real_time
 from rigd_sim.wire.part import Part
 from rigd_sim.wire.world import World
 
 #: How often faults that are planned are looked at, in s; the plant moves on whenever it is asked.
 TICK_S: Final = 0.005
 CONTROL: Final = "control"
+WITHOUT_PRIORITY: Final = "without real-time priority (RLIMIT_RTPRIO, CAP_SYS_NICE): on a busy machine devices answer late"
 #: A plant in real time has no cycle of its own; this is what it is told.
 PLANT_PERIOD_NS: Final = 1_000_000
 
@@ -87,8 +89,9 @@ class WireLugre(Simulation):
                 LugrePlant(self.config.plant, period_ns=PLANT_PERIOD_NS, seed=self.config.seed)
             )
             service = _Service(self.config, folder, world)
-            with asyncio.Runner(loop_factory=precise_loop) as runner:
-                runner.run(service.run(started, stop, planned))
+            with asyncio.Runner(loop_factory=precise_loop) as runner, in_real_time() as prompt:
+                remark = [] if prompt else [WITHOUT_PRIORITY]
+                runner.run(service.run(lambda lines: started([*lines, *remark]), stop, planned))
 
 
 def precise_loop() -> asyncio.AbstractEventLoop:
