@@ -114,9 +114,32 @@ class Look:
         self._heed(self._host.rest_while(lambda: not self.stopped and self.t_ns < until_ns))
         self._drain()
 
-    def act(self, device: str, action: str) -> str:
-        """Do one of a device's actions; see :meth:`ManualHost.act`."""
-        return self._host.act(device, action)
+    def next_row(self, device: str) -> None:
+        """Look at the rig until ``device`` has given a row that was taken from now on.
+
+        Raises:
+            DeviceError: see :meth:`rest`.
+        """
+        seen = self._rings[device].head
+        self._heed(
+            self._host.rest_while(lambda: not self.stopped and self._rings[device].head == seen)
+        )
+        self._drain()
+
+    def act(self, device: str, action: str) -> str | None:
+        """Do one of a device's actions; return what it said, None where a person wanted out.
+
+        Raises:
+            RigdError: see :meth:`ManualHost.act`.
+        """
+        if self.stopped:
+            return None
+        try:
+            return self._host.act(device, action)
+        except DeviceError:
+            if self.stopped:
+                return None
+            raise
 
     def _heed(self, outcome: Outcome | None) -> None:
         if outcome is not None and not self.stopped:

@@ -1,0 +1,62 @@
+"""``rigd tare``: an action of one device, such as tare or zero; nothing is armed."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+HELP = "tare or zero a device, or do another action it has; nothing moves"
+EXAMPLES = """\
+examples:
+  rigd tare scale --rig wire-1
+  rigd tare scale --action zero --rig wire-1
+
+Only this device is opened. Which devices have which actions: rigd drivers.
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("device", metavar="DEVICE", help="the device, as the rig file names it")
+    parser.add_argument("--rig", required=True, metavar="RIG", help="rig file, or the name in it")
+    parser.add_argument(
+        "--action", default="tare", metavar="NAME", help="what it shall do (default tare)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Open the device, let it act, tell what it said and what it reads afterwards."""
+    from rigd.cli.readings_view import number
+    from rigd.config.loader import load_rig
+    from rigd.daemon.manual import Newest, check_action, look_at, only
+    from rigd.daemon.signals import heed_signals
+    from rigd.engine.control import Control
+    from rigd.model.errors import Blocked, Exit
+
+    rig = load_rig(args.rig)
+    name, action = args.device, args.action
+    check_action(rig, name, action)
+    rig = only(rig, {name})
+    newest = Newest(rig)
+    control = Control()
+    command = f"rigd tare {name}"
+    with heed_signals(control), look_at(rig, control, command=command) as look:
+        look.on_rows = newest.take
+        reasons = look.open()
+        if reasons:
+            raise Blocked(reasons, f"{name} cannot be opened")
+        look.first_rows()
+        said = look.act(name, action)
+        if said is None:
+            return int(Exit.STOPPED)
+        look.next_row(name)
+        readings = list(newest.readings(look.t_ns))
+    if args.json:
+        values = {one.channel: {"value": one.value, "unit": one.unit} for one in readings}
+        print(json.dumps({"device": name, "action": action, "said": said, "channels": values}))
+    else:
+        print(f"{name}: {said}")
+        for one in readings:
+            print(f"  {one.channel} is now {number(one.value)} {one.unit}")
+    return int(Exit.OK)
