@@ -27,7 +27,9 @@ from rigd_sim.wire.world import World
 #: How often faults that are planned are looked at, in s; the plant moves on whenever it is asked.
 TICK_S: Final = 0.005
 CONTROL: Final = "control"
-WITHOUT_PRIORITY: Final = "without real-time priority (RLIMIT_RTPRIO, CAP_SYS_NICE): on a busy machine devices answer late"
+WITHOUT_PRIORITY: Final = (
+    "no real-time priority (RLIMIT_RTPRIO or CAP_SYS_NICE): on a busy machine devices answer late"
+)
 #: A plant in real time has no cycle of its own; this is what it is told.
 PLANT_PERIOD_NS: Final = 1_000_000
 

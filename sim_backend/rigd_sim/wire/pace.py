@@ -26,7 +26,8 @@ def in_real_time() -> Iterator[bool]:
     try:
         yield _ask_for_priority()
     finally:
-        os.sched_setscheduler(0, policy, parameter)
+        # Without privilege that flag cannot be taken back, and it does no harm.
+        os.sched_setscheduler(0, policy | os.SCHED_RESET_ON_FORK, parameter)
         gc.unfreeze()
 
 
