@@ -414,6 +414,26 @@ def test_a_twin_boots_and_answers_beside_the_node(tmp_path: Path) -> None:
     run(scenario())
 
 
+def test_every_fault_of_every_node_can_be_shown_and_cleared(tmp_path: Path) -> None:
+    needed: dict[str, dict[str, float]] = {
+        "emergency": {"code": 0x2310},
+        "slow": {"delay_s": 0.001},
+    }
+
+    async def scenario() -> None:
+        async with drive(tmp_path) as (node, client, _):
+            for fault in node.faults:
+                node.inject(fault, **needed.get(fault, {}))
+                client.send(*SYNC)
+            node.clear()
+            assert node.state()["faults"] == ""
+            assert await client.until(0x701) == "00"
+            answer = await client.sdo(SERVO, "40 00 10 00 00 00 00 00")
+            assert answer == "43 00 10 00 92 01 02 00"
+
+    run(scenario())
+
+
 def test_a_reset_amid_a_run_takes_the_torque_away(tmp_path: Path) -> None:
     async def scenario() -> None:
         async with drive(tmp_path) as (node, client, physics):

@@ -11,7 +11,6 @@ from support.nodes import (
     SERVO,
     SPEED_DRIVE,
     SYNC,
-    Physics,
     cycle,
     drive,
     enabled,
@@ -19,7 +18,7 @@ from support.nodes import (
     pdo,
 )
 
-from rigd_sim.wire.can.drive import Cia402Drive, Sensed
+from rigd_sim.wire.can.drive import Sensed
 from rigd_sim.wire.can.states402 import DriveState, StateMachine
 
 S = DriveState
@@ -272,13 +271,6 @@ def test_a_drive_that_ignores_its_setpoint_says_so_in_bits_9_and_12(tmp_path: Pa
     run(scenario())
 
 
-async def _braked(node: Cia402Drive, client: Client, physics: Physics) -> None:
-    """Wait until the drive has stopped; the motor turns slower and slower."""
-    physics.sensed = Sensed(0, 0.0, 0.0)
-    while node.state()["state"] == "quick_stop_active":
-        assert await client.silent(0.01)
-
-
 @pytest.mark.parametrize(("option", "state"), [("02", "switch_on_disabled"), ("06", None)])
 def test_a_speed_drive_brakes_in_a_quick_stop(
     tmp_path: Path, option: str, state: str | None
@@ -299,7 +291,8 @@ def test_a_speed_drive_brakes_in_a_quick_stop(
                 assert await client.silent()
                 assert node.state()["state"] == "quick_stop_active"
             else:
-                await _braked(node, client, physics)
+                while node.state()["state"] == "quick_stop_active":
+                    await cycle(client, "02 00 60 ea 00 00")
                 assert node.state()["state"] == state
                 assert not physics.demands[-1].powered
 
@@ -321,6 +314,15 @@ def test_a_speed_drive_without_power_engages_its_clutch(tmp_path: Path) -> None:
             await client.until(0x081)  # the heartbeat is lost
             assert not physics.demands[-1].released
             assert not physics.demands[-1].powered
+
+    run(scenario())
+
+
+def test_what_is_read_by_sdo_is_measured_then(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with drive(tmp_path) as (_, client, physics):
+            physics.sensed = Sensed(513, 0.0, 0.0)
+            assert await client.sdo(SERVO, "40 64 60 00 00 00 00 00") == "43 64 60 00 01 02 00 00"
 
     run(scenario())
 

@@ -176,7 +176,7 @@ class Cia402Drive(CanopenNode):
         at_rest = Motor(lambda _: Sensed(0, 0.0, 0.0), lambda _t, _d: None)
         return type(self)(
             f"{self.name} (twin)", self._hub, self.node, at_rest, self._ratings,
-            serial=self.identity.serial + 1, rpdo_timer=self._rpdo_timer,
+            serial=self.identity.serial ^ 1, rpdo_timer=self._rpdo_timer,
         )  # fmt: skip
 
     def state(self) -> State:
@@ -264,7 +264,8 @@ class Cia402Drive(CanopenNode):
         elif state is DriveState.QUICK_STOP_ACTIVE:
             # Torque mode has nothing to stop with but the torque itself.
             demand = Demand(powered=self._ratings.mode is Mode.CSV)
-            self._stopping.feed(LOOK_S)
+            if not self._stopping.running:
+                self._stopping.feed(LOOK_S)
         if demand != self._demand:
             self._demand = demand
             self._motor.command(t_ns, demand)

@@ -77,7 +77,7 @@ class Cia406Encoder(CanopenNode):
 
     def twin(self) -> Self:
         """Return an encoder with the same id and another serial number that nobody turns."""
-        name, serial = f"{self.name} (twin)", self.identity.serial + 1
+        name, serial = f"{self.name} (twin)", self.identity.serial ^ 1
         return type(self)(name, self._hub, self.node, lambda _: 0.0, self._scale, serial=serial)
 
     def state(self) -> State:
@@ -126,7 +126,7 @@ class Cia406Encoder(CanopenNode):
         self._speed.value = max(-(2**15), min(round(speed), 2**15 - 1))
 
     def apply(self, t_ns: int) -> None:
-        """Do nothing: an encoder takes no orders; what SDO reads is brought up to date."""
+        """Do nothing: an encoder takes no orders."""
 
     def connection_lost(self, t_ns: int, error: int) -> None:
         """Do nothing: an encoder only measures."""

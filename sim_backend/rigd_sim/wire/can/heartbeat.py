@@ -30,6 +30,11 @@ class Watch:
         if self._timer is None:
             self._timer = loop.call_at(self._due, self._check)
 
+    @property
+    def running(self) -> bool:
+        """Whether it counts."""
+        return self._timer is not None
+
     def stop(self) -> None:
         """Rest until fed again."""
         if self._timer is not None:

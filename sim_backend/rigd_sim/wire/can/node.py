@@ -36,7 +36,7 @@ from rigd_sim.wire.can.ids import (
 )
 from rigd_sim.wire.can.misbehaviour import Misbehaviour
 from rigd_sim.wire.can.pdo import Pdo
-from rigd_sim.wire.can.sdo import SdoServer, is_download
+from rigd_sim.wire.can.sdo import SdoServer, is_download, is_upload
 from rigd_sim.wire.hub import CanHub, Port
 from rigd_sim.wire.part import Part, State
 
@@ -328,10 +328,11 @@ class CanopenNode(Part):
     def _on_sdo(self, data: bytes, t_ns: int) -> None:
         if self._nmt is Nmt.STOPPED or "sdo_silent" in self._bad.shown:
             return
+        if is_upload(data):
+            self.sample(t_ns)
         answer = self._sdo.answer(data)
-        if answer is None:
-            return
-        self._send(SDO_ANSWER + self.node, self._bad.sdo(data, answer))
+        if answer is not None:
+            self._send(SDO_ANSWER + self.node, self._bad.sdo(data, answer))
         if is_download(data):
             self.apply(t_ns)
             self._send_changed(t_ns)

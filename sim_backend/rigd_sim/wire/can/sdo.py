@@ -42,6 +42,11 @@ def is_segment(request: bytes) -> bool:
     return request[0] >> 5 in (DOWNLOAD_SEGMENT, UPLOAD_SEGMENT)
 
 
+def is_upload(request: bytes) -> bool:
+    """Return whether a client begins to read."""
+    return request[0] >> 5 == INITIATE_UPLOAD
+
+
 def is_download(request: bytes) -> bool:
     """Return whether a client writes."""
     return request[0] >> 5 in (DOWNLOAD_SEGMENT, INITIATE_DOWNLOAD)
