@@ -27,7 +27,7 @@ ENABLED: Final = 1
 TRIPPED: Final = 2
 #: Bounds on making safe over the open connection, and over one opened anew, in s.
 SAFE_S: Final = 0.1
-RESCUE_S: Final = 0.4
+RESCUE_S: Final = 0.3
 _RESCUE_OPEN_S: Final = 0.2
 #: The watchdog must outlive so many lost replies in a row, or noise would stop the drive.
 _LOST_REPLIES: Final = 2
@@ -118,6 +118,7 @@ class ModbusServo(ModbusDevice):
             DeviceError: the drive has a fault that does not go away.
 
         """
+        self._plan.clear()
         self.check(self._map.expect)
         for request in self._map.writes(self._map.disable):
             self.client.ask(request)
@@ -140,6 +141,7 @@ class ModbusServo(ModbusDevice):
         """
         if self.watchdog_s is None:
             raise DeviceError(f"{self.client.where}: the drive has no watchdog to prove")
+        self._plan.clear()
         self._words = self.fetch(self._reads)
         if all_hold(self._map.fault, self._words):
             self._reset()  # it has tripped since it was opened: that proves nothing
@@ -244,7 +246,8 @@ class ModbusServo(ModbusDevice):
             if self._until is not None and not self._until.holds(self._words):
                 return None
             return self._map.write(self._steps[0].address, (self._steps[0].value,))
-        words = self._map.setpoint.encode(self._setpoint / self._scale, self._map.word_order)
+        speed = 0.0 if self._steps else self._setpoint
+        words = self._map.setpoint.encode(speed / self._scale, self._map.word_order)
         return self._map.write(self._map.setpoint.address, words)
 
     def _took(self, answer: Answer) -> Sequence[float] | None:
@@ -312,9 +315,11 @@ class ModbusServo(ModbusDevice):
             raise self._fault()
 
     def _set_up(self) -> Sequence[str]:
-        """Write the settings; return those that the drive did not keep, a sentence each."""
+        """Write the settings that differ; return those not kept, a sentence each."""
         unfit = []
         for each in self._map.setup:
+            if each.keeps and self.fetch_word(each.address) == each.value:
+                continue  # some drives store what is written, and their memory wears out
             self.client.ask(self._map.write(each.address, (each.value,)))
             if each.keeps and (word := self.fetch_word(each.address)) != each.value:
                 unfit.append(f"register {each.address} reads {word} after {each.value} was written")

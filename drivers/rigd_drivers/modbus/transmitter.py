@@ -160,6 +160,8 @@ class ModbusTransmitter(ModbusDevice):
             ProtocolError: another device, or readings that cannot be: says which option to try.
 
         """
+        self._turn, self._suspects, self._acting = 0, 0, None
+        self._to_write.clear()
         self.check(self._map.expect)
         self.identity = ", ".join(
             [self._map.title, *(f"{k} {self.fetch_word(a)}" for k, a in self._map.identity.items())]

@@ -50,6 +50,13 @@ def test_it_is_enabled_at_rest_and_follows_its_setpoint(servo: ServoBench, drive
     driver.make_safe()  # twice is silent
 
 
+@pytest.mark.parametrize("drive", ["delta-asda-b"])
+def test_setpoints_do_not_wear_out_the_memory_of_the_drive(servo: ServoBench) -> None:
+    driver = armed(servo, **DRIVES["delta-asda-b"])
+    cycle(driver, lambda rows: len(rows) > 3, [10.0])
+    assert servo.part._drive.stored == 0  # type: ignore[attr-defined]
+
+
 def test_an_axis_moves_in_metres(servo: ServoBench) -> None:
     driver = armed(servo, travel="-0.01 m/rad", max_speed="100 rad/s")
     assert driver.setpoints[0].unit == "m/s"

@@ -180,6 +180,8 @@ class Asda(Drive):
     ) -> None:
         super().__init__(command, speed, now)
         self._by_line = self._inputs = self._stops = self._time = 0
+        self._auxiliary = 0
+        self.stored = 0  #: writes to its memory, which bears 100 000 or so
 
     def bank(self) -> Bank:
         """See :class:`Drive`."""
@@ -191,6 +193,8 @@ class Asda(Drive):
         bank.writable(0x0004, lambda word: None)
         bank.number(0x0109, "int16", lambda: self.setpoint / _RPM)
         bank.writable(0x0109, self.set_speed)
+        bank.number(0x021E, "uint16", lambda: self._auxiliary)
+        bank.writable(0x021E, self._write_auxiliary)
         bank.number(0x0303, "uint16", lambda: self._stops)
         bank.writable(0x0303, self._write_stops)
         bank.number(0x0304, "uint16", lambda: self._time)
@@ -201,6 +205,14 @@ class Asda(Drive):
         bank.writable(0x0407, self._write_inputs)
         bank.number(0x0409, "uint16", lambda: self.enabled)
         return bank
+
+    def set_speed(self, word: int) -> None:
+        """See :class:`Drive`; stored, unless that was switched off (P2-30 = 5)."""
+        self.stored += self._auxiliary != 5
+        super().set_speed(word)
+
+    def _write_auxiliary(self, word: int) -> None:
+        self._auxiliary = word
 
     def _write_stops(self, word: int) -> None:
         self._stops = word
