@@ -17,11 +17,14 @@ from rigd.cli import (
     identify,
     info,
     jog,
+    new,
+    read,
     recover,
     run,
     runs,
     schema,
     sim,
+    tare,
 )
 from rigd.model.errors import Exit, RigdError
 
@@ -29,6 +32,8 @@ from rigd.model.errors import Exit, RigdError
 COMMANDS: tuple[ModuleType, ...] = (
     run,
     jog,
+    read,
+    tare,
     identify,
     check,
     runs,
@@ -37,6 +42,7 @@ COMMANDS: tuple[ModuleType, ...] = (
     recover,
     sim,
     drivers,
+    new,
     schema,
     completion,
 )

@@ -1,0 +1,144 @@
+"""``rigd new driver``: what it makes installs, conforms and passes its own tests as made."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+from support.command import rigd
+
+from rigd.cli.new import KINDS, check_name, rendered
+from rigd.model.errors import ConfigError
+
+ROOT = Path(__file__).parents[2]
+
+RIG = """\
+rig: bench-2
+title: A rig with a driver of our own
+cycle: 1 kHz
+devices:
+  mine:
+    driver: {name}
+    options: {{port: 7000}}
+{limits}
+interlocks: []
+constants: {{}}
+"""
+LIMITS = "    limits:\n      speed: {low: -1 m/s, high: 1 m/s, rate: 5 m/s^2}\n"
+
+
+def run(*command: str | Path, cwd: Path, site: Path | None = None) -> str:
+    """Run a command that must succeed, with the packages in ``site`` installed."""
+    paths = [] if site is None else [str(site)]
+    done = subprocess.run(
+        [sys.executable, "-m", *map(str, command)],
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=240,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_made_installs_and_passes_its_own_tests(kind: str, tmp_path: Path) -> None:
+    name = f"acme-{kind}"
+    made = rigd("new", "driver", name, "--kind", kind, "--folder", tmp_path, cwd=tmp_path)
+    assert made.code == 0, made.err
+    assert f"pytest {tmp_path / name}" in made.out
+
+    run(
+        "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation",
+        "--disable-pip-version-check", "--wheel-dir", tmp_path, tmp_path / name, cwd=tmp_path,
+    )  # fmt: skip
+    (wheel,) = tmp_path.glob("*.whl")
+    site = tmp_path / "site"
+    zipfile.ZipFile(wheel).extractall(site)
+    assert (site / f"acme_{kind}" / "py.typed").is_file()
+
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    tested = run(
+        "pytest", "-q", "-p", "no:cacheprovider", tmp_path / name / "tests", cwd=elsewhere,
+        site=site,
+    )  # fmt: skip
+    assert "passed" in tested
+
+    shown = run("rigd", "drivers", name, cwd=elsewhere, site=site)
+    assert f"driver of {name} 0.1.0" in shown
+    assert "port" in shown
+    limits = LIMITS if kind == "fast" else ""
+    (elsewhere / "rig.yaml").write_text(RIG.format(name=name, limits=limits))
+    assert "1 devices" in run("rigd", "check", "rig.yaml", cwd=elsewhere, site=site)
+
+
+def test_what_is_made_is_typed_and_formatted_as_rigd_is(tmp_path: Path) -> None:
+    for kind in KINDS:
+        for path, text in rendered(f"acme-{kind}", kind).items():
+            file = tmp_path / f"acme-{kind}" / path
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text)
+    config = ROOT / "pyproject.toml"
+    run("ruff", "format", "--check", "--config", config, ".", cwd=tmp_path)
+    for kind in KINDS:  # in its folder, as its author would: imports of its own stand apart
+        run("ruff", "check", "--config", config, ".", cwd=tmp_path / f"acme-{kind}")
+    packages = [tmp_path / f"acme-{kind}" / f"acme_{kind}" for kind in KINDS]
+    run("mypy", "--strict", "--cache-dir", tmp_path / "cache", *packages, cwd=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("Acme", "will not do as a name"),
+        ("acme_scale", "will not do as a name"),
+        ("2acme", "will not do as a name"),
+        ("-acme", "will not do as a name"),
+        ("acme-", "will not do as a name"),
+        ("acme--scale", "will not do as a name"),
+        ("acme/scale", "will not do as a name"),
+        ("../acme", "will not do as a name"),
+        ("", "will not do as a name"),
+        ("acme\n", "will not do as a name"),
+        ("a" * 41, "will not do as a name"),
+        ("class", "a word of Python"),
+        ("json", "a package 'json' exists already"),
+        ("rigd", "a package 'rigd' exists already"),
+        ("tests", "a package 'tests' exists already"),
+        ("rigd-drivers", "a package 'rigd_drivers' exists already"),
+        ("serial-scale", "a driver 'serial-scale' is installed"),
+    ],
+)
+def test_a_name_that_will_not_do_is_refused(name: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        check_name(name)
+    assert words in caught.value.message
+    assert caught.value.hint
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "acme").mkdir()
+    refused = rigd("new", "driver", "acme", cwd=tmp_path)
+    assert refused.code == 2
+    assert "acme is there already" in refused.err
+    assert list((tmp_path / "acme").iterdir()) == []
+    (tmp_path / "other").symlink_to(tmp_path / "nowhere")
+    assert rigd("new", "driver", "other", cwd=tmp_path).code == 2
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_a_folder_that_is_not_there_or_a_bad_name_says_so(tmp_path: Path) -> None:
+    refused = rigd("new", "driver", "acme", "--folder", "absent", cwd=tmp_path)
+    assert refused.code == 2
+    assert "there is no folder absent" in refused.err
+    refused = rigd("new", "driver", "Acme", cwd=tmp_path)
+    assert refused.code == 2
+    assert "'Acme' will not do as a name" in refused.err
+    assert list(tmp_path.iterdir()) == []
