@@ -325,7 +325,9 @@ class Node:
 
     def _silent(self, where: str, errors: int) -> LinkError:
         if errors:
-            return self.bus.broken(f"{errors} error frames, and no answer of node {self.node_id}")
+            return self.bus.broken(
+                f"node {self.node_id} does not answer, the controller reports errors ({errors})"
+            )
         others = sorted(self.bus.heard - {self.node_id})
         heard = f"nodes heard: {', '.join(map(str, others))}" if others else "no node was heard"
         return LinkError(

@@ -143,8 +143,9 @@ class LibraryPort(Port):
             return None
         identifier = message.arbitration_id
         if message.is_error_frame:
-            identifier |= frames.ERROR
-        elif message.is_extended_id:
+            # What the identifier then means is each adapter's own; that something is wrong is not.
+            return frames.ERROR | frames.DESTROYED, bytes(message.data)
+        if message.is_extended_id:
             identifier |= frames.EXTENDED
         if message.is_remote_frame:
             identifier |= frames.REMOTE

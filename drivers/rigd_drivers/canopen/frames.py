@@ -39,7 +39,8 @@ _NO_ACK: Final = 0x020
 _CONTROLLER: Final = 0x004
 _CONTROLLER_OVERFLOW: Final = 0x01
 _CONTROLLER_PASSIVE: Final = 0x30
-_PROTOCOL: Final = 0x008 | 0x080
+DESTROYED: Final = 0x008  #: class of an error frame: a protocol violation on the wire
+_PROTOCOL: Final = DESTROYED | 0x080
 _RESTARTED: Final = 0x100
 
 

@@ -53,8 +53,6 @@ class Entry:
 
 
 DEVICE_TYPE: Final = Entry(0x1000, 0, "I", "device type")
-ERROR_REGISTER: Final = Entry(0x1001, 0, "B", "error register")
-ERROR_COUNT: Final = Entry(0x1003, 0, "B", "number of errors")
 LAST_ERROR: Final = Entry(0x1003, 1, "I", "error history")
 HEARTBEAT_CONSUMER: Final = Entry(0x1016, 1, "I", "consumer heartbeat time")
 HEARTBEAT_PRODUCER: Final = Entry(0x1017, 0, "H", "producer heartbeat time")

@@ -252,5 +252,5 @@ def test_an_adapter_of_python_can_carries_frames_both_ways() -> None:
         peer.send(can.Message(arbitration_id=0x181, is_extended_id=True))
         peer.send(can.Message(arbitration_id=0x40, is_error_frame=True, is_extended_id=False))
         assert port.receive() == (0x8000_0181, b"")
-        assert port.receive() == (0x2000_0040, b"")
+        assert port.receive() == (0x2000_0008, b"")
     port.close()

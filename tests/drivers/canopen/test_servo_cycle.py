@@ -192,6 +192,20 @@ def test_what_our_own_silence_did_before_arming_is_forgiven_and_reset(connect: C
     assert {(0x201, "00 00 00 00"), (0x201, "80 00 00 00")} <= seen
 
 
+def test_a_fault_that_comes_while_it_is_enabled_is_not_reset_again(connect: Connect) -> None:
+    bus, port = connect(servo())
+    driver = wheel(bus)
+    driver.open()
+    driver.arm()
+    for status in (0x0218, OFF, 0x0231):
+        feedback(port, status)
+        cycle(driver, port, 0.0)
+    feedback(port, 0x0218)
+    bus.begin(0)
+    with pytest.raises(DeviceError, match="went to fault while it was being enabled"):
+        driver.read(0)
+
+
 def test_an_emergency_of_the_drive_itself_counts_before_arming_too(connect: Connect) -> None:
     bus, port = connect(servo())
     driver = wheel(bus)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 import pytest
-from support.can_bench import belt, encoder, wheel
+from support.can_bench import Clock, belt, encoder, wheel
 from support.can_script import ScriptedBus, ScriptedServo, number, servo
 from support.can_script import encoder as scripted_encoder
 
@@ -158,7 +159,7 @@ def test_errors_instead_of_answers_tell_of_the_bitrate(connect: Connect) -> None
     bus, port = connect(drive)
     bus.subscribe(0x702, lambda _: port.say(0x2000_0008, bytes(8)))
     port.say(0x702, "05")
-    with pytest.raises(LinkError, match="1 error frames, and no answer of node 1") as caught:
+    with pytest.raises(LinkError, match=r"node 1 does not answer, .*errors \(1\)") as caught:
         wheel(bus).open()
     assert "bitrate" in (caught.value.hint or "")
 
@@ -229,13 +230,52 @@ def test_a_watchdog_that_does_not_act_is_no_watchdog(connect: Connect) -> None:
     driver = wheel(bus)
     driver.open()
     first = len(port.sent)
-    with pytest.raises(DeviceError, match=r"stayed enabled for 0.2.* s without a heartbeat"):
+    with pytest.raises(
+        DeviceError, match=r"did not switch itself off within 0.200 s .* measured: 0.2"
+    ):
         driver.prove_watchdog()
     assert drive.objects[0x6041, 0] == number(0x0250, 2)  # switched off all the same
     sent = [identifier for identifier, _ in port.sent[first:]]
     assert 0x77F in sent
     assert 0x080 not in sent
     assert 0x201 not in sent
+
+
+class Tripping(ScriptedServo):
+    """A drive that switches itself off 100 ms after the last heartbeat, on a host that stalls."""
+
+    def __init__(self, clock: Clock, stalls: list[float]) -> None:
+        super().__init__(1, servo().objects)
+        self.clock = clock
+        self.stalls = stalls
+        self.beat_ns = 0
+
+    def hear(self, identifier: int, data: bytes) -> None:
+        silent_ns = time.monotonic_ns() - self.beat_ns
+        if identifier == 0x77F:
+            self.beat_ns = time.monotonic_ns()
+        elif silent_ns > 100_000_000 and self.objects[0x6041, 0] == number(0x1237, 2):
+            self.objects[0x6041, 0] = number(0x0218, 2)
+            if self.stalls:
+                self.clock.pass_by(self.stalls.pop())
+        super().hear(identifier, data)
+
+
+@pytest.mark.parametrize(("stalls", "proven"), [([], True), ([1.0], True), ([1.0, 1.0], False)])
+def test_a_stall_of_this_host_is_no_proof_of_anything(
+    connect: Connect, clock: Clock, stalls: list[float], proven: bool
+) -> None:
+    drive = Tripping(clock, stalls)
+    bus, _ = connect(drive)
+    driver = wheel(bus)
+    driver.open()
+    if proven:
+        assert 0.1 < driver.prove_watchdog() < 0.2
+    else:
+        with pytest.raises(DeviceError, match=r"did not switch itself off .* measured: 1"):
+            driver.prove_watchdog()
+    assert drive.objects[0x6041, 0] == number(0x0250, 2)
+    assert drive.state == 0x05
 
 
 def test_a_drive_without_power_cannot_be_proven(connect: Connect) -> None:
