@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import math
+import subprocess
+import sys
 import time
 from typing import Any
 
@@ -268,3 +271,45 @@ def test_a_wrong_option_says_what_to_write(options: dict[str, Any], message: str
     right = {"host": "h", "map": "schneider-atv320", "max_speed": "100 rpm", "watchdog": "0.5 s"}
     with pytest.raises(ValidationError, match=message):
         ServoConfig.model_validate(right | options)
+
+
+#: Arms the drive, turns it, and says so; then goes on until it is killed.
+_MASTER = """
+import json, sys, time
+from rigd_drivers.modbus.servo import ModbusServo, ServoConfig
+driver = ModbusServo(ServoConfig.model_validate(json.loads(sys.argv[1])), None)
+driver.open()
+driver.arm()
+while True:
+    row = driver.read(0)
+    driver.write([50.0 if driver.ready() else 0.0])
+    if row is not None and abs(row[0]) > 1:
+        print("turns", flush=True)
+    time.sleep(0.001)
+"""
+
+
+@pytest.mark.parametrize("rescued", [True, False])
+def test_a_master_that_is_killed_leaves_no_drive_turning(servo: ServoBench, rescued: bool) -> None:
+    """By another process at once, or by the drive's own watchdog."""
+    watchdog = "5 s" if rescued else "0.5 s"
+    options = servo.options(map="schneider-atv320", max_speed="3000 rpm", watchdog=watchdog)
+    master = subprocess.Popen(
+        [sys.executable, "-c", _MASTER, json.dumps(options)], stdout=subprocess.PIPE, text=True
+    )
+    assert master.stdout is not None
+    with master.stdout as said:
+        assert said.readline() == "turns\n"
+        master.kill()
+        master.wait()
+    if rescued:
+        assert servo.physics.speed == pytest.approx(50.0, abs=RPM / 2)
+        servo.driver().rescue()
+        assert servo.physics.speed == 0.0
+        assert servo.state()["fault_code"] == 0  # before its watchdog had to
+    else:
+        end = time.monotonic() + 10
+        while servo.physics.speed != 0.0:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        assert servo.state()["fault_code"] == 5
