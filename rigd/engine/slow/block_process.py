@@ -15,7 +15,7 @@ import socket
 import sys
 import threading
 import traceback
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -23,13 +23,14 @@ from rigd.engine.clock import monotonic_ns
 from rigd.engine.shared.rowring import RowRing
 from rigd.engine.slow.block_job import GRACE_S, MAX_PACKET, BlockJob, Failed, Opened
 from rigd.engine.slow.table import LatestTable
-from rigd.model.channels import STATUS_FIELD
+from rigd.model.channels import STATUS_FIELD, Stream
 from rigd.model.errors import DeviceError, RigdError
 from rigd.model.rows import TIME_FIELD, row_dtype
 from rigd.sdk import Block, BlockDriver
 
 #: A sign of life is given this often while there are no rows.
 BEAT_S: Final = 0.1
+_VALUES: Final = "values"
 
 
 class Publisher:
@@ -43,6 +44,7 @@ class Publisher:
         self._skip = 0  # rows until the next one that is recorded
         self._slot = LatestTable.attach(job.table, job.table_streams).slot(self._stream.name)
         self._width = len(self._stream.channels) + self._stream.has_status
+        self._layout = _layout(self._stream)
         self._last_ns = 0
 
     def beat(self) -> None:
@@ -69,16 +71,24 @@ class Publisher:
                 "the driver gave times that do not increase", hint="correct its read_block()"
             )
         self._last_ns = int(times_ns[-1])
-        rows = np.empty(len(times_ns), row_dtype(self._stream))
+        rows = np.empty(len(times_ns), self._layout)
         rows[TIME_FIELD] = times_ns + self._offset_ns
-        for index, channel in enumerate(self._stream.channels):
-            rows[channel.name] = values[:, index]
+        rows[_VALUES] = values[:, : len(self._stream.channels)]
         if self._stream.has_status:
             rows[STATUS_FIELD] = values[:, -1].astype(np.uint32)
         if self._ring is not None:
-            self._ring.push_block(rows[self._skip :: self._every])
+            recorded = rows.view(row_dtype(self._stream))[self._skip :: self._every]
+            self._ring.push_block(recorded)
             self._skip = (self._skip - len(rows)) % self._every
         self._slot.write(self._last_ns, values[-1].tolist())
+
+
+def _layout(stream: Stream) -> np.dtype[np.void]:
+    """Return the bytes of :func:`~rigd.model.rows.row_dtype` with all channels as one field."""
+    fields: list[Any] = [(TIME_FIELD, "<i8"), (_VALUES, "<f8", (len(stream.channels),))]
+    if stream.has_status:
+        fields.append((STATUS_FIELD, "<u4"))
+    return np.dtype(fields)
 
 
 def serve(link: socket.socket) -> int:

@@ -121,7 +121,7 @@ class Acquisition:
         step = self.rate_hz * (1.0 + drift) * passed_s
         first, last = math.floor(self._phase) + 1, math.floor(self._phase + step)
         if last >= first:
-            share = (np.arange(first, last + 1) - self._phase) / step
+            share: FloatArray = (np.arange(first, last + 1, dtype=np.float64) - self._phase) / step
             moving = before[:, np.newaxis] + (now - before)[:, np.newaxis] * share
             times_s = (self._now_ns * 1e-9) + share * passed_s
             self._store(self._converted(moving, times_s, volts, faults))
