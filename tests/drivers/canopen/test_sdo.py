@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rigd_drivers.canopen.sdo import Aborted, Download, Garbled, Upload
 
@@ -114,3 +116,17 @@ def test_an_endless_value_is_cut_off() -> None:
     transfer.feed(frame("00 54 69 6E 79 20 4E 6F"))
     with pytest.raises(Garbled, match="longer than 10"):
         transfer.feed(frame("10 54 69 6E 79 20 4E 6F"))
+
+
+@given(st.lists(st.binary(max_size=9), max_size=20), st.sampled_from([1, 4, 5, 40]))
+def test_whatever_comes_a_transfer_ends_or_is_refused(replies: list[bytes], size: int) -> None:
+    for transfer in (Upload(0x1008, 0, limit=30), Download(0x1008, 0, bytes(size))):
+        for reply in replies:
+            try:
+                request = transfer.feed(reply)
+            except (Aborted, Garbled):
+                break
+            assert (request is None) is transfer.done
+            if request is None:
+                break
+            assert len(request) == 8
