@@ -9,7 +9,7 @@ HELP = "hold setpoints for a while by hand, then go to rest"
 EXAMPLES = """\
 examples:
   rigd jog wheel_servo.current=0.1A --for 2s --rig lugre-1
-  rigd jog longitudinal_belt.speed=-50mm/s --for '1 s' --rig wire-lugre
+  rigd jog longitudinal_belt.speed=-50mm/s --for '1 s' --rig wire-1
 
 It is recorded as any run is. Ctrl-C stops it. A setpoint changes no faster than its rate in the
 rig file allows; beyond its limits the command is refused.
