@@ -124,7 +124,7 @@ def _provenance(sweeps: Sequence[RecordedSweep], options: Options) -> Provenance
                 **{f"parameter {name}": value for name, value in sweep.info.parameters.items()},
                 "state": sweep.info.state,
                 "trials used": str(len(sweep.trials)),
-                **_stale_facts(sweep),
+                **_bridged_facts(sweep),
             },
         )
         for sweep in sweeps
@@ -148,10 +148,10 @@ def _provenance(sweeps: Sequence[RecordedSweep], options: Options) -> Provenance
     return Provenance(tuple(facts), tuple(attachments))
 
 
-def _stale_facts(sweep: RecordedSweep) -> dict[str, str]:
-    """Return what there is to say of rows that repeat an earlier one; nothing where none does."""
-    count = sum(sweep.stale(trial) for trial in sweep.trials)
-    return {"rows that repeat an earlier one": str(count)} if count else {}
+def _bridged_facts(sweep: RecordedSweep) -> dict[str, str]:
+    """Return what there is to say of missing and late samples; nothing where there are none."""
+    count = sum(sweep.bridged(trial) for trial in sweep.trials)
+    return {"samples that were missing or late, and bridged": str(count)} if count else {}
 
 
 def _sha256(path: Path) -> str:

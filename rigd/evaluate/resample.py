@@ -1,7 +1,8 @@
-"""Streams of different rates brought to the same times, and rows that repeat earlier ones.
+"""Streams of different rates brought to the same times, and samples that are missing or late.
 
-Nothing is interpolated: what is missing would look like data. A stream that is sampled faster is
-averaged; a few rows that repeat an earlier one are taken as they are, more of them are refused.
+A stream that is sampled faster is averaged. A few samples that are missing, or repeat an earlier
+one as the device was late, are bridged and counted; more of them are refused, as what is missing
+would look like data.
 """
 
 from __future__ import annotations
@@ -17,11 +18,13 @@ from rigd.model.errors import DataError
 #: A stream is averaged where it has at least so many samples to a period; with fewer, the mean
 #: would stand up to half a period beside its time.
 LEAST_RATIO: Final = 2.0
-#: Share of the rows of a trial that may repeat an earlier row. Each holds a position for 1 ms at
-#: 1 kHz: at 1 m/s an error of 1 mm, in a 25 ms window of smoothing up to 9 mm/s of its slope.
-MOST_STALE: Final = 0.005
-#: Rows in succession that may.
-LONGEST_STALE: Final = 3
+#: Samples that may be missing or late in succession. Bridged by a straight line, a position of
+#: acceleration a is wrong by at most a (n + 1)^2 T^2 / 8: 9 um at 2 m/s^2 and 1 kHz.
+LONGEST_BRIDGE: Final = 5
+#: Share of the samples of a trial that may be bridged. Noise is smaller where it is.
+MOST_BRIDGED: Final = 0.02
+#: A sample belongs to a time of the grid where it is so near, in periods.
+ON_GRID: Final = 0.01
 
 FloatArray = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -72,22 +75,48 @@ def stale_rows(status: NDArray[np.uint32]) -> NDArray[np.bool_]:
     return marked
 
 
-def check_stale(stale: NDArray[np.bool_]) -> None:
-    """Check that so few rows repeat an earlier one that they may stand for themselves.
+def grid(times: Times) -> Times:
+    """Return the regular times (k,) that ``times`` (n,) have in common, in ns, gaps filled.
 
     Raises:
-        DataError: more than :data:`MOST_STALE` of them do, or more than :data:`LONGEST_STALE` in
-            succession.
+        DataError: there is a single sample.
     """
-    count = int(np.count_nonzero(stale))
-    if count > MOST_STALE * len(stale):
+    period = period_ns(times)
+    if not np.isfinite(period):
+        raise DataError("there is a single sample")
+    count = round(float(times[-1] - times[0]) / period) + 1
+    regular: Times = times[0] + np.rint(np.arange(count) * period).astype(np.int64)
+    return regular
+
+
+def on_grid(regular: Times, times: Times) -> bool:
+    """Return whether all of ``times`` (n,) stand at one of the ``regular`` ones (k,)."""
+    period = period_ns(regular)
+    off = (times - regular[0]) / period
+    return bool(np.all(np.abs(off - np.rint(off)) <= ON_GRID))
+
+
+def bridge(regular: Times, times: Times, values: FloatArray) -> FloatArray:
+    """Return ``values`` (n,) at the ``regular`` times (k,), short gaps bridged by straight lines.
+
+    Raises:
+        DataError: more than :data:`MOST_BRIDGED` of the samples are missing, or more than
+            :data:`LONGEST_BRIDGE` in succession.
+    """
+    slots = np.rint((times - regular[0]) / period_ns(regular)).astype(np.int64)
+    inside = (slots >= 0) & (slots < len(regular))
+    slots, values = slots[inside], values[inside]
+    missing = len(regular) - len(slots)
+    if missing > MOST_BRIDGED * len(regular):
         raise DataError(
-            f"{count} of {len(stale)} rows ({100 * count / len(stale):.2g} %) repeat an earlier "
-            f"one, at most {100 * MOST_STALE:g} % may"
+            f"{missing} of {len(regular)} samples ({100 * missing / len(regular):.2g} %) are "
+            f"missing or late, at most {100 * MOST_BRIDGED:g} % may be"
         )
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], stale, [False]])))
-    longest = int(np.max(edges[1::2] - edges[::2], initial=0))
-    if longest > LONGEST_STALE:
+    edges = np.concatenate([[-1], slots, [len(regular)]])
+    longest = int(np.max(np.diff(edges))) - 1
+    if longest > LONGEST_BRIDGE:
         raise DataError(
-            f"{longest} rows in succession repeat an earlier one, at most {LONGEST_STALE} may"
+            f"{longest} samples in succession are missing or late, at most {LONGEST_BRIDGE} may be"
         )
+    bridged: FloatArray = np.interp(np.arange(len(regular)), slots, values)
+    return bridged

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.evaluate.resample import check_stale, means_around, period_ns, stale_rows
+from rigd.evaluate.resample import bridge, grid, means_around, on_grid, period_ns, stale_rows
 from rigd.model.channels import STATUS_FIELD, Stream
 from rigd.model.errors import DataError
 from rigd.model.rows import TIME_FIELD
@@ -75,71 +75,65 @@ class RecordedSweep:
     def signals(self, trial: TrialInfo) -> tuple[FloatArray, dict[str, FloatArray]]:
         """Return time in s since the trial began (n,) and every signal of the plan (n,), SI.
 
-        All stand at the times of the first signal's stream. A stream with other times must be
+        All stand at regular times, those of the slowest stream. One with other times must be
         sampled at least twice as fast: it is brought there by the mean of its samples within half
-        a period around each. A row that repeats an earlier one, as the device was late, is left
-        out of such a mean; elsewhere it is taken as it is (see :meth:`stale`). Nothing is
-        interpolated: what is missing would look like data.
+        a period around each. A few samples that are missing, or repeat an earlier one as the
+        device was late, are bridged by straight lines (see :meth:`bridged`).
 
         Raises:
-            DataError: a stream or channel that the plan names is not in the recording, samples
-                are missing, or too many rows repeat an earlier one.
+            DataError: a stream or channel that the plan names is not in the recording, or too
+                many samples are missing or late.
         """
-        times: NDArray[np.int64] | None = None
-        columns: dict[str, FloatArray] = {}
-        for name, channel in self.plan.signals.items():
-            stream, field = self._field(name, channel)
-            rows = self.recording.read(stream.name, trial.start_ns, trial.end_ns)
-            if not len(rows):
-                raise DataError(
-                    f"{self.path}: stream {stream.name!r} has no sample in trial {trial.number}"
-                )
-            own: NDArray[np.int64] = rows[TIME_FIELD]
-            if times is None:
-                times = own
-            if len(own) == len(times) and np.array_equal(own, times):
-                with self._telling(stream, trial):
-                    check_stale(_stale(stream, rows))
-                columns[name] = np.ascontiguousarray(rows[field])
-            else:
-                columns[name] = self._means(stream, field, trial, times)
-        if times is None:
+        plan = {name: self._field(name, channel) for name, channel in self.plan.signals.items()}
+        if not plan:
             raise DataError(f"{self.path}: its plan of identification names no signals")
+        rows = {stream.name: self._rows(stream.name, trial) for stream, _ in plan.values()}
+        slowest = min(rows, key=lambda name: len(rows[name]))
+        with self._telling(slowest, trial):
+            times = grid(rows[slowest][TIME_FIELD])
+        columns: dict[str, FloatArray] = {}
+        for signal, (stream, field) in plan.items():
+            fresh = rows[stream.name][~_stale(stream, rows[stream.name])]
+            with self._telling(stream.name, trial):
+                if on_grid(times, fresh[TIME_FIELD]):
+                    columns[signal] = bridge(times, fresh[TIME_FIELD], fresh[field])
+                else:
+                    columns[signal] = self._means(stream, field, times)
         return (times - times[0]) * 1e-9, columns
 
-    def stale(self, trial: TrialInfo) -> int:
-        """Return how many rows of the plan's streams repeat an earlier one in ``trial``."""
+    def _rows(self, stream: str, trial: TrialInfo) -> NDArray[np.void]:
+        rows: NDArray[np.void] = self.recording.read(stream, trial.start_ns, trial.end_ns)
+        if not len(rows):
+            raise DataError(f"{self.path}: stream {stream!r} has no sample in trial {trial.number}")
+        return rows
+
+    def bridged(self, trial: TrialInfo) -> int:
+        """Return how many rows of the plan's streams are missing or late in ``trial``."""
         count = 0
         for name in {self._field(*item)[0].name for item in self.plan.signals.items()}:
-            rows = self.recording.read(name, trial.start_ns, trial.end_ns)
-            count += int(np.count_nonzero(_stale(self.recording.streams[name], rows)))
+            rows = self._rows(name, trial)
+            late = int(np.count_nonzero(_stale(self.recording.streams[name], rows)))
+            count += late + len(grid(rows[TIME_FIELD])) - len(rows)
         return count
 
-    def _means(
-        self, stream: Stream, field: str, trial: TrialInfo, times: NDArray[np.int64]
-    ) -> FloatArray:
+    def _means(self, stream: Stream, field: str, times: NDArray[np.int64]) -> FloatArray:
         """Return the means of a faster stream around ``times``."""
-        margin = period_ns(times)
-        if not np.isfinite(margin):
-            raise DataError(f"{self.path}: trial {trial.number} has a single sample")
-        around = round(margin)
+        around = round(period_ns(times))
         rows = self.recording.read(stream.name, int(times[0]) - around, int(times[-1]) + around)
         fresh = rows[~_stale(stream, rows)]
-        with self._telling(stream, trial):
-            return means_around(times, fresh[TIME_FIELD], np.ascontiguousarray(fresh[field]))
+        return means_around(times, fresh[TIME_FIELD], np.ascontiguousarray(fresh[field]))
 
     @contextmanager
-    def _telling(self, stream: Stream, trial: TrialInfo) -> Iterator[None]:
+    def _telling(self, stream: str, trial: TrialInfo) -> Iterator[None]:
         """Say of which stream and trial an error is."""
         try:
             yield
         except DataError as error:
             raise DataError(
-                f"{self.path}: in trial {trial.number}, stream {stream.name!r} does not fit the "
-                f"first signal: {error.message}",
-                hint="samples are missing or decimated: record all streams of the model whole, "
-                "that of the first signal being the slowest; repeat the trial where a device was "
-                "late",
+                f"{self.path}: in trial {trial.number}, stream {stream!r} does not fit the others: "
+                f"{error.message}",
+                hint="samples are missing or decimated: record all streams of the model whole; "
+                "repeat the trial where a device was late",
             ) from error
 
     def _field(self, signal: str, channel: str) -> tuple[Stream, str]:

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rigd.evaluate.resample import Times, check_stale, means_around, period_ns, stale_rows
+from rigd.evaluate.resample import (
+    Times,
+    bridge,
+    grid,
+    means_around,
+    on_grid,
+    period_ns,
+    stale_rows,
+)
 from rigd.model.errors import DataError
 
 MS = 1_000_000
@@ -84,24 +92,37 @@ def test_bit_31_marks_a_row_that_repeats() -> None:
     assert stale_rows(status).tolist() == [False, True, False, True]
 
 
-def flags(count: int, *stale: int) -> NDArray[np.bool_]:
-    found = np.zeros(count, np.bool_)
-    found[list(stale)] = True
-    return found
+def test_a_bridge_is_as_straight_as_its_ends() -> None:
+    """On a parabola it is wrong by a (n + 1)^2 T^2 / 8 at most, n samples being missing."""
+    acceleration, keep = 2.0, np.delete(np.arange(1000), range(500, 505))
+    times = CENTRES[0] + np.arange(1000) * MS
+    values: NDArray[np.float64] = 0.5 * acceleration * (np.arange(1000) * 1e-3) ** 2
+    bridged = bridge(times, times[keep], values[keep])
+    assert np.array_equal(bridged[keep], values[keep])
+    error = np.abs(bridged - values).max()
+    assert error == pytest.approx(acceleration * 6e-3**2 / 8, rel=0.01)
 
 
-def test_a_few_late_rows_are_taken() -> None:
-    check_stale(flags(0))
-    check_stale(flags(1000))
-    check_stale(flags(1000, 0, 500, 501, 502, 999))
+@pytest.mark.parametrize("first", [0, 500, 994])
+def test_a_long_gap_is_refused_wherever_it_stands(first: int) -> None:
+    times = CENTRES[0] + np.arange(1000) * MS
+    kept = np.delete(times, range(first, first + 6))
+    with pytest.raises(DataError, match="6 samples in succession are missing or late"):
+        bridge(times, kept, np.ones(len(kept)))
 
 
-def test_more_are_refused() -> None:
-    with pytest.raises(DataError, match=r"6 of 1000 rows \(0\.6 %\) .* at most 0\.5 %"):
-        check_stale(flags(1000, 0, 100, 200, 300, 400, 999))
+def test_many_short_gaps_are_refused() -> None:
+    times = CENTRES[0] + np.arange(1000) * MS
+    kept = np.delete(times, range(0, 1000, 40))
+    with pytest.raises(DataError, match=r"25 of 1000 samples \(2\.5 %\) .* at most 2 %"):
+        bridge(times, kept, np.ones(len(kept)))
 
 
-@pytest.mark.parametrize("first", [0, 500, 996])
-def test_so_are_many_in_succession(first: int) -> None:
-    with pytest.raises(DataError, match="4 rows in succession"):
-        check_stale(flags(1000, *range(first, first + 4)))
+def test_the_grid_fills_the_gaps_and_keeps_every_time() -> None:
+    times = CENTRES[0] + np.delete(np.arange(1000), [3, 4, 500]) * MS
+    regular = grid(times)
+    assert np.array_equal(regular, CENTRES[0] + np.arange(1000) * MS)
+    assert on_grid(regular, times)
+    assert not on_grid(regular, times + MS // 2)
+    with pytest.raises(DataError, match="a single sample"):
+        grid(times[:1])
