@@ -110,14 +110,18 @@ class TransmitterConfig(ConnectionConfig):
     def _scaled(self) -> Self:
         if self.low >= self.high:
             raise ValueError("'low' must be below 'high'")
-        if self.scale is None and self.map.scale is None:
+        if self.force_per_count() is None:
             raise ValueError(
                 f"the map of the {self.map.title} has no scale: give 'scale', such as "
                 "'0.0980665 N/count' for an instrument that shows kg with two decimals"
             )
-        if (self.scale or self.map.scale) == 0:
+        if self.force_per_count() == 0:
             raise ValueError("'scale' must not be zero")
         return self
+
+    def force_per_count(self) -> float | None:
+        """Return the scale in N per count: given here, or the map's."""
+        return self.map.scale if self.scale is None else self.scale
 
 
 class ModbusTransmitter(ModbusDevice):
@@ -134,7 +138,7 @@ class ModbusTransmitter(ModbusDevice):
         super().__init__(config, link, config.map, config.rate)
         self._map = config.map
         self._order: WordOrder = config.word_order or config.map.word_order
-        self._scale = config.scale or config.map.scale or 1.0
+        self._scale = config.force_per_count() or 1.0  # validated: neither None nor zero
         self._reads = config.map.reads(config.map.polled())
         self._turn = 0
         self._words: dict[int, int] = {}

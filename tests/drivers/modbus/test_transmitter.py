@@ -299,6 +299,8 @@ def test_another_unit_of_measurement_is_refused(transmitter: TransmitterBench) -
         ({"map": "laumas-tlb5"}, "did you mean 'laumas-tlb4'"),
         ({"map": "delta-asda-b"}, "no shipped map of a transmitter"),
         ({"scale": None}, "has no scale: give 'scale'"),
+        ({"scale": "0 N/count"}, "'scale' must not be zero"),
+        ({"map": "seneca-z-sg2", "scale": "0 N/count"}, "'scale' must not be zero"),
         ({"low": "1 kg"}, "expected N"),
         ({"low": "600 N"}, "'low' must be below 'high'"),
         ({"host": None}, "either 'host'"),

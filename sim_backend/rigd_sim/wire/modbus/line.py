@@ -198,7 +198,7 @@ class SerialLine(Line):
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
-        if self.path.is_symlink():
+        if self.path.is_symlink() and self.path.readlink().is_relative_to("/dev/pts"):
             self.path.unlink()  # left by a process that was killed
         try:
             self.path.symlink_to(os.ttyname(self._slave))
