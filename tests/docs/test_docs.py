@@ -4,6 +4,7 @@ A fenced block says by its info string what becomes of it:
 
 - ``sh``: run with ``sh -eu`` in the document's folder; ``exit=N`` where it must end with N;
 - ``python``: run in that folder, warnings are errors;
+- ``python file=NAME``: a module, written to that folder for the commands behind it;
 - ``yaml file=NAME``: a whole file, written to that folder and checked;
 - ``yaml part``: top-level keys, put in place of those of a small procedure or of the shipped rig,
   which is then checked;
@@ -31,9 +32,15 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-DOCUMENTS = ("procedures.md", "rigs.md", "recordings.md", "identification.md")
+DOCUMENTS = ("procedures.md", "rigs.md", "recordings.md", "identification.md", "drivers.md")
 #: Blocks that nothing runs, by document.
-UNCHECKED = {"procedures.md": 1, "rigs.md": 0, "recordings.md": 0, "identification.md": 2}
+UNCHECKED = {
+    "procedures.md": 1,
+    "rigs.md": 0,
+    "recordings.md": 0,
+    "identification.md": 2,
+    "drivers.md": 3,
+}
 TIMEOUT_S = 60
 
 _FENCE = re.compile(
@@ -69,8 +76,8 @@ class Block:
     @property
     def kind(self) -> str:
         """What becomes of it."""
-        if self.words[:1] == ("yaml",) and self.options.keys() >= {"file"}:
-            return "yaml file"
+        if self.options.keys() >= {"file"}:
+            return f"{self.words[0]} file"
         return " ".join(word for word in self.words if "=" not in word)
 
     @property
@@ -155,6 +162,8 @@ def test_every_block_does_what_it_says(name: str, tmp_path: Path) -> None:
                 ended([sys.executable, "-W", "error", "-c", block.body], folder, 0)
             case "text output":
                 assert printed == block.body, where
+            case "python file":
+                (folder / block.options["file"]).write_text(block.body, "utf-8")
             case "yaml file":
                 (folder / block.options["file"]).write_text(block.body, "utf-8")
                 ended(
