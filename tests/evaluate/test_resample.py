@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from rigd.evaluate.resample import (
     Times,
@@ -94,20 +93,20 @@ def test_bit_31_marks_a_row_that_repeats() -> None:
 
 def test_a_bridge_is_as_straight_as_its_ends() -> None:
     """On a parabola it is wrong by a (n + 1)^2 T^2 / 8 at most, n samples being missing."""
-    acceleration, keep = 2.0, np.delete(np.arange(1000), range(500, 505))
+    acceleration, keep = 2.0, np.delete(np.arange(1000), range(500, 510))
     times = CENTRES[0] + np.arange(1000) * MS
-    values: NDArray[np.float64] = 0.5 * acceleration * (np.arange(1000) * 1e-3) ** 2
+    values = np.asarray(0.5 * acceleration * (np.arange(1000) * 1e-3) ** 2, np.float64)
     bridged = bridge(times, times[keep], values[keep])
     assert np.array_equal(bridged[keep], values[keep])
     error = np.abs(bridged - values).max()
-    assert error == pytest.approx(acceleration * 6e-3**2 / 8, rel=0.01)
+    assert error == pytest.approx(acceleration * 11e-3**2 / 8, rel=0.01)
 
 
-@pytest.mark.parametrize("first", [0, 500, 994])
+@pytest.mark.parametrize("first", [0, 500, 989])
 def test_a_long_gap_is_refused_wherever_it_stands(first: int) -> None:
     times = CENTRES[0] + np.arange(1000) * MS
-    kept = np.delete(times, range(first, first + 6))
-    with pytest.raises(DataError, match="6 samples in succession are missing or late"):
+    kept = np.delete(times, range(first, first + 11))
+    with pytest.raises(DataError, match="11 samples in succession are missing or late"):
         bridge(times, kept, np.ones(len(kept)))
 
 
