@@ -48,6 +48,9 @@ class WireLugreConfig(DeviceOptions):
     )
     """CAN buses by name; each is a socket of that name in the folder."""
 
+    faults: tuple[FaultEntry, ...] = ()
+    """Faults that the devices show from the start, as in a fault file."""
+
     @model_validator(mode="after")
     def _buses_exist(self) -> Self:
         for name in DeviceOptions.model_fields:
@@ -85,7 +88,7 @@ class WireLugre(Simulation):
         faults: Path | None = None,
     ) -> None:
         """Serve until ``stop()``; see :meth:`rigd.sdk.Simulation.serve`."""
-        planned = [] if faults is None else read_fault_file(faults)
+        planned = [*self.config.faults, *([] if faults is None else read_fault_file(faults))]
         with Folder(self.config.folder) as folder:
             world = World(
                 LugrePlant(self.config.plant, period_ns=PLANT_PERIOD_NS, seed=self.config.seed)

@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 from support.can import Client, run
 from support.command import rigd, start
-from support.nodes import FEEDBACK, TORQUE_COMMAND, pdo, written
+from support.nodes import FEEDBACK, SPEED_COMMAND, TORQUE_COMMAND, pdo, written
 from support.wire import wire_rig, write_rig
 
 from rigd.model.errors import ConfigError
@@ -40,7 +40,7 @@ def folder() -> Iterator[Path]:
 
 @contextmanager
 def served(
-    folder: Path, *, faults: Path | None = None, **options: object
+    folder: Path, *, file: Path | None = None, **options: object
 ) -> Iterator[tuple[WireLugre, list[str]]]:
     """The bench, served by a thread as long as this lasts."""
     bench = WireLugre(WireLugreConfig.model_validate({"folder": folder, **QUIET, **options}))
@@ -52,7 +52,7 @@ def served(
         ready.set()
 
     with ThreadPoolExecutor(1) as pool:
-        serving = pool.submit(bench.serve, started, end.is_set, faults)
+        serving = pool.submit(bench.serve, started, end.is_set, file)
         serving.add_done_callback(lambda _: ready.set())
         try:
             ready.wait(PATIENCE_S)
@@ -140,6 +140,54 @@ def test_torque_at_the_wire_turns_the_wheel_and_a_reset_ends_it(folder: Path) ->
         assert state["current"] == 0.0
 
 
+async def _move_belt(
+    folder: Path, speed_mrpm: int, *, until: int = 0, release: bool = False
+) -> None:
+    """Run the longitudinal belt ``until`` so many counts, or 100 cycles long if released."""
+    client = Client(folder / "servo_bus")
+    try:
+        await written(
+            client, 2, *pdo(1, 2, *FEEDBACK), *pdo(1, 2, *SPEED_COMMAND, receive=True),
+            "2f 60 60 00 09 00 00 00", f"23 fe 60 01 00 00 {int(release):02x} 00",
+        )  # fmt: skip
+        client.send(0x000, "01 02")
+        target = speed_mrpm.to_bytes(4, "little", signed=True).hex()
+        position = number = 0
+        while position < until or number < 100:
+            control = (6, 7, 15)[min(number, 2)]
+            client.send(0x202, f"{control:02x}00{target}")
+            client.send(0x080)
+            answer = bytes.fromhex(await client.until(0x182))
+            position = int.from_bytes(answer[4:], "little", signed=True)
+            number += 1
+    finally:
+        client.close()
+
+
+def test_a_belt_at_the_wire_moves_the_carriage_and_brakes_it_on_a_fault(folder: Path) -> None:
+    with served(folder) as (bench, _):
+        # 120 turns per minute at 100 mm a turn are 0.2 m/s; 2048 counts are 50 mm.
+        run(_move_belt(folder, 120_000, until=2048))
+        state = bench.ask({"do": "state"})
+        assert state["parts"]["longitudinal_belt"]["speed"] == pytest.approx(0.2)
+        assert state["plant"]["carriage_speed"] == pytest.approx(0.2, rel=0.1)
+        assert state["parts"]["carriage"]["position"] >= 0.05
+        bench.ask({"do": "fault", "part": "longitudinal_belt", "fault": "fault"})
+        braked = wait_for(
+            lambda: bench.ask({"do": "state"})["plant"],
+            lambda plant: abs(plant["carriage_speed"]) < 1e-3,
+        )
+        assert braked["carriage_position"] < 1.0
+
+
+def test_a_released_clutch_leaves_the_carriage_where_it_is(folder: Path) -> None:
+    with served(folder) as (bench, _):
+        run(_move_belt(folder, 120_000, until=0, release=True))
+        state = bench.ask({"do": "state"})
+        assert state["parts"]["longitudinal_belt"]["released"] is True
+        assert abs(state["plant"]["carriage_position"]) < 1e-6
+
+
 def test_what_a_person_changes_at_the_bench(folder: Path) -> None:
     with served(folder) as (bench, _):
         bench.ask({"do": "change", "quantity": "floor", "value": "pvc"})
@@ -224,14 +272,20 @@ def test_options_that_are_refused_later_show_in_the_state(folder: Path) -> None:
 def test_a_fault_file_is_played_and_a_wrong_one_ends_the_simulation(folder: Path) -> None:
     path = folder / "faults.yaml"
     path.write_text("faults:\n  - {part: servo_bus, fault: drop, at: 10 ms}\n")
-    with served(folder, faults=path) as (bench, _):
+    with served(folder, file=path) as (bench, _):
         wait_for(part(bench, "servo_bus"), lambda bus: bus["faults"] == "drop")
     path.write_text("faults:\n  - {part: servo_bus, fault: rain}\n")
     with (
         pytest.raises(ConfigError, match="servo_bus has no fault 'rain'"),
-        served(folder, faults=path),
+        served(folder, file=path),
     ):
         pass
+
+
+def test_faults_of_the_rig_file_show_from_the_start(folder: Path) -> None:
+    faults = [{"part": "carriage", "fault": "sign_flip"}]
+    with served(folder, faults=faults) as (bench, _):
+        assert part(bench, "carriage")()["faults"] == "sign_flip"
 
 
 def test_a_bus_takes_the_time_that_its_bits_take(folder: Path) -> None:
