@@ -16,7 +16,7 @@ WINDOWS: Final = 60
 #: The slope is trusted once so many windows are there: an arrival may be 0.1 ms late, which over
 #: 10 s is 10 ppm.
 WINDOWS_FOR_RATE: Final = 10
-#: Furthest that a card's crystal is from its nominal rate; ±50 ppm is usual (NI: 6009 manual).
+#: Furthest that a card's crystal is taken to be from its nominal rate; within 100 ppm is usual.
 MOST_DRIFT: Final = 200e-6
 #: Fastest that an error of the time is worked off: 1 ms in 1 s.
 MOST_SLEW: Final = 1e-3

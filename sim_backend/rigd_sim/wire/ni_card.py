@@ -1,14 +1,15 @@
 """A simulated NI USB-6009: its ranges, codes, sample clock, buffer and faults; no gRPC.
 
-Facts: 8 inputs on one 14-bit converter behind a multiplexer, 48 kS/s in all, sample clock divided
-from 24 MHz; ranges of ±20 V to ±1 V differential, ±10 V single-ended (NI USB-6008/6009 User Guide,
-371303, "Specifications").
+One converter behind a multiplexer and an amplifier of gain 1 to 20: eight single-ended inputs of
+±10 V, or four differential ones, ai0 to ai3, of ±20 V to ±1 V (NI USB-6008/6009 User Guide and
+Specifications, 371303, "Analog Input"). 14 bits differential, 13 single-ended, 48 kS/s in all,
+sample clock divided from 24 MHz ("Specifications").
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -17,10 +18,14 @@ from numpy.typing import NDArray
 
 TIMEBASE_HZ: Final = 24e6
 MOST_SAMPLES_PER_S: Final = 48e3
-CODES: Final = 2**14
 INPUTS: Final = tuple(f"ai{index}" for index in range(8))
+PAIRS: Final = INPUTS[:4]  #: inputs that can be differential
 DIFFERENTIAL_RANGES_V: Final = (1.0, 1.25, 2.0, 2.5, 4.0, 5.0, 10.0, 20.0)
-SINGLE_ENDED_RANGES_V: Final = (10.0,)
+SINGLE_ENDED_RANGE_V: Final = 10.0
+DIFFERENTIAL_CODES: Final = 2**14
+SINGLE_ENDED_CODES: Final = 2**13
+# What NI-DAQmx calls the ways to wire an input.
+DEFAULT, SINGLE_ENDED, DIFFERENTIAL = -1, 10083, 10106
 #: An open input picks up the mains.
 MAINS_HZ: Final = 50.0
 HUM_V: Final = 0.4
@@ -36,10 +41,32 @@ class DaqFault(Exception):
         self.code = code
 
 
-def range_for(asked_v: float, *, differential: bool) -> float:
-    """Return the range that the card takes for ``asked_v``: the next larger one it has."""
-    ranges = DIFFERENTIAL_RANGES_V if differential else SINGLE_ENDED_RANGES_V
-    fitting = [one for one in ranges if one >= asked_v]
+@dataclass(frozen=True)
+class Span:
+    """What the converter makes of one input: ±``range_v`` in so many ``codes``."""
+
+    range_v: float
+    codes: int
+
+
+def span_for(channel: str, terminal: int, asked_v: float) -> Span:
+    """Return the span that the card takes for ``asked_v``: its next larger one.
+
+    ``terminal`` is one of NI-DAQmx's numbers; by default what can be is differential.
+
+    Raises:
+        DaqFault: there is no such input, or it cannot be wired or span so.
+    """
+    if channel not in INPUTS:
+        raise DaqFault(-200170, f"Physical channel specified does not exist: {channel}")
+    if terminal == DEFAULT:
+        terminal = DIFFERENTIAL if channel in PAIRS else SINGLE_ENDED
+    if terminal == DIFFERENTIAL and channel in PAIRS:
+        fitting = [Span(one, DIFFERENTIAL_CODES) for one in DIFFERENTIAL_RANGES_V if one >= asked_v]
+    elif terminal == SINGLE_ENDED and asked_v <= SINGLE_ENDED_RANGE_V:
+        fitting = [Span(SINGLE_ENDED_RANGE_V, SINGLE_ENDED_CODES)]
+    else:
+        fitting = []
     if not fitting:
         raise DaqFault(-200077, "Requested value is not a supported value for this property.")
     return fitting[0]
@@ -71,8 +98,7 @@ class Acquisition:
     """The inputs of one task, converted continuously into a buffer.
 
     Args:
-        inputs: their names, in the order of conversion.
-        ranges_v: the range of each.
+        inputs: their names and spans, in the order of conversion.
         rate_hz: nominal rate; the crystal's error comes on top.
         capacity: samples of each input that the buffer holds.
         noise_v: standard deviation of what the converter adds.
@@ -81,8 +107,7 @@ class Acquisition:
 
     def __init__(
         self,
-        inputs: Sequence[str],
-        ranges_v: Sequence[float],
+        inputs: Mapping[str, Span],
         rate_hz: float,
         capacity: int,
         *,
@@ -95,7 +120,9 @@ class Acquisition:
         self.overrun = False
         self.taken = 0  #: samples of each input handed over
         self.made = 0  #: samples of each input converted
-        self._range = np.array(ranges_v)[:, np.newaxis]
+        codes = np.array([one.codes for one in inputs.values()])[:, np.newaxis]
+        self._step_v = np.array([[2 * one.range_v / one.codes] for one in inputs.values()])
+        self._lowest, self._highest = -codes // 2, codes // 2 - 1
         self._noise_v = noise_v
         self._random = np.random.default_rng(seed)
         self._buffer = np.zeros((len(inputs), capacity))
@@ -142,9 +169,8 @@ class Acquisition:
                 volts[index] = HUM_V * np.sin(2 * math.pi * MAINS_HZ * times_s)
             if name in faults.saturation:
                 volts[index] = faults.saturation[name] * math.inf
-        step = 2 * self._range / CODES
-        codes = np.clip(np.rint(np.clip(volts / step, -CODES, CODES)), -CODES // 2, CODES // 2 - 1)
-        converted: FloatArray = codes * step
+        codes = np.rint(np.clip(volts / self._step_v, self._lowest, self._highest))
+        converted: FloatArray = codes * self._step_v
         for index, name in enumerate(self.inputs):
             if name in faults.stuck_code and self.made:
                 converted[index] = self._buffer[index, (self.made - 1) % self._buffer.shape[1]]

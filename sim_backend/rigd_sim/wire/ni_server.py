@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rigd_sim.wire.ni_card import INPUTS, Acquisition, DaqFault, Faults, range_for, rate_for
+from rigd_sim.wire.ni_card import Acquisition, DaqFault, Faults, Span, rate_for, span_for
 
 SERVICE: Final = "nidaqmx_grpc.NiDAQmx"
 PRODUCT: Final = "USB-6009"
@@ -32,7 +32,6 @@ _AVAILABLE: Final = frozenset({0x1223, 0x31E8})  # samples waiting, samples read
 _SAMPLE_RATE: Final = 0x1344
 _RANGE_HIGH, _RANGE_LOW = 0x1815, 0x1816
 _CHANNEL_TYPE, _ANALOG_INPUT = 0x187F, 10100
-_DIFFERENTIAL: Final = frozenset({10106, -1})  # the 6009's default is differential
 _CONTINUOUS: Final = 10123
 _BY_CHANNEL: Final = 0
 _NOT_YET_AVAILABLE: Final = -200284
@@ -43,7 +42,7 @@ class _Task:
     """A task of a client: what it has set up, and the acquisition while it runs."""
 
     name: str
-    inputs: dict[str, float] = field(default_factory=dict)  # physical channel -> range in V
+    inputs: dict[str, Span] = field(default_factory=dict)  # by physical channel
     rate_hz: float = 0.0
     capacity: int = 0
     running: Acquisition | None = None
@@ -201,11 +200,9 @@ class DeviceServer:
         task = self._task(request)
         device, _, channel = request.physical_channel.partition("/")
         self._known(device)
-        if channel not in INPUTS:
-            raise DaqFault(-200170, f"Physical channel {request.physical_channel} does not exist.")
         asked = max(abs(request.min_val), abs(request.max_val))
-        differential = request.terminal_config_raw in _DIFFERENTIAL
-        task.inputs[request.physical_channel] = range_for(asked, differential=differential)
+        span = span_for(channel, request.terminal_config_raw, asked)
+        task.inputs[request.physical_channel] = span
         return {}
 
     def _configure_clock(self, request: Any) -> dict[str, Any]:
@@ -222,8 +219,7 @@ class DeviceServer:
         if self.running is not None:
             raise DaqFault(-50103, "The specified resource is reserved.")
         task.running = Acquisition(
-            [one.partition("/")[2] for one in task.inputs],
-            list(task.inputs.values()),
+            {name.partition("/")[2]: span for name, span in task.inputs.items()},
             task.rate_hz,
             task.capacity,
             noise_v=self._noise_v,
@@ -288,14 +284,14 @@ class DeviceServer:
         return {"value": _looked_up({_SAMPLE_RATE: self._task(request).rate_hz}, request)}
 
     def _channel_number(self, request: Any) -> dict[str, Any]:
-        span = self._range(request)
-        return {"value": _looked_up({_RANGE_HIGH: span, _RANGE_LOW: -span}, request)}
+        high = self._span(request).range_v
+        return {"value": _looked_up({_RANGE_HIGH: high, _RANGE_LOW: -high}, request)}
 
     def _channel_kind(self, request: Any) -> dict[str, Any]:
-        self._range(request)
+        self._span(request)
         return {"value_raw": _looked_up({_CHANNEL_TYPE: _ANALOG_INPUT}, request)}
 
-    def _range(self, request: Any) -> float:
+    def _span(self, request: Any) -> Span:
         span = self._task(request).inputs.get(request.channel)
         if span is None:
             raise DaqFault(-200170, f"Channel {request.channel} does not exist.")

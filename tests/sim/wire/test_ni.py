@@ -18,7 +18,17 @@ from nidaqmx.system import Device, System
 from support.served import served
 
 from rigd_sim.wire.ni import SimNi
-from rigd_sim.wire.ni_card import Acquisition, DaqFault, Faults, range_for, rate_for
+from rigd_sim.wire.ni_card import (
+    DEFAULT,
+    DIFFERENTIAL,
+    SINGLE_ENDED,
+    Acquisition,
+    DaqFault,
+    Faults,
+    Span,
+    rate_for,
+    span_for,
+)
 
 LSB_V = 20.0 / 2**14
 
@@ -215,7 +225,7 @@ def test_a_port_that_is_taken() -> None:
 
 def acquisition(*, rate_hz: float = 1000.0, capacity: int = 10_000) -> Acquisition:
     return Acquisition(
-        ["ai0"], [10.0], rate_hz, capacity, noise_v=0.0, seed=1, start_ns=5_000_000_000
+        {"ai0": Span(10.0, 2**14)}, rate_hz, capacity, noise_v=0.0, seed=1, start_ns=5_000_000_000
     )
 
 
@@ -258,7 +268,7 @@ def test_the_buffer_overflows_by_one_sample() -> None:
 
 def test_noise_repeats_for_a_seed() -> None:
     def samples(seed: int) -> np.ndarray[Any, Any]:
-        one = Acquisition(["ai0"], [1.0], 1e4, 2000, noise_v=0.01, seed=seed, start_ns=0)
+        one = Acquisition({"ai0": Span(1.0, 2**14)}, 1e4, 2000, noise_v=0.01, seed=seed, start_ns=0)
         one.advance(100_000_000, {"ai0": lambda: 0.0}, 0.0, Faults())
         return one.take(1000)
 
@@ -272,7 +282,16 @@ def test_rates_and_ranges_are_those_of_the_6009() -> None:
     assert rate_for(7000.0, 1) == 24e6 / 3429
     with pytest.raises(DaqFault):
         rate_for(12_001.0, 4)
-    assert range_for(10.0, differential=True) == 10.0
-    assert range_for(0.2, differential=False) == 10.0
-    with pytest.raises(DaqFault):
-        range_for(10.1, differential=False)
+    assert span_for("ai0", DIFFERENTIAL, 10.0) == Span(10.0, 2**14)
+    assert span_for("ai3", DEFAULT, 1.1) == Span(1.25, 2**14)
+    assert span_for("ai4", DEFAULT, 1.1) == Span(10.0, 2**13)
+    assert span_for("ai0", SINGLE_ENDED, 0.2) == Span(10.0, 2**13)
+    for channel, terminal, asked_v in (
+        ("ai0", DIFFERENTIAL, 20.1),
+        ("ai0", SINGLE_ENDED, 10.1),
+        ("ai4", DIFFERENTIAL, 1.0),  # the other half of a pair
+        ("ai0", 10078, 1.0),  # NRSE
+    ):
+        with pytest.raises(DaqFault) as caught:
+            span_for(channel, terminal, asked_v)
+        assert caught.value.code == -200077
