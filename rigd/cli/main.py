@@ -12,6 +12,7 @@ from rigd import __version__
 from rigd.cli import (
     check,
     completion,
+    doctor,
     drivers,
     export,
     identify,
@@ -40,6 +41,7 @@ COMMANDS: tuple[ModuleType, ...] = (
     info,
     export,
     recover,
+    doctor,
     sim,
     drivers,
     new,

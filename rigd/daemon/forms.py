@@ -11,12 +11,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from rigd.config.rig import DeviceConfig, RigConfig
+from rigd.config.rig import RigConfig
 from rigd.engine.clock import Clock
 from rigd.engine.control import Control
 from rigd.engine.host import Host
 from rigd.engine.in_process import InProcessHost
 from rigd.engine.process_host import ProcessHost
+from rigd.engine.rates import most_rows_hz
 from rigd.engine.recorder import Health, RecorderProcess, drain_leftovers
 from rigd.engine.run import ChangePlant
 from rigd.engine.shared import Job, RunFolder, Word
@@ -26,12 +27,9 @@ from rigd.model.channels import Stream
 from rigd.model.errors import LinkError
 from rigd.record import Attachment, RecordingWriter
 from rigd.record.compression import Compression
-from rigd.sdk import BlockDriver
 
 #: Rings hold this much of a recorder that is gone.
 RING_S = 60.0
-#: Rows per second of a slow device, at most.
-SLOW_HZ = 100.0
 #: Rows beyond what RING_S asks for, so that even a slow stream has room for a burst.
 SPARE_ROWS = 1000
 
@@ -120,7 +118,9 @@ def processes(
             kept.compression,
             kept.resume,
         )
-        folder.prepare(job, {one.name: _capacity(rig, one, kept.decimation) for one in streams})
+        folder.prepare(
+            job, {one.name: ring_rows(rig, one, kept.decimation[one.name]) for one in streams}
+        )
         board = folder.board()
         board[Word.START_NS], board[Word.ORIGIN_NS] = start_ns, time.monotonic_ns()
         origin_ns = board[Word.ORIGIN_NS]
@@ -174,19 +174,11 @@ class _KeptAlive:
         return None
 
 
-def _capacity(rig: RigConfig, stream: Stream, decimation: Mapping[str, int]) -> int:
-    """Return how many rows of ``stream`` come in RING_S, and some to spare."""
-    device = rig.devices.get(stream.name)
-    if device is None or in_cycle(device):
-        rate_hz = 1e9 / (rig.period_ns * decimation[stream.name])
-    else:
-        rate_hz = _own_rate(device)
+def ring_rows(rig: RigConfig, stream: Stream, every: int = 1) -> int:
+    """Return how many rows the ring of ``stream`` holds, where one of ``every`` is recorded."""
+    in_this_cycle = stream.name not in rig.devices or in_cycle(rig.devices[stream.name])
+    rate_hz = most_rows_hz(rig, stream) / (every if in_this_cycle else 1)
     return round(RING_S * rate_hz) + SPARE_ROWS
-
-
-def _own_rate(device: DeviceConfig) -> float:
-    driver = device.driver_class(device.config, None)
-    return driver.rate_hz if isinstance(driver, BlockDriver) else SLOW_HZ
 
 
 def _change(rig: RigConfig, host: ProcessHost) -> ChangePlant | None:

@@ -20,21 +20,20 @@ from rigd.engine.control import Control
 from rigd.engine.interlocks import Trip
 from rigd.engine.manual_host import ManualHost
 from rigd.engine.player import Outcome
+from rigd.engine.rates import most_rows_hz
 from rigd.engine.shared import EVENT_SOURCES, Job, RunFolder, Word, state_folder
 from rigd.engine.shared.folder import folder_name
 from rigd.engine.sink import Rows
 from rigd.engine.slow import Beside
-from rigd.engine.wiring import in_cycle, streams_of
-from rigd.model.channels import Stream
+from rigd.engine.wiring import streams_of
 from rigd.model.errors import DeviceError
 from rigd.model.limits import Action
 from rigd.record.events import Event
-from rigd.sdk import BlockDriver
 
 #: Rows are taken out of the rings every 50 ms; they hold this much where that stalls.
 RING_S: Final = 5.0
-#: Rows per second of a slow device, at most.
-SLOW_HZ: Final = 100.0
+#: Rows beyond that, for a stream so slow that it has none in that time.
+SPARE_ROWS: Final = 1000
 #: The folder of looks within the state folder; no rig's own folder begins with a dot.
 FOLDER: Final = ".look"
 #: How long a process may be silent while nothing can move, in s.
@@ -199,7 +198,9 @@ def _host(rig: RigConfig, folder: RunFolder, control: Control) -> ManualHost:
     streams = tuple(streams_of(rig))
     start_ns, origin_ns = time.time_ns(), time.monotonic_ns()
     job = Job(rig.name, Path(os.devnull), streams, start_ns)
-    folder.prepare(job, {stream.name: _capacity(rig, stream) for stream in streams})
+    folder.prepare(
+        job, {one.name: round(RING_S * most_rows_hz(rig, one)) + SPARE_ROWS for one in streams}
+    )
     board = folder.board()
     board[Word.START_NS], board[Word.ORIGIN_NS] = start_ns, origin_ns
     all_rows = {stream.name: 1 for stream in streams}
@@ -212,12 +213,3 @@ def _host(rig: RigConfig, folder: RunFolder, control: Control) -> ManualHost:
         beside=Beside(rig, folder, job, origin_ns=origin_ns, decimation=all_rows),
         finish=lambda: None,
     )
-
-
-def _capacity(rig: RigConfig, stream: Stream) -> int:
-    device = rig.devices.get(stream.name)
-    rate_hz = 1e9 / rig.period_ns
-    if device is not None and not in_cycle(device):
-        driver = device.driver_class(device.config, None)
-        rate_hz = driver.rate_hz if isinstance(driver, BlockDriver) else SLOW_HZ
-    return round(RING_S * rate_hz) + 1000

@@ -1,0 +1,40 @@
+"""What the doctor finds: one check, its verdict, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+
+class Verdict(Enum):
+    """How a check ended."""
+
+    OK = "ok"
+    WARN = "warn"  #: runs, but less well than it could
+    FAIL = "fail"  #: not fit
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was looked at.
+
+    ``found`` is a sentence for a person, ``advice`` what to do where the verdict is not ok,
+    ``figures`` the same for a script, in SI.
+    """
+
+    group: str
+    name: str
+    verdict: Verdict
+    found: str
+    advice: str = ""
+    figures: Mapping[str, object] = field(default_factory=dict)
+
+
+def is_fit(checks: Iterable[Check]) -> bool:
+    """Return whether none of ``checks`` fails."""
+    return all(one.verdict is not Verdict.FAIL for one in checks)
+
+
+#: Takes every check as soon as it is made.
+Tell = Callable[[Check], None]

@@ -1,0 +1,56 @@
+"""Examines machine and rig, from what costs nothing to what opens devices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rigd.config.rig import RigConfig
+from rigd.daemon.doctor.check import Tell
+from rigd.daemon.doctor.machine import examine_machine
+from rigd.daemon.doctor.rig import examine_rig
+from rigd.daemon.doctor.storage import Needs, examine_storage
+from rigd.daemon.doctor.timing import examine_timing
+from rigd.daemon.forms import ring_rows
+from rigd.daemon.signals import heed_signals
+from rigd.engine.control import Control
+from rigd.engine.rates import most_rows_hz
+from rigd.engine.wiring import streams_of
+from rigd.model.rows import row_struct
+
+
+@dataclass(frozen=True)
+class Examination:
+    """What to look at: this machine, and ``rig`` where there is one; how long, and for which disk.
+
+    ``seconds`` is the length of each measurement; there are two.
+    """
+
+    rig: RigConfig | None
+    seconds: float
+    runs: Path
+
+
+def examine(what: Examination, tell: Tell) -> bool:
+    """Examine, and tell every check as it is made; return False where a person stopped it."""
+    rig = what.rig
+    for check in examine_machine():
+        tell(check)
+    for check in examine_storage(what.runs, None if rig is None else _needs(rig)):
+        tell(check)
+    for check in examine_timing(rig, what.seconds):
+        tell(check)
+    if rig is None:
+        return True
+    control = Control()
+    with heed_signals(control):
+        examine_rig(rig, what.seconds, control, tell)
+    return control.verb is None
+
+
+def _needs(rig: RigConfig) -> Needs:
+    streams = [(one, row_struct(one).size) for one in streams_of(rig)]
+    return Needs(
+        sum(size * most_rows_hz(rig, one) for one, size in streams),
+        sum(size * ring_rows(rig, one) for one, size in streams),
+    )

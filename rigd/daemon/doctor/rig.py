@@ -1,0 +1,150 @@
+"""The rig: every link and device found, watchdogs proven, and what is measured at rest."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from rigd.config.rig import RigConfig
+from rigd.daemon.doctor.check import Check, Tell, Verdict
+from rigd.daemon.doctor.survey import Survey
+from rigd.daemon.manual import Look, look_at
+from rigd.engine.control import Control
+from rigd.model.errors import Blocked, DeviceError
+from rigd.model.limits import Action
+
+
+@dataclass(frozen=True)
+class Reason:
+    """What is wrong with a device or link; ``name`` is "" where nobody knows which."""
+
+    name: str
+    message: str
+    advice: str
+
+
+def examine_rig(rig: RigConfig, seconds: float, control: Control, tell: Tell) -> None:
+    """Open ``rig``, prove its watchdogs, watch it at rest for so long; nothing is armed."""
+    group = f"rig {rig.name}"
+    try:
+        with look_at(rig, control, command="rigd doctor") as look:
+            _examine(look, seconds, tell)
+    except Blocked as error:
+        for reason in error.reasons:
+            tell(Check(group, "free", Verdict.FAIL, reason, "wait until it ends, or end it"))
+
+
+def _examine(look: Look, seconds: float, tell: Tell) -> None:
+    rig = look.rig
+    group = f"rig {rig.name}"
+    reasons = split_reasons(look.open(), [*rig.links, *rig.devices])
+    for check in _links_and_devices(group, look, reasons):
+        tell(check)
+    if reasons:
+        found = "not measured"
+        tell(Check(group, "at rest", Verdict.FAIL, found, "first every device must be found"))
+        return
+    if look.stopped:
+        return
+    for check in _watchdogs(group, look):
+        tell(check)
+    survey = Survey(rig)
+    try:
+        look.first_rows()
+        look.on_rows = survey.take
+        look.rest(seconds)
+    except DeviceError as error:
+        tell(Check(group, "at rest", Verdict.FAIL, error.message, error.hint or ""))
+        return
+    if look.stopped:
+        return
+    for check in survey.cycle(group):
+        tell(check)
+    for check in _interlocks(group, look):
+        tell(check)
+    for check in survey.devices(f"rows over {seconds:g} s at rest"):
+        tell(check)
+    for check in survey.channels(f"channels over {seconds:g} s at rest"):
+        tell(check)
+
+
+def split_reasons(told: Sequence[str], names: Sequence[str]) -> list[Reason]:
+    """Return what was told, ``name: message`` each, or several joined by semicolons."""
+    known = "|".join(map(re.escape, sorted(names, key=len, reverse=True)))
+    reasons = []
+    for text in told:
+        message, _, advice = text.partition("\n")
+        for piece in re.split(rf"; (?=(?:{known}): )", message):
+            match = re.match(rf"({known}): (.*)", piece, re.DOTALL)
+            name, found = (match[1], match[2]) if match else ("", piece)
+            reasons.append(Reason(name, found, " ".join(advice.split())))
+    return reasons
+
+
+def _links_and_devices(group: str, look: Look, reasons: Sequence[Reason]) -> Iterator[Check]:
+    rig = look.rig
+    identities = {
+        name: str(identity)
+        for event in look.events
+        if event.kind == "devices"
+        for name, identity in event.data.items()
+    }
+    wrong = {one.name for one in reasons}
+    for reason in reasons:
+        if reason.name not in rig.devices:
+            name = reason.name or "opening"
+            yield Check(group, name, Verdict.FAIL, reason.message, reason.advice)
+    for name, link in rig.links.items():
+        if name not in wrong:
+            yield Check(group, name, Verdict.OK, f"open ({link.link_class.title})")
+    for name, device in rig.devices.items():
+        mine = [reason for reason in reasons if reason.name == name]
+        for reason in mine:
+            yield Check(group, name, Verdict.FAIL, reason.message, reason.advice)
+        if device.link is not None and device.link in wrong:
+            found, advice = f"not looked for: {device.link} is not open", "see there"
+            yield Check(group, name, Verdict.FAIL, found, advice)
+        elif not mine and "" not in wrong:
+            identity = identities.get(name) or device.driver_class.title
+            yield Check(group, name, Verdict.OK, identity, figures={"identity": identity})
+
+
+def _watchdogs(group: str, look: Look) -> Iterator[Check]:
+    """Let every watchdog act once, and yield what came of it."""
+    rig = look.rig
+    actuators = [device for device in rig.devices.values() if device.setpoints]
+    if rig.plant is not None:
+        found = "none needed: simulated in process, the devices end with it"
+        yield Check(group, "watchdogs", Verdict.OK, found)
+        return
+    told = len(look.events)
+    reasons = split_reasons(look.judge(), list(rig.devices))
+    proven = {event.data.get("device"): event for event in look.events[told:]}
+    for reason in reasons:
+        yield Check(group, reason.name or "arming", Verdict.FAIL, reason.message, reason.advice)
+    for device in actuators:
+        event = proven.get(device.name)
+        if event is None:
+            continue  # its reason was told
+        name, data = f"{device.name} watchdog", event.data
+        if event.kind == "waiver":
+            found = f"none; waived by {data['by']}: {data['reason']}"
+            yield Check(group, name, Verdict.WARN, found, "nothing stops it when this machine dies")
+        elif event.kind == "watchdog":
+            took_s, bound_s = data["safe_after_s"], data["bound_s"]
+            found = f"safe {took_s * 1e3:.0f} ms after we fell silent, bound {bound_s * 1e3:.0f} ms"
+            figures = {"safe_after_s": took_s, "bound_s": bound_s}
+            yield Check(group, name, Verdict.OK, found, figures=figures)
+
+
+def _interlocks(group: str, look: Look) -> Iterator[Check]:
+    last = {trip.interlock.name: trip for trip in look.trips}
+    for name, trip in last.items():
+        verdict = Verdict.WARN if trip.interlock.action is Action.WARN else Verdict.FAIL
+        action = trip.interlock.action.name.lower().replace("_", " ")
+        advice = trip.interlock.message or f"at rest already it would {action} a run"
+        yield Check(group, f"interlock {name}", verdict, trip.reason, advice)
+    if not last:
+        count = len(look.rig.interlocks)
+        yield Check(group, "interlocks", Verdict.OK, f"none of {count} is violated at rest")

@@ -1,0 +1,167 @@
+"""What came of every stream of a rig at rest: rates, stale rows, zero and noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd.config.rig import DeviceConfig, RigConfig
+from rigd.daemon.doctor.bare_cycle import Lateness
+from rigd.daemon.doctor.check import Check, Verdict
+from rigd.daemon.doctor.statistics import Statistics
+from rigd.daemon.doctor.timing import lateness_check, silence_check
+from rigd.engine.mount import CYCLE_STREAM
+from rigd.engine.rates import most_rows_hz
+from rigd.engine.sink import Rows
+from rigd.engine.wiring import in_cycle
+from rigd.model.channels import STALE, STATUS_FIELD, Channel
+from rigd.model.rows import TIME_FIELD
+from rigd.sdk import BlockDriver, Driver
+
+#: A rate may be so far from what the device says, of it.
+_RATE_TOLERANCE: Final = 0.01
+#: Shares of stale rows: worth a word, and no measurement any more.
+_STALE_WARN: Final = 1e-3
+_STALE_FAIL: Final = 0.5
+#: A cycle may take so much of its period before the next is in danger.
+_BUSY_SHARE: Final = 0.6
+
+
+class Survey:
+    """Takes the rows of ``rig``, and says what they show."""
+
+    def __init__(self, rig: RigConfig) -> None:
+        self._rig = rig
+        self._count = dict.fromkeys(rig.devices, 0)
+        self._stale = dict.fromkeys(rig.devices, 0)
+        self._first_ns: dict[str, int] = {}
+        self._last_ns: dict[str, int] = {}
+        self._channels = {
+            (name, channel.name): Statistics()
+            for name, device in rig.devices.items()
+            for channel in device.channels
+        }
+        self._cycles: list[Rows] = []
+
+    def take(self, stream: str, rows: Rows) -> None:
+        """Take rows of one stream, in time order, at least one."""
+        if stream == CYCLE_STREAM.name:
+            self._cycles.append(rows)
+            return
+        self._first_ns.setdefault(stream, int(rows[TIME_FIELD][0]))
+        self._last_ns[stream] = int(rows[TIME_FIELD][-1])
+        self._count[stream] += len(rows)
+        if STATUS_FIELD in (rows.dtype.names or ()):
+            fresh = rows[STATUS_FIELD] & STALE == 0
+            self._stale[stream] += len(rows) - int(fresh.sum())
+            rows = rows[fresh]
+        for channel in self._rig.devices[stream].channels:
+            self._channels[stream, channel.name].add(rows[channel.name])
+
+    def cycle(self, group: str) -> Iterator[Check]:
+        """Yield how the cycle kept its time with the devices in it."""
+        if sum(map(len, self._cycles)) < 2:
+            yield Check(group, "cycle", Verdict.FAIL, "no cycle has run")
+            return
+        rows = np.concatenate(self._cycles)
+        period_ns = self._rig.period_ns
+        late = Lateness.of(rows["scheduled"], rows["actual"], period_ns * 1e-9)
+        yield lateness_check(group, f"cycle at {1e9 / period_ns:g} Hz", late, period_ns)
+        yield self._work(group, rows["spent"])
+        yield silence_check(group, late, self._rig)
+
+    def _work(self, group: str, spent_s: NDArray[np.float64]) -> Check:
+        p50_s, p99_s = (float(one) for one in np.quantile(spent_s, [0.5, 0.99]))
+        period_s = self._rig.period_ns * 1e-9
+        found = (
+            f"takes {p50_s * 1e6:.0f} us (p50), {p99_s * 1e6:.0f} us (p99) of {period_s * 1e6:g} us"
+        )
+        figures = {"spent_s": {"p50": p50_s, "p99": p99_s}, "period_s": period_s}
+        if p50_s > _BUSY_SHARE * period_s:
+            advice = "lower `cycle`, or use a faster machine: the exchange hardly fits"
+            return Check(group, "work per cycle", Verdict.WARN, found, advice, figures)
+        return Check(group, "work per cycle", Verdict.OK, found, figures=figures)
+
+    def devices(self, group: str) -> Iterator[Check]:
+        """Yield the rate and the stale rows of every device."""
+        for device in self._rig.devices.values():
+            if device.channels:
+                yield self._device(group, device)
+
+    def _device(self, group: str, device: DeviceConfig) -> Check:
+        name = device.name
+        count, stale = self._count[name], self._stale[name]
+        took_s = (self._last_ns.get(name, 0) - self._first_ns.get(name, 0)) * 1e-9
+        if count < 2 or took_s <= 0:
+            advice = "look longer, with --seconds" if count else "is it on, and does it measure?"
+            verdict = Verdict.WARN if count else Verdict.FAIL
+            return Check(group, name, verdict, f"{count} rows", advice)
+        rate_hz, share = (count - 1) / took_s, stale / count
+        found = f"{rate_hz:.5g} rows/s" + (f", {stale} of {count} stale" if stale else "")
+        figures = {"rate_hz": rate_hz, "rows": count, "stale": stale}
+        if share > _STALE_WARN:
+            verdict = Verdict.FAIL if share > _STALE_FAIL else Verdict.WARN
+            advice = "its answers come late: a busy bus or line, or a busy machine"
+            return Check(group, name, verdict, found, advice, figures)
+        wanted_hz = self._wanted_hz(device)
+        if wanted_hz is not None and rate_hz < (1 - _RATE_TOLERANCE) * wanted_hz:
+            advice = f"it should give {wanted_hz:g} rows/s: rows were lost on their way"
+            return Check(group, name, Verdict.WARN, found, advice, figures)
+        return Check(group, name, Verdict.OK, found, figures=figures)
+
+    def _wanted_hz(self, device: DeviceConfig) -> float | None:
+        """Return the rate that a device must keep; None where it has a pace of its own."""
+        driver = device.driver_class(device.config, None)
+        steady = isinstance(driver, BlockDriver) or (
+            isinstance(driver, Driver) and driver.every_cycle
+        )
+        return most_rows_hz(self._rig, device.stream) if steady else None
+
+    def channels(self, group: str) -> Iterator[Check]:
+        """Yield zero and noise of every channel."""
+        for device in self._rig.devices.values():
+            for channel in device.channels:
+                seen = self._channels[device.name, channel.name]
+                yield judge_channel(group, device, channel, seen)
+
+
+def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Statistics) -> Check:
+    """Return what is to be said of a channel that was watched at rest."""
+    name = f"{device.name}.{channel.name}"
+    unit = "" if channel.unit == "1" else f" {channel.unit}"
+    if seen.not_finite:
+        total = seen.count + seen.not_finite
+        found = f"{seen.not_finite} of {total} values are not a number"
+        advice = "beyond its range, or its sensor is not connected?"
+        return Check(group, name, Verdict.FAIL, found, advice)
+    if not seen.count:
+        return Check(group, name, Verdict.FAIL, "no value", "see its device above")
+    figures = {
+        "unit": channel.unit,
+        "zero": seen.mean,
+        "noise": None if math.isnan(seen.deviation) else seen.deviation,
+        "low": seen.low,
+        "high": seen.high,
+    }
+    if seen.count > 2 and seen.climbing:
+        return Check(group, name, Verdict.OK, "runs on: it only climbs", figures=figures)
+    found = f"zero {seen.mean:.4g}{unit}, "
+    if seen.constant:
+        found += "constant"
+    elif not math.isnan(seen.deviation):
+        found += f"noise {seen.deviation:.3g}{unit}"
+    else:
+        found += "one value"
+    if seen.low <= channel.low or seen.high >= channel.high:
+        end = channel.low if seen.low <= channel.low else channel.high
+        advice = f"it stands at the end of its range, {end:g}{unit}: saturated, or its wire is off?"
+        return Check(group, name, Verdict.WARN, found, advice, figures)
+    analogue = issubclass(device.driver_class, BlockDriver) and not in_cycle(device)
+    if seen.constant and analogue and channel.raw_of is not None:
+        advice = "an analogue input without any noise: is its sensor connected, and on?"
+        return Check(group, name, Verdict.WARN, found, advice, figures)
+    return Check(group, name, Verdict.OK, found, figures=figures)

@@ -1,0 +1,22 @@
+"""How many rows a stream gives per second; nothing is opened to know it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rigd.config.rig import RigConfig
+from rigd.engine.wiring import in_cycle
+from rigd.model.channels import Stream
+from rigd.sdk import BlockDriver
+
+#: Rows per second of a slow device, at most.
+SLOW_HZ: Final = 100.0
+
+
+def most_rows_hz(rig: RigConfig, stream: Stream) -> float:
+    """Return how many rows per second ``stream`` gives, at most: one per cycle, or its own rate."""
+    device = rig.devices.get(stream.name)
+    if device is None or in_cycle(device):
+        return 1e9 / rig.period_ns
+    driver = device.driver_class(device.config, None)
+    return driver.rate_hz if isinstance(driver, BlockDriver) else SLOW_HZ
