@@ -46,12 +46,13 @@ def execute(args: argparse.Namespace) -> int:
         stopped = True
 
     def started(lines: Sequence[str]) -> None:
-        RealTime().schedule(SIMULATED_PRIORITY)
         print(*lines, f"rig {rig.name} is served; Ctrl-C ends it", sep="\n", flush=True)
 
     # Signals are heeded from here on, also while the simulation starts.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, stop)
+    # Before there are threads, so that they inherit it.
+    RealTime().schedule(SIMULATED_PRIORITY)
     simulation = rig.simulation.simulation_class(rig.simulation.config)
     simulation.serve(started, lambda: stopped, args.faults)
     return int(Exit.OK)

@@ -17,6 +17,8 @@ from typing import Final
 
 #: SCHED_FIFO priority of the cycle: above interrupt threads' 50, below the kernel's watchdogs 99.
 PRIORITY: Final = 80
+#: That of a helper process whose library streams blocks: its buffer gives it some time.
+HELPER_PRIORITY: Final = 60
 #: That of devices simulated at the wire: they stand for hardware, which does not wait for programs.
 SIMULATED_PRIORITY: Final = 70
 _MCL_CURRENT: Final = 1  # <sys/mman.h>

@@ -19,7 +19,8 @@ from rigd.model.errors import DataError
 #: would stand up to half a period beside its time.
 LEAST_RATIO: Final = 2.0
 #: Samples that may be missing or late in succession. Bridged by a straight line, a position of
-#: acceleration a is wrong by at most a (n + 1)^2 T^2 / 8: 30 um at 2 m/s^2 and 1 kHz, a count of an encoder.
+#: acceleration a is wrong by at most a (n + 1)^2 T^2 / 8: 30 um at 2 m/s^2 and 1 kHz, one count
+#: of the carriage's encoder.
 LONGEST_BRIDGE: Final = 10
 #: Share of the samples of a trial that may be bridged. Noise is smaller where it is.
 MOST_BRIDGED: Final = 0.02

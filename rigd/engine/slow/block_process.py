@@ -98,6 +98,7 @@ def serve(link: socket.socket) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
+    RealTime().schedule(HELPER_PRIORITY)  # before there are threads, so that they inherit it
     threading.Thread(target=_watch, args=(link, stop), name="watch", daemon=True).start()
     failed: Failed | None = None
     try:
