@@ -20,6 +20,7 @@ from typing import Any, Final
 import numpy as np
 
 from rigd.engine.clock import monotonic_ns
+from rigd.engine.realtime import HELPER_PRIORITY, RealTime
 from rigd.engine.shared.rowring import RowRing
 from rigd.engine.slow.block_job import GRACE_S, MAX_PACKET, BlockJob, Failed, Opened
 from rigd.engine.slow.table import LatestTable
