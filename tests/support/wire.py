@@ -85,7 +85,6 @@ def write_rig(folder: Path, name: str, replaced: Mapping[str, str] | None = None
         "/tmp/rigd-wire-lugre": str(served),
         "127.0.0.1:31763": f"127.0.0.1:{port}",
         "rig: wire-1": f"rig: {name}",
-        "floor: stone}\n": f"floor: stone}}\n  accelerometer: {{address: '127.0.0.1:{port}'}}\n",
         "port: 15020": f"port: {modbus}",
         "$schema=../": f"$schema={ROOT}/",
         "parameters: plants/lugre.yaml": f"parameters: {ROOT}/configs/plants/lugre.yaml",
