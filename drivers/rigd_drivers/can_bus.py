@@ -277,7 +277,8 @@ class CanBus(Link):
                 return False
             if self.beating:
                 self._beat_if_due(now)
-                pause_ns = min(pause_ns, round(self.config.heartbeat * 1e9))
+                due_ns = self.beat_ns + round(self.config.heartbeat * 1e9)
+                pause_ns = max(0, min(pause_ns, due_ns - now))
             port.wait(pause_ns * 1e-9)
 
     # -- within --------------------------------------------------------------------------------

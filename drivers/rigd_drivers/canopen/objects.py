@@ -80,6 +80,7 @@ TARGET_VELOCITY: Final = Entry(0x60FF, 0, "i", "target velocity")
 SUPPORTED_MODES: Final = Entry(0x6502, 0, "I", "supported drive modes")
 
 # maxon EPOS4
+CURRENT_LIMIT: Final = Entry(0x3001, 2, "I", "output current limit")
 TORQUE_CONSTANT: Final = Entry(0x3001, 5, "I", "motor torque constant")
 
 # CiA 406

@@ -85,6 +85,17 @@ class CurrentServo(Servo):
             )
         constant = given if given is not None else (told or 0) * 1e-6
         self._amperes = self._sign * self._rated_torque / _PER_MILLE / constant
+        self._check_range(node)
+
+    def _check_range(self, node: Node) -> None:
+        """Raise ProtocolError where the drive would cut a current that the rig file allows."""
+        limit = node.read_optional(objects.CURRENT_LIMIT)  # in mA
+        if limit and self.config.current_range > limit * 1e-3:
+            raise ProtocolError(
+                f"{node} limits its current to {limit * 1e-3:g} A (object 3001:02), "
+                f"`current_range` is {self.config.current_range:g} A",
+                hint="lower `current_range`, or raise the limit with the maker's tool",
+            )
         reach = abs(self._amperes) * _LARGEST
         if self.config.current_range > reach:
             raise ProtocolError(

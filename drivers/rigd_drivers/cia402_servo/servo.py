@@ -147,9 +147,13 @@ class Servo(Driver):
         """
         node = self._opened()
         limit_s = self.watchdog_s or 0.0
-        took_s = self._fall_silent(node, limit_s)
-        if took_s > limit_s:
-            took_s = self._fall_silent(node, limit_s)  # this host may have stalled: once more
+        try:
+            took_s = self._fall_silent(node, limit_s)
+            if took_s > limit_s:
+                took_s = self._fall_silent(node, limit_s)  # this host may have stalled: once more
+        except BaseException:
+            self.make_safe()  # whatever went wrong, it is not left enabled
+            raise
         if took_s > limit_s:
             raise DeviceError(
                 f"{node} did not switch itself off within {limit_s:.3f} s of the last heartbeat, "

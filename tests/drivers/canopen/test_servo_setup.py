@@ -131,6 +131,17 @@ def test_a_torque_constant_that_the_drive_does_not_tell_must_be_given(connect: C
     wheel(bus, torque_constant="29.5 mN m/A").open()
 
 
+def test_a_drive_that_would_cut_the_current_is_refused(connect: Connect) -> None:
+    drive = servo()
+    drive.objects[0x3001, 2] = number(1999, 4)
+    bus, _ = connect(drive)
+    driver = wheel(bus)
+    with pytest.raises(ProtocolError, match=r"limits its current to 1.999 A .*is 2 A"):
+        driver.open()
+    drive.objects[0x3001, 2] = number(2000, 4)
+    driver.open()
+
+
 def test_another_unit_of_velocity_is_refused_with_both(connect: Connect) -> None:
     drive = servo(2, mode=9)
     drive.objects[0x60A9, 0] = number(0x00B44700, 4)  # 1 rpm
@@ -280,12 +291,14 @@ def test_a_stall_of_this_host_is_no_proof_of_anything(
 
 def test_a_drive_without_power_cannot_be_proven(connect: Connect) -> None:
     drive = servo()
-    bus, _ = connect(drive)
+    bus, port = connect(drive)
     driver = wheel(bus)
     driver.open()
     drive.stuck.add((0x6040, 0))
+    first = len(port.sent)
     with pytest.raises(DeviceError, match="stays in switch on disabled, expected ready") as caught:
         driver.prove_watchdog()
+    assert port.sent[first:].count((0x201, bytes(4))) == 2  # made safe all the same
     assert "supply" in (caught.value.hint or "")
 
 
