@@ -132,6 +132,7 @@ class ModbusTransmitter(ModbusDevice):
 
     Config: ClassVar[type[DriverConfig]] = TransmitterConfig
     title: ClassVar[str] = "strain-gauge or load-cell transmitter, Modbus TCP or RTU"
+    every_cycle = False  # it has a pace of its own
     config: TransmitterConfig
 
     def __init__(self, config: TransmitterConfig, link: object) -> None:
