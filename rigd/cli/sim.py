@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import signal
 from collections.abc import Sequence
 from pathlib import Path
@@ -46,6 +47,8 @@ def execute(args: argparse.Namespace) -> int:
         stopped = True
 
     def started(lines: Sequence[str]) -> None:
+        gc.collect()
+        gc.freeze()  # a collection of all that was imported would stall every device for 0.1 s
         print(*lines, f"rig {rig.name} is served; Ctrl-C ends it", sep="\n", flush=True)
 
     # Signals are heeded from here on, also while the simulation starts.
