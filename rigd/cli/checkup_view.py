@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import Final
 
 from rich.console import Console
-from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
+from rigd.config.loader import channel_names
 from rigd.config.rig import RigConfig
 from rigd.daemon.doctor import Check, Verdict, is_fit
 
 _COLOUR: Final = {Verdict.OK: "green", Verdict.WARN: "yellow", Verdict.FAIL: "bold red"}
-#: Columns before what was found: the verdict, the name.
+#: Columns before what was found: that of the verdict, that of the name.
 _VERDICT_WIDTH: Final = 4
-_NAME_WIDTH: Final = 22
+_NAME_WIDTH: Final = 18
+#: Names of channels are longer; the longest of a rig makes their column, up to this.
+_CHANNEL_WIDTH: Final = 34
+#: However narrow the terminal, so much is left for what was found.
+_LEAST_ROOM: Final = 20
 
 
 class CheckupView:
@@ -25,9 +29,13 @@ class CheckupView:
     def __init__(self, console: Console) -> None:
         self._console = console
         self._group = ""
+        self._channel_width = _NAME_WIDTH
 
     def begin(self, rig: RigConfig | None, seconds: float) -> None:
         """Say what is going to happen, before it does."""
+        if rig is not None:
+            longest = max(map(len, channel_names(rig)), default=0)
+            self._channel_width = max(min(longest, _CHANNEL_WIDTH), _NAME_WIDTH)
         if rig is None:
             text = f"This takes about {seconds + 2:.0f} s. With --rig, a rig is examined too."
         else:
@@ -49,16 +57,17 @@ class CheckupView:
             self._group = check.group
             self._console.print()
             self._console.print(Text(check.group, style="bold"))
-        line = Table.grid(padding=(0, 1))
-        line.add_column(width=_VERDICT_WIDTH)
-        line.add_column(width=_NAME_WIDTH, overflow="fold")
-        line.add_column(overflow="fold")
-        found = Text(check.found)
+        width = self._channel_width if "." in check.name else _NAME_WIDTH
+        indent = " " * (2 + _VERDICT_WIDTH + 1 + width + 1)
+        room = max(self._console.width - len(indent), _LEAST_ROOM)
+        name = check.name.ljust(width)
+        line = Text("  ")
+        line.append(check.verdict.value.ljust(_VERDICT_WIDTH), style=_COLOUR[check.verdict])
+        line.append(f" {name}" + (" " if len(name) == width else f"\n{indent}"))
+        line.append(f"\n{indent}".join(wrap(check.found, room)))
         if check.advice:
-            found.append(f"\n{check.advice}", style="italic")
-        verdict = Text(check.verdict.value, style=_COLOUR[check.verdict])
-        line.add_row(verdict, check.name, found)
-        self._console.print(Padding(line, (0, 0, 0, 2)))
+            line.append(f"\n{indent}" + f"\n{indent}".join(wrap(check.advice, room)), "italic")
+        self._console.print(line, soft_wrap=True)
 
     def conclude(self, checks: Sequence[Check]) -> None:
         """Say what it comes to."""

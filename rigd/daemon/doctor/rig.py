@@ -47,7 +47,7 @@ def _examine(look: Look, seconds: float, tell: Tell) -> None:
         return
     if look.stopped:
         return
-    for check in _watchdogs(group, look):
+    for check in _watchdogs(look):
         tell(check)
     survey = Survey(rig)
     try:
@@ -59,13 +59,14 @@ def _examine(look: Look, seconds: float, tell: Tell) -> None:
         return
     if look.stopped:
         return
+    group = f"{group}, {seconds:g} s at rest"
     for check in survey.cycle(group):
         tell(check)
     for check in _interlocks(group, look):
         tell(check)
-    for check in survey.devices(f"rows over {seconds:g} s at rest"):
+    for check in survey.devices(group):
         tell(check)
-    for check in survey.channels(f"channels over {seconds:g} s at rest"):
+    for check in survey.channels("channels, at rest"):
         tell(check)
 
 
@@ -110,13 +111,13 @@ def _links_and_devices(group: str, look: Look, reasons: Sequence[Reason]) -> Ite
             yield Check(group, name, Verdict.OK, identity, figures={"identity": identity})
 
 
-def _watchdogs(group: str, look: Look) -> Iterator[Check]:
+def _watchdogs(look: Look) -> Iterator[Check]:
     """Let every watchdog act once, and yield what came of it."""
-    rig = look.rig
+    rig, group = look.rig, "watchdogs"
     actuators = [device for device in rig.devices.values() if device.setpoints]
     if rig.plant is not None:
         found = "none needed: simulated in process, the devices end with it"
-        yield Check(group, "watchdogs", Verdict.OK, found)
+        yield Check(group, "all", Verdict.OK, found)
         return
     told = len(look.events)
     reasons = split_reasons(look.judge(), list(rig.devices))
@@ -127,7 +128,7 @@ def _watchdogs(group: str, look: Look) -> Iterator[Check]:
         event = proven.get(device.name)
         if event is None:
             continue  # its reason was told
-        name, data = f"{device.name} watchdog", event.data
+        name, data = device.name, event.data
         if event.kind == "waiver":
             found = f"none; waived by {data['by']}: {data['reason']}"
             yield Check(group, name, Verdict.WARN, found, "nothing stops it when this machine dies")
@@ -139,12 +140,19 @@ def _watchdogs(group: str, look: Look) -> Iterator[Check]:
 
 
 def _interlocks(group: str, look: Look) -> Iterator[Check]:
+    standing = {trip.interlock.name for trip in look.standing()}
     last = {trip.interlock.name: trip for trip in look.trips}
     for name, trip in last.items():
-        verdict = Verdict.WARN if trip.interlock.action is Action.WARN else Verdict.FAIL
-        action = trip.interlock.action.name.lower().replace("_", " ")
-        advice = trip.interlock.message or f"at rest already it would {action} a run"
+        action = trip.interlock.action
+        verdict = Verdict.FAIL if name in standing and action > Action.WARN else Verdict.WARN
+        advice = trip.interlock.message or "no run is armed while it stands"
+        if name not in standing:
+            advice = f"it has passed; a run would have met with: {_words(action)}"
         yield Check(group, f"interlock {name}", verdict, trip.reason, advice)
     if not last:
         count = len(look.rig.interlocks)
-        yield Check(group, "interlocks", Verdict.OK, f"none of {count} is violated at rest")
+        yield Check(group, "interlocks", Verdict.OK, f"none of {count} tripped")
+
+
+def _words(action: Action) -> str:
+    return action.name.lower().replace("_", " ")

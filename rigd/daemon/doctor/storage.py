@@ -51,7 +51,7 @@ def _disk(runs: Path, needs: Needs | None) -> Iterator[Check]:
     while not folder.is_dir():
         folder = folder.parent
     free = shutil.disk_usage(folder).free
-    found = f"{free / 1e9:.3g} GB free at {runs}"
+    found = f"{_size(free)} free at {runs}"
     figures: dict[str, object] = {"free_bytes": free}
     hours = None if needs is None else free / needs.bytes_per_s / 3600
     if hours is not None:
@@ -117,7 +117,7 @@ def _state(needs: Needs | None) -> Check:
         return Check(_GROUP, name, Verdict.FAIL, error.message, error.hint or "")
     kind, free = _file_system(folder), shutil.disk_usage(folder).free
     wanted = _SOME_RINGS if needs is None else needs.ring_bytes
-    found = f"{folder} on {kind}, {free / 1e6:.4g} MB free, {wanted / 1e6:.3g} MB needed"
+    found = f"{folder} on {kind}, {_size(free)} free, {_size(wanted)} needed"
     figures = {"file_system": kind, "free_bytes": free, "needed_bytes": wanted}
     if free < wanted:
         advice = "set RIGD_STATE to a private folder in memory (tmpfs) with more room"
@@ -126,6 +126,10 @@ def _state(needs: Needs | None) -> Check:
         advice = "set RIGD_STATE to a private folder in memory (tmpfs): a disk can stall the cycle"
         return Check(_GROUP, name, Verdict.WARN, found, advice, figures)
     return Check(_GROUP, name, Verdict.OK, found, figures=figures)
+
+
+def _size(count: int) -> str:
+    return f"{count / 1e9:.3g} GB" if count >= 1e9 else f"{count / 1e6:.3g} MB"
 
 
 def _file_system(folder: Path) -> str:
