@@ -32,7 +32,14 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-DOCUMENTS = ("procedures.md", "rigs.md", "recordings.md", "identification.md", "drivers.md")
+DOCUMENTS = (
+    "procedures.md",
+    "rigs.md",
+    "recordings.md",
+    "identification.md",
+    "drivers.md",
+    "simulation.md",
+)
 #: Blocks that nothing runs, by document.
 UNCHECKED = {
     "procedures.md": 1,
@@ -40,6 +47,7 @@ UNCHECKED = {
     "recordings.md": 0,
     "identification.md": 2,
     "drivers.md": 3,
+    "simulation.md": 4,
 }
 TIMEOUT_S = 60
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import socket
 import tempfile
@@ -19,7 +20,7 @@ import pytest
 from support.can import Client, run
 from support.command import rigd, start
 from support.nodes import FEEDBACK, SPEED_COMMAND, TORQUE_COMMAND, pdo, written
-from support.wire import wire_rig, write_rig
+from support.wire import ROOT, wire_rig, write_rig
 
 from rigd.model.errors import ConfigError
 from rigd.sdk import LinkError
@@ -280,6 +281,18 @@ def test_a_fault_file_is_played_and_a_wrong_one_ends_the_simulation(folder: Path
         served(folder, file=path),
     ):
         pass
+
+
+def test_the_fault_file_of_the_documentation_is_right(folder: Path) -> None:
+    text = (ROOT / "docs" / "simulation.md").read_text("utf-8")
+    (shown,) = re.findall(r"^```yaml fragment\n(faults:.*?)```$", text, re.M | re.S)
+    path = folder / "faults.yaml"
+    path.write_text(shown)
+    with served(folder, file=path) as (bench, _):
+        known = bench.ask({"do": "faults"})["parts"]
+    # Every fault of buses and nodes is named in the text.
+    for part_ in ("servo_bus", "wheel_servo", "carriage"):
+        assert [one for one in known[part_] if f"`{one}`" not in text] == []
 
 
 def test_faults_of_the_rig_file_show_from_the_start(folder: Path) -> None:
