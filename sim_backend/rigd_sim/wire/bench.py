@@ -10,7 +10,7 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any, ClassVar, Final, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import ValidationError, model_validator
 
 from rigd.model.errors import ConfigError
 from rigd.sdk import LinkError, Simulation, SimulationConfig
@@ -43,9 +43,7 @@ class WireLugreConfig(DeviceOptions):
     """Of the noise of all sensors, and of faults by chance."""
     plant: LugreConfig = LugreConfig()
     """The physics."""
-    buses: dict[str, BusOptions] = Field(
-        default={"servo_bus": BusOptions(), "encoder_bus": BusOptions()}, min_length=0
-    )
+    buses: dict[str, BusOptions] = {"servo_bus": BusOptions(), "encoder_bus": BusOptions()}
     """CAN buses by name; each is a socket of that name in the folder."""
 
     faults: tuple[FaultEntry, ...] = ()
