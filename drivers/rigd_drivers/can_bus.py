@@ -70,7 +70,7 @@ class CanBus(Link):
         self.beat_ns = 0  #: when the last heartbeat was sent
         self.unsent = 0  #: frames that found the queue full
         self.foreign = 0  #: frames that no device of this rig expects
-        self.heard: set[int] = set()  #: nodes that gave a sign of life
+        self.heard: set[int] = set()  #: nodes that gave a sign of life: heartbeats, SDO replies
         self._handlers: dict[int, Callable[[bytes], None]] = {}
         self._owners: dict[int, str] = {}
         self._resume: dict[int, Callable[[], None]] = {}
@@ -333,9 +333,9 @@ class CanBus(Link):
         self.foreign += 1
         if not self._flood.crowded:
             self._flood.count(identifier)
-        node = identifier - frames.HEARTBEAT
-        if node in frames.NODES:
-            self.heard.add(node)
+        for base in (frames.HEARTBEAT, frames.SDO_REPLY):
+            if identifier - base in frames.NODES:
+                self.heard.add(identifier - base)
 
     def _no_canopen(self, frame: Frame) -> None:
         identifier, data = frame

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Final
 
@@ -19,6 +20,10 @@ SDO_TIMEOUT_S: Final = 0.5
 RESCUE_TIMEOUT_S: Final = 0.15
 #: How long a second node with the same id has for its reply, in s.
 _TWIN_S: Final = 0.02
+#: A scan leaves time between two requests, since few adapters queue more than 10 frames, and for
+#: the last reply, in s.
+_SCAN_PAUSE_S: Final = 0.001
+_SCAN_END_S: Final = 0.05
 #: What we tell nodes to send their heartbeat at, in ms.
 HEARTBEAT_MS: Final = 100
 #: Five heartbeats missed in a row are no stall, in ns.
@@ -72,7 +77,7 @@ class Node:
         self._claimed = True
         self.attach()
         self._order(nmt.Command.PRE_OPERATIONAL)
-        found = self.read(objects.DEVICE_TYPE) & 0xFFFF
+        found = self._read_device_type() & 0xFFFF
         if found != profile:
             raise ProtocolError(
                 f"{self} has device profile {found} (object 1000), expected {profile}",
@@ -264,6 +269,7 @@ class Node:
 
     def _on_heartbeat(self, data: bytes) -> None:
         self._heard_ns = time.monotonic_ns()
+        self.bus.heard.add(self.node_id)
         state = nmt.read_heartbeat(data)
         if state is None:
             self._garbled = f"sent a heartbeat of {data.hex(' ') or 'no bytes'}"
@@ -271,6 +277,16 @@ class Node:
             self._restarted = True
         self._halted = 0 if state is nmt.State.OPERATIONAL else self._halted + 1
         self.state = state
+
+    def _read_device_type(self) -> int:
+        try:
+            return self.read(objects.DEVICE_TYPE)
+        except LinkError as error:
+            if self.bus.errors:
+                raise
+            there = ", ".join(map(str, scan(self.bus)))
+            found = f"nodes found: {there}" if there else "no node was found"
+            raise LinkError(f"{error.message}; {found}", hint=error.hint) from error
 
     def _upload(self, index: int, sub: int) -> bytes:
         transfer = sdo.Upload(index, sub)
@@ -328,16 +344,30 @@ class Node:
             return self.bus.broken(
                 f"node {self.node_id} does not answer, the controller reports errors ({errors})"
             )
-        others = sorted(self.bus.heard - {self.node_id})
-        heard = f"nodes heard: {', '.join(map(str, others))}" if others else "no node was heard"
         return LinkError(
-            f"{self} does not answer within {self.sdo_timeout_s:g} s (SDO {where}); {heard}",
+            f"{self} does not answer within {self.sdo_timeout_s:g} s (SDO {where})",
             hint="check `node`, its power and wiring, termination, and that it uses "
             f"{self.bus.config.bitrate / 1000:g} kbit/s",
         )
 
     def _refused(self, doing: str, error: sdo.Aborted) -> ProtocolError:
         return ProtocolError(f"{self} refuses {doing}: {error}", hint=_REFUSALS.get(error.code))
+
+
+def scan(bus: CanBus) -> Sequence[int]:
+    """Ask every node id for its device type; return those that are there. Takes 0.2 s.
+
+    Raises:
+        LinkError: the bus is lost, or takes no frames.
+
+    """
+    request = sdo.Upload(objects.DEVICE_TYPE.index, objects.DEVICE_TYPE.sub).request
+    for node_id in frames.NODES:
+        if node_id != bus.config.master_node:
+            bus.send(frames.SDO_REQUEST + node_id, request)
+            bus.wait(lambda: False, _SCAN_PAUSE_S)
+    bus.wait(lambda: False, _SCAN_END_S)
+    return sorted(bus.heard)
 
 
 #: What to do about a refusal.

@@ -154,14 +154,17 @@ def test_another_unit_of_velocity_is_refused_with_both(connect: Connect) -> None
 
 
 def test_a_node_that_does_not_answer_is_named_with_those_that_do(connect: Connect) -> None:
-    drive = servo()
-    drive.silent = True
-    bus, port = connect(drive)
+    bus, port = connect(servo(3), scripted_encoder())
     port.say(0x702, "05")
-    port.say(0x70B, "05")
-    with pytest.raises(LinkError, match=r"node 1 .*does not answer.*nodes heard: 2, 11") as caught:
+    with pytest.raises(LinkError, match=r"node 1 .*does not .*found: 2, 3, 11") as caught:
         wheel(bus).open()
     assert "1000 kbit/s" in (caught.value.hint or "")
+
+
+def test_nobody_is_there_at_all(connect: Connect) -> None:
+    bus, _ = connect()
+    with pytest.raises(LinkError, match=r"node 1 .*does not .*no node was found"):
+        wheel(bus).open()
 
 
 def test_errors_instead_of_answers_tell_of_the_bitrate(connect: Connect) -> None:
