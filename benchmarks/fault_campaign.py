@@ -1,0 +1,97 @@
+"""Every fault of every simulated device, shown to a run that moves the rig: what did rigd do?
+
+Prints by what and how fast each was detected, when the drives were safe, and what the operator was
+told; fails where that is not what must happen (``tests/support/fault_table.py``). The rig is the
+shipped one at the wire.
+
+    python benchmarks/fault_campaign.py --table faults.jsonl
+                        goes on where the table ends: stop it and start it as you like
+    python benchmarks/fault_campaign.py --only scale
+                        cases whose name holds the word
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from figures import at_most, noted
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from support.campaign import Campaign, Outcome, verdict
+from support.fault_table import Case, cases
+from support.killing import PATIENT
+from support.wire import wire_rig
+
+Row = dict[str, Any]
+
+
+def play(missing: list[Case], table: Path | None) -> list[Row]:
+    """Play what is missing from the table, and return and append what became of it."""
+    rows: list[Row] = []
+
+    def report(case: Case, outcome: Outcome) -> None:
+        wrong = verdict(case, outcome)
+        row = {"name": case.name, "must": case.must.value, **asdict(outcome), "wrong": wrong}
+        rows.append(row)
+        if table is not None:
+            with table.open("a") as file:
+                file.write(json.dumps(row) + "\n")
+        print(f"{len(rows)}/{len(missing)} {case.name}: {'; '.join(wrong) or 'ok'}", flush=True)
+
+    left = list(missing)
+    while left:  # a cut connection stays cut: the simulation is then begun anew
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            wire_rig(Path(folder), "wire-faults", PATIENT) as rig,
+        ):
+            campaign = Campaign(rig, Path(folder), report)
+            while left:
+                case = left.pop(0)
+                campaign.play(case)
+                if case.fault == "cut":
+                    break
+            campaign.finish()
+    return rows
+
+
+def show(rows: list[Row]) -> bool:
+    """Print the table; return whether all is as it must be."""
+    print(f"{'fault':<48} {'must':<6} {'detected by':<13} {'ms':>6} {'safe ms':>8}  told")
+    for row in sorted(rows, key=lambda one: one["name"]):
+        print(f"{row['name']:<48} {row['must']:<6} {row['detected_by']:<13}"
+              f" {_ms(row['detected_s']):>6} {_ms(row['safe_s']):>8}  {row['told']}")  # fmt: skip
+        for wrong in row["wrong"]:
+            print(f"{'':<48} WRONG: {wrong}")
+    failed = [row for row in rows if row["wrong"]]
+    noted("fault campaign, faults", len(rows), "")
+    at_most("fault campaign, not as they must be", len(failed), 0, "faults")
+    return not failed
+
+
+def _ms(seconds: float | None) -> str:
+    return "" if seconds is None else f"{1e3 * seconds:.0f}"
+
+
+def main() -> int:
+    """Play the cases that the table has not, then print it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--table", type=Path, default=None, help="file of what is done already")
+    parser.add_argument("--only", default="", metavar="WORD", help="cases whose name holds it")
+    args = parser.parse_args()
+    rows: list[Row] = []
+    if args.table is not None and args.table.exists():
+        rows = [json.loads(line) for line in args.table.read_text().splitlines()]
+    done = {row["name"] for row in rows}
+    missing = [one for one in cases() if args.only in one.name and one.name not in done]
+    rows += play(missing, args.table)
+    return 0 if show(rows) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

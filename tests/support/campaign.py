@@ -1,0 +1,328 @@
+"""Faults shown to a run that moves the rig at the wire, and what became of rig and run."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from support.fault_table import Case, Must
+from support.killing import DRIVES, END_S, PROCEDURE, Victim, own_state
+from support.wire import ROOT, WireRig
+
+from rigd.engine.shared import Word
+from rigd.model.channels import STALE, STATUS_FIELD
+from rigd.model.errors import Exit
+from rigd.record import Recording
+
+#: Cases that share a run while it goes on.
+SHARED = 12
+#: After a fault is cleared, what it leaves behind shows within this time.
+SETTLE_S = 0.5
+#: Drives are safe at most so long after the run knows: the cycle tells them at once, a host may
+#: stall, and behind it stands their watchdog (0.1 s).
+SAFE_S = 0.5
+#: A crowded host makes some rows late; a fault marks at least this share more of them, and twice
+#: as many as before.
+USUAL_SHARE = 0.05
+MARKED = "marked rows"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one fault led to; times in s from the injection."""
+
+    detected_by: str  #: device fault, interlock, marked rows, refused, nothing
+    detected_s: float | None
+    safe_s: float | None  #: until every drive was without torque, where the run ended
+    moved: bool  #: refused: whether anything was driven all the same
+    whole: bool  #: every cycle that ran is in the recording, and its end
+    exit_code: int | None  #: None: the run went on
+    told: str  #: the sentence the operator was told
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """A case under way or done; CLOCK_MONOTONIC in ns."""
+
+    case: Case
+    began_ns: int
+    ended_ns: int
+
+
+class Campaign:
+    """Plays cases on a rig; those that let a run go on share it.
+
+    ``report`` gets every case with what became of it, once the recording has been read.
+    """
+
+    def __init__(self, rig: WireRig, folder: Path, report: Callable[[Case, Outcome], None]) -> None:
+        self._rig = rig
+        self._folder = folder
+        self._report = report
+        self._run: Victim | None = None
+        self._place = self._state = folder
+        self._offset_ns = 0
+        self._shown: list[_Shown] = []
+        self._told = ""
+        self._code: int | None = None
+
+    def play(self, case: Case) -> None:
+        """Play one case."""
+        if case.before:
+            self.finish()
+            self._report(case, self._start_in_vain(case))
+            return
+        if len(self._shown) >= SHARED:
+            self.finish()
+        run = self._run or self._begin()
+        began_ns = time.monotonic_ns()
+        self._inject(case)
+        ended = _ends_within(run, case.watch_s if case.must is not Must.END else case.within_s + 2)
+        self._shown.append(_Shown(case, began_ns, time.monotonic_ns()))
+        if not ended:
+            self._rig.ask(do="clear")
+            ended = _ends_within(run, SETTLE_S)
+        if ended:
+            self._examine()
+
+    def finish(self) -> None:
+        """Stop the run under way, if any, and report what it has shown."""
+        if self._run is not None:
+            self._run.process.send_signal(signal.SIGINT)
+            self._examine()
+
+    def _inject(self, case: Case) -> None:
+        self._rig.ask(do="fault", part=case.part, fault=case.fault, options=dict(case.options))
+
+    def _begin(self) -> Victim:
+        self._place = Path(tempfile.mkdtemp(dir=self._folder))
+        self._state = own_state(self._place)
+        self._shown = []
+        self._run = Victim(self._rig, self._place, self._state)
+        board = self._run.folder.board()
+        self._offset_ns = board[Word.START_NS] - board[Word.ORIGIN_NS]
+        return self._run
+
+    def _examine(self) -> None:
+        """Wait for the end of the run, and report its cases."""
+        run, self._run = self._run, None
+        assert run is not None
+        try:
+            run.process.wait(END_S)
+            safe_ns = _safe_since(self._rig)
+            self._told, self._code = run.told(), run.process.returncode
+            recording = Recording.open(run.recording)
+            whole = _whole(recording)
+            last = self._shown[-1]
+            for one in self._shown:
+                ended_by_it = one is last and self._code != Exit.STOPPED
+                outcome = self._outcome(recording, one, ended_by_it, safe_ns, whole)
+                self._report(one.case, outcome)
+        finally:
+            run.end()
+            self._clean()
+
+    def _clean(self) -> None:
+        self._rig.ask(do="clear")
+        shutil.rmtree(self._state)
+        shutil.rmtree(self._place)
+
+    def _outcome(
+        self, recording: Recording, one: _Shown, ended_by_it: bool, safe_ns: int, whole: bool
+    ) -> Outcome:
+        told = ""
+        if ended_by_it:
+            told = _sentence(self._told)
+        detected, at_ns = _detected(recording, one, self._offset_ns)
+        after_s = None if at_ns is None else (at_ns - self._offset_ns - one.began_ns) * 1e-9
+        safe_s = (safe_ns - one.began_ns) * 1e-9 if ended_by_it else None
+        code = self._code if ended_by_it else None
+        return Outcome(detected, after_s, safe_s, False, whole, code, told)
+
+    def _start_in_vain(self, case: Case) -> Outcome:
+        """Show the fault, then start a run, which must be refused before anything moves."""
+        self._place = Path(tempfile.mkdtemp(dir=self._folder))
+        self._state = own_state(self._place)
+        self._inject(case)
+        began_ns = time.monotonic_ns()
+        try:
+            with started(self._rig, self._place, self._state) as process:
+                moved = False
+                while process.poll() is None:
+                    moved = moved or _drives(self._rig)
+                    if moved or time.monotonic_ns() - began_ns > END_S * 1e9:
+                        process.send_signal(signal.SIGINT)
+                        break
+                    time.sleep(0.01)
+                out, _ = process.communicate(timeout=END_S)
+            after_s = (time.monotonic_ns() - began_ns) * 1e-9
+            refused = process.returncode == Exit.BLOCKED
+            left = (self._place / "run.mcap").exists()
+            return Outcome(
+                "refused" if refused else "nothing", after_s if refused else None, None, moved,
+                not (refused and left), process.returncode, " ".join(out.split()),
+            )  # fmt: skip
+        finally:
+            self._clean()
+
+
+@contextmanager
+def started(rig: WireRig, place: Path, state: Path) -> Iterator[subprocess.Popen[str]]:
+    """A run of the shaking procedure on ``rig``, which may well be refused."""
+    procedure = place / "shake.yaml"
+    procedure.write_text(PROCEDURE)
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "rigd", "run", str(procedure), "--yes"),
+            *("--rig", str(rig.rig), "--output", str(place / "run.mcap")),
+        ],
+        cwd=ROOT,
+        env={**os.environ, "RIGD_STATE": str(state)},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+
+
+def verdict(case: Case, outcome: Outcome) -> list[str]:
+    """Return what is wrong with ``outcome``, a sentence each; empty where all is as it must be."""
+    wrong = []
+    if not outcome.whole:
+        wrong.append("the recording is not whole")
+    wrong += [f"the operator is shown: {word}" for word in ("Traceback", "internal error")
+              if word in outcome.told]  # fmt: skip
+    wrong += [f"the operator is not told {word!r}" for word in case.words
+              if word not in outcome.told]  # fmt: skip
+    match case.must:
+        case Must.BLOCK:
+            if outcome.exit_code != Exit.BLOCKED:
+                wrong.append(f"not refused, but exit code {outcome.exit_code}")
+            if outcome.moved:
+                wrong.append("a drive was driven")
+        case Must.END:
+            wrong += _wrong_end(case, outcome)
+        case Must.MARK | Must.GO_ON:
+            if outcome.exit_code is not None:
+                wrong.append(f"the run ended with exit code {outcome.exit_code}")
+            if case.must is Must.MARK and outcome.detected_by != MARKED:
+                wrong.append(f"no row is marked; detected: {outcome.detected_by}")
+    return wrong
+
+
+def _wrong_end(case: Case, outcome: Outcome) -> Iterator[str]:
+    if outcome.exit_code != Exit.TRIPPED:
+        yield f"the run was to end, exit code {int(Exit.TRIPPED)}; found {outcome.exit_code}"
+    elif outcome.detected_s is None or outcome.detected_s > case.within_s:
+        yield f"detected after {outcome.detected_s} s, expected {case.within_s} s"
+    elif outcome.safe_s is None or outcome.safe_s > outcome.detected_s + SAFE_S:
+        yield f"safe after {outcome.safe_s} s, detected after {outcome.detected_s:.3f} s"
+
+
+def _ends_within(run: Victim, time_s: float) -> bool:
+    try:
+        run.process.wait(time_s)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
+
+
+def _safe_since(rig: WireRig) -> int:
+    """Return since when no drive has had torque, waiting for it."""
+    deadline = time.monotonic() + END_S
+    while time.monotonic() < deadline:
+        parts = rig.parts()
+        since = [parts[name]["safe_since_ns"] for name in DRIVES]
+        if all(since):
+            return int(max(since))
+        time.sleep(0.005)
+    raise AssertionError(f"a drive still has torque: {rig.parts()}")
+
+
+def _drives(rig: WireRig) -> bool:
+    """Return whether a drive gives its motor anything: the watchdog is proven at zero."""
+    parts = rig.parts()
+    return any(parts[name].get("current") or parts[name].get("speed") for name in DRIVES)
+
+
+def _sentence(told: str) -> str:
+    """Return what a run says of its end, without what stands before and after."""
+    text = " ".join(told.split())
+    text = text.partition("no sweep ")[2] or text
+    return text.partition(" go on with:")[0]
+
+
+def _whole(recording: Recording) -> bool:
+    """Return whether every cycle that ran is in the file, and the run's end."""
+    cycles, servo = recording.read("cycle"), recording.read("wheel_servo")
+    slots = np.rint(cycles["scheduled"] * 1e3).astype(np.int64)
+    events = list(recording.events())
+    late = sum(int(one.data["missed_slots"]) for one in events if one.kind == "late")
+    skipped = int(slots[-1] - slots[0]) + 1 - len(slots)
+    ended = any(one.kind == "run_end" for one in events)
+    return ended and skipped == late and len(servo) == len(cycles)
+
+
+def _detected(recording: Recording, one: _Shown, offset_ns: int) -> tuple[str, int | None]:
+    """Return by what the fault was detected and when first, on the clock of the run."""
+    began, ended = one.began_ns + offset_ns, one.ended_ns + offset_ns
+    for event in recording.events():
+        if event.kind in ("fault", "interlock") and began <= event.t_ns <= ended:
+            return ("device fault" if event.kind == "fault" else "interlock"), event.t_ns
+    part = one.case.part  # a bus has no rows of its own: those of all devices tell
+    streams = [part] if part in recording.streams else sorted({*recording.streams} - {"cycle"})
+    marks = [_first_mark(recording, name, began, ended) for name in streams]
+    first = min((mark for mark in marks if mark is not None), default=None)
+    return ("nothing", None) if first is None else (MARKED, first)
+
+
+def _first_mark(recording: Recording, stream: str, began: int, ended: int) -> int | None:
+    """Return when the rows of ``stream`` began to be marked much more often than before."""
+    rows = recording.read(stream)
+    t_ns = rows["t_ns"].astype(np.int64)
+    inside, before = (t_ns >= began) & (t_ns <= ended), t_ns < began
+    marked = _marks(rows, t_ns, before)
+    if not inside.any():
+        return began
+    usual = float(marked[before].mean()) if before.any() else 0.0
+    gaps = np.diff(t_ns)
+    longest = int(gaps[(t_ns[1:] >= began) & (t_ns[1:] <= ended)].max(initial=0))
+    silent = longest > 3 * max(int(gaps[t_ns[1:] < began].max(initial=0)), 20_000_000)
+    if not silent and float(marked[inside].mean()) < 2 * usual + USUAL_SHARE:
+        return None
+    return int(t_ns[inside & marked].min(initial=ended))
+
+
+def _marks(
+    rows: NDArray[np.void], t_ns: NDArray[np.int64], before: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return which rows say of themselves that they are not what they seem."""
+    marked = np.zeros(len(t_ns), bool)
+    for name in rows.dtype.names or ():
+        values = rows[name]
+        if name == STATUS_FIELD:
+            status = values.astype(np.uint32)
+            marked |= (status & np.uint32(STALE)) != 0
+            marked |= ~np.isin(status & ~np.uint32(STALE), status[before] & ~np.uint32(STALE))
+        elif name != "t_ns":
+            marked |= np.isnan(values)
+    return marked

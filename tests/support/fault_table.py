@@ -1,0 +1,164 @@
+"""What must happen for every fault of every device of the shipped rig at the wire.
+
+A missed detection is a failure: whatever the simulation can show must stand here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any, Final
+
+
+class Must(Enum):
+    """What rigd must make of a fault."""
+
+    END = "end"  #: end the run, with every drive safe
+    MARK = "mark"  #: go on, with the rows marked: stale, flagged, missing or no number
+    BLOCK = "block"  #: refuse before arming; nothing moves
+    GO_ON = "go on"  #: go on: it does no harm, or cannot be told from a sound device
+
+
+@dataclass(frozen=True)
+class Case:
+    """One fault of one device, and what must become of the run."""
+
+    part: str
+    fault: str
+    must: Must
+    options: Mapping[str, Any] = field(default_factory=dict)
+    words: tuple[str, ...] = ()  #: what the operator must be told, among the rest
+    within_s: float = 0.5  #: END: from the injection until the run knows
+    watch_s: float = 1.0  #: how long the fault is shown where the run goes on
+    before: bool = False  #: shown before the run starts
+
+    @property
+    def name(self) -> str:
+        """Names the case in tables and on the command line."""
+        options = ",".join(f"{key}={value}" for key, value in self.options.items())
+        return f"{self.part} {self.fault}" + (f"({options})" if options else "") + (
+            " before" if self.before else ""
+        )  # fmt: skip
+
+
+SERVOS: Final = ("wheel_servo", "longitudinal_belt", "lateral_belt")
+ENCODERS: Final = ("wheel_encoder", "carriage")
+BUSES: Final = ("servo_bus", "encoder_bus")
+END, MARK, BLOCK, GO_ON = Must.END, Must.MARK, Must.BLOCK, Must.GO_ON
+
+
+def _node(part: str) -> Iterator[Case]:
+    """Faults of every CANopen node."""
+    yield Case(part, "silent", END)
+    yield Case(part, "reset", END, words=(part, "restart"))
+    yield Case(part, "emergency", END, {"code": 0x7305}, words=(part, "0x7305"))
+    yield Case(part, "tpdo_missing", END, words=(part, "no row"))
+    yield Case(part, "tpdo_missing", MARK, {"probability": 0.5})
+    # Frames come, their values are possible: it could be a device at rest.
+    yield Case(part, "tpdo_stale", GO_ON)
+    yield Case(part, "tpdo_short", END, words=(part, "bytes"))
+    yield Case(part, "tpdo_duplicate", END, words=(part, "twice"))
+    yield Case(part, "tpdo_wrong_id", END, words=(part, "no row"))
+    for fault in ("sdo_abort", "sdo_silent", "sdo_wrong_toggle", "mapping_refused"):
+        yield Case(part, fault, GO_ON)  # a run that has begun asks nothing by SDO
+        yield Case(part, fault, BLOCK, words=(part,), before=True)
+    yield Case(part, "watchdog_dead", GO_ON)
+    yield Case(part, "heartbeat_missing", END, words=(part, "heartbeat"))
+    yield Case(part, "slow", MARK, {"delay_s": 0.005})
+    yield Case(part, "slow", END, {"delay_s": 0.5}, words=(part,))
+    yield Case(part, "twin", END, words=(part,))
+    yield Case(part, "twin", BLOCK, words=(part,), before=True)
+
+
+def _servo(part: str) -> Iterator[Case]:
+    yield from _node(part)
+    yield Case(part, "watchdog_dead", BLOCK, words=(part, "did not switch itself off"), before=True)
+    yield Case(part, "fault", END, words=(part, "fault"))
+    yield Case(part, "setpoint_ignored", END, words=(part, "ignores its target"))
+
+
+def _bus(part: str) -> Iterator[Case]:
+    yield Case(part, "drop", MARK, {"probability": 0.1})
+    yield Case(part, "drop", END)
+    yield Case(part, "delay", MARK, {"delay_s": 0.005})
+    yield Case(part, "delay", END, {"delay_s": 0.5})
+    yield Case(part, "jitter", MARK, {"jitter_s": 0.005})
+    yield Case(part, "reorder", GO_ON, {"probability": 0.2})
+    yield Case(part, "duplicate", END, words=("twice",))
+    yield Case(part, "babble", END, words=("flooded",), within_s=1.0)
+    yield Case(part, "bus_off", END, words=("bus-off",))
+    yield Case(part, "wrong_bitrate", END, words=("bitrate",))
+    yield Case(part, "wrong_bitrate", BLOCK, words=("bitrate",), before=True)
+    yield Case(part, "stalled", END)
+
+
+def _card() -> Iterator[Case]:
+    def case(fault: str, must: Must, within_s: float = 1.5, **options: Any) -> Case:
+        return Case("accelerometer", fault, must, options, within_s=within_s)
+
+    yield case("overrun", END)
+    yield case("short_block", GO_ON)
+    yield case("removal", END)
+    yield case("saturation", MARK, channel="ai0", side="high")
+    yield case("stuck_code", GO_ON, channel="ai0")
+    yield case("open_input", GO_ON, channel="ai0")
+    yield case("drift", GO_ON, ppm=100.0)
+    yield case("stall", MARK, seconds=0.3)
+    yield case("stall", END, within_s=4.0, seconds=3.0)
+    yield Case("accelerometer", "removal", BLOCK, words=("accelerometer",), before=True)
+
+
+def _scale() -> Iterator[Case]:
+    """It is asked for its weight seven times a second, and given up after 2 s without one."""
+
+    def case(fault: str, must: Must, **options: Any) -> Case:
+        words = ("scale",) if must is END else ()
+        return Case("scale", fault, must, options, words, within_s=4.0, watch_s=4.0)
+
+    for fault in ("garbage", "partial", "lost", "silent", "late", "unplug"):
+        yield case(fault, END)
+    for fault in ("syntax", "transmission", "logic", "busy"):
+        yield case(fault, END)
+    yield case("garbage", MARK, probability=0.5)
+    yield case("nul", GO_ON)
+    yield case("merged", GO_ON)
+    for fault in ("no_cr", "echo", "stream"):
+        yield case(fault, GO_ON)
+    for fault in ("overload", "underload", "never_stable"):
+        yield case(fault, MARK)
+    yield case("unit", END, unit="lb")
+    yield Case("scale", "unit", BLOCK, {"unit": "lb"}, ("lb", "kg"), before=True)
+    yield Case("scale", "silent", BLOCK, words=("nothing answers",), before=True)
+
+
+def _transmitter() -> Iterator[Case]:
+    def case(fault: str, must: Must, **options: Any) -> Case:
+        words = ("traction",) if must is END else ()
+        return Case("traction", fault, must, options, words, within_s=2.0, watch_s=2.0)
+
+    for fault in ("silent", "deaf", "wrong_unit", "wrong_transaction", "wrong_function"):
+        yield case(fault, END)
+    for fault in ("exception", "busy", "truncated", "garbage", "word_order", "broken"):
+        yield case(fault, END)
+    yield case("late", END)
+    yield case("byte_gap", END)
+    yield case("silent", MARK, count=1)
+    yield case("frozen", GO_ON)
+    yield Case("traction", "word_order", BLOCK, words=("word_order",), before=True)
+    yield Case("traction", "silent", BLOCK, words=("traction",), before=True)
+    yield Case("traction", "broken", BLOCK, words=("traction", "fault"), before=True)
+    yield case("cut", END)
+
+
+def cases() -> list[Case]:
+    """Return every case, in an order that lets cases share a run."""
+    found = [
+        *(one for part in BUSES for one in _bus(part)),
+        *(one for part in SERVOS for one in _servo(part)),
+        *(one for part in ENCODERS for one in _node(part)),
+        *_card(),
+        *_scale(),
+        *_transmitter(),
+    ]
+    return sorted(found, key=lambda one: (one.before, one.fault == "cut", one.must is END))
