@@ -151,6 +151,13 @@ class CloseOnce(Good):
             super().close()
 
 
+class OpenOnce(Good):
+    def open(self) -> None:
+        if self.ours:
+            raise RuntimeError("already open")
+        super().open()
+
+
 class Clinging(Good):
     def close(self) -> None:
         """Forget to let go."""
@@ -191,6 +198,7 @@ BAD: list[tuple[str, type[BlockDriver], str]] = [
     ("blocks", Rows, "returns list"),
     ("blocks", Empty, "no block in"),
     ("time-out", Waiting, "read_block(0.2) takes"),
+    ("opened twice", OpenOnce, "RuntimeError: already open"),
     ("closed twice", CloseOnce, "close again raises"),
     ("lets go", Clinging, "the second of two"),
     ("dead", Inventive, "still gives rows"),

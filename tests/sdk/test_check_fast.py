@@ -383,6 +383,12 @@ class Stubborn(Good):
             raise OSError(5, "Input/output error")
 
 
+class Startled(Good):
+    def open(self) -> None:
+        if self.link.wire.fault:
+            raise UnicodeDecodeError("ascii", b"\xff", 0, 1, "not in range")
+
+
 BAD: list[tuple[str, type[Driver], str]] = [
     ("title", Untitled, "title is ''"),
     ("safe is said", Unsaid, "no docstring"),
@@ -424,6 +430,8 @@ BAD: list[tuple[str, type[Driver], str]] = [
     ("dead", Stubborn, "close raises OSError"),
     ("silent", Inventive, "still gives rows"),
     ("late", WaitsForLate, "read waits"),
+    ("silent at open", Startled, "UnicodeDecodeError"),
+    ("garbled at open", Startled, "UnicodeDecodeError"),
     ("garbled", BelievesGarbage, "expected 2 numbers"),
 ]
 

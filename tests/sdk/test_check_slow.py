@@ -200,6 +200,13 @@ class BelievesGarbage(Good):
             emit(self.row())
 
 
+class Startled(Good):
+    async def open(self) -> None:
+        if self.link.fault:
+            raise UnicodeDecodeError("ascii", b"\xff", 0, 1, "not in range")
+        await super().open()
+
+
 class Pretending(Good):
     async def open(self) -> None:
         self.link.taken = self.ours = True
@@ -232,6 +239,8 @@ BAD: list[tuple[str, type[SlowDriver], str]] = [
     ("silent", BadWords, "run() raises OSError"),
     ("late", BadWords, "run() raises OSError"),
     ("garbled", BelievesGarbage, "expected 1 numbers"),
+    ("silent at open", Startled, "UnicodeDecodeError"),
+    ("garbled at open", Startled, "UnicodeDecodeError"),
     ("not there", Pretending, "open() succeeds"),
     ("not there", Curt, "not what to do about it"),
 ]

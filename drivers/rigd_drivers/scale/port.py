@@ -42,9 +42,11 @@ class LinePort:
         """Open the port and begin to read.
 
         Raises:
-            LinkError: there is no such port, or it is not ours to open.
+            LinkError: there is no such port, it is not ours to open, or open already.
 
         """
+        if self._port is not None:
+            raise LinkError(f"{self.path} is open already", hint="close it first")
         try:
             self._port = serial.Serial(
                 self.path, baud, bytesize=data_bits, parity=_PARITIES[parity],

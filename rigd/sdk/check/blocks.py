@@ -115,6 +115,13 @@ def _timeout(subject: Subject) -> Iterator[str]:
                 return
 
 
+def _opened_twice(subject: Subject) -> Iterator[str]:
+    with bench(subject) as (one, _):
+        again = one.call(one.driver.open, OPEN_S)
+        if again.error is not None and not isinstance(again.error, FAILURES):
+            yield f"open() of an open driver raises {described(again.error)}"
+
+
 def _closed_twice(subject: Subject) -> Iterator[str]:
     with bench(subject) as (one, _):
         one.read()
@@ -190,6 +197,12 @@ RULES: Final = (
         "",
     ),
     Rule("time-out", "read_block() waits no longer than its time-out", _timeout, ""),
+    Rule(
+        "opened twice",
+        "open() of an open driver does nothing, or raises a LinkError",
+        _opened_twice,
+        "",
+    ),
     Rule("closed twice", "close() may come twice, silently", _closed_twice, ""),
     Rule("lets go", "close() lets go of the device: the next session opens it", _reopens, ""),
     Rule(

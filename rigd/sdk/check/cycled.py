@@ -5,155 +5,22 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import Any, Final
+from collections.abc import Callable, Iterator
+from typing import Final
 
-from rigd.sdk.check.caller import Caller, Outcome
+from rigd.sdk.check.caller import Caller
+from rigd.sdk.check.cycle_bench import OPEN_S, PERIOD_S, STALL_S, Bench, bench, failing
 from rigd.sdk.check.rows import row_problems
-from rigd.sdk.check.subject import FAILURES, Rule, Subject, Unfit, described
-from rigd.sdk.driver import Driver
-from rigd.sdk.link import Link
-from rigd.sdk.plant import Plant
+from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
 
-#: open() may take seconds, and wait for a device that does not answer.
-OPEN_S: Final = 30.0
-#: Longest call of a cycle that is put down to the machine, in s.
-STALL_S: Final = 1.0
 #: Half of the calls of a cycle must return within this, in s: a cycle at 100 Hz has 10 ms.
 CALL_S: Final = 0.005
-#: Enabling a drive passes through states, a cycle or more each, in s.
-READY_S: Final = 10.0
-#: Cycles of the measurements, and the time from one to the next, in s.
+#: Cycles of the measurements.
 CYCLES: Final = 100
-PERIOD_S: Final = 0.002
 #: What read() may still give after the link is dead, in s: what had arrived before.
 TAIL_S: Final = 0.5
 #: Room that a proven watchdog is given above watchdog_s, in s: this machine may stall.
 WATCHDOG_ROOM_S: Final = 0.25
-
-
-class Bench:
-    """One driver before one simulated device, called as the cycle calls it."""
-
-    def __init__(self, driver: Driver, link: Any, caller: Caller) -> None:
-        self.driver = driver
-        self.link = link
-        self._caller = caller
-        self.reads: list[float] = []  # how long each took, in s
-        self.writes: list[float] = []
-
-    def call(self, function: Callable[[], Any], within_s: float = STALL_S * 2) -> Outcome:
-        """Make one call; see :meth:`Caller.call`."""
-        return self._caller.call(function, within_s)
-
-    def must(self, what: str, function: Callable[[], Any], within_s: float = STALL_S * 2) -> Any:
-        """Return the value of a call that a rule presupposes."""
-        outcome = self.call(function, within_s)
-        if outcome.error is not None:
-            raise Unfit(f"{what} raises {described(outcome.error)}")
-        return outcome.value
-
-    def open(self) -> Outcome:
-        """Open the link, where there is one, then the driver."""
-        if isinstance(self.link, Link):
-            opened = self.call(self.link.open, OPEN_S)
-            if opened.error is not None:
-                return opened
-        return self.call(self.driver.open, OPEN_S)
-
-    def close(self) -> Outcome:
-        """Close the driver, then the link; return how the driver's ended."""
-        closed = self.call(self.driver.close)
-        if isinstance(self.link, Link):
-            self.call(self.link.close)
-        return closed
-
-    def cycle(self, setpoints: Sequence[float] | None = None) -> Outcome:
-        """Go through one cycle and return how its read ended; the first error ends it."""
-        t_ns = time.monotonic_ns()
-        link, driver = self.link, self.driver
-        if isinstance(link, Plant):
-            link.advance(t_ns)
-        if isinstance(link, Link):
-            begun = self.call(lambda: link.begin(t_ns))
-            if begun.error is not None:
-                return begun
-        row = self.call(lambda: driver.read(t_ns))
-        self.reads.append(row.took_s)
-        if row.error is None and driver.setpoints:
-            wanted = rest(driver) if setpoints is None else setpoints
-            written = self.call(lambda: driver.write(wanted))
-            self.writes.append(written.took_s)
-            if written.error is not None:
-                return written
-        if isinstance(link, Link):
-            ended = self.call(lambda: link.end(t_ns))
-            if ended.error is not None:
-                return ended
-        time.sleep(PERIOD_S)
-        return row
-
-    def cycles(self, for_s: float) -> Iterator[Outcome]:
-        """Go through cycles for a while, until one fails."""
-        end = time.monotonic() + for_s
-        while time.monotonic() < end:
-            outcome = self.cycle()
-            yield outcome
-            if outcome.error is not None:
-                return
-
-    def arm(self) -> None:
-        """Arm the device and go through cycles until it is ready."""
-        self.must("arm", self.driver.arm)
-        end = time.monotonic() + READY_S
-        while not self.must("ready", self.driver.ready):
-            outcome = self.cycle()
-            if outcome.error is not None:
-                raise Unfit(f"before it was ready, a cycle raises {described(outcome.error)}")
-            if time.monotonic() > end:
-                raise Unfit(f"it is not ready {READY_S:g} s after arm()")
-
-
-def rest(driver: Driver) -> tuple[float, ...]:
-    """Return zero for every setpoint, or what is nearest to it in its range."""
-    return tuple(min(max(0.0, one.low), one.high) for one in driver.setpoints)
-
-
-@contextmanager
-def bench(subject: Subject, *, opened: bool = True, fault: str = "") -> Iterator[Bench]:
-    """Put a new driver before a new device; ``fault`` is shown from before it is opened."""
-    with subject.fresh_peer() as peer, Caller() as caller:
-        link = peer.link()
-        one = Bench(subject.make(peer, link), link, caller)
-        if fault:
-            peer.faults[fault]()
-        if opened:
-            outcome = one.open()
-            if outcome.error is not None:
-                raise Unfit(f"open raises {described(outcome.error)}")
-        try:
-            yield one
-        finally:
-            one.call(one.driver.make_safe)  # whatever they raise: rules of their own look at it
-            one.close()
-
-
-@contextmanager
-def failing(subject: Subject, fault: str) -> Iterator[tuple[Bench, Callable[[], object]]]:
-    """Put a driver before a device, arm it, and yield what begins the fault."""
-    with subject.fresh_peer() as peer, Caller() as caller:
-        link = peer.link()
-        one = Bench(subject.make(peer, link), link, caller)
-        outcome = one.open()
-        if outcome.error is not None:
-            raise Unfit(f"open raises {described(outcome.error)}")
-        one.arm()
-        try:
-            yield one, peer.faults[fault]
-        finally:
-            one.call(one.driver.make_safe)
-            one.close()
 
 
 def _opens(subject: Subject) -> Iterator[str]:
@@ -338,6 +205,20 @@ def _not_there(subject: Subject) -> Iterator[str]:
             yield f"close() after that raises {described(closed.error)}"
 
 
+def _opens_in_words(fault: str) -> Callable[[Subject], Iterator[str]]:
+    """Return the check of opening a device that answers badly: it ends, in words if it fails."""
+
+    def check(subject: Subject) -> Iterator[str]:
+        with bench(subject, opened=False, fault=fault) as one:
+            for name, step in (("open", one.open), ("close", one.close)):
+                outcome = step()
+                known = FAILURES if name == "open" else ()
+                if outcome.error is not None and not isinstance(outcome.error, known):
+                    yield f"{name}() raises {described(outcome.error)}"
+
+    return check
+
+
 #: The first decides whether there is anything to examine.
 RULES: Final = (
     Rule(
@@ -425,5 +306,17 @@ RULES: Final = (
         "open() without a device raises a LinkError with a hint: what to check",
         _not_there,
         "dead",
+    ),
+    Rule(
+        "silent at open",
+        "open() of a device that says nothing ends within 30 s, and raises a LinkError if at all",
+        _opens_in_words("silent"),
+        "silent",
+    ),
+    Rule(
+        "garbled at open",
+        "open() of a device that sends damaged answers raises a ProtocolError or LinkError",
+        _opens_in_words("garbled"),
+        "garbled",
     ),
 )

@@ -16,6 +16,8 @@ from rigd.sdk.driver import SlowDriver
 
 #: A whole scene may take so long, in s, opening and a fault included.
 SCENE_S: Final = 120.0
+#: open() may take seconds, and wait for a device that does not answer.
+OPEN_S: Final = 30.0
 #: Cancelled, a driver has so long to end, in s.
 CANCEL_S: Final = 3.0
 #: Rows of the measurements.
@@ -263,6 +265,15 @@ async def _not_there(driver: SlowDriver, peer: Peer, problems: Problems) -> None
             problems.add(f"open() says {error.message!r}, and not what to do about it")
 
 
+def _opens_in_words(fault: str) -> Scene:
+    async def play(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
+        peer.faults[fault]()
+        with contextlib.suppress(*FAILURES):  # whatever else it raises is told by the scene
+            await asyncio.wait_for(driver.open(), OPEN_S)
+
+    return play
+
+
 #: The first decides whether there is anything to examine.
 RULES: Final = (
     Rule(
@@ -329,5 +340,17 @@ RULES: Final = (
         "open() without a device raises a LinkError with a hint: what to check",
         _scene(_not_there, opened=False),
         "dead",
+    ),
+    Rule(
+        "silent at open",
+        "open() of a device that says nothing ends within 30 s, with a LinkError",
+        _scene(_opens_in_words("silent"), opened=False),
+        "silent",
+    ),
+    Rule(
+        "garbled at open",
+        "open() of a device that sends damaged answers raises a ProtocolError or LinkError",
+        _scene(_opens_in_words("garbled"), opened=False),
+        "garbled",
     ),
 )

@@ -341,6 +341,10 @@ def test_a_port_belongs_to_one_program(tmp_path: Path) -> None:
             second = SerialScale(one.driver.config, None)
             with pytest.raises(LinkError, match="another program holds"):
                 await second.open()
+            with pytest.raises(LinkError, match="is open already"):
+                await one.driver.open()
+            async with one.running():  # and stays open
+                await one.rows.until(near(2.0))
 
     asyncio.run(main())
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 
 import pytest
 
-from rigd_drivers.scale import and_d, sics
+from rigd_drivers.scale import and_d, identity, sics
 from rigd_drivers.scale.lines import MAX_LINE, LineBuffer
 from rigd_drivers.scale.replies import Done, Info, Load, Reading, Refusal
 
@@ -103,6 +104,28 @@ def test_a_and_d_tells_who_it_is() -> None:
     assert and_d.parse_text(b"SN,T1234567", b"SN") == "T1234567"
     assert and_d.parse_text(b"SN,", b"SN") is None
     assert and_d.parse_text(b"ST,+00123.45  g", b"SN") is None
+
+
+def test_an_answer_of_several_lines_is_put_together() -> None:
+    """Lines with B are followed by more (I0 to I5); one that is not told is left out."""
+    lines = {
+        b"I2\r\n": [b"S S     100.00 g", b'I2 B "WM124-L22"', b'I2 A "120.0090 g"'],
+        b"I3\r\n": [b"ES"],
+        b"I4\r\n": [],
+    }
+
+    async def main() -> str:
+        due: list[bytes] = []
+
+        async def send(command: bytes) -> None:
+            due[:] = lines[command]
+
+        async def line() -> bytes | None:
+            return due.pop(0) if due else None
+
+        return await identity.ask("mt-sics", send, line)
+
+    assert asyncio.run(main()) == "Mettler-Toledo MT-SICS, type WM124-L22 120.0090 g"
 
 
 @pytest.mark.parametrize("end", [b"\r\n", b"\r", b"\n"])
