@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 from rigd.sdk.check.caller import Caller, Outcome
+from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.subject import Subject, Unfit, described
 from rigd.sdk.driver import Driver
 from rigd.sdk.link import Link
@@ -26,12 +27,17 @@ PERIOD_S: Final = 0.002
 class Bench:
     """One driver before one simulated device, called as the cycle calls it."""
 
-    def __init__(self, driver: Driver, link: Any, caller: Caller) -> None:
+    def __init__(self, driver: Driver, link: Any, peer: Peer, caller: Caller) -> None:
         self.driver = driver
         self.link = link
+        self.peer = peer
         self._caller = caller
         self.reads: list[float] = []  # how long each took, in s
         self.writes: list[float] = []
+
+    def begin(self, fault: str) -> None:
+        """Have the device show ``fault`` from now on."""
+        self.peer.faults[fault]()
 
     def call(self, function: Callable[[], Any], within_s: float = STALL_S * 2) -> Outcome:
         """Make one call; see :meth:`Caller.call`."""
@@ -111,36 +117,17 @@ def rest(driver: Driver) -> tuple[float, ...]:
 
 
 @contextmanager
-def bench(subject: Subject, *, opened: bool = True, fault: str = "") -> Iterator[Bench]:
-    """Put a new driver before a new device; ``fault`` is shown from before it is opened."""
+def bench(subject: Subject, *, opened: bool = True) -> Iterator[Bench]:
+    """Put a new driver before a new device, open it, and leave it safe and closed."""
     with subject.fresh_peer() as peer, Caller() as caller:
         link = peer.link()
-        one = Bench(subject.make(peer, link), link, caller)
-        if fault:
-            peer.faults[fault]()
-        if opened:
-            outcome = one.open()
-            if outcome.error is not None:
-                raise Unfit(f"open raises {described(outcome.error)}")
+        one = Bench(subject.make(peer, link), link, peer, caller)
         try:
+            if opened:
+                outcome = one.open()
+                if outcome.error is not None:
+                    raise Unfit(f"open raises {described(outcome.error)}")
             yield one
         finally:
             one.call(one.driver.make_safe)  # whatever they raise: rules of their own look at it
-            one.close()
-
-
-@contextmanager
-def failing(subject: Subject, fault: str) -> Iterator[tuple[Bench, Callable[[], object]]]:
-    """Put a driver before a device, arm it, and yield what begins the fault."""
-    with subject.fresh_peer() as peer, Caller() as caller:
-        link = peer.link()
-        one = Bench(subject.make(peer, link), link, caller)
-        outcome = one.open()
-        if outcome.error is not None:
-            raise Unfit(f"open raises {described(outcome.error)}")
-        one.arm()
-        try:
-            yield one, peer.faults[fault]
-        finally:
-            one.call(one.driver.make_safe)
             one.close()

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from rigd.sdk.check.caller import Caller
-from rigd.sdk.check.cycle_bench import OPEN_S, PERIOD_S, STALL_S, Bench, bench, failing
+from rigd.sdk.check.cycle_bench import OPEN_S, PERIOD_S, STALL_S, Bench, bench
 from rigd.sdk.check.rows import row_problems
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
 
@@ -118,7 +118,7 @@ def _reopens(subject: Subject) -> Iterator[str]:
     with subject.fresh_peer() as peer, Caller() as caller:
         for turn in ("first", "second"):
             link = peer.link()
-            one = Bench(subject.make(peer, link), link, caller)
+            one = Bench(subject.make(peer, link), link, peer, caller)
             outcome = one.open()
             if outcome.error is not None:
                 yield f"the {turn} of two drivers, one after the other: {described(outcome.error)}"
@@ -151,8 +151,9 @@ def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
     """Return the check of a device that falls silent: no rows, and words at the most."""
 
     def check(subject: Subject) -> Iterator[str]:
-        with failing(subject, fault) as (one, begin):
-            begin()
+        with bench(subject) as one:
+            one.arm()
+            one.begin(fault)
             began = time.monotonic()
             for outcome in one.cycles(TAIL_S + 1.0 + 2 * one.driver.silent_s):
                 if outcome.error is not None and not isinstance(outcome.error, FAILURES):
@@ -173,8 +174,9 @@ def _bad_answers(fault: str) -> Callable[[Subject], Iterator[str]]:
     """Return the check of a device whose answers cannot be used: bounded, and words at the most."""
 
     def check(subject: Subject) -> Iterator[str]:
-        with failing(subject, fault) as (one, begin):
-            begin()
+        with bench(subject) as one:
+            one.arm()
+            one.begin(fault)
             one.reads.clear()
             one.writes.clear()
             problems: set[str] = set()
@@ -192,7 +194,8 @@ def _bad_answers(fault: str) -> Callable[[Subject], Iterator[str]]:
 
 
 def _not_there(subject: Subject) -> Iterator[str]:
-    with bench(subject, opened=False, fault="dead") as one:
+    with bench(subject, opened=False) as one:
+        one.begin("dead")
         outcome = one.open()
         if outcome.error is None:
             yield "open() succeeds although nothing is connected"
@@ -209,7 +212,8 @@ def _opens_in_words(fault: str) -> Callable[[Subject], Iterator[str]]:
     """Return the check of opening a device that answers badly: it ends, in words if it fails."""
 
     def check(subject: Subject) -> Iterator[str]:
-        with bench(subject, opened=False, fault=fault) as one:
+        with bench(subject, opened=False) as one:
+            one.begin(fault)
             for name, step in (("open", one.open), ("close", one.close)):
                 outcome = step()
                 known = FAILURES if name == "open" else ()
