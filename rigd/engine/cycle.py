@@ -132,7 +132,7 @@ class Cycle:
             try:
                 mount.driver.arm()
             except DEVICE_ERRORS as error:
-                return self._fault(self.t_ns, f"{mount.name}: {error.message}")
+                return self._fault(self.t_ns, f"{mount.name}: {error.told}")
         return None
 
     def ends_everything(self) -> str:
@@ -205,13 +205,13 @@ class Cycle:
             try:
                 link.begin(t_ns)
             except DEVICE_ERRORS as error:
-                return self._fault(t_ns, f"{name}: {error.message}")
+                return self._fault(t_ns, f"{name}: {error.told}")
         values, stamps = self._values, self._stamps
         for index, mount in enumerate(self.rig.mounts):
             try:
                 row = mount.driver.read(t_ns)
             except DEVICE_ERRORS as error:
-                return self._fault(t_ns, f"{mount.name}: {error.message}")
+                return self._fault(t_ns, f"{mount.name}: {error.told}")
             if row is not None:
                 values[mount.values] = row
                 stamps[index] = t_ns
@@ -227,12 +227,12 @@ class Cycle:
             try:
                 mount.driver.write(setpoints[mount.commands])
             except DEVICE_ERRORS as error:
-                return self._fault(t_ns, f"{mount.name}: {error.message}")
+                return self._fault(t_ns, f"{mount.name}: {error.told}")
         for name, link in self._links:
             try:
                 link.end(t_ns)
             except DEVICE_ERRORS as error:
-                return self._fault(t_ns, f"{name}: {error.message}")
+                return self._fault(t_ns, f"{name}: {error.told}")
         if self.limiter.cut != self._cut:
             self._report_cut(t_ns)
         return None

@@ -60,6 +60,11 @@ class RigdError(Exception):
     def __str__(self) -> str:
         return self.message if self.hint is None else f"{self.message}\n  {self.hint}"
 
+    @property
+    def told(self) -> str:
+        """The same in one line, as a reason to end a run."""
+        return self.message if self.hint is None else f"{self.message} ({self.hint})"
+
 
 class ConfigError(RigdError):
     """A rig or procedure file is wrong; holds every problem found, each with its place."""

@@ -117,11 +117,12 @@ def test_a_device_fault_makes_every_device_safe() -> None:
     bench = Bench()
 
     def fail(t_ns: int) -> None:
-        raise DeviceError("over-temperature")
+        raise DeviceError("over-temperature", hint="let it cool")
 
     bench.axis.answer = fail
     outcome = bench.host().play(move("go", 1.0))
-    assert (outcome.ending, outcome.reason) == (Ending.FAULTED, "axis: over-temperature")
+    told = "axis: over-temperature (let it cool)"
+    assert (outcome.ending, outcome.reason) == (Ending.FAULTED, told)
     # The first device refuses to be made safe; the axis is made safe all the same.
     assert (bench.other.safe_calls, bench.axis.safe_calls) == (1, 1)
     assert any("relay welded" in str(data) for _, _, _, data in bench.sink.events)

@@ -132,7 +132,7 @@ class BlockHelper:
     def _look(self) -> str | None:
         if self._has_message(0.0):
             message = self._receive()
-            return told(self._error(message)) if isinstance(message, Failed) else self._death()
+            return self._error(message).told if isinstance(message, Failed) else self._death()
         now, beat_ns = monotonic_ns(), self._slot.beat_ns
         if beat_ns != self._beat_ns or now - self._looked_ns > AWAY_S * 1e9:
             self._beat_ns, self._heard_ns = beat_ns, now
@@ -192,8 +192,3 @@ class BlockHelper:
         words = self._log.read_bytes()[-_LAST_WORDS:].decode(errors="replace").strip()
         last = f": {words.splitlines()[-1]}" if words else ""
         return f"{self.name}: its process ended by itself ({how}){last}"
-
-
-def told(error: RigdError) -> str:
-    """Return an error as a reason to end a run: what happened, and what to do about it."""
-    return error.message if error.hint is None else f"{error.message} ({error.hint})"

@@ -10,7 +10,6 @@ from typing import Any, Final, Protocol, TypeVar
 
 from rigd.engine.clock import monotonic_ns
 from rigd.engine.cycle import DEVICE_ERRORS
-from rigd.engine.slow.block_helper import told
 from rigd.engine.slow.table import Slot
 from rigd.model.errors import DeviceError, LinkError, RigdError
 from rigd.sdk import EmitRow, SlowDriver
@@ -217,7 +216,7 @@ class SlowDevices:
                 raise
             reason = "it cancelled itself"  # a cancellation of its own making has leaked out
         except DEVICE_ERRORS as error:
-            reason = told(error)
+            reason = error.told
         except Exception as error:  # noqa: BLE001 - boundary: a bug of one driver ends the run well
             reason = f"its driver fails: {type(error).__name__}: {error}"
         self._faults.setdefault(name, f"{name}: {reason}")
