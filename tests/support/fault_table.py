@@ -28,7 +28,7 @@ class Case:
     fault: str
     must: Must
     options: Mapping[str, Any] = field(default_factory=dict)
-    words: tuple[str, ...] = ()  #: what the operator must be told, among the rest
+    words: tuple[str, ...] = ()  #: patterns of what the operator must be told, among the rest
     within_s: float = 0.5  #: END: from the injection until the run knows
     watch_s: float = 1.0  #: how long the fault is shown where the run goes on
     before: bool = False  #: shown before the run starts
@@ -45,6 +45,8 @@ class Case:
 SERVOS: Final = ("wheel_servo", "longitudinal_belt", "lateral_belt")
 ENCODERS: Final = ("wheel_encoder", "carriage")
 BUSES: Final = ("servo_bus", "encoder_bus")
+#: Whichever sees it first: an interlock that watches the channel, or the cycle.
+SILENT: Final = "gave no row|is stale"
 END, MARK, BLOCK, GO_ON = Must.END, Must.MARK, Must.BLOCK, Must.GO_ON
 
 
@@ -53,13 +55,13 @@ def _node(part: str) -> Iterator[Case]:
     yield Case(part, "silent", END)
     yield Case(part, "reset", END, words=(part, "restart"))
     yield Case(part, "emergency", END, {"code": 0x7305}, words=(part, "0x7305"))
-    yield Case(part, "tpdo_missing", END, words=(part, "no row"))
+    yield Case(part, "tpdo_missing", END, words=(part, SILENT))
     yield Case(part, "tpdo_missing", MARK, {"probability": 0.5})
     # Frames come, their values are possible: it could be a device at rest.
     yield Case(part, "tpdo_stale", GO_ON)
     yield Case(part, "tpdo_short", END, words=(part, "bytes"))
     yield Case(part, "tpdo_duplicate", END, words=(part, "twice"))
-    yield Case(part, "tpdo_wrong_id", END, words=(part, "no row"))
+    yield Case(part, "tpdo_wrong_id", END, words=(part, SILENT))
     for fault in ("sdo_abort", "sdo_silent", "sdo_wrong_toggle", "mapping_refused"):
         yield Case(part, fault, GO_ON)  # a run that has begun asks nothing by SDO
         yield Case(part, fault, BLOCK, words=(part,), before=True)
