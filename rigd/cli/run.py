@@ -112,6 +112,11 @@ def execute(args: argparse.Namespace) -> int:
             hint="rigd run procedures/quick.yaml --rig lugre-1",
         )
     rig = load_rig(rig_name)
+    if rig.plant is None and (args.pace not in (None, 1.0) or args.start is not None):
+        raise ConfigError(
+            f"rig {rig.name} is not simulated in process: its devices live by the wall clock",
+            hint="leave --pace and --start out",
+        )
     source = load_procedure(procedure_name)
     done = frozenset[int]() if resume is None else resume.done
     procedure = compile_procedure(source, rig, overrides, done=done)

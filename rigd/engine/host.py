@@ -82,6 +82,10 @@ class Host(Protocol):
         """Run ``question``, which may wait for a person, while the rig stays at rest."""
         ...
 
+    def come_to_rest(self) -> Outcome | None:
+        """Let the setpoints go to rest, each within its rate, and return once they are there."""
+        ...
+
     def rest_while(self, condition: Callable[[], bool]) -> Outcome | None:
         """Keep the rig at rest as long as ``condition`` holds."""
         ...

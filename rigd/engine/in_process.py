@@ -145,7 +145,7 @@ class InProcessHost:
                 answered.set()
 
         # Rest first, so that what holds afterwards does not depend on how fast the answer came.
-        outcome = self.rest_while(lambda: not self.cycle.limiter.at_rest())
+        outcome = self.come_to_rest()
         if outcome is not None:
             return outcome
         threading.Thread(target=put, name="prompt", daemon=True).start()
@@ -159,6 +159,10 @@ class InProcessHost:
         if errors:
             raise errors[0]
         return None
+
+    def come_to_rest(self) -> Outcome | None:
+        """Let the setpoints go to rest, each within its rate, and return once they are there."""
+        return self.rest_while(lambda: not self.cycle.limiter.at_rest())
 
     def rest_while(self, condition: Callable[[], bool]) -> Outcome | None:
         """Keep the rig at rest as long as ``condition`` holds; return an outcome as :meth:`ask`."""

@@ -210,6 +210,12 @@ class ProcessHost:
         enough = board[Word.CYCLES] + count
         return self.rest_while(lambda: board[Word.CYCLES] < enough or board[Word.MUTE] > 0)
 
+    def come_to_rest(self) -> Outcome | None:
+        """Let the setpoints go to rest, each within its rate, and return once they are there."""
+        board = self._board
+        cycles = board[Word.CYCLES] + 2  # after which AT_REST speaks of the rest asked for
+        return self.rest_while(lambda: board[Word.CYCLES] < cycles or not board[Word.AT_REST])
+
     def rest_while(self, condition: Callable[[], bool]) -> Outcome | None:
         """Keep the rig at rest as long as ``condition`` holds."""
         return self._until(m.Rest(self._next(), self.trial), lambda: not condition())
@@ -228,10 +234,7 @@ class ProcessHost:
                 answered.set()
 
         # Rest first: what the person is asked to touch must stand still.
-        cycles = self._board[Word.CYCLES] + 2  # after which AT_REST speaks of the rest asked for
-        outcome = self.rest_while(
-            lambda: self._board[Word.CYCLES] < cycles or not self._board[Word.AT_REST]
-        )
+        outcome = self.come_to_rest()
         if outcome is not None:
             return outcome
         threading.Thread(target=put, name="prompt", daemon=True).start()

@@ -138,6 +138,9 @@ class Run:
         if may_finish:
             try:
                 self._play_steps(self.procedure.finish, "finish")
+                outcome = self.host.come_to_rest()  # at the rates of the rig file, then safe
+                if outcome is not None:
+                    raise self._way_out(outcome)
             except _WayOut as out:
                 # What went wrong first is what the operator must hear; worse only adds to it.
                 reason = (

@@ -19,6 +19,7 @@ from rigd.engine.mount import CYCLE_STREAM
 from rigd.engine.result import RunResult
 from rigd.engine.run import Run
 from rigd.engine.wiring import wire
+from rigd.model.errors import Blocked
 from rigd.model.limits import Action
 from rigd.procedure.program import CompiledProcedure, CycleProgram
 from rigd.rehearsal.peaks import PeakSink
@@ -60,6 +61,14 @@ def rehearse(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> Rehears
     Raises:
         Blocked: the rig has no plant, or preflight refuses.
     """
+    if rig.plant is None:
+        # Its devices would be opened, and moved as fast as they answer.
+        raise Blocked(
+            [
+                f"rig {rig.name} has no `plant`: a dry run plays on physics simulated in process, "
+                "never on devices; dry-run the procedure on the simulated sibling of the rig"
+            ]
+        )
     control = Control()
     clock = VirtualClock(rig.period_ns, 0)
     wiring = wire(rig, clock, control, seed)

@@ -1,0 +1,86 @@
+"""What a rig of real devices is protected from, and what moving it by hand does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from support.command import rigd, start
+from support.wire import write_rig
+
+from rigd.record import Recording
+
+
+def test_a_dry_run_never_opens_devices(tmp_path: Path) -> None:
+    rig = write_rig(tmp_path, "wire-dry").rig
+    done = rigd("run", "quick", "--rig", rig, "--dry-run", cwd=tmp_path)
+    assert done.code == 3
+    assert "never on devices" in done.err
+
+
+@pytest.mark.parametrize("option", [("--pace", "2"), ("--start", "2026-11-21T08:00:00")])
+def test_real_devices_live_by_the_wall_clock(tmp_path: Path, option: tuple[str, str]) -> None:
+    rig = write_rig(tmp_path, "wire-pace").rig
+    done = rigd("run", "quick", "--rig", rig, *option, cwd=tmp_path)
+    assert done.code == 2
+    assert "wall clock" in done.err
+
+
+def test_without_its_devices_a_rig_is_blocked_and_told_why(tmp_path: Path) -> None:
+    rig = write_rig(tmp_path, "wire-dead").rig
+    done = rigd("run", "quick", "--rig", rig, cwd=tmp_path)
+    assert done.code == 3
+    assert "no simulated CAN bus at" in done.err
+    assert "no NI gRPC Device Server answers" in done.err
+    assert "there is no serial port" in done.err
+    assert not list((tmp_path / "runs").glob("*.mcap"))
+
+
+def test_jog_holds_a_setpoint_then_goes_to_rest_and_is_recorded(tmp_path: Path) -> None:
+    done = rigd(
+        "jog", "wheel_servo.current=0.3A", "--for", "0.4 s", "--rig", "lugre-1", "--json",
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    rows = Recording.open(tmp_path / done.json["recording"]).read("wheel_servo")
+    held = rows["current_setpoint"] == 0.3
+    # Every cycle that was not missed held it.
+    assert 0.25 < held.sum() / 1000 <= 0.41
+    assert rows["current_setpoint"][-1] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("setpoint", "duration", "words"),
+    [
+        ("wheel_servo.current=5A", "1 s", "above the rig's limit of 1.6 A"),
+        ("wheel_servo.curent=1A", "1 s", "did you mean 'wheel_servo.current'?"),
+        ("wheel_servo.current=1V", "1 s", "'1V' is in V, expected A"),
+        ("wheel_servo.current=1A", "1 m", "'1 m' is in m, expected s"),
+        ("wheel_servo.current", "1 s", "is not SETPOINT=VALUE"),
+        ('x": {}, "y=1A', "1 s", "is not a valid name"),
+    ],
+)
+def test_a_wrong_jog_moves_nothing(
+    tmp_path: Path, setpoint: str, duration: str, words: str
+) -> None:
+    done = rigd("jog", setpoint, "--for", duration, "--rig", "lugre-1", cwd=tmp_path)
+    assert done.code == 2
+    assert words in done.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_rig_in_use_is_refused_and_its_holder_named(tmp_path: Path) -> None:
+    first = start(
+        ["jog", "wheel_servo.current=0.1A", "--for", "60 s", "--rig", "lugre-1"], cwd=tmp_path
+    )
+    try:
+        first.wait_for("recording to")
+        second = rigd("jog", "wheel_servo.current=0.1A", "--rig", "lugre-1", cwd=tmp_path)
+        assert second.code == 3
+        assert f"in use by process {first.process.pid}" in second.err
+        assert "rigd run jog" in second.err
+    finally:
+        first.process.send_signal(2)
+        ended = first.end()
+    assert ended.code == 5
+    assert "stopped" in ended.out
