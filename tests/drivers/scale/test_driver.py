@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
+import termios
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,10 +13,11 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from rigd.sdk import DeviceError, LinkError, ProtocolError, SlowDriver
+from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.scale import driver as module
 from rigd_drivers.scale.driver import ScaleConfig, ScaleStatus, SerialScale
 from rigd_sim.wire.scale import SimScale
+from rigd_sim.wire.scale_languages import AndD
 
 DIALECTS = ("mt-sics", "kern-kcp", "and-d")
 TIMEOUT_S = 20
@@ -312,6 +314,40 @@ def test_a_zero_with_a_load_on_is_refused(tmp_path: Path) -> None:
     asyncio.run(main())
 
 
+def test_a_and_d_with_error_codes_says_why_it_refuses(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with bench(tmp_path, "and-d") as one:
+            language = one.scale._language
+            assert isinstance(language, AndD)
+            language.error_codes = True
+            await one.driver.open()
+            async with one.running():
+                with pytest.raises(DeviceError, match="refuses to zero: EC,E17"):
+                    await one.driver.act("zero")
+                assert await one.driver.act("tare") == "tare done"
+                await one.rows.until(near(0.0))
+
+    asyncio.run(main())
+
+
+def test_an_adapter_that_cannot_do_what_is_set_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What glibc makes of a parity that the hardware ignores: EINVAL."""
+
+    def refuse(*_: object) -> None:
+        raise termios.error(22, "Invalid argument")
+
+    async def main() -> None:
+        async with bench(tmp_path) as one:
+            monkeypatch.setattr(termios, "tcsetattr", refuse)
+            with pytest.raises(LinkError, match="cannot be set to 9600 baud, 8 data bits"):
+                await one.driver.open()
+            monkeypatch.undo()
+
+    asyncio.run(main())
+
+
 def test_another_baud_rate_says_so(tmp_path: Path) -> None:
     async def main() -> None:
         async with bench(tmp_path, baud=19200) as one:
@@ -354,7 +390,3 @@ def test_kern_is_not_asked_faster_than_it_allows() -> None:
     with pytest.raises(ValidationError, match="more than"):
         ScaleConfig.model_validate(options)
     assert ScaleConfig.model_validate({**options, "dialect": "mt-sics"}).interval == 0.05
-
-
-def test_it_says_that_it_is_slow() -> None:
-    assert issubclass(SerialScale, SlowDriver)
