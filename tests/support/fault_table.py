@@ -60,14 +60,15 @@ def _node(part: str) -> Iterator[Case]:
     # Frames come, their values are possible: it could be a device at rest.
     yield Case(part, "tpdo_stale", GO_ON)
     yield Case(part, "tpdo_short", END, words=(part, "bytes"))
-    yield Case(part, "tpdo_duplicate", END, words=(part, "twice"))
+    yield Case(part, "tpdo_duplicate", END, words=(part, "more often than SYNC"))
     yield Case(part, "tpdo_wrong_id", END, words=(part, SILENT))
     for fault in ("sdo_abort", "sdo_silent", "sdo_wrong_toggle", "mapping_refused"):
         yield Case(part, fault, GO_ON)  # a run that has begun asks nothing by SDO
         yield Case(part, fault, BLOCK, words=(part,), before=True)
     yield Case(part, "watchdog_dead", GO_ON)
-    yield Case(part, "heartbeat_missing", END, words=(part, "heartbeat"))
-    yield Case(part, "slow", MARK, {"delay_s": 0.005})
+    yield Case(part, "heartbeat_missing", END, words=(part, "heartbeat"), within_s=1.0)
+    # One answer follows each SYNC, whichever it answers: TPDOs do not say.
+    yield Case(part, "slow", GO_ON, {"delay_s": 0.005})
     yield Case(part, "slow", END, {"delay_s": 0.5}, words=(part,))
     yield Case(part, "twin", END, words=(part,))
     yield Case(part, "twin", BLOCK, words=(part,), before=True)
@@ -83,11 +84,11 @@ def _servo(part: str) -> Iterator[Case]:
 def _bus(part: str) -> Iterator[Case]:
     yield Case(part, "drop", MARK, {"probability": 0.1})
     yield Case(part, "drop", END)
-    yield Case(part, "delay", MARK, {"delay_s": 0.005})
+    yield Case(part, "delay", GO_ON, {"delay_s": 0.005})  # as a node that is slow
     yield Case(part, "delay", END, {"delay_s": 0.5})
     yield Case(part, "jitter", MARK, {"jitter_s": 0.005})
     yield Case(part, "reorder", GO_ON, {"probability": 0.2})
-    yield Case(part, "duplicate", END, words=("twice",))
+    yield Case(part, "duplicate", END, words=("more often than SYNC",))
     yield Case(part, "babble", END, words=("flooded",), within_s=1.0)
     yield Case(part, "bus_off", END, words=("bus-off",))
     yield Case(part, "wrong_bitrate", END, words=("bitrate",))
