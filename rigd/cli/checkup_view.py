@@ -64,9 +64,11 @@ class CheckupView:
         line = Text("  ")
         line.append(check.verdict.value.ljust(_VERDICT_WIDTH), style=_COLOUR[check.verdict])
         line.append(f" {name}" + (" " if len(name) == width else f"\n{indent}"))
-        line.append(f"\n{indent}".join(wrap(check.found, room)))
+        line.append(f"\n{indent}".join(_wrapped(check.found, room)))
         if check.advice:
-            line.append(f"\n{indent}" + f"\n{indent}".join(wrap(check.advice, room)), "italic")
+            line.append(
+                "".join(f"\n{indent}{one}" for one in _wrapped(check.advice, room)), "italic"
+            )
         self._console.print(line, soft_wrap=True)
 
     def conclude(self, checks: Sequence[Check]) -> None:
@@ -79,6 +81,10 @@ class CheckupView:
             rest += f", {count[Verdict.FAIL]} failed"
         self._console.print()
         self._console.print(word.append(rest, style="default"))
+
+
+def _wrapped(text: str, room: int) -> list[str]:
+    return wrap(text, room, break_on_hyphens=False)  # paths stay whole where they fit
 
 
 def as_json(checks: Sequence[Check], *, whole: bool) -> dict[str, object]:

@@ -1,0 +1,109 @@
+"""What the doctor says of streams and channels that were watched at rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from rigd.config.loader import load_rig
+from rigd.daemon.doctor.check import Check, Verdict
+from rigd.daemon.doctor.rig import Reason, split_reasons
+from rigd.daemon.doctor.statistics import Statistics
+from rigd.daemon.doctor.survey import Survey, judge_channel
+from rigd.engine.sink import Rows
+from rigd.engine.wiring import streams_of
+from rigd.model.channels import STALE, Channel
+from rigd.model.rows import row_dtype
+
+RIG = load_rig("lugre-1")
+STREAMS = {stream.name: stream for stream in streams_of(RIG)}
+
+
+def rows(stream: str, count: int, period_ns: int = 1_000_000) -> Rows:
+    made = np.zeros(count, row_dtype(STREAMS[stream]))
+    made["t_ns"] = np.arange(count) * period_ns
+    return made
+
+
+def verdict_on(name: str, checks: Sequence[Check]) -> Check:
+    (check,) = (one for one in checks if one.name == name)
+    return check
+
+
+def channel(values: Sequence[float], **facts: float) -> Check:
+    seen = Statistics()
+    seen.add(np.array(values))
+    device = RIG.devices["accelerometer"]
+    return judge_channel("channels", device, Channel("acceleration", "m/s^2", **facts), seen)
+
+
+def test_a_channel_shows_its_zero_and_its_noise() -> None:
+    check = channel([0.9, 1.1, 0.9, 1.1])
+    assert check.verdict is Verdict.OK
+    assert check.found == "zero 1 m/s^2, noise 0.115 m/s^2"
+    assert check.figures["zero"] == pytest.approx(1.0)
+
+
+def test_a_channel_at_the_end_of_its_range_is_saturated() -> None:
+    check = channel([1.0, 10.0, 2.0], low=-10.0, high=10.0)
+    assert check.verdict is Verdict.WARN
+    assert "10 m/s^2" in check.advice
+
+
+def test_a_channel_without_numbers_fails() -> None:
+    assert channel([1.0, math.nan]).verdict is Verdict.FAIL
+    assert channel([]).verdict is Verdict.FAIL
+
+
+def test_a_channel_that_stands_still_is_called_constant() -> None:
+    assert "constant" in channel([0.5, 0.5, 0.5]).found
+
+
+def test_a_device_is_judged_by_its_rate_and_its_stale_rows() -> None:
+    survey = Survey(RIG)
+    survey.take("carriage", rows("carriage", 1000))
+    survey.take("wheel_encoder", rows("wheel_encoder", 800, 1_250_000))
+    late = rows("wheel_servo", 1000)
+    late["status"][:20] |= STALE
+    late["current"][:20] = 99.0  # what stands in a stale row is no measurement
+    survey.take("wheel_servo", late)
+    checks = list(survey.devices("rig"))
+    assert verdict_on("carriage", checks).verdict is Verdict.OK
+    assert verdict_on("carriage", checks).figures["rate_hz"] == pytest.approx(1000)
+    assert verdict_on("wheel_encoder", checks).verdict is Verdict.WARN
+    assert "20 of 1000 stale" in verdict_on("wheel_servo", checks).found
+    assert verdict_on("accelerometer", checks).verdict is Verdict.FAIL  # it gave nothing
+    current = verdict_on("wheel_servo.current", list(survey.channels("channels")))
+    assert current.figures["high"] == 0.0
+
+
+def test_the_cycle_is_judged_by_its_own_stream() -> None:
+    survey = Survey(RIG)
+    assert next(iter(survey.cycle("rig"))).verdict is Verdict.FAIL  # none has run
+    cycles = rows("cycle", 2000)
+    cycles["scheduled"] = np.arange(2000) * 1e-3
+    cycles["actual"] = cycles["scheduled"] + 40e-6
+    cycles["spent"] = 700e-6
+    survey.take("cycle", cycles[:500])
+    survey.take("cycle", cycles[500:])
+    late, work, _ = survey.cycle("rig")
+    assert late.verdict is Verdict.OK
+    assert late.figures["cycles"] == 2000
+    assert work.verdict is Verdict.WARN  # 70 % of the period
+
+
+def test_reasons_are_told_apart_by_the_device_they_are_of() -> None:
+    told = [
+        "bus: cannot be opened\n  is it up?",
+        "scale: nothing answers; is it off; scale_2: shows lb, expected kg\n  press UNIT\n  twice",
+        "the cycle process ended by itself",
+    ]
+    assert split_reasons(told, ["bus", "scale", "scale_2"]) == [
+        Reason("bus", "cannot be opened", "is it up?"),
+        Reason("scale", "nothing answers; is it off", "press UNIT twice"),
+        Reason("scale_2", "shows lb, expected kg", "press UNIT twice"),
+        Reason("", "the cycle process ended by itself", ""),
+    ]

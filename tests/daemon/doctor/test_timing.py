@@ -1,0 +1,70 @@
+"""Lateness of cycles, and the silence that it makes normal."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rigd.config.loader import load_rig
+from rigd.config.rig import Supervision
+from rigd.daemon.doctor.bare_cycle import Lateness, measure
+from rigd.daemon.doctor.check import Verdict
+from rigd.daemon.doctor.timing import lateness_check, silence_check, suggested_silence_s
+
+ON_TIME = Lateness(10_000, 0, 30e-6, 60e-6, 90e-6, 200e-6, 1.2e-3)
+
+
+def test_slots_that_are_left_out_are_missed() -> None:
+    slots = np.array([0, 1, 2, 5, 6])  # 3 and 4 passed without a cycle
+    due = slots * 0.001
+    late = Lateness.of(due, due + np.array([0, 0, 1e-4, 5e-4, 0]), 0.001)
+    assert (late.cycles, late.missed) == (5, 2)
+    assert late.max_s == pytest.approx(5e-4)
+    assert late.longest_gap_s == pytest.approx(3e-3 + 4e-4)
+
+
+@pytest.mark.parametrize(
+    ("late", "verdict"),
+    [
+        (ON_TIME, Verdict.OK),
+        (replace(ON_TIME, missed=2), Verdict.OK),
+        (replace(ON_TIME, missed=20), Verdict.WARN),
+        (replace(ON_TIME, p99_s=2e-3), Verdict.WARN),
+        (replace(ON_TIME, missed=1000), Verdict.FAIL),
+    ],
+)
+def test_the_verdict_follows_what_was_missed(late: Lateness, verdict: Verdict) -> None:
+    check = lateness_check("timing", "cycle", late, 1_000_000)
+    assert check.verdict is verdict
+    assert bool(check.advice) == (verdict is not Verdict.OK)
+
+
+@pytest.mark.parametrize(
+    ("gap_s", "silence_s"), [(1e-3, 0.05), (0.026, 0.1), (0.06, 0.15), (0.12, 0.25), (3.0, 6.0)]
+)
+def test_the_silence_suggested_is_twice_the_longest_gap_at_least(
+    gap_s: float, silence_s: float
+) -> None:
+    assert suggested_silence_s(gap_s) == silence_s
+
+
+def test_a_rig_whose_silence_is_too_short_is_told_what_to_write() -> None:
+    rig = replace(load_rig("lugre-1"), supervision=Supervision(cycle_silence_s=0.05))
+    fits = silence_check("timing", replace(ON_TIME, longest_gap_s=0.024), rig)
+    stalls = silence_check("timing", replace(ON_TIME, longest_gap_s=0.030), rig)
+    assert fits.verdict is Verdict.OK
+    assert stalls.verdict is Verdict.WARN
+    assert "cycle_silence: 100 ms" in stalls.advice
+
+
+def test_a_bare_cycle_runs_at_its_rate_in_a_process_of_its_own() -> None:
+    found = measure(5_000_000, 1.0)
+    late = found.lateness
+    assert late.cycles + late.missed == pytest.approx(150, abs=2)  # 200, 50 of them to warm up
+    assert 0 <= late.p50_s <= late.p99_s <= late.p999_s <= late.max_s
+    assert late.longest_gap_s >= 5e-3
+    asked = " ".join([*found.granted, *found.lost])
+    assert "SCHED_FIFO" in asked
+    assert "memory" in asked

@@ -1,0 +1,195 @@
+"""`rigd read`, `rigd tare`, `rigd doctor` at the wire, and on rigs that are broken."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.command import Ended, rigd, start
+from support.wire import WireRig, wire_rig, write_rig
+
+from rigd.config.loader import channel_names, load_rig
+from rigd.engine.shared import state_folder
+from rigd.model.errors import Exit
+
+
+@pytest.fixture(scope="module")
+def wire(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WireRig]:
+    with wire_rig(tmp_path_factory.mktemp("wire"), "wire-manual") as rig:
+        yield rig
+
+
+def other(wire: WireRig, folder: Path, **replaced: tuple[str, str]) -> Path:
+    """Return the rig file with some text replaced, of the same simulated devices."""
+    text = wire.rig.read_text().replace("rig: wire-manual", "rig: wire-other")
+    for old, new in replaced.values():
+        assert old in text, old
+        text = text.replace(old, new)
+    path = folder / "other.yaml"
+    path.write_text(text)
+    return path
+
+
+def drives(wire: WireRig) -> dict[str, Any]:
+    return {name: part for name, part in wire.parts().items() if "enabled" in part}
+
+
+def checks(done: Ended) -> dict[str, dict[str, Any]]:
+    """Return the checks of the rig by name; its exit code must be what all come to."""
+    failed = [one for one in done.json["checks"] if one["verdict"] == "fail"]
+    assert done.code == (Exit.BLOCKED if failed else Exit.OK)
+    rig = (one for one in done.json["checks"] if one["group"].startswith("rig "))
+    found: dict[str, dict[str, Any]] = {}
+    for one in rig:
+        found.setdefault(one["name"], one)  # the first: found or not
+    return found
+
+
+def test_read_shows_every_channel_and_arms_nothing(wire: WireRig, tmp_path: Path) -> None:
+    done = rigd("read", "--rig", wire.rig, "--once", "--json", cwd=tmp_path)
+    assert done.code == 0, done.err
+    channels = done.json["channels"]
+    assert list(channels) == channel_names(load_rig(wire.rig))
+    assert {one["state"] for one in channels.values()} == {"ok"}
+    shown, unit = str(wire.parts()["scale"]["shown"]).split()
+    assert (channels["scale.mass"]["value"], unit) == (pytest.approx(float(shown)), "kg")
+    assert len(drives(wire)) == 3
+    assert not any(part["enabled"] for part in drives(wire).values())
+    assert not list(tmp_path.iterdir())  # nothing is recorded
+
+
+def test_read_for_a_while_prints_lines_of_what_was_asked_for(wire: WireRig, tmp_path: Path) -> None:
+    done = rigd(
+        "read", "scale", "carriage.position", "--rig", wire.rig, "--for", "1.5 s", cwd=tmp_path
+    )
+    assert done.code == 0, done.err
+    lines = [line.split() for line in done.out.splitlines()]
+    assert {line[1] for line in lines} == {"scale.mass", "carriage.position"}
+    assert len(lines) >= 4
+    assert {line[3] for line in lines if line[1] == "scale.mass"} == {"kg"}
+    times = [line[0] for line in lines]
+    assert times == sorted(times)
+
+
+def test_read_shows_an_interlock_that_stands_and_goes_on(wire: WireRig, tmp_path: Path) -> None:
+    rig = other(wire, tmp_path, far=("high: 1.65 m", "high: -10 mm"))
+    done = rigd("read", "carriage", "--rig", rig, "--once", "--json", cwd=tmp_path)
+    assert done.code == 0, done.err
+    (standing,) = done.json["interlocks"]
+    assert (standing["name"], standing["action"]) == ("overrun_far", "abort")
+    assert "above its limit -0.01 m" in standing["reason"] or "-10" in standing["reason"]
+
+
+def test_a_rig_in_use_is_refused_and_ctrl_c_frees_it(wire: WireRig, tmp_path: Path) -> None:
+    reading = start(["read", "scale", "--rig", wire.rig, "--json"], tmp_path)
+    assert reading.process.stdout is not None
+    first = json.loads(reading.process.stdout.readline())
+    assert first["channels"]["scale.mass"]["state"] == "ok"
+    refused = rigd("tare", "scale", "--rig", wire.rig, cwd=tmp_path)
+    assert refused.code == Exit.BLOCKED
+    assert f"process {reading.process.pid} (rigd read)" in refused.err
+    reading.signal(signal.SIGINT)
+    ended = reading.end()
+    assert (ended.code, ended.err) == (0, "")
+    assert not (state_folder() / ".look" / "wire-manual").exists()
+    again = rigd("read", "scale", "--rig", wire.rig, "--once", cwd=tmp_path)
+    assert again.code == 0, again.err
+    assert not wire.parts()["scale"]["streaming"]  # left quiet
+
+
+def test_the_death_of_its_cycle_ends_a_read(wire: WireRig, tmp_path: Path) -> None:
+    reading = start(["read", "wheel_encoder", "--rig", wire.rig, "--json"], tmp_path)
+    assert reading.process.stdout is not None
+    assert reading.process.stdout.readline()
+    wire.ask(do="fault", part="wheel_encoder", fault="silent")
+    try:
+        ended = reading.end()
+    finally:
+        wire.ask(do="clear")
+    assert ended.code == Exit.TRIPPED
+    assert "wheel_encoder" in ended.err
+
+
+def test_tare_of_a_slow_device_and_of_one_in_the_cycle(wire: WireRig, tmp_path: Path) -> None:
+    done = rigd("tare", "scale", "--rig", wire.rig, cwd=tmp_path)
+    assert done.code == 0, done.err
+    assert "scale.mass is now 0 kg" in done.out
+    assert wire.parts()["scale"]["tare_kg"] == pytest.approx(3.959, abs=0.01)
+    done = rigd("tare", "traction", "--rig", wire.rig, "--json", cwd=tmp_path)
+    assert done.code == 0, done.err
+    assert done.json["said"] == "tare: accepted"
+    assert done.json["channels"]["traction.force"]["value"] == pytest.approx(0, abs=0.5)
+    assert not any(part["enabled"] for part in drives(wire).values())
+
+
+def test_tare_tells_a_refusal_and_an_action_that_is_not_there(
+    wire: WireRig, tmp_path: Path
+) -> None:
+    loaded = rigd("tare", "scale", "--action", "zero", "--rig", wire.rig, cwd=tmp_path)
+    assert loaded.code == Exit.TRIPPED
+    assert "refuses to zero" in loaded.err
+    unknown = rigd("tare", "wheel_servo", "--rig", wire.rig, cwd=tmp_path)
+    assert unknown.code == Exit.BAD_INPUT
+    assert "no action 'tare'" in unknown.err
+    assert "scale" in unknown.err
+
+
+def test_doctor_finds_proves_and_measures_everything(wire: WireRig, tmp_path: Path) -> None:
+    done = rigd("doctor", "--rig", wire.rig, "--seconds", "2", "--json", cwd=tmp_path)
+    rig = load_rig(wire.rig)
+    found = checks(done)
+    for name in [*rig.links, *rig.devices]:
+        assert found[name]["verdict"] == "ok", found[name]
+    assert "USB-6009" in found["accelerometer"]["found"]
+    everything = done.json["checks"]
+    proven = [one for one in everything if one["group"] == "watchdogs"]
+    assert {one["name"] for one in proven} == set(drives(wire))
+    for one in proven:
+        assert 0 < one["figures"]["safe_after_s"] <= one["figures"]["bound_s"]
+    named = {one["name"]: one for one in everything}
+    assert set(channel_names(rig)) <= set(named)
+    assert named["traction.force"]["figures"]["noise"] > 0
+    assert named["accelerometer.device_time"]["found"].startswith("runs on")
+    assert not any(part["enabled"] for part in drives(wire).values())
+
+
+def test_doctor_names_a_wrong_node_and_finds_the_rest(wire: WireRig, tmp_path: Path) -> None:
+    rig = other(wire, tmp_path, node=("node: 12 ", "node: 13 "))
+    found = checks(rigd("doctor", "--rig", rig, "--seconds", "0.5", "--json", cwd=tmp_path))
+    assert found["carriage"]["verdict"] == "fail"
+    assert "node 13" in found["carriage"]["found"]
+    assert "11, 12" in found["carriage"]["found"]
+    assert "`node`" in found["carriage"]["advice"]
+    assert found["wheel_encoder"]["verdict"] == "ok"
+    assert found["at rest"]["found"] == "not measured"
+    assert not any(part["enabled"] for part in drives(wire).values())
+
+
+def test_doctor_and_read_name_a_scale_in_pounds(wire: WireRig, tmp_path: Path) -> None:
+    wire.ask(do="fault", part="scale", fault="unit")
+    try:
+        done = rigd("doctor", "--rig", wire.rig, "--seconds", "0.5", "--json", cwd=tmp_path)
+        read = rigd("read", "scale", "--rig", wire.rig, "--once", cwd=tmp_path)
+    finally:
+        wire.ask(do="clear")
+    scale = checks(done)["scale"]
+    assert scale["verdict"] == "fail"
+    assert "shows lb, the rig expects kg" in scale["found"]
+    assert "press UNIT" in scale["advice"]
+    assert read.code == Exit.BLOCKED
+    assert "shows lb" in read.err
+
+
+def test_doctor_without_the_simulation_says_how_to_start_it(tmp_path: Path) -> None:
+    rig = write_rig(tmp_path, "wire-nobody").rig
+    done = rigd("doctor", "--rig", rig, "--seconds", "0.5", "--json", cwd=tmp_path)
+    assert done.code == Exit.BLOCKED
+    found = checks(done)
+    assert "rigd sim" in found["servo_bus"]["advice"]
+    assert found["wheel_servo"]["found"] == "not looked for: servo_bus is not open"
+    for name in ("encoder_bus", "carriage", "accelerometer", "scale"):
+        assert found[name]["verdict"] == "fail"
