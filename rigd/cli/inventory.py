@@ -74,7 +74,7 @@ def look_at(group: str, point: EntryPoint, *, in_full: bool) -> Installed:
     try:
         loaded = point.load()
         facts = _described(loaded, GROUPS[group], point.name, in_full=in_full)
-    except Exception as error:  # noqa: BLE001  # one broken package must not hide the others
+    except (Exception, SystemExit) as error:  # noqa: BLE001  # one broken package hides no other
         reason = f"{type(error).__name__}: {error}"
         return Installed(kind, point.name, package, version, broken=reason)
     return Installed(kind, point.name, package, version, **facts)

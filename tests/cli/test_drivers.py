@@ -26,6 +26,7 @@ def with_broken(tmp_path: Path) -> Path:
         "[rigd.drivers]\n"
         "acme-missing = acme_missing:Driver\n"
         "acme-raises = acme_raises:Driver\n"
+        "acme-leaves = acme_leaves:Driver\n"
         "acme-no-driver = acme_plain:Thing\n"
         "acme-construct = acme_construct:Construct\n"
         "serial-scale = acme_missing:Scale\n"
@@ -33,6 +34,7 @@ def with_broken(tmp_path: Path) -> Path:
         "acme-plant = acme_plain:absent\n"
     )
     (tmp_path / "acme_raises.py").write_text("raise RuntimeError('no licence [found]')\n")
+    (tmp_path / "acme_leaves.py").write_text("raise SystemExit('not here')\n")
     (tmp_path / "acme_plain.py").write_text("class Thing: pass\n")
     (tmp_path / "acme_construct.py").write_text(
         "from rigd.sdk import SlowDriver\n"
@@ -121,7 +123,7 @@ def test_what_is_broken_is_told_and_hides_nothing(with_broken: Path) -> None:
     assert broken["acme-construct"] == "OSError: no such port"
     assert broken.keys() == {
         "acme-missing", "acme-raises", "acme-no-driver", "acme-construct", "serial-scale",
-        "acme-plant",
+        "acme-plant", "acme-leaves",
     }  # fmt: skip
 
 

@@ -173,23 +173,31 @@ class SerialScale(SlowDriver):
         command, parse = self._dialect.actions[action]
         if parse is None:
             return await self._act_unconfirmed(action, command)
+        answer: Done | Refusal | None = None
         async with self._one_at_a_time:
-            answer: Done | Refusal | None = await self._exchange(command, parse, ACTION_S)
-            if answer is None:
-                await self._send(self._dialect.cancel)  # or it would tare whenever the load rests
-                raise DeviceError(
-                    f"the scale did not {action} within {ACTION_S:g} s",
-                    hint="keep the load at rest, away from draught and vibration",
-                )
+            try:
+                answer = await self._exchange(command, parse, ACTION_S)
+            finally:
+                if answer is None:  # given up or cancelled: it must not tare some time later
+                    self._cancel()
+        if answer is None:
+            raise DeviceError(
+                f"the scale did not {action} within {ACTION_S:g} s",
+                hint="keep the load at rest, away from draught and vibration",
+            )
         if isinstance(answer, Refusal):
             raise _refused(action, answer)
         return answer.text or f"{action} done"
 
     async def close(self) -> None:
         """Cancel what goes on at the scale, and close the port."""
-        with contextlib.suppress(LinkError, DeviceError):  # not open, or gone: nothing to quieten
-            self._port.send(self._dialect.cancel)
+        self._cancel()
         self._port.close()
+
+    def _cancel(self) -> None:
+        """End what goes on at the scale, if it is still there."""
+        with contextlib.suppress(LinkError, DeviceError):  # not open, or gone: nothing to end
+            self._port.send(self._dialect.cancel)
 
     async def _quieten(self) -> None:
         """End a stream that the last session left on; the line is quiet afterwards."""

@@ -17,7 +17,7 @@ from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.scale import driver as module
 from rigd_drivers.scale.driver import ScaleConfig, ScaleStatus, SerialScale
 from rigd_sim.wire.scale import SimScale
-from rigd_sim.wire.scale_languages import AndD
+from rigd_sim.wire.scale_languages import STABILITY_S, AndD
 
 DIALECTS = ("mt-sics", "kern-kcp", "and-d")
 TIMEOUT_S = 20
@@ -297,6 +297,32 @@ def test_a_load_that_never_rests_is_not_tared(
                 assert one.scale.weighing.tare_kg == 0.0
                 one.rows.rows.clear()
                 await one.rows.until(lambda row: row[1] == 0)  # rows go on, marked as moving
+
+    asyncio.run(main())
+
+
+def test_an_action_that_is_given_up_does_not_happen_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The load moves between the reading that was stable and the command: the scale waits."""
+    monkeypatch.setattr(module, "ACTION_S", 0.3)
+
+    async def main() -> None:
+        async with bench(tmp_path) as one:
+            await one.driver.open()
+            answer = one.scale._language.answer
+
+            def disturbed(command: bytes, now_s: float) -> list[bytes]:
+                one.scale.weighing.never_stable |= command == b"T"
+                return answer(command, now_s)
+
+            monkeypatch.setattr(one.scale._language, "answer", disturbed)
+            with pytest.raises(DeviceError, match=r"did not tare within 0\.3 s"):
+                await one.driver.act("tare")
+            async with asyncio.timeout(STABILITY_S / 2):  # long before it would give up by itself
+                while one.scale._language._waiting is not None:
+                    await asyncio.sleep(0)
+            assert one.scale.weighing.tare_kg == 0.0
 
     asyncio.run(main())
 
