@@ -39,6 +39,7 @@ DOCUMENTS = (
     "identification.md",
     "drivers.md",
     "simulation.md",
+    "devices.md",
 )
 #: Blocks that nothing runs, by document.
 UNCHECKED = {
@@ -48,6 +49,7 @@ UNCHECKED = {
     "identification.md": 2,
     "drivers.md": 3,
     "simulation.md": 4,
+    "devices.md": 3,
 }
 TIMEOUT_S = 60
 
