@@ -30,6 +30,8 @@ SERVOS, ENCODERS = (1, 2, 3), (11, 12)
 #: Objects by the size of what is mapped: statusword, torque, position; velocity.
 FEEDBACK, VELOCITY, POSITION = (0x60410010, 0x60770010, 0x60640020), (0x606C0020,), (0x60040020,)
 TORQUE, SPEED = (0x60400010, 0x60710010), (0x60400010, 0x60FF0020)
+#: Longer than any stall of a shared machine: a drive that trips answers no more.
+WATCHDOG_MS, ANSWER_S = 5000, 10.0
 #: TPDOs that answer one SYNC: one of each node, and the velocities of both belts.
 ANSWERS = {"servo_bus": 5, "encoder_bus": 2}
 
@@ -48,6 +50,7 @@ class Master:
     def __init__(self, path: Path) -> None:
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.socket.connect(str(path))
+        self.socket.settimeout(ANSWER_S)
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send a frame."""
@@ -86,7 +89,7 @@ def set_up(servos: Master, encoders: Master) -> None:
         servos.map(node, 0x1800, 0x180 + node, FEEDBACK)
         servos.map(node, 0x1400, 0x200 + node, TORQUE if node == 1 else SPEED)
         servos.write(node, 0x6060, 0, 10 if node == 1 else 9, 1)
-        servos.write(node, 0x1016, 1, 127 << 16 | 100, 4)
+        servos.write(node, 0x1016, 1, 127 << 16 | WATCHDOG_MS, 4)
         if node != 1:
             servos.map(node, 0x1801, 0x280 + node, VELOCITY)
     for node in ENCODERS:

@@ -141,6 +141,21 @@ def test_a_lost_heartbeat_takes_the_torque_away(tmp_path: Path) -> None:
     run(scenario())
 
 
+def test_a_stall_of_the_simulation_is_not_taken_for_a_lost_heartbeat(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with drive(tmp_path) as (node, client, _):
+            await _alive(client, DISABLE_ON_LOSS)
+            for _ in range(150):  # more than is read at once
+                client.send(0x7FF)
+            client.send(*HEARTBEAT)
+            time.sleep(0.15)  # the loop of the simulation: it reads nothing meanwhile
+            assert await client.silent(0.05)
+            assert node.state()["enabled"] is True
+            assert await client.until(0x081) == "30 81 11 00 00 00 00 00"  # and then it is lost
+
+    run(scenario())
+
+
 def test_who_never_began_to_beat_is_not_missed(tmp_path: Path) -> None:
     async def scenario() -> None:
         async with drive(tmp_path) as (node, client, _):

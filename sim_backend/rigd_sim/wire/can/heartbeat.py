@@ -9,22 +9,31 @@ from typing import Final
 
 from rigd_sim.wire.can.dictionary import Dictionary, Entry, Kind
 
+#: A timer that comes later than this, in s, tells of a stall of this process, not of the master:
+#: what was sent meanwhile waits to be read, and is given this time to be.
+STALL_S: Final = 0.005
+GRACE_S: Final = 0.02
 #: Nodes that one node can watch.
 WATCHED: Final = 4
 
 
 class Watch:
-    """Calls ``expired`` once nothing has fed it for its time; it then rests until fed again."""
+    """Calls ``expired`` once nothing has fed it for its time; it then rests until fed again.
+
+    A device does not stall as this process may: see :data:`STALL_S`.
+    """
 
     def __init__(self, expired: Callable[[], None]) -> None:
         self._expired = expired
         self._timer: asyncio.TimerHandle | None = None
         self._due = 0.0
+        self._graced = False
 
     def feed(self, timeout_s: float) -> None:
         """Begin to count ``timeout_s`` anew; cheap, since a timer under way is left to run."""
         loop = asyncio.get_running_loop()
         self._due = loop.time() + timeout_s
+        self._graced = False
         if self._timer is not None and self._timer.when() > self._due:
             self.stop()
         if self._timer is None:
@@ -44,8 +53,12 @@ class Watch:
     def _check(self) -> None:
         self._timer = None
         loop = asyncio.get_running_loop()
-        if loop.time() < self._due:
+        now = loop.time()
+        if now < self._due:
             self._timer = loop.call_at(self._due, self._check)
+        elif now > self._due + STALL_S and not self._graced:
+            self._graced = True
+            self._timer = loop.call_at(now + GRACE_S, self._check)
         else:
             self._expired()
 
@@ -58,17 +71,20 @@ class Producer:
         self._period = dictionary.add(
             Entry(0x1017, 0, Kind.U16, 0, writable=True, changed=lambda _: self.start())
         )
-        self._watch = Watch(self._again)
+        self._timer: asyncio.TimerHandle | None = None
 
     def start(self) -> None:
         """Begin with the period that the object holds; 0 ms: no heartbeat."""
-        self._watch.stop()
+        self.stop()
         if self._period.value:
-            self._watch.feed(self._period.value * 1e-3)
+            loop = asyncio.get_running_loop()
+            self._timer = loop.call_later(self._period.value * 1e-3, self._again)
 
     def stop(self) -> None:
         """Fall silent."""
-        self._watch.stop()
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
 
     def _again(self) -> None:
         self._beat()
