@@ -15,6 +15,7 @@ from annotated_types import Ge, Gt, Le, MinLen
 from pydantic import Field
 
 from rigd.sdk import In, Link, LinkConfig, LinkError, ProtocolError
+from rigd_drivers.can_load import FRAME_BITS, LoadMeter
 from rigd_drivers.can_ports import Frame, Full, Port, open_port
 from rigd_drivers.canopen import frames, nmt
 from rigd_drivers.canopen.flood import FloodWatch
@@ -81,6 +82,12 @@ class CanBus(Link):
         self._full_since = 0
         self._flood = FloodWatch(self.now_ns)
         self._cycled_ns = 0
+        self._meter = LoadMeter(self.config.bitrate, self.now_ns)
+
+    @property
+    def load(self) -> float | None:
+        """Share of the time that frames took on the bus lately, at most."""
+        return self._meter.load
 
     @property
     def is_open(self) -> bool:
@@ -202,6 +209,7 @@ class CanBus(Link):
         self._empty(self._send)
         now = time.monotonic_ns()
         self._cycled_ns = now
+        self._meter.look(now)
         self._beat_if_due(now)
 
     def put(self, identifier: int, data: bytes) -> None:
@@ -306,11 +314,12 @@ class CanBus(Link):
                 raise self._stuck(error) from error
             return
         self._full_since = 0
+        self._meter.bits += FRAME_BITS[len(data)]
 
     def _take(self, most: int) -> bool:
         """Dispatch up to ``most`` frames; return whether these were all."""
         receive = self._opened().receive
-        handlers, flood = self._handlers, self._flood
+        handlers, flood, meter = self._handlers, self._flood, self._meter
         for _ in range(most):
             frame = receive()
             if frame is None:
@@ -322,6 +331,7 @@ class CanBus(Link):
                 self._no_canopen(frame)
                 continue
             self._errors_in_a_row = 0
+            meter.bits += FRAME_BITS[len(data)]
             handler = handlers.get(identifier)
             if handler is not None:
                 handler(data)

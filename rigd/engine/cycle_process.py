@@ -190,6 +190,10 @@ class CycleProcess:
             case m.Ask(serial, "standing"):
                 standing = self._cycle.interlocks.active()
                 self._answer(serial, [interlock.name for interlock in standing])
+            case m.Ask(serial, "loads"):
+                links = self._cycle.rig.links
+                self._tell("loads", {name: link.load for name, link in links.items()})
+                self._answer(serial, [])
             case m.Change(serial, quantity, value):
                 self._answer(serial, self._change(quantity, value))
             case m.MakeSafe(serial):

@@ -27,6 +27,10 @@ class ManualHost(ProcessHost):
         """Return the names of the interlocks that stand tripped."""
         return self._ask(m.Ask(self._next(), "standing"))
 
+    def tell_loads(self) -> None:
+        """Have the cycle process tell how much each link carries, as an event ``loads``."""
+        self._ask(m.Ask(self._next(), "loads"))
+
     def act(self, device: str, action: str) -> str:
         """Do one of a device's actions while the rig stays at rest; return what it said.
 
@@ -52,8 +56,10 @@ class ManualHost(ProcessHost):
         serial = self._next()
         self._send(m.Act(serial, device, action))
         until_ns = monotonic_ns() + round(ACT_S * 1e9)
-        outcome = self.rest_while(lambda: serial not in self._acted and monotonic_ns() < until_ns)
-        acted = self._acted.pop(serial, None)
+        outcome = self.rest_while(
+            lambda: serial not in self._cycle.acted and monotonic_ns() < until_ns
+        )
+        acted = self._cycle.acted.pop(serial, None)
         if acted is not None and acted.error is not None:
             raise acted.error
         if acted is not None:

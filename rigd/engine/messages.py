@@ -92,7 +92,10 @@ class Change(Command):
 
 @dataclass(frozen=True)
 class Ask(Command):
-    """Ask ``unfit``, ``barred`` or ``standing`` (interlocks by name); replied by Said."""
+    """Ask ``unfit``, ``barred`` or ``standing`` (interlocks by name); replied by Said.
+
+    ``loads`` is replied by Said with nothing, behind an event with the load of every link.
+    """
 
     what: str
 

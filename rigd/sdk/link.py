@@ -30,6 +30,14 @@ class Link(ABC):
     def __init__(self, config: Any) -> None:
         self.config = config
 
+    @property
+    def load(self) -> float | None:
+        """Share of what the connection can carry that it carried lately, at most; 0 to 1.
+
+        None where the link does not know.
+        """
+        return None
+
     @abstractmethod
     def open(self) -> None:
         """Open the connection and make sure that it is ours alone; send nothing that moves.

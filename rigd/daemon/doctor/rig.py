@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from rigd.config.rig import RigConfig
 from rigd.daemon.doctor.check import Check, Tell, Verdict
@@ -13,6 +14,9 @@ from rigd.daemon.manual import Look, look_at
 from rigd.engine.control import Control
 from rigd.model.errors import Blocked, DeviceError
 from rigd.model.limits import Action
+
+#: A link that carries more has no room for what must be repeated.
+_FULL: Final = 0.8
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ def _examine(look: Look, seconds: float, tell: Tell) -> None:
     group = f"{group}, {seconds:g} s at rest"
     for check in survey.cycle(group):
         tell(check)
-    for check in _interlocks(group, look):
+    for check in (*_loads(group, look), *_interlocks(group, look)):
         tell(check)
     for check in survey.devices(group):
         tell(check)
@@ -136,6 +140,16 @@ def _watchdogs(look: Look) -> Iterator[Check]:
             took_s, bound_s = data["safe_after_s"], data["bound_s"]
             found = f"safe {took_s * 1e3:.0f} ms after we fell silent, bound {bound_s * 1e3:.0f} ms"
             figures = {"safe_after_s": took_s, "bound_s": bound_s}
+            yield Check(group, name, Verdict.OK, found, figures=figures)
+
+
+def _loads(group: str, look: Look) -> Iterator[Check]:
+    for name, load in look.loads().items():
+        found, figures = f"carries {load:.0%} of what it can, at most", {"load": load}
+        if load > _FULL:
+            advice = "move devices to another bus, or lower `cycle`: what waits comes late"
+            yield Check(group, name, Verdict.WARN, found, advice, figures)
+        else:
             yield Check(group, name, Verdict.OK, found, figures=figures)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -94,6 +94,13 @@ class Look:
         last = {trip.interlock.name: trip for trip in self.trips}
         # One that tripped this moment is known to the cycle before its trip has come here.
         return [last[name] for name in self._host.standing() if name in last]
+
+    def loads(self) -> Mapping[str, float]:
+        """Return which share of its capacity each link carries, of those that know; 0 to 1."""
+        self._host.tell_loads()
+        self._drain()
+        told = [event.data for event in self.events if event.kind == "loads"]
+        return {name: load for name, load in told[-1].items() if load is not None} if told else {}
 
     def first_rows(self) -> None:
         """Look at the rig until every device has given a row.

@@ -13,6 +13,7 @@ from support.can_script import ScriptedBus
 
 from rigd.sdk import LinkError
 from rigd_drivers.can_bus import FRAMES_PER_CYCLE, CanBus, CanBusConfig
+from rigd_drivers.can_load import FRAME_BITS, WINDOW_NS, LoadMeter
 from rigd_drivers.can_ports import open_port
 
 Connect = Callable[..., tuple[CanBus, ScriptedBus]]
@@ -254,3 +255,34 @@ def test_an_adapter_of_python_can_carries_frames_both_ways() -> None:
         assert port.receive() == (0x8000_0181, b"")
         assert port.receive() == (0x2000_0008, b"")
     port.close()
+
+
+def test_the_load_is_what_frames_take_of_the_time_at_most(connect: Connect, clock: Clock) -> None:
+    bus, port = connect(listen=True)
+    clock.pass_by(1.0)
+    began_ns = clock()
+    bus.end(0)  # a window begins
+    before = len(port.sent)
+    for _ in range(100):
+        port.say(0x18B, "00 11 22 33 44 55 66 77")
+        bus.begin(0)
+        bus.end(0)
+        clock.pass_by(0.0001)
+    clock.pass_by(0.6)
+    bus.end(0)
+    # 135 bits with 8 bytes, 55 without any (SYNC), 65 with one (heartbeat); at 1 Mbit/s.
+    bits = 100 * 135 + sum({0: 55, 1: 65}[len(data)] for _, data in port.sent[before:])
+    took_s = (clock() - began_ns) * 1e-9
+    assert bus.load is not None
+    assert bits / 1e6 / took_s <= bus.load <= bits / 1e6 / 0.6
+
+
+def test_a_load_is_that_of_its_window_alone() -> None:
+    meter = LoadMeter(bitrate=500e3, now_ns=0)
+    meter.bits += 10 * FRAME_BITS[8]
+    meter.look(WINDOW_NS - 1)
+    assert meter.load is None
+    meter.look(WINDOW_NS)
+    assert meter.load == pytest.approx(1350 / 250e3)
+    meter.look(2 * WINDOW_NS)
+    assert meter.load == 0.0
