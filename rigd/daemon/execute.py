@@ -106,6 +106,7 @@ def execute(
             control,
             answers or OwnAnswers(),
             change=form.change,
+            faults=form.faults,
             done=done,
             watch=display.watch,
             extra_checks=(lambda: _disk_check(path.parent),),

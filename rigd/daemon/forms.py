@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 from rigd.config.rig import RigConfig
 from rigd.engine.clock import Clock
 from rigd.engine.control import Control
+from rigd.engine.faults import Ask, ShownFaults
 from rigd.engine.host import Host
 from rigd.engine.in_process import InProcessHost
 from rigd.engine.process_host import ProcessHost
@@ -52,6 +54,8 @@ class Form:
 
     host: Host
     change: ChangePlant | None
+    #: Lets simulated devices show faults, where they are simulated at the wire.
+    faults: ShownFaults | None = None
     #: Ends what was begun for the run, whatever became of it.
     release: Callable[[], None] = lambda: None
 
@@ -146,7 +150,14 @@ def processes(
     except BaseException:
         folder.release()
         raise
-    return Form(host, _change(rig, host), folder.release)
+    release = ExitStack()
+    release.callback(folder.release)
+    if rig.simulation is None:
+        return Form(host, host.change if rig.plant is not None else None, None, release.close)
+    ask = rig.simulation.simulation_class(rig.simulation.config).ask
+    faults = ShownFaults(ask)
+    release.callback(faults.clear)  # before the rig is free for another run
+    return Form(host, _change(ask), faults, release.close)
 
 
 class _KeptAlive:
@@ -181,17 +192,12 @@ def ring_rows(rig: RigConfig, stream: Stream, every: int = 1) -> int:
     return round(RING_S * rate_hz) + SPARE_ROWS
 
 
-def _change(rig: RigConfig, host: ProcessHost) -> ChangePlant | None:
-    """Return what obeys a prompt on a simulated rig; None where a person must."""
-    if rig.plant is not None:
-        return host.change
-    if rig.simulation is None:
-        return None
-    simulation = rig.simulation.simulation_class(rig.simulation.config)
+def _change(ask: Ask) -> ChangePlant:
+    """Return what obeys a prompt where the devices are simulated at the wire."""
 
     def change(quantity: str, value: float | str) -> None:
         try:
-            simulation.ask({"do": "change", "quantity": quantity, "value": value})
+            ask({"do": "change", "quantity": quantity, "value": value})
         except LinkError as error:
             raise ValueError(f"the simulation does not answer: {error}") from error
 

@@ -43,10 +43,7 @@ def preflight(
 
 
 def _unanswerable(procedure: CompiledProcedure, answers: Answers) -> Iterator[str]:
-    steps = [*procedure.prepare, *procedure.finish]
-    for trial in procedure.trials:
-        steps += [*trial.steps, *trial.after]
-    asked = {step.name: step for step in steps if isinstance(step, Prompt)}
+    asked = {step.name: step for step in procedure.steps() if isinstance(step, Prompt)}
     for prompt in asked.values():
         if not answers.can_answer(prompt):
             yield (

@@ -8,18 +8,27 @@ purpose and runs on every way out.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from functools import partial
 
 from rigd.engine.answers import Answer, Answers, check_answer
 from rigd.engine.clock import idle
 from rigd.engine.control import Control
+from rigd.engine.faults import ShownFaults
 from rigd.engine.host import Host
 from rigd.engine.player import Ending, Outcome
 from rigd.engine.preflight import preflight
 from rigd.engine.result import Progress, RunResult, ending_word
 from rigd.model.errors import Blocked, Exit, ProcedureError, RigdError
 from rigd.model.states import RunEvent, RunState, next_state
-from rigd.procedure.program import AnswerKind, CompiledProcedure, Prompt, Step, TrialPlan
+from rigd.procedure.program import (
+    AnswerKind,
+    CompiledProcedure,
+    Fault,
+    Prompt,
+    Step,
+    TrialPlan,
+)
 from rigd.record.events import NO_TRIAL
 
 #: Beyond this share of missed cycles a recording is not what it looks like.
@@ -44,7 +53,7 @@ class Run:
     """Plays ``procedure`` on the rig behind ``host``.
 
     ``done`` holds the numbers of trials that an earlier, interrupted run has completed.
-    ``change`` is None for a real rig.
+    ``change`` is None for a real rig, ``faults`` for one that is not simulated at the wire.
     """
 
     procedure: CompiledProcedure
@@ -52,6 +61,7 @@ class Run:
     control: Control
     answers: Answers
     change: ChangePlant | None = None
+    faults: ShownFaults | None = None
     done: frozenset[int] = frozenset()
     watch: Callable[[Progress], None] = lambda _: None
     extra_checks: Sequence[Callable[[], Sequence[str]]] = ()
@@ -105,7 +115,10 @@ class Run:
     def _live(self) -> tuple[str, Exit]:
         self._to(RunEvent.CHECK)
         try:
-            stopped = preflight(self.host, self.procedure, self.answers, self.extra_checks)
+            checks = [*self.extra_checks]
+            if self.faults is not None:
+                checks.append(partial(self.faults.unknown, self.procedure))
+            stopped = preflight(self.host, self.procedure, self.answers, checks)
         except Blocked:
             self._to(RunEvent.BLOCK)
             raise
@@ -258,6 +271,10 @@ class Run:
                 outcome = self._prompt(step)
                 if outcome is not None:
                     return outcome
+            elif isinstance(step, Fault):
+                outcome = self._show(step)
+                if outcome is not None:
+                    return outcome
             else:
                 outcome = self.host.play(step)
                 if outcome.ending is not Ending.DONE:
@@ -288,6 +305,17 @@ class Run:
                 self.change(prompt.changes, answer)
             except ValueError as error:
                 return Outcome(Ending.FAILED, f"prompt {prompt.name!r}: {error}")
+        return None
+
+    def _show(self, fault: Fault) -> Outcome | None:
+        """Let a simulated device show a fault; the setpoints stay as they are."""
+        if self.faults is None:
+            raise RuntimeError("a fault step was compiled for a rig that shows no faults")
+        try:
+            self.faults.show(fault)
+        except ValueError as error:
+            return Outcome(Ending.FAILED, f"fault {fault.fault!r} of {fault.part}: {error}")
+        self._event("fault_shown", asdict(fault))
         return None
 
     def _way_out(self, outcome: Outcome) -> _WayOut:

@@ -18,7 +18,7 @@ from rigd.procedure.loader import Procedure
 from rigd.procedure.parameters import Parameters, read_parameters, read_tables
 from rigd.procedure.program import CompiledProcedure, CycleProgram, IdentifyPlan, TrialPlan
 from rigd.procedure.reader import Reader, describe_unit
-from rigd.procedure.source import MoveSource, ProcedureSource, PromptSource
+from rigd.procedure.source import FaultSource, MoveSource, ProcedureSource, PromptSource
 from rigd.procedure.steps import StepCompiler
 from rigd.procedure.sweep import play_order, read_points
 
@@ -128,7 +128,7 @@ def _trials(
 
 def _check_names(reader: Reader, source: ProcedureSource) -> None:
     """Note steps and prompts that share a name: logs, reports and answers go by it."""
-    blocks: tuple[tuple[Path_, Sequence[MoveSource | PromptSource]], ...] = (
+    blocks: tuple[tuple[Path_, Sequence[MoveSource | PromptSource | FaultSource]], ...] = (
         (("prepare",), source.prepare),
         (("trial", "steps"), source.trial.steps),
         (("trial", "after"), source.trial.after),
@@ -137,6 +137,8 @@ def _check_names(reader: Reader, source: ProcedureSource) -> None:
     seen: dict[str, int] = {}
     for path, steps in blocks:
         for index, step in enumerate(steps):
+            if isinstance(step, FaultSource):
+                continue  # it goes by its device and fault, and may be shown often
             key, name = (
                 ("step", step.step) if isinstance(step, MoveSource) else ("prompt", step.prompt)
             )

@@ -1,13 +1,14 @@
 """What a procedure compiles to: plain data that the cycle plays and a person can read.
 
 Everything that must happen on time (profiles, end conditions, per-trial limits) is a
-:class:`CycleProgram`; everything that waits for a person is a :class:`Prompt`. All values are in
-SI. Channels are written ``device.channel``.
+:class:`CycleProgram`; everything that waits for a person is a :class:`Prompt`; what a simulated
+device shall get wrong is a :class:`Fault`. All values are in SI. Channels are written
+``device.channel``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -102,7 +103,21 @@ class Prompt:
     changes: str | None = None
 
 
-Step = CycleProgram | Prompt
+@dataclass(frozen=True)
+class Fault:
+    """A fault that a device simulated at the wire shows, in words that the simulation knows.
+
+    It begins ``after_s`` after the step is reached, and lasts ``for_s``; None: until the run ends.
+    """
+
+    part: str
+    fault: str
+    after_s: float = 0.0
+    for_s: float | None = None
+    options: Mapping[str, int | float | bool | str] = field(default_factory=dict)
+
+
+Step = CycleProgram | Prompt | Fault
 
 
 @dataclass(frozen=True)
@@ -158,3 +173,10 @@ class CompiledProcedure:
     finish: tuple[Step, ...]
     decimation: Mapping[str, int]
     identify: IdentifyPlan | None = None
+
+    def steps(self) -> Iterator[Step]:
+        """Yield every step of every block, in no particular order."""
+        yield from self.prepare
+        yield from self.finish
+        for trial in self.trials:
+            yield from (*trial.steps, *trial.after)

@@ -85,6 +85,15 @@ class Reader:
             return math.nan
         return value.value
 
+    def time(self, path: Path_, text: str | None, scope: Scope) -> float | None:
+        """Return the time at ``path`` in s, above zero; None where none is given."""
+        if text is None:
+            return None
+        value = self.number(path, text, "s", scope)
+        if value <= 0:
+            self.note(path, f"{text} must be above 0 s")
+        return value
+
     def word(self, path: Path_, text: str, scope: Scope) -> str | None:
         """Return a word, written out or as ``${name}``, or None with the problem noted."""
         if _ONLY_NAME.match(text) is None:

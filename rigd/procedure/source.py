@@ -22,6 +22,8 @@ from rigd.procedure.profiles import TAPS
 
 #: A quantity, or an expression such as `0.5 * ${current}`.
 Expression = QuantityText
+#: A plain value of an option: number, truth value, word.
+OptionText = Annotated[str, Field(json_schema_extra={"type": ["string", "number", "boolean"]})]
 #: Text in which `${name}` is replaced.
 Template = Annotated[str, StringConstraints(min_length=1, max_length=2000)]
 #: A step may have blanks in its name: it is read by people only.
@@ -282,12 +284,39 @@ class PromptSource(Source):
     """What a simulated rig changes to the answer: `floor`, `mass`."""
 
 
+class ShownFaultSource(Source):
+    """What a simulated device gets wrong, and for how long."""
+
+    part: Name
+    """The device or bus that shows it, as the simulation calls it."""
+    fault: Name
+    """Name of the fault: `docs/faults.md` lists those of every device."""
+    after: Expression | None = None
+    """How long after the step is reached it begins; by default at once."""
+    lasting: Annotated[Expression | None, Field(alias="for")] = None
+    """How long it lasts; by default until the run ends."""
+    options: dict[Name, OptionText] = Field(default_factory=dict)
+    """Options of the fault: numbers in SI, words."""
+
+
+class FaultSource(Source):
+    """A step that lets a simulated device show a fault; it takes no time itself."""
+
+    fault: ShownFaultSource
+    """What is shown. Only for rigs with a `simulation:`."""
+    when: dict[Name, Words] = Field(default_factory=dict)
+    """It is shown only where each of these parameters is (one of) the word(s) given."""
+
+
 def _step_kind(value: object) -> str:
-    return "prompt" if isinstance(value, dict) and "prompt" in value else "step"
+    kinds = (kind for kind in ("prompt", "fault") if isinstance(value, dict) and kind in value)
+    return next(kinds, "step")
 
 
 StepSource = Annotated[
-    Annotated[MoveSource, Tag("step")] | Annotated[PromptSource, Tag("prompt")],
+    Annotated[MoveSource, Tag("step")]
+    | Annotated[PromptSource, Tag("prompt")]
+    | Annotated[FaultSource, Tag("fault")],
     Discriminator(_step_kind),
 ]
 Steps = Annotated[list[StepSource], Field(max_length=1000)]

@@ -12,6 +12,7 @@ from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
 from rigd.procedure.conditions import read_until
 from rigd.procedure.expression import NAME, Scope, Value
+from rigd.procedure.faults import read_fault
 from rigd.procedure.program import (
     CycleProgram,
     OnTimeout,
@@ -23,6 +24,7 @@ from rigd.procedure.prompts import read_prompt
 from rigd.procedure.reader import Reader
 from rigd.procedure.setpoints import read_setpoint
 from rigd.procedure.source import (
+    FaultSource,
     MoveSource,
     ParameterSource,
     PromptSource,
@@ -51,13 +53,13 @@ class StepCompiler:
     def compile(
         self,
         path: Path_,
-        sources: Sequence[MoveSource | PromptSource],
+        sources: Sequence[MoveSource | PromptSource | FaultSource],
         scope: Scope,
         limits: tuple[TrialLimit, ...] = (),
     ) -> tuple[Step, ...]:
         """Return the steps of ``sources``, which stand at ``path``; problems are noted.
 
-        Steps that follow one another without a prompt between them become one program.
+        Moves that follow one another with nothing between them become one program.
         """
         steps: list[Step] = []
         segments: list[Segment] = []
@@ -67,11 +69,16 @@ class StepCompiler:
                 continue
             if isinstance(source, MoveSource):
                 segments.append(self._segment(where, source, scope, limits))
-            elif self._is_due(where, source, scope):
-                if segments:
-                    steps.append(CycleProgram(tuple(segments), limits))
-                    segments = []
+                continue
+            if isinstance(source, PromptSource) and not self._is_due(where, source, scope):
+                continue
+            if segments:
+                steps.append(CycleProgram(tuple(segments), limits))
+                segments = []
+            if isinstance(source, PromptSource):
                 steps.append(read_prompt(self.reader, where, source, scope))
+            else:
+                steps.append(read_fault(self.reader, where, source, scope, self.rig))
         if segments:
             steps.append(CycleProgram(tuple(segments), limits))
         return tuple(steps)
@@ -168,8 +175,8 @@ class StepCompiler:
             name=source.step,
             setpoints=setpoints,
             until=until,
-            duration_s=self._time(path, "for", source.wait, scope),
-            timeout_s=self._time(path, "timeout", source.timeout, scope),
+            duration_s=self.reader.time((*path, "for"), source.wait, scope),
+            timeout_s=self.reader.time((*path, "timeout"), source.timeout, scope),
             on_timeout=OnTimeout(source.on_timeout),
         )
 
@@ -187,11 +194,3 @@ class StepCompiler:
         if "on_timeout" in source.model_fields_set and source.timeout is None:
             message = "on_timeout without 'timeout' has no effect"
             self.reader.note_key((*path, "on_timeout"), message, "add a timeout, or remove it")
-
-    def _time(self, path: Path_, key: str, text: str | None, scope: Scope) -> float | None:
-        if text is None:
-            return None
-        value = self.reader.number((*path, key), text, "s", scope)
-        if value <= 0:
-            self.reader.note((*path, key), f"{text} must be above 0 s")
-        return value

@@ -1,0 +1,69 @@
+"""Faults that a procedure lets the simulated devices of its rig show; they end with the run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from typing import Any
+
+from rigd.config.problems import suggest
+from rigd.model.errors import LinkError
+from rigd.procedure.program import CompiledProcedure, Fault
+
+#: ``ask(request)``: see :meth:`rigd.sdk.Simulation.ask`.
+Ask = Callable[[Mapping[str, Any]], Mapping[str, Any]]
+
+
+class ShownFaults:
+    """The faults of one run, shown by the simulation behind ``ask``."""
+
+    def __init__(self, ask: Ask) -> None:
+        self._ask = ask
+        self._shown: list[Fault] = []
+
+    def unknown(self, procedure: CompiledProcedure) -> Sequence[str]:
+        """Return which faults of ``procedure`` the simulation cannot show, a sentence each."""
+        wanted = [step for step in procedure.steps() if isinstance(step, Fault)]
+        if not wanted:
+            return ()
+        try:
+            parts: Mapping[str, Mapping[str, str]] = self._ask({"do": "faults"})["parts"]
+        except (LinkError, ValueError) as error:
+            return [f"the faults of the procedure cannot be shown: {error}"]
+        reasons = []
+        for one in wanted:
+            if one.part not in parts:
+                hint = suggest(one.part, parts)
+                reasons.append(f"the simulation has no device {one.part!r} to fail: {hint}")
+            elif one.fault not in parts[one.part]:
+                hint = suggest(one.fault, parts[one.part])
+                reasons.append(f"{one.part} cannot show the fault {one.fault!r}: {hint}")
+        return reasons
+
+    def show(self, fault: Fault) -> None:
+        """Let the simulation show ``fault``.
+
+        Raises:
+            ValueError: it cannot; says why.
+        """
+        try:
+            self._ask(
+                {
+                    "do": "fault",
+                    "part": fault.part,
+                    "fault": fault.fault,
+                    "options": dict(fault.options),
+                    "after_s": fault.after_s,
+                    "for_s": fault.for_s,
+                }
+            )
+        except LinkError as error:
+            raise ValueError(f"the simulation does not answer: {error}") from error
+        self._shown.append(fault)
+
+    def clear(self) -> None:
+        """End everything that was shown, also what was still to come."""
+        with suppress(LinkError):  # a simulation that has ended shows nothing any more
+            while self._shown:
+                fault = self._shown.pop()
+                self._ask({"do": "clear", "part": fault.part, "fault": fault.fault})
