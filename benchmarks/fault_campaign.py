@@ -23,9 +23,8 @@ from typing import Any
 from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.campaign import Campaign, Outcome, verdict
+from support.campaign import CALM, Campaign, Outcome, verdict
 from support.fault_table import Case, cases
-from support.killing import PATIENT
 from support.wire import wire_rig
 
 Row = dict[str, Any]
@@ -48,7 +47,7 @@ def play(missing: list[Case], table: Path | None) -> list[Row]:
     while left:  # a cut connection stays cut: the simulation is then begun anew
         with (
             tempfile.TemporaryDirectory() as folder,
-            wire_rig(Path(folder), "wire-faults", PATIENT) as rig,
+            wire_rig(Path(folder), "wire-faults", CALM) as rig,
         ):
             campaign = Campaign(rig, Path(folder), report)
             while left:
@@ -68,8 +67,10 @@ def show(rows: list[Row]) -> bool:
     for row in sorted(rows, key=lambda one: str(one["name"])):
         outcome = Outcome(**{key: value for key, value in row.items() if key != "name"})
         case = known[row["name"]]
-        print(f"{case.name:<48} {case.must.value:<6} {outcome.detected_by:<13}"
-              f" {_ms(outcome.detected_s):>6} {_ms(outcome.safe_s):>8}  {outcome.told}")  # fmt: skip
+        print(
+            f"{case.name:<48} {case.must.value:<6} {outcome.detected_by:<13}"
+            f" {_ms(outcome.detected_s):>6} {_ms(outcome.safe_s):>8}  {outcome.told}"
+        )
         wrong = verdict(case, outcome)
         failed += bool(wrong)
         for one in wrong:

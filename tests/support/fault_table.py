@@ -107,7 +107,7 @@ def _card() -> Iterator[Case]:
     yield case("stuck_code", GO_ON, channel="ai0")
     yield case("open_input", GO_ON, channel="ai0")
     yield case("drift", GO_ON, ppm=100.0)
-    yield case("stall", MARK, seconds=0.3)
+    yield case("stall", GO_ON, seconds=0.02)
     yield case("stall", END, within_s=4.0, seconds=3.0)
     yield Case("accelerometer", "removal", BLOCK, words=("accelerometer",), before=True)
 
@@ -119,13 +119,12 @@ def _scale() -> Iterator[Case]:
         words = ("scale",) if must is END else ()
         return Case("scale", fault, must, options, words, within_s=4.0, watch_s=4.0)
 
-    for fault in ("garbage", "partial", "lost", "silent", "late", "unplug"):
+    for fault in ("garbage", "partial", "merged", "lost", "silent", "late", "unplug"):
         yield case(fault, END)
     for fault in ("syntax", "transmission", "logic", "busy"):
         yield case(fault, END)
     yield case("garbage", MARK, probability=0.5)
     yield case("nul", GO_ON)
-    yield case("merged", GO_ON)
     for fault in ("no_cr", "echo", "stream"):
         yield case(fault, GO_ON)
     for fault in ("overload", "underload", "never_stable"):
