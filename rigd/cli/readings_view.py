@@ -124,7 +124,7 @@ class JsonView(View):
                 "name": trip.interlock.name,
                 "action": trip.interlock.action.name.lower(),
                 "reason": trip.reason,
-                "message": trip.interlock.message,
+                "message": trip.message,
             }
             for trip in standing
         ]

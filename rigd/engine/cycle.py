@@ -299,7 +299,7 @@ class Cycle:
                 "latched": interlock.latch,
                 "value": trip.value,
                 "reason": trip.reason,
-                "message": interlock.message,
+                "message": trip.message,
             },
         )
 

@@ -12,12 +12,17 @@ from rigd.model.units import Quantity, parse_unit
 
 @dataclass(frozen=True)
 class Trip:
-    """An interlock that acted: when, why, in words for the operator."""
+    """An interlock that acted: when, why, in words for the operator.
+
+    ``message`` is the interlock's own, or "" where it speaks of bounds and nothing is known of
+    the value.
+    """
 
     t_ns: int
     interlock: Interlock
     value: float
     reason: str
+    message: str
 
 
 @dataclass(frozen=True)
@@ -80,9 +85,10 @@ class InterlockBank:
             untrusted = age_ns > rule.stale_ns or math.isnan(value + low - high)
             if not self._tripped[index] and (untrusted or t_ns - since >= rule.delay_ns):
                 self._tripped[index] = True
-                trips.append(
-                    Trip(t_ns, rule.interlock, value, _reason(rule, value, low, high, age_ns))
-                )
+                reason = _reason(rule, value, low, high, age_ns)
+                of_bounds = rule.interlock.low is not None or rule.interlock.high is not None
+                message = "" if untrusted and of_bounds else rule.interlock.message
+                trips.append(Trip(t_ns, rule.interlock, value, reason, message))
         return trips
 
     def _recover(self, index: int, value: float, low: float, high: float) -> None:

@@ -381,7 +381,7 @@ class Run:
             self.host.counters.missed,
             tuple(
                 f"{trip.interlock.name} ({trip.interlock.action.name.lower()}): {trip.reason}"
-                + (f" - {trip.interlock.message}" if trip.interlock.message else "")
+                + (f" - {trip.message}" if trip.message else "")
                 for trip in self.host.trips
             ),
             tuple(problems),

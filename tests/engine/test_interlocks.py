@@ -96,3 +96,20 @@ def test_without_delay_it_trips_exactly_when_the_value_is_not_inside(
     below_high = high is None or value <= high
     inside = above_low and below_high and not math.isnan(value)
     assert bool(trips) is not inside
+
+
+@pytest.mark.parametrize(
+    ("high", "values", "fresh", "told"),
+    [
+        (1.0, [2.0], True, "It moves too far."),
+        (1.0, [math.nan], True, ""),
+        (1.0, [0.0] * 60, False, ""),
+        (None, [math.nan], True, "It moves too far."),  # speaks of nothing but silence
+    ],
+)
+def test_an_interlock_says_what_its_bounds_mean_only_of_a_value_beyond_them(
+    high: float | None, values: list[float], fresh: bool, told: str
+) -> None:
+    one = bank(Interlock("far", "a.x", high=high, message="It moves too far."))
+    (trip,) = (trip for trips in feed(one, values, fresh=fresh) for trip in trips)
+    assert trip.message == told
