@@ -9,21 +9,17 @@ method calls every few milliseconds.
 from __future__ import annotations
 
 import pickle
-import select
-import signal
-import socket
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final, Protocol
 
 from rigd.config.rig import RigConfig
 from rigd.engine import messages as m
-from rigd.engine.clock import monotonic_ns
+from rigd.engine.clock import idle, monotonic_ns
 from rigd.engine.control import Control, Verb
 from rigd.engine.cycle import CycleCounters
-from rigd.engine.cycle_process import JOB
+from rigd.engine.cycle_link import CycleLink
 from rigd.engine.interlocks import Trip
 from rigd.engine.player import Ending, Outcome
 from rigd.engine.rescue import rescue
@@ -37,8 +33,6 @@ from rigd.record.events import NO_TRIAL
 POLL_MS: Final = 5
 #: ``on_drain`` is called this often.
 SHOW_NS: Final = 50_000_000
-#: What the cycle process writes where a person would look, kept in the run's folder.
-LOG: Final = "cycle.log"
 #: A ring this full ends the run: the recorder does not keep up.
 FULL: Final = 0.8
 #: Opening may take so long: set-up of every device, its watchdog proven.
@@ -47,9 +41,6 @@ OPEN_S: Final = 120.0
 ANSWER_S: Final = 2.0
 #: How long the cycle process may take to close its devices and end.
 CLOSE_S: Final = 5.0
-#: The cycle is not judged by its silence where the daemon itself was away for so long: whatever
-#: stopped the one (a stalled host) stopped the other.
-AWAY_NS: Final = 20_000_000
 
 
 class Watched(Protocol):
@@ -99,35 +90,15 @@ class ProcessHost:
         self._rig, self._folder, self._control = rig, folder.path, control
         self._board = board = folder.board()
         self._watched, self._beside, self._finish = list(watched), beside, finish
-        self._silence_ns = round(rig.supervision.cycle_silence_s * 1e9)
         self._rings = folder.row_rings(folder.job)
         self._events = folder.event_ring("daemon")
-        job = m.CycleJob(rig, decimation, seed)
-        (folder.path / JOB).write_bytes(pickle.dumps(job))
-        self._serial = self._closing = 0
-        self._ended: dict[int, Outcome] = {}
-        self._said: dict[int, tuple[str, ...]] = {}
-        self._acted: dict[int, m.Acted] = {}
         self._asked_for: Verb | None = None
-        self._lost: Outcome | None = None  #: set once the cycle process is gone
+        self._lost: Outcome | None = None  #: why nothing is played any more
+        self._gone = False  #: whether the cycle process was fenced
         self._rescue_problems: Sequence[str] = ()
-        self._shown_ns = self._looked_ns = monotonic_ns()
-        board[Word.BEAT_DAEMON] = self._looked_ns
-        self._link, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._link.setblocking(False)
-        with theirs, (folder.path / LOG).open("wb") as log:
-            fd = theirs.fileno()
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "rigd.engine.cycle_process", folder.path, str(fd)],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                pass_fds=(fd, folder.lock_fd),
-                start_new_session=True,  # the terminal's Ctrl-C is not for it
-            )
-        board[Word.PID_CYCLE] = self._process.pid
-        self._poll = select.poll()
-        self._poll.register(self._link, select.POLLIN)
+        self._shown_ns = board[Word.BEAT_DAEMON] = monotonic_ns()
+        job = m.CycleJob(rig, decimation, seed)
+        self._cycle = CycleLink(folder, job, rig.supervision.cycle_silence_s)
 
     @property
     def t_ns(self) -> int:
@@ -252,7 +223,7 @@ class ProcessHost:
 
     def make_safe(self) -> Sequence[str]:
         """Bring every device to its safe state; return what went wrong, a sentence each."""
-        if self._lost is None:
+        if not self._gone:
             try:
                 return self._ask(m.MakeSafe(self._next()), recording=False)
             except _Unanswered as error:
@@ -262,15 +233,14 @@ class ProcessHost:
     def close(self) -> None:
         """Close every device, end the cycle process, then finish the recording."""
         try:
-            if self._lost is None:
-                self._closing = self._next()
-                for problem in self._ask(m.Close(self._closing), CLOSE_S, recording=False):
+            if not self._gone:
+                for problem in self._ask(m.Close(self._next()), CLOSE_S, recording=False):
                     self.event("fault", {"reason": problem})
-                self._process.wait(CLOSE_S)
+                self._cycle.wait(CLOSE_S)
         except (_Unanswered, subprocess.TimeoutExpired) as error:
             self._lose(f"the cycle process did not end: {error}")
         finally:
-            self._link.close()
+            self._cycle.close()
             if self._beside is not None:
                 self._beside.stop()
             self._board[Word.PHASE] = Phase.ENDED
@@ -278,13 +248,11 @@ class ProcessHost:
 
     def discard(self) -> None:
         """End the cycle process before it has opened anything."""
-        self._process.kill()
-        self._process.wait()
-        self._link.close()
+        self._cycle.fence()
+        self._cycle.close()
 
     def _next(self) -> int:
-        self._serial += 1
-        return self._serial
+        return self._cycle.next()
 
     def _ask(
         self, command: m.Command, timeout_s: float = ANSWER_S, *, recording: bool = True
@@ -297,14 +265,14 @@ class ProcessHost:
         """
         self._send(command)
         until_ns = monotonic_ns() + round(timeout_s * 1e9)
-        while command.serial not in self._said:
-            if self._lost is not None:
-                return (self._lost.reason,)
+        while command.serial not in self._cycle.said:
+            if self._gone:
+                return () if self._lost is None else (self._lost.reason,)
             if monotonic_ns() > until_ns:
                 what = type(command).__name__
                 raise _Unanswered(f"no answer to {what} within {timeout_s:g} s")
             self._look_after(recording=recording)
-        return self._said.pop(command.serial)
+        return self._cycle.said.pop(command.serial)
 
     def _until(
         self, command: m.Command, enough: Callable[[], bool] = lambda: False
@@ -312,21 +280,20 @@ class ProcessHost:
         """Send ``command``; return how it ended, or None once ``enough``."""
         self._send(command)
         while True:
-            outcome = self._ended.pop(command.serial, self._lost)
+            outcome = self._cycle.ended.pop(command.serial, self._lost)
             if outcome is not None:
                 return outcome
             if enough():
                 return None
             self._look_after()
 
-    def _send(self, message: object) -> None:
+    def _send(self, command: m.Command) -> None:
         try:
-            self._link.send(pickle.dumps(message))
+            self._cycle.send(command)
         except OSError as error:
-            if self._lost is None:
+            if not self._gone:
                 self._look_after(recording=False)  # finds out what became of the process
-            if self._lost is None:
-                self._lose(f"the cycle process takes no commands: {error.strerror}")
+            self._lose(f"the cycle process takes no commands: {error.strerror}")
 
     def _look_after(self, *, recording: bool = True) -> None:
         """Wait a little; take messages, pass on requests, see that everybody is alive.
@@ -334,20 +301,19 @@ class ProcessHost:
         Raises:
             RecordingError: the recording cannot be kept.
         """
-        if self._lost is None:
-            self._poll.poll(POLL_MS)
+        if self._gone:
+            idle(POLL_MS * 1e-3)
         else:
-            select.select([], [], [], POLL_MS * 1e-3)
+            self._cycle.hear(POLL_MS)
+            self._take_news()
         now = monotonic_ns()
         self._board[Word.BEAT_DAEMON] = now
-        self._receive()
         verb = self._control.verb
         if verb is not None and verb != self._asked_for:
             self._asked_for = verb
             self._send(m.Request(0, verb, self._control.reason))
-        if self._lost is None:
-            self._judge(now)
-        self._looked_ns = monotonic_ns()
+        if not self._gone and (death := self._cycle.death()) is not None:
+            self._lose(death)
         if recording:
             for one in self._watched:
                 reason = one.poll()
@@ -358,23 +324,9 @@ class ProcessHost:
             self._shown_ns = now
             self.on_drain()
 
-    def _receive(self) -> None:
-        while True:
-            try:
-                packet = self._link.recv(m.MAX_PACKET)
-            except BlockingIOError:
-                return
-            except OSError:
-                return
-            if not packet:
-                return
-            match pickle.loads(packet):
-                case m.Ended(serial, outcome):
-                    self._ended[serial] = outcome
-                case m.Acted(serial) as acted:
-                    self._acted[serial] = acted
-                case m.Said(serial, sentences):
-                    self._said[serial] = sentences
+    def _take_news(self) -> None:
+        while self._cycle.news:
+            match self._cycle.news.popleft():
                 case m.Entered(name):
                     self.segment = name
                 case m.Tripped(trip):
@@ -382,28 +334,12 @@ class ProcessHost:
                 case m.Notice(line):
                     self._control.notices.append(line)
 
-    def _judge(self, now: int) -> None:
-        """See whether the cycle process is alive."""
-        code = self._process.poll()
-        if code is not None:
-            self._receive()  # what it said last
-            if self._closing in self._said:
-                return  # as it was told
-            how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-            self._lose(f"the cycle process ended by itself ({how}){self._last_words()}")
-            return
-        board = self._board
-        silent_ns = now - board[Word.BEAT_CYCLE]
-        here = now - self._looked_ns < AWAY_NS + POLL_MS * 1_000_000
-        if board[Word.TICKING] and here and silent_ns > self._silence_ns:
-            self._lose(f"the cycle process gave no sign of life for {silent_ns / 1e6:.0f} ms")
-
     def _lose(self, reason: str) -> None:
-        """Fence, then make the rig safe over a second link."""
-        if self._lost is not None:
+        """Fence, then make the rig safe over a second link; once."""
+        if self._gone:
             return
-        self._process.kill()
-        self._process.wait()
+        self._gone = True
+        self._cycle.fence()
         found = rescue(self._rig)
         self._rescue_problems = tuple(found.problems)
         whole = "; ".join([reason, *found.done, *found.problems])
@@ -428,11 +364,6 @@ class ProcessHost:
                     "written",
                     hint="nothing was lost; is the disk slow or stuck?",
                 )
-
-    def _last_words(self) -> str:
-        """Return the last line that the cycle process wrote where a person would look."""
-        lines = (self._folder / LOG).read_text("utf-8", "replace").strip().splitlines()
-        return f": {lines[-1]}" if lines else ""
 
 
 class _Unanswered(Exception):

@@ -1,0 +1,132 @@
+"""The cycle process as the daemon sees it: started, told, heard, judged, and ended for good."""
+
+from __future__ import annotations
+
+import pickle
+import select
+import signal
+import socket
+import subprocess
+import sys
+from collections import deque
+from typing import Final
+
+from rigd.engine import messages as m
+from rigd.engine.clock import monotonic_ns
+from rigd.engine.cycle_process import JOB
+from rigd.engine.player import Outcome
+from rigd.engine.shared import RunFolder, Word
+
+#: What the cycle process writes where a person would look, kept in the run's folder.
+LOG: Final = "cycle.log"
+#: The cycle is not judged by its silence where the daemon itself was away for so long: whatever
+#: stopped the one (a stalled host) stopped the other.
+AWAY_NS: Final = 25_000_000
+
+
+class CycleLink:
+    """A cycle process for ``job`` in ``folder``; replies are kept by the serial they carry.
+
+    A process that ticks and gives no sign of life for ``silence_s`` is taken for dead.
+    """
+
+    def __init__(self, folder: RunFolder, job: m.CycleJob, silence_s: float) -> None:
+        self.ended: dict[int, Outcome] = {}
+        self.said: dict[int, tuple[str, ...]] = {}
+        self.acted: dict[int, m.Acted] = {}
+        self.news: deque[object] = deque()  #: what was told without being asked
+        self._log = folder.path / LOG
+        self._board = folder.board()
+        self._silence_ns = round(silence_s * 1e9)
+        self._heard_ns = monotonic_ns()
+        self._serial = 0
+        self._closing = 0  #: serial of the command to end
+        (folder.path / JOB).write_bytes(pickle.dumps(job))
+        self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._socket.setblocking(False)
+        with theirs, self._log.open("wb") as log:
+            fd = theirs.fileno()
+            self._process = subprocess.Popen(
+                # Without -P the folder it is started in could bring modules of its own.
+                [sys.executable, "-P", "-m", "rigd.engine.cycle_process", folder.path, str(fd)],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                pass_fds=(fd, folder.lock_fd),
+                start_new_session=True,  # the terminal's Ctrl-C is not for it
+            )
+        self._board[Word.PID_CYCLE] = self._process.pid
+        self._poll = select.poll()
+        self._poll.register(self._socket, select.POLLIN)
+
+    def next(self) -> int:
+        """Return a serial that no command has had."""
+        self._serial += 1
+        return self._serial
+
+    def send(self, message: m.Command) -> None:
+        """Send ``message``; never waits.
+
+        Raises:
+            OSError: the process is gone, or takes nothing more.
+        """
+        if isinstance(message, m.Close):
+            self._closing = message.serial
+        self._socket.send(pickle.dumps(message))
+
+    def hear(self, wait_ms: int) -> None:
+        """Take what was said, waiting at most ``wait_ms`` for something."""
+        self._poll.poll(wait_ms)
+        while True:
+            try:
+                packet = self._socket.recv(m.MAX_PACKET)
+            except OSError:
+                return  # nothing more, or nobody there: judged by the process, not by its socket
+            if not packet:
+                return
+            match pickle.loads(packet):
+                case m.Ended(serial, outcome):
+                    self.ended[serial] = outcome
+                case m.Said(serial, sentences):
+                    self.said[serial] = sentences
+                case m.Acted(serial) as acted:
+                    self.acted[serial] = acted
+                case told:
+                    self.news.append(told)
+
+    def death(self) -> str | None:
+        """Return why the process must be taken for dead, or None; asked every few ms."""
+        now = monotonic_ns()
+        away_ns, self._heard_ns = now - self._heard_ns, now
+        code = self._process.poll()
+        if code is not None:
+            self.hear(0)  # what it said last
+            if self._closing in self.said:
+                return None  # it ended as it was told
+            how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+            return f"the cycle process ended by itself ({how}){self._last_words()}"
+        silent_ns = now - self._board[Word.BEAT_CYCLE]
+        if self._board[Word.TICKING] and away_ns < AWAY_NS and silent_ns > self._silence_ns:
+            return f"the cycle process gave no sign of life for {silent_ns / 1e6:.0f} ms"
+        return None
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait until the process has ended.
+
+        Raises:
+            subprocess.TimeoutExpired: it has not.
+        """
+        self._process.wait(timeout_s)
+
+    def fence(self) -> None:
+        """End the process for good, whatever it does; twice is silent."""
+        self._process.kill()
+        self._process.wait()
+
+    def close(self) -> None:
+        """Close the socket; a process still there takes that for the daemon's death."""
+        self._socket.close()
+
+    def _last_words(self) -> str:
+        lines = self._log.read_text("utf-8", "replace").strip().splitlines()
+        return f": {lines[-1]}" if lines else ""
