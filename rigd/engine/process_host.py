@@ -133,7 +133,7 @@ class ProcessHost:
                 self._watched.append(self._beside)
             if identities := self._beside.identities:
                 self.event("devices", identities)
-        return (*reasons, *self._ask(m.Open(self._next(), judge), OPEN_S))
+        return (*reasons, *self._ask(m.Open(self._next(), judge), OPEN_S, heed_stop=True))
 
     def unfit(self) -> Sequence[str]:
         """Return why the rig, looked at in rest, is not fit to be armed."""
@@ -255,9 +255,17 @@ class ProcessHost:
         return self._cycle.next()
 
     def _ask(
-        self, command: m.Command, timeout_s: float = ANSWER_S, *, recording: bool = True
+        self,
+        command: m.Command,
+        timeout_s: float = ANSWER_S,
+        *,
+        recording: bool = True,
+        heed_stop: bool = False,
     ) -> Sequence[str]:
         """Send ``command`` and return what the cycle process says to it.
+
+        With ``heed_stop`` a request to stop ends the process: it cannot heed one while it opens
+        devices, and nothing moves yet.
 
         Raises:
             _Unanswered: it says nothing in time (not for the commands that look at the rig: then
@@ -268,6 +276,9 @@ class ProcessHost:
         while command.serial not in self._cycle.said:
             if self._gone:
                 return () if self._lost is None else (self._lost.reason,)
+            if heed_stop and self._control.verb is not None:
+                self._lose(f"{self._control.reason}, while devices were being opened")
+                continue
             if monotonic_ns() > until_ns:
                 what = type(command).__name__
                 raise _Unanswered(f"no answer to {what} within {timeout_s:g} s")

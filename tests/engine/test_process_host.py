@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -131,6 +132,17 @@ def test_a_request_ends_the_program(tmp_path: Path) -> None:
         outcome = while_moving(host, path, lambda: control.request(Verb.STOP, "enough"))
         assert (outcome.ending, outcome.reason) == (Ending.STOPPED, "enough")
         assert word(path) == "still"
+
+
+def test_a_request_is_heeded_while_devices_are_opened(tmp_path: Path) -> None:
+    path = tmp_path / "axis"
+    with host_of(file_axis.rig(path, opens_in_s=60.0)) as (host, _, control):
+        threading.Timer(1.5, control.request, (Verb.STOP, "stopped by SIGINT")).start()
+        began = time.monotonic()
+        (reason,) = host.open()
+        assert time.monotonic() - began < 20
+        assert reason.startswith("stopped by SIGINT, while devices were being opened")
+        assert word(path) == "rescued"
 
 
 def test_a_trip_reaches_the_run_with_its_reason(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ class FileAxisConfig(DriverConfig):
     hang_after_s: float | None = None
     """When `read` no longer returns."""
     ready_after_s: float = 0.0
+    opens_in_s: float = 0.0
 
 
 class FileAxis(Driver):
@@ -47,6 +48,7 @@ class FileAxis(Driver):
     def open(self) -> None:
         self._begun = time.monotonic()
         self._keep("opened")
+        time.sleep(self.config.opens_in_s)
 
     def prove_watchdog(self) -> float:
         if not self.config.proven:
