@@ -28,7 +28,7 @@ BENCHES = (
     "recording",
     "recorder",
     "identify",
-    "kill",
+    "kill_table",
 )
 
 
