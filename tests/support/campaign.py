@@ -12,12 +12,12 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from support.fault_table import Case, Must
+from support.fault_table import SECOND, Case, Must
 from support.killing import DRIVES, END_S, PATIENT, PROCEDURE, Victim, own_state
 from support.wire import ROOT, WireRig
 
@@ -88,14 +88,14 @@ class Campaign:
         """Play one case."""
         if case.before:
             self.finish()
-            self._report(case, self._start_in_vain(case))
+            outcome = self._second() if case.fault == SECOND else self._start_in_vain(case)
+            self._report(case, outcome)
             return
         if len(self._shown) >= SHARED:
             self.finish()
         if self._run is None:
             self._begin()
-        began_ns = time.monotonic_ns()
-        self._inject(case)
+        began_ns = self._inject(case)
         ended = self._ends_within(max(case.watch_s, case.within_s))
         self._shown.append(_Shown(case, began_ns, time.monotonic_ns()))
         if not ended:
@@ -110,8 +110,11 @@ class Campaign:
             self._run.process.send_signal(signal.SIGINT)
             self._examine()
 
-    def _inject(self, case: Case) -> None:
-        self._rig.ask(do="fault", part=case.part, fault=case.fault, options=dict(case.options))
+    def _inject(self, case: Case) -> int:
+        """Show the fault; return when the simulation began to, CLOCK_MONOTONIC in ns."""
+        options = dict(case.options)
+        done = self._rig.ask(do="fault", part=case.part, fault=case.fault, options=options)
+        return int(done["t_ns"])
 
     def _ends_within(self, time_s: float) -> bool:
         """Return whether the run has ended within this time, or is about to: a drive is off."""
@@ -141,7 +144,7 @@ class Campaign:
             self._told, self._code = run.told(), run.process.returncode
             recording = Recording.open(run.recording)
             whole = _whole(recording)
-            last = self._shown[-1]
+            last = self._shown[-1] if self._shown else None
             for one in self._shown:
                 ended_by_it = one is last and self._code != Exit.STOPPED
                 outcome = self._outcome(recording, one, ended_by_it, safe_ns, whole)
@@ -171,38 +174,62 @@ class Campaign:
         """Show the fault, then start a run, which must be refused before anything moves."""
         self._place = Path(tempfile.mkdtemp(dir=self._folder))
         self._state = own_state(self._place)
-        self._inject(case)
-        began_ns = time.monotonic_ns()
+        rig = self._rig.rig
+        if case.edit is None:
+            self._inject(case)
+        else:
+            right, wrong = case.edit
+            text = rig.read_text()
+            assert right in text
+            rig = self._place / "wrong.yaml"
+            rig.write_text(text.replace(right, wrong))
         try:
-            with started(self._rig, self._place, self._state) as process:
-                moved = False
-                while process.poll() is None:
-                    moved = moved or _drives(self._rig)
-                    if moved or time.monotonic_ns() - began_ns > END_S * 1e9:
-                        process.send_signal(signal.SIGINT)
-                        break
-                    time.sleep(0.01)
-                out, _ = process.communicate(timeout=END_S)
-            after_s = (time.monotonic_ns() - began_ns) * 1e-9
-            refused = process.returncode == Exit.BLOCKED
-            left = (self._place / "run.mcap").exists()
-            return Outcome(
-                "refused" if refused else "nothing", after_s if refused else None, None, moved,
-                not (refused and left), process.returncode, " ".join(out.split()),
-            )  # fmt: skip
+            with started(rig, self._place, self._state) as process:
+                return self._refused(process, lambda: _drives(self._rig))
         finally:
             self._clean()
 
+    def _second(self) -> Outcome:
+        """Start a run beside one that moves the rig: it is refused, and the first goes on."""
+        self._begin()
+        try:
+            elsewhere = Path(tempfile.mkdtemp(dir=self._folder))
+            state = own_state(elsewhere)  # as on another computer: no lock keeps them apart
+            with started(self._rig.rig, elsewhere, state) as process:
+                outcome = self._refused(process, lambda: False)
+            shutil.rmtree(state)
+            gone_on = not self._ends_within(SETTLE_S)
+            return replace(outcome, whole=outcome.whole and gone_on)
+        finally:
+            self.finish()
+
+    def _refused(self, process: subprocess.Popen[str], moves: Callable[[], bool]) -> Outcome:
+        """Wait for the end of a run that must be refused."""
+        began_ns, moved = time.monotonic_ns(), False
+        while process.poll() is None:
+            moved = moved or moves()
+            if moved or time.monotonic_ns() - began_ns > END_S * 1e9:
+                process.send_signal(signal.SIGINT)
+                break
+            time.sleep(0.01)
+        out, _ = process.communicate(timeout=END_S)
+        after_s = (time.monotonic_ns() - began_ns) * 1e-9
+        refused = process.returncode == Exit.BLOCKED
+        return Outcome(
+            "refused" if refused else "nothing", after_s if refused else None, None, moved,
+            True, process.returncode, " ".join(out.split()),
+        )  # fmt: skip
+
 
 @contextmanager
-def started(rig: WireRig, place: Path, state: Path) -> Iterator[subprocess.Popen[str]]:
+def started(rig: Path, place: Path, state: Path) -> Iterator[subprocess.Popen[str]]:
     """A run of the shaking procedure on ``rig``, which may well be refused."""
     procedure = place / "shake.yaml"
     procedure.write_text(PROCEDURE)
     process = subprocess.Popen(
         [
             *(sys.executable, "-m", "rigd", "run", str(procedure), "--yes"),
-            *("--rig", str(rig.rig), "--output", str(place / "run.mcap")),
+            *("--rig", str(rig), "--output", str(place / "run.mcap")),
         ],
         cwd=ROOT,
         env={**os.environ, "RIGD_STATE": str(state)},

@@ -32,6 +32,7 @@ class Case:
     within_s: float = 0.5  #: END: from the injection until the run knows
     watch_s: float = 1.0  #: how long the fault is shown where the run goes on
     before: bool = False  #: shown before the run starts
+    edit: tuple[str, str] | None = None  #: no fault of a device, but of the rig file: text, wrong
 
     @property
     def name(self) -> str:
@@ -89,7 +90,8 @@ def _bus(part: str) -> Iterator[Case]:
     yield Case(part, "jitter", MARK, {"jitter_s": 0.005})
     yield Case(part, "reorder", GO_ON, {"probability": 0.2})
     yield Case(part, "duplicate", END, words=("more often than SYNC",))
-    yield Case(part, "babble", END, words=("flooded",), within_s=1.0)
+    yield Case(part, "babble", GO_ON)  # 4000 frames per second leave room
+    yield Case(part, "babble", END, {"rate_hz": 20e3}, words=("flooded",), within_s=1.0)
     yield Case(part, "bus_off", END, words=("bus-off",))
     yield Case(part, "wrong_bitrate", END, words=("bitrate",))
     yield Case(part, "wrong_bitrate", BLOCK, words=("bitrate",), before=True)
@@ -107,7 +109,7 @@ def _card() -> Iterator[Case]:
     yield case("stuck_code", GO_ON, channel="ai0")
     yield case("open_input", GO_ON, channel="ai0")
     yield case("drift", GO_ON, ppm=100.0)
-    yield case("stall", GO_ON, seconds=0.02)
+    yield case("stall", GO_ON, seconds=0.005)  # blocks are of 10 ms
     yield case("stall", END, within_s=4.0, seconds=3.0)
     yield Case("accelerometer", "removal", BLOCK, words=("accelerometer",), before=True)
 
@@ -153,6 +155,25 @@ def _transmitter() -> Iterator[Case]:
     yield case("cut", END)
 
 
+#: Name of the case in which a second rigd starts on the buses of a run.
+SECOND: Final = "second_rigd"
+
+
+def _set_up() -> Iterator[Case]:
+    """What is wrong around the devices: the rig file, or somebody else on the bus."""
+
+    def wrong(part: str, fault: str, right: str, written: str, *words: str) -> Case:
+        return Case(part, fault, BLOCK, words=words, before=True, edit=(right, written))
+
+    yield wrong("wheel_servo", "wrong_node", "node: 1 #", "node: 7 #", "node 7", "found: .*1, 2, 3")
+    yield wrong("carriage", "same_node", "node: 12 #", "node: 11 #", "two devices of the rig file")
+    yield wrong(
+        "scale", "wrong_baud", "dialect: mt-sics", "baud: 4800\n      dialect: mt-sics", "baud"
+    )
+    yield wrong("traction", "wrong_map", "map: laumas-tlb4", "map: seneca-z-sg2", "traction")
+    yield Case("servo_bus", SECOND, BLOCK, words=("another rigd",), before=True)
+
+
 def cases() -> list[Case]:
     """Return every case, in an order that lets cases share a run."""
     found = [
@@ -162,5 +183,6 @@ def cases() -> list[Case]:
         *_card(),
         *_scale(),
         *_transmitter(),
+        *_set_up(),
     ]
     return sorted(found, key=lambda one: (one.before, one.fault == "cut", one.must is END))

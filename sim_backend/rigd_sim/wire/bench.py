@@ -75,7 +75,8 @@ class WireLugre(Simulation):
 
         ``state`` also gives the plant's hidden state; ``fault`` takes ``part``, ``fault``,
         ``options``, ``after_s``, ``for_s``, ``probability`` (1/s) and ``when``; ``clear`` takes
-        ``part`` and ``fault``; ``faults`` lists all that every part knows.
+        ``part`` and ``fault``; ``faults`` lists all that every part knows. What is done is
+        answered by ``t_ns``, the CLOCK_MONOTONIC time at which it was begun.
         """
         return ask(self.config.folder / CONTROL, request)
 
@@ -182,7 +183,7 @@ class _Service:
 
     def _answer(self, request: Mapping[str, Any]) -> Mapping[str, Any]:
         """Answer one request; raises ValueError where it cannot be met."""
-        given = dict(request)
+        given, t_ns = dict(request), time.monotonic_ns()
         match given.pop("do", None):
             case "state":
                 return self._state(given)
@@ -201,7 +202,7 @@ class _Service:
                 raise ValueError(
                     f"cannot do {other!r}; `do` is state, change, fault, clear or faults"
                 )
-        return {"done": True}
+        return {"t_ns": t_ns}
 
     def _state(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
         _exactly(given)
