@@ -186,16 +186,3 @@ def test_a_full_disk_ends_the_run_safe_with_a_readable_file(tmp_path: Path) -> N
     assert recovered.code == 0, recovered.err
     recording = Recording.open(tmp_path / "full.mcap")
     assert recording.count("carriage") > 500
-
-
-def test_fifty_kills_sampled(tmp_path: Path) -> None:
-    """Three of the kills that `benchmarks/kill.py` makes by the fifty."""
-    bench = Path(__file__).parents[2] / "benchmarks" / "kill.py"
-    done = subprocess.run(
-        [sys.executable, str(bench), "--kills", "3", "--seed", "5"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count("ms lost") == 3
