@@ -4,6 +4,8 @@
 * a witness on every processor, above everything: when one of these is late, the kernel or the host
   was away, whoever else was due at that moment;
 * `cyclictest` (Debian: rt-tests), for the figure that others know.
+
+Deimos, a controller in Rust for its own cards, has its turn in the same minute, with these beside.
 """
 
 from __future__ import annotations
@@ -12,11 +14,12 @@ import json
 import math
 import os
 import subprocess
+import sys
 import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +32,8 @@ WITNESS_PRIORITY = 98
 WITNESS_PERIOD_US = 500
 #: cyclictest counts latencies up to this, in us.
 LONGEST_US = 100_000
+#: The release that is measured.
+DEIMOS = "deimos-daq==0.21.2"
 #: All of them have ended this long after they should.
 END_S = 30.0
 
@@ -112,7 +117,8 @@ class RunningBeside:
                 *(f"--duration={math.ceil(seconds)}", f"--histogram={LONGEST_US}"),
                 f"--json={self._cyclictest_json}",
             ],
-            stdout=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
         )
         self._until = time.monotonic() + seconds + END_S
         self._slots = math.ceil(seconds) * 1_000_000 // period_us
@@ -148,11 +154,11 @@ class RunningBeside:
             if process.stdout is not None:
                 process.stdout.close()
 
-    def _output(self, process: subprocess.Popen[Any]) -> str:
+    def _output(self, process: subprocess.Popen[str]) -> str:
         output, _ = process.communicate(timeout=max(self._until - time.monotonic(), 1.0))
         if process.returncode:
-            raise RuntimeError(f"{process.args} ended with {process.returncode}")
-        return str(output)
+            raise RuntimeError(f"{process.args!r} ended with {process.returncode}")
+        return output
 
     def _of_cyclictest(self) -> Lateness:
         thread = json.loads(self._cyclictest_json.read_text())["thread"]["0"]
@@ -168,3 +174,50 @@ def _loop(
     pinned = () if cpu is None else ("taskset", "--cpu-list", cpu)
     command = [*pinned, str(witness), str(period_us), str(seconds), str(priority), str(log)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+
+@dataclass(frozen=True)
+class Deimos:
+    """What became of a run of Deimos; ``cpu_s`` by the name of its threads."""
+
+    lateness: Lateness
+    late: int  #: cycles that began a period late or more; none is skipped, and none is marked
+    unanswered: int  #: rows that repeat an earlier answer of the card
+    cpu_s: dict[str, float]
+    beside: Beside
+
+
+def install_deimos(folder: Path) -> Path:
+    """Return a Python of its own that has Deimos.
+
+    Raises:
+        CalledProcessError: it cannot be had.
+    """
+    venv = folder / "deimos"
+    subprocess.run([sys.executable, "-m", "venv", venv], check=True)
+    subprocess.run([str(venv / "bin" / "pip"), "install", "--quiet", DEIMOS], check=True)
+    return venv / "bin" / "python"
+
+
+def run_deimos(python: Path, witness: Path, rate_hz: float, seconds: float, method: str) -> Deimos:
+    """Run its loop (``method`` performant or efficient), with the others beside."""
+    script = Path(__file__).with_name("deimos_loop.py")
+    with tempfile.TemporaryDirectory(dir=witness.parent) as folder:
+        command = [str(python), str(script), folder, str(rate_hz), str(seconds), method]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            while "running" not in (line := process.stdout.readline()):
+                if not line:
+                    raise RuntimeError(f"Deimos ended with {process.wait()}")
+            beside = RunningBeside(witness, round(1e6 / rate_hz), seconds)
+            try:
+                results = beside.results()
+                found = json.loads(process.stdout.read().splitlines()[-1])
+            finally:
+                beside.end()
+    late_us = np.array(found["late_us"])
+    used: dict[str, float] = found["cpu_s"]
+    cpu_us = 1e6 * used["controller-run"] / len(late_us)
+    lateness = Lateness.of(late_us, round(seconds * rate_hz), cpu_us)
+    late = int(np.count_nonzero(late_us >= 1e6 / rate_hz))
+    return Deimos(lateness, late, found["unanswered"], used, results)

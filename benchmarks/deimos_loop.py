@@ -1,0 +1,102 @@
+"""The control loop of Deimos (deimos-daq on PyPI) on its own simulated card, for ``cycle.py``.
+
+    python deimos_loop.py FOLDER RATE_HZ SECONDS performant|efficient
+
+After its own example for software in place of hardware (`hootl`): one DAQ over UDP, a CSV file as
+the recorder. As in rigd's run, a Python thread keeps the interpreter busy, and the newest row is
+read 20 times a second. Prints a line of JSON. Runs in an environment of its own, and needs nothing
+else but the standard library.
+
+A cycle of Deimos begins ``period - ctrl.cycle_time_margin_ns`` late. None is skipped: those that
+are late follow one another at once, unmarked. A row whose card has not answered since the one
+before counts in ``loss_of_contact_counter``.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from deimos import (  # type: ignore[import-not-found]  # in an environment of its own
+    Controller,
+    LoopMethod,
+    Overflow,
+    Termination,
+    dispatcher,
+    peripheral,
+    socket,
+)
+
+VIEWS_HZ = 20.0
+#: Mock and controller lose each other at once at 1 kHz with their own 10 packets.
+PATIENCE_CYCLES = 5000
+CSV_MB = 2000
+MARGIN, UNANSWERED = "ctrl.cycle_time_margin_ns", "card.metrics.loss_of_contact_counter"
+
+
+def controller(folder: Path, rate_hz: float, seconds: float, method: str) -> Any:
+    """Return a controller with one card, recording to a CSV file."""
+    made = Controller(op_name="loop", op_dir=str(folder), rate_hz=rate_hz)
+    made.termination_criteria = Termination.timeout_s(seconds)
+    made.loop_method = getattr(LoopMethod, method)()
+    made.peripheral_loss_of_contact_limit = PATIENCE_CYCLES
+    made.controller_loss_of_contact_limit = PATIENCE_CYCLES
+    made.clear_sockets()
+    made.add_socket("udp", socket.UdpSocket())
+    made.add_dispatcher("csv", dispatcher.CsvDispatcher(CSV_MB, Overflow.new_file()))
+    made.add_peripheral("card", peripheral.DeimosDaqRev6(1))
+    return made
+
+
+def busy(over: threading.Event) -> None:
+    """Compute and never wait."""
+    while not over.is_set():
+        sum(range(2000))
+
+
+def threads_cpu() -> dict[str, float]:
+    """Return the CPU time of this process's threads, s, by name."""
+    used: dict[str, float] = {}
+    for task in Path("/proc/self/task").iterdir():
+        fields = (task / "stat").read_text().rpartition(") ")[2].split()
+        name = (task / "comm").read_text().strip()
+        used[name] = used.get(name, 0.0) + (int(fields[11]) + int(fields[12])) / 100
+    return used
+
+
+def main() -> None:
+    """Run, then read what was recorded."""
+    folder, rate_hz, seconds = Path(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3])
+    made = controller(folder, rate_hz, seconds, sys.argv[4])
+    over = threading.Event()
+    with made.attach_hootl_driver("card", peripheral.HootlTransport.udp()):
+        handle = made.run_nonblocking()
+        print("running", flush=True)
+        threading.Thread(target=busy, args=(over,)).start()
+        used: dict[str, float] = {}
+        try:
+            while handle.is_running():
+                handle.latest_row()
+                with suppress(FileNotFoundError, ProcessLookupError):  # threads end with the loop
+                    used = threads_cpu()
+                time.sleep(1 / VIEWS_HZ)
+            handle.join()
+        finally:
+            over.set()
+    late_us, unanswered = [], 0
+    with (folder / "loop.csv").open(newline="") as file:
+        for row in csv.DictReader(file):
+            late_us.append(1e6 / rate_hz - float(row[MARGIN]) * 1e-3)
+            unanswered += float(row[UNANSWERED]) > 0
+    found = {"late_us": late_us, "unanswered": unanswered, "cpu_s": used}
+    print(json.dumps(found), flush=True)
+
+
+if __name__ == "__main__":
+    main()
