@@ -60,7 +60,7 @@ def execute(args: argparse.Namespace) -> int:
     whole = examine(Examination(rig, args.seconds, args.runs), tell)
     if args.json:
         print(json.dumps(as_json(checks, whole=whole), indent=2))
-    else:
+    elif whole:
         view.conclude(checks)
     if not whole:
         print("rigd: interrupted, not everything was looked at", file=sys.stderr)

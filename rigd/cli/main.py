@@ -57,6 +57,7 @@ examples:
                                          ten currents on PVC, recorded to runs/
   rigd identify runs/*.mcap              friction parameters with uncertainties, and a report
   rigd check my_procedure.yaml           is this file right? nothing moves
+  rigd doctor --rig wire-1               is this machine and this rig fit? nothing moves
 
 exit codes:
   0  done                         4  an interlock or a device fault ended the run

@@ -15,8 +15,8 @@ from rigd.engine.control import Control
 from rigd.model.errors import Blocked, DeviceError
 from rigd.model.limits import Action
 
-#: A link that carries more has no room for what must be repeated.
-_FULL: Final = 0.8
+#: Loads are upper bounds: up to here everything fits into its cycle, come what may.
+_FULL: Final = 1.0
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def _watchdogs(look: Look) -> Iterator[Check]:
 
 def _loads(group: str, look: Look) -> Iterator[Check]:
     for name, load in look.loads().items():
-        found, figures = f"carries {load:.0%} of what it can, at most", {"load": load}
+        found, figures = f"carries {load:.0%} of what it can, at worst", {"load": load}
         if load > _FULL:
             advice = "move devices to another bus, or lower `cycle`: what waits comes late"
             yield Check(group, name, Verdict.WARN, found, advice, figures)
