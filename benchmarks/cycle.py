@@ -28,6 +28,7 @@ from pathlib import Path
 
 import numpy as np
 from cycle_peers import (
+    CYCLE_PRIORITY,
     HEADING,
     Beside,
     Deimos,
@@ -59,6 +60,10 @@ VIEWS_HZ = 20.0
 OWN_MISSES = 3.0
 #: Its lateness (p99.9) against that of the C loop.
 LATENESS_RATIO = 2.0
+#: How Deimos is run: in both of its ways, as it comes and with the priority that rigd's cycle has.
+DEIMOS_RUNS = tuple(
+    (method, priority) for priority in (0, CYCLE_PRIORITY) for method in ("performant", "efficient")
+)
 #: The rig is armed, and moves, within this time.
 START_S = 120.0
 TICKS = os.sysconf("SC_CLK_TCK")
@@ -226,15 +231,13 @@ class Kept:
         recording = Recording.open(path)
         cycles = recording.read("cycle")
         due_ns = np.rint(cycles["scheduled"] * 1e9).astype(np.int64) + seen.origin_ns
-        cycles = cycles[(due_ns >= seen.since_ns) & (due_ns < seen.until_ns)]
+        measured = (due_ns >= seen.since_ns) & (due_ns < seen.until_ns)
+        cycles, due_ns = cycles[measured], due_ns[measured]
         slots = np.rint(cycles["scheduled"] * 1e9 / rig.period_ns).astype(np.int64)
-        begun_ns = np.rint(cycles["actual"] * 1e9).astype(np.int64) + seen.origin_ns
         missed = np.diff(slots) - 1
-        gaps = np.flatnonzero(missed)
-        own = 0
-        for gap in gaps:
-            span = (begun_ns[gap : gap + 1], begun_ns[gap + 1 : gap + 2])
-            own += 0 if seen.beside.excused(*span) else int(missed[gap])
+        (before,) = np.nonzero(missed)  # the cycles that others should have followed
+        away = seen.beside.was_away(due_ns[before], due_ns[before + 1])
+        own = int(missed[before][~away].sum())
         lost, stale = 0, {}
         first, last = int(cycles["t_ns"][0]), int(cycles["t_ns"][-1])
         for name, device in rig.devices.items():
@@ -297,17 +300,16 @@ def report(name: str, kept: Kept, seen: Seen, load: str) -> None:
     noted(f"{name}, CPU of the cycle process", ours.cpu_us, "us a cycle")
 
 
-def report_deimos(found: Deimos, method: str, seconds: float) -> None:
+def report_deimos(found: Deimos, name: str, seconds: float) -> None:
     """Print the table and the figures of Deimos."""
     loop = found.beside.loop
-    print(f"\nDeimos, {method}")
+    print(f"\n{name}")
     print(HEADING)
     print(found.lateness.line("its control thread"))
     print(loop.line("C loop beside it"))
     cores = {who: used / seconds for who, used in found.cpu_s.items() if used / seconds > 0.001}
     shares = ", ".join(f"{who} {100 * share:.1f} %" for who, share in sorted(cores.items()))
     print(f"CPU of a core: {shares} (with the busy thread)")
-    name = f"Deimos, {method}"
     noted(f"{name}, rows missing", found.lateness.missed, "rows")
     noted(f"{name}, cycles a period late, unmarked", found.late, "cycles")
     noted(f"{name}, rows without a new answer", found.unanswered, "rows")
@@ -334,9 +336,10 @@ def main() -> int:
             report(f"cycle, {name}", kept, seen, load)
         if not args.no_deimos:
             python = install_deimos(folder)
-            for method in ("performant", "efficient"):
-                found = run_deimos(python, witness, 1000.0, args.seconds, method)
-                report_deimos(found, method, args.seconds)
+            for method, priority in DEIMOS_RUNS:
+                found = run_deimos(python, witness, 1000.0, args.seconds, method, priority)
+                name = f"{method}, FIFO {priority}" if priority else method
+                report_deimos(found, f"Deimos, {name}", args.seconds)
     return 0
 
 

@@ -77,15 +77,16 @@ class Beside:
     cyclictest: Lateness
     away_ns: NDArray[np.int64]
 
-    def excused(self, since_ns: NDArray[np.int64], until_ns: NDArray[np.int64]) -> int:
-        """Return in how many of these spans, shape (n,) each, the machine was away."""
+    def was_away(
+        self, since_ns: NDArray[np.int64], until_ns: NDArray[np.int64]
+    ) -> NDArray[np.bool_]:
+        """Return in which of these spans, shape (n,), a witness was kept away."""
         if not len(self.away_ns):
-            return 0
+            return np.zeros(len(since_ns), np.bool_)
         ends = np.maximum.accumulate(self.away_ns[:, 1])
-        first = np.searchsorted(ends, since_ns, side="right")  # that ends within, or later
-        known = first < len(ends)
-        begins = self.away_ns[np.minimum(first, len(ends) - 1), 0]
-        return int(np.count_nonzero(known & (begins < until_ns)))
+        first = np.searchsorted(ends, since_ns, side="right")  # that ended after ``since``
+        begins = np.append(self.away_ns[:, 0], np.iinfo(np.int64).max)[first]
+        return np.asarray(begins < until_ns)
 
 
 def compile_witness(folder: Path) -> Path:
@@ -199,11 +200,17 @@ def install_deimos(folder: Path) -> Path:
     return venv / "bin" / "python"
 
 
-def run_deimos(python: Path, witness: Path, rate_hz: float, seconds: float, method: str) -> Deimos:
-    """Run its loop (``method`` performant or efficient), with the others beside."""
+def run_deimos(
+    python: Path, witness: Path, rate_hz: float, seconds: float, method: str, priority: int
+) -> Deimos:
+    """Run its loop (``method`` performant or efficient), with the others beside.
+
+    ``priority`` is that of its control thread (SCHED_FIFO); 0 leaves it as it comes.
+    """
     script = Path(__file__).with_name("deimos_loop.py")
     with tempfile.TemporaryDirectory(dir=witness.parent) as folder:
         command = [str(python), str(script), folder, str(rate_hz), str(seconds), method]
+        command.append(str(priority))
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
             while "running" not in (line := process.stdout.readline()):

@@ -1,6 +1,6 @@
 """The control loop of Deimos (deimos-daq on PyPI) on its own simulated card, for ``cycle.py``.
 
-    python deimos_loop.py FOLDER RATE_HZ SECONDS performant|efficient
+    python deimos_loop.py FOLDER RATE_HZ SECONDS performant|efficient PRIORITY
 
 After its own example for software in place of hardware (`hootl`): one DAQ over UDP, a CSV file as
 the recorder. As in rigd's run, a Python thread keeps the interpreter busy, and the newest row is
@@ -9,13 +9,15 @@ else but the standard library.
 
 A cycle of Deimos begins ``period - ctrl.cycle_time_margin_ns`` late. None is skipped: those that
 are late follow one another at once, unmarked. A row whose card has not answered since the one
-before counts in ``loss_of_contact_counter``.
+before counts in ``loss_of_contact_counter``. PRIORITY is that of its control thread (SCHED_FIFO),
+which Deimos itself leaves at 0.
 """
 
 from __future__ import annotations
 
 import csv
 import json
+import os
 import sys
 import threading
 import time
@@ -70,6 +72,12 @@ def threads_cpu() -> dict[str, float]:
     return used
 
 
+def control_thread() -> int:
+    """Return the number of the thread that runs the loop."""
+    tasks = Path("/proc/self/task").iterdir()
+    return next(int(one.name) for one in tasks if (one / "comm").read_text() == "controller-run\n")
+
+
 def main() -> None:
     """Run, then read what was recorded."""
     folder, rate_hz, seconds = Path(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3])
@@ -77,6 +85,8 @@ def main() -> None:
     over = threading.Event()
     with made.attach_hootl_driver("card", peripheral.HootlTransport.udp()):
         handle = made.run_nonblocking()
+        if priority := int(sys.argv[5]):
+            os.sched_setscheduler(control_thread(), os.SCHED_FIFO, os.sched_param(priority))
         print("running", flush=True)
         threading.Thread(target=busy, args=(over,)).start()
         used: dict[str, float] = {}
