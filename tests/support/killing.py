@@ -90,8 +90,9 @@ class Victim:
             if servo["enabled"] and abs(servo["current"]) > 0.01:
                 return
             time.sleep(0.02)
+        told = self.told()
         self.end()
-        raise AssertionError(f"the run did not begin to move: {self.told()}")
+        raise AssertionError(f"the run did not begin to move: {told}")
 
     def pids(self) -> dict[str, int]:
         """The processes of the run by their job."""
