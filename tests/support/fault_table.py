@@ -82,6 +82,15 @@ def _servo(part: str) -> Iterator[Case]:
     yield Case(part, "setpoint_ignored", END, words=(part, "ignores its target"))
 
 
+def _encoder(part: str) -> Iterator[Case]:
+    yield from _node(part)
+    # What it counts wrongly shows where an interlock watches it, or another sensor is compared.
+    yield Case(part, "missed_counts", GO_ON, {"fraction": 0.5})
+    yield Case(part, "sign_flip", GO_ON)
+    yield Case(part, "index_reset", GO_ON)
+    yield Case(part, "jump", GO_ON, {"counts": 100})
+
+
 def _bus(part: str) -> Iterator[Case]:
     yield Case(part, "drop", MARK, {"probability": 0.1})
     yield Case(part, "drop", END)
@@ -179,7 +188,8 @@ def cases() -> list[Case]:
     found = [
         *(one for part in BUSES for one in _bus(part)),
         *(one for part in SERVOS for one in _servo(part)),
-        *(one for part in ENCODERS for one in _node(part)),
+        *(one for part in ENCODERS for one in _encoder(part)),
+        Case("carriage", "jump", END, {"counts": 60_000}, words=("overrun_far",)),
         *_card(),
         *_scale(),
         *_transmitter(),
