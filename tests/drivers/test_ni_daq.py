@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
@@ -150,6 +152,28 @@ def test_a_task_left_by_a_killed_client_is_cleared(
     driver.start()
     rows(driver, 96)
     assert on_loop(part.state)["tasks"] == 1
+
+
+def test_a_task_that_somebody_reads_is_left_alone(opened: Opened) -> None:
+    first = opened()
+    first.start()
+    ended = threading.Event()
+
+    def read() -> int:
+        blocks = 0
+        while not ended.is_set():
+            blocks += first.read_block(1.0) is not None
+        return blocks
+
+    with ThreadPoolExecutor() as pool:
+        reading = pool.submit(read)
+        try:
+            with pytest.raises(LinkError, match="another rigd on this machine reads from it"):
+                opened()
+        finally:
+            ended.set()
+        assert reading.result(10.0) > 0
+    rows(first, 96)
 
 
 def test_before_it_is_started_there_is_nothing_to_read(opened: Opened) -> None:

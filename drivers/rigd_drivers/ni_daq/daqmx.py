@@ -7,6 +7,7 @@ types; everything of it stays in this module.
 from __future__ import annotations
 
 import socket
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, Final
@@ -22,6 +23,10 @@ from rigd_drivers.ni_daq.config import NiDaqConfig, Terminal
 CONNECT_S: Final = 5.0
 #: and to answer a call: one that hangs must not hold us for ever, and nidaqmx sets no limit.
 CALL_S: Final = 5.0
+#: A task that nobody reads from for so long, in s, and so many blocks, has lost its client.
+ABANDONED_S: Final = 0.5
+_MISSED_BLOCKS: Final = 5
+_LOOK_S: Final = 0.02
 
 _TERMINALS: Final = {
     Terminal.DEFAULT: "DEFAULT",
@@ -168,7 +173,26 @@ class Daqmx:
             if error.rpc_code.name != "FAILED_PRECONDITION":  # there is no such session
                 raise
         else:
+            if self._is_read(left_over):
+                raise LinkError(
+                    f"{self._where} is in use: another rigd on this machine reads from it",
+                    hint="end that run first",
+                )
             left_over.close()
+
+    def _is_read(self, task: Any) -> bool:
+        """Return whether somebody fetches samples of ``task``: its client then lives."""
+        blocks_s = _MISSED_BLOCKS * self._config.block / self._config.rate
+        deadline = time.monotonic() + max(ABANDONED_S, blocks_s)
+        try:
+            began = task.in_stream.curr_read_pos
+            while time.monotonic() < deadline:
+                time.sleep(_LOOK_S)
+                if task.in_stream.curr_read_pos != began:
+                    return True
+        except self._nidaqmx.errors.DaqError:
+            return False  # it does not run, or has stopped by itself as its buffer was full
+        return False
 
     def rate_hz(self) -> float:
         """Return the rate that the card makes of the one asked for: a divisor of its crystal's."""

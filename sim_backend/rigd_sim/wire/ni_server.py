@@ -29,6 +29,7 @@ _PRODUCT_TYPE, _SERIAL_NUMBER = 0x0631, 0x0632
 _TASK_NAME, _TASK_CHANNELS, _TASK_DEVICES = 0x1276, 0x1273, 0x230E
 _CHANNEL_COUNTS: Final = frozenset({0x2181, 0x217B})  # of the task, of what is read
 _AVAILABLE: Final = frozenset({0x1223, 0x31E8})  # samples waiting, samples read by default
+_READ_POSITION: Final = 0x1221
 _SAMPLE_RATE: Final = 0x1344
 _RANGE_HIGH, _RANGE_LOW = 0x1815, 0x1816
 _CHANNEL_TYPE, _ANALOG_INPUT = 0x187F, 10100
@@ -101,6 +102,7 @@ class DeviceServer:
             "GetTaskAttributeString": self._task_text,
             "GetTaskAttributeUInt32": self._task_number,
             "GetReadAttributeUInt32": self._task_number,
+            "GetReadAttributeUInt64": self._read_position,
             "GetTimingAttributeDouble": self._timing_number,
             "GetChanAttributeDouble": self._channel_number,
             "GetChanAttributeInt32": self._channel_kind,
@@ -279,6 +281,10 @@ class DeviceServer:
         if request.attribute_raw in _AVAILABLE:
             return {"value": 0 if task.running is None else task.running.available}
         return {"value": _looked_up(dict.fromkeys(_CHANNEL_COUNTS, len(task.inputs)), request)}
+
+    def _read_position(self, request: Any) -> dict[str, Any]:
+        running = self._task(request).running
+        return {"value": _looked_up({_READ_POSITION: running.taken if running else 0}, request)}
 
     def _timing_number(self, request: Any) -> dict[str, Any]:
         return {"value": _looked_up({_SAMPLE_RATE: self._task(request).rate_hz}, request)}
