@@ -24,6 +24,8 @@ are judged and shown, but end nothing: nothing is armed that they could stop.
 
 #: A table on a terminal is drawn anew this often, lines are written this often; in s.
 TERMINAL_S, LINES_S = 0.25, 1.0
+#: Before anything is shown, so that interlocks that stand at rest have been told; in s.
+FIRST_LOOK_S = 0.1
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -70,7 +72,7 @@ def execute(args: argparse.Namespace) -> int:
 def _moments(look: Look, seconds: float | None, every_s: float) -> Iterator[None]:
     """Yield at once, then every ``every_s`` until ``seconds`` are over, or a person wants out."""
     end_ns = None if seconds is None else look.t_ns + round(seconds * 1e9)
-    look.rest(0.0)
+    look.rest(FIRST_LOOK_S)
     while not look.stopped:
         yield
         left_s = every_s if end_ns is None else min(every_s, (end_ns - look.t_ns) * 1e-9)

@@ -43,15 +43,14 @@ PATIENCE_S: Final = 600.0
 class Look:
     """A rig that is being looked at; made by :func:`look_at`.
 
-    ``rig`` is as its file says, ``streams`` what its devices and its cycle give. ``on_rows`` gets
-    what has come of each stream, several times a second, in time order.
+    ``rig`` is as its file says. ``on_rows`` gets what has come of each stream, several times a
+    second, in time order.
     """
 
     def __init__(
         self, rig: RigConfig, host: ManualHost, folder: RunFolder, control: Control
     ) -> None:
         self.rig = rig
-        self.streams = {stream.name: stream for stream in streams_of(rig)}
         self.on_rows: Callable[[str, Rows], None] = lambda _, __: None
         self.events: list[Event] = []  #: what was told so far, watchdogs and faults among it
         self._host = host
@@ -71,11 +70,6 @@ class Look:
         return self._control.verb is not None
 
     @property
-    def missed(self) -> int:
-        """Slots that passed without a cycle."""
-        return self._host.counters.missed
-
-    @property
     def trips(self) -> Sequence[Trip]:
         """What tripped so far, each with its interlock as the rig file has it; nothing acted."""
         own = {one.name: one for one in self.rig.interlocks}
@@ -91,9 +85,10 @@ class Look:
 
     def standing(self) -> Sequence[Trip]:
         """Return the interlocks that stand tripped now, each as it last tripped."""
+        names = self._host.standing()
         last = {trip.interlock.name: trip for trip in self.trips}
-        # One that tripped this moment is known to the cycle before its trip has come here.
-        return [last[name] for name in self._host.standing() if name in last]
+        # The cycle tells one trip per slot: where several came at once, the rest is on its way.
+        return [last[name] for name in names if name in last]
 
     def loads(self) -> Mapping[str, float]:
         """Return which share of its capacity each link carries, of those that know; 0 to 1."""
