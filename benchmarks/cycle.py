@@ -156,7 +156,7 @@ class Meter(threading.Thread):
         finally:
             self._control.request(Verb.STOP, "measured")
 
-    def _measure(self) -> Seen:
+    def _measure(self) -> Seen | None:
         folder = RunFolder.at(state_folder() / self._rig.name)
         board, job = folder.board(), folder.job
         views = [View(ring) for ring in folder.row_rings(job).values()]
@@ -173,6 +173,8 @@ class Meter(threading.Thread):
                 for view in views:
                     view.read()
                 looked += 1
+            if self._over.is_set():
+                return None
             found = {name: cpu_s(pid) - used[name] for name, pid in pids.items()}
             found["daemon"] = time.process_time() - own - (load.cpu_s - busy)
             until_ns = time.monotonic_ns()
