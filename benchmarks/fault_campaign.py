@@ -16,6 +16,8 @@ import argparse
 import json
 import sys
 import tempfile
+from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -24,10 +26,18 @@ from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from support.campaign import CALM, Campaign, Outcome, verdict
-from support.fault_table import Case, cases
+from support.fault_table import BUSES, ENCODERS, SERVOS, Case, cases
 from support.wire import wire_rig
 
 Row = dict[str, Any]
+#: What devices of the rig are alike.
+KINDS = {
+    **dict.fromkeys(SERVOS, "servo"),
+    **dict.fromkeys(ENCODERS, "encoder"),
+    **dict.fromkeys(BUSES, "CAN bus"),
+    "accelerometer": "NI card",
+    "traction": "transmitter",
+}
 
 
 def play(missing: list[Case], table: Path | None) -> list[Row]:
@@ -66,7 +76,7 @@ def show(rows: list[Row]) -> bool:
     failed = 0
     rows = [row for row in rows if row["name"] in known]
     for row in sorted(rows, key=lambda one: str(one["name"])):
-        outcome = Outcome(**{key: value for key, value in row.items() if key != "name"})
+        outcome = _outcome(row)
         case = known[row["name"]]
         print(
             f"{case.name:<48} {case.must.value:<6} {outcome.detected_by:<13}"
@@ -81,6 +91,34 @@ def show(rows: list[Row]) -> bool:
     return not failed
 
 
+def markdown(rows: list[Row]) -> Iterator[str]:
+    """Yield the table as it stands in docs/faults.md: the worst of devices of the same kind."""
+    known = {one.name: one for one in cases()}
+    alike: dict[tuple[str, str, str], list[Outcome]] = defaultdict(list)
+    for row in rows:
+        if row["name"] in known:
+            alike[_described(known[row["name"]])].append(_outcome(row))
+    yield "| device | fault | the run must | seen by | after, ms | safe after, ms |"
+    yield "|---|---|---|---|---|---|"
+    for described, found in sorted(alike.items()):
+        by = ", ".join(sorted({one.detected_by for one in found}))
+        seen = max((one.detected_s for one in found if one.detected_s is not None), default=None)
+        safe = max((one.safe_s for one in found if one.safe_s is not None), default=None)
+        refused = any(one.detected_by == "refused" for one in found)
+        after = "" if refused else _ms(seen)
+        yield f"| {' | '.join(described)} | {by} | {after} | {_ms(safe)} |"
+
+
+def _described(case: Case) -> tuple[str, str, str]:
+    options = ", ".join(f"{key}={value}" for key, value in case.options.items())
+    what = f"`{case.fault}`" + (f" {options}" if options else "")
+    return KINDS.get(case.part, case.part), what, case.must.value
+
+
+def _outcome(row: Row) -> Outcome:
+    return Outcome(**{name: value for name, value in row.items() if name != "name"})
+
+
 def _ms(seconds: float | None) -> str:
     return "" if seconds is None else f"{1e3 * seconds:.0f}"
 
@@ -90,10 +128,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--table", type=Path, default=None, help="file of what is done already")
     parser.add_argument("--only", default="", metavar="WORD", help="cases whose name holds it")
+    parser.add_argument("--markdown", action="store_true", help="print the table so, play nothing")
     args = parser.parse_args()
     rows: list[Row] = []
     if args.table is not None and args.table.exists():
         rows = [json.loads(line) for line in args.table.read_text().splitlines()]
+    if args.markdown:
+        print(*markdown(rows), sep="\n")
+        return 0
     done = {row["name"] for row in rows}
     missing = [one for one in cases() if args.only in one.name and one.name not in done]
     rows += play(missing, args.table)

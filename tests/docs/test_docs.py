@@ -5,7 +5,7 @@ A fenced block says by its info string what becomes of it:
 - ``sh``: run with ``sh -eu`` in the document's folder; ``exit=N`` where it must end with N;
 - ``python``: run in that folder, warnings are errors;
 - ``python file=NAME``: a module, written to that folder for the commands behind it;
-- ``yaml file=NAME``: a whole file, written to that folder and checked;
+- ``yaml file=NAME``: a whole file, written to that folder and checked (``rig=NAME``: on that rig);
 - ``yaml part``: top-level keys, put in place of those of a small procedure or of the shipped rig,
   which is then checked;
 - ``text output``: what the ``sh`` block before it printed;
@@ -40,6 +40,7 @@ DOCUMENTS = (
     "drivers.md",
     "simulation.md",
     "devices.md",
+    "faults.md",
 )
 #: Blocks that nothing runs, by document.
 UNCHECKED = {
@@ -50,6 +51,7 @@ UNCHECKED = {
     "drivers.md": 3,
     "simulation.md": 4,
     "devices.md": 3,
+    "faults.md": 1,
 }
 TIMEOUT_S = 60
 
@@ -184,7 +186,7 @@ def test_every_block_does_what_it_says(name: str, tmp_path: Path) -> None:
                         "check",
                         block.options["file"],
                         "--rig",
-                        "lugre-1",
+                        block.options.get("rig", "lugre-1"),
                     ],
                     folder,
                     0,

@@ -1,0 +1,51 @@
+"""docs/faults.md lists every fault of every simulated device, in the words of the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from rigd_sim.cards.lugre import LugreWiring
+from rigd_sim.cards.mf624 import Mf624Registers
+from rigd_sim.wire.can.drive import Cia402Drive
+from rigd_sim.wire.can.encoder import Cia406Encoder
+from rigd_sim.wire.can.misbehaviour import FAULTS
+from rigd_sim.wire.hub import CanHub
+from rigd_sim.wire.modbus.part import LINE_FAULTS
+from rigd_sim.wire.modbus.servo import SimModbusServo
+from rigd_sim.wire.modbus.transmitter import SimModbusTransmitter
+from rigd_sim.wire.ni import SimNi
+from rigd_sim.wire.scale import SimScale
+
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
+
+
+def beyond(faults: Mapping[str, str], common: Mapping[str, str]) -> Mapping[str, str]:
+    return {name: what for name, what in faults.items() if name not in common}
+
+
+LISTS: Mapping[str, Mapping[str, str]] = {
+    "CAN bus": CanHub.faults,
+    "CANopen node": FAULTS,
+    "CiA 402 servo": beyond(Cia402Drive.faults, FAULTS),
+    "CiA 406 encoder": beyond(Cia406Encoder.faults, FAULTS),
+    "NI card": SimNi.faults,
+    "Scale": SimScale.faults,
+    "Modbus line": LINE_FAULTS,
+    "Modbus transmitter": beyond(SimModbusTransmitter.faults, LINE_FAULTS),
+    "Modbus servo": beyond(SimModbusServo.faults, LINE_FAULTS),
+    "Register card": {**Mf624Registers.faults, **LugreWiring.faults},
+}
+
+
+def table(faults: Mapping[str, str]) -> str:
+    rows = [f"| `{name}` | {what.replace('|', chr(92) + '|')} |" for name, what in faults.items()]
+    return "\n".join(["| fault | what happens |", "|---|---|", *rows])
+
+
+@pytest.mark.parametrize("title", LISTS)
+def test_the_list_of_a_device_is_what_it_shows(title: str) -> None:
+    expected = f"### {title}\n\n{table(LISTS[title])}\n\n"
+    assert expected in DOCUMENT.read_text("utf-8") + "\n"
