@@ -31,7 +31,8 @@ class CycleLink:
     """
 
     def __init__(self, folder: RunFolder, job: m.CycleJob, silence_s: float) -> None:
-        self.ended: dict[int, Outcome] = {}
+        self.heard = 0  #: serial of the last outcome that :meth:`ending` gave
+        self._ended: dict[int, Outcome] = {}
         self.said: dict[int, tuple[str, ...]] = {}
         self.acted: dict[int, m.Acted] = {}
         self.news: deque[object] = deque()  #: what was told without being asked
@@ -74,6 +75,14 @@ class CycleLink:
             self._closing = message.serial
         self._socket.send(pickle.dumps(message))
 
+    def ending(self, serial: int) -> Outcome | None:
+        """Return how what was asked for by ``serial`` ended, once; None while it goes on."""
+        outcome = self._ended.get(serial)
+        if outcome is not None:
+            self.heard = serial
+            self._ended.clear()  # whatever else is there, the cycle has told again by this
+        return outcome
+
     def hear(self, wait_ms: int) -> None:
         """Take what was said, waiting at most ``wait_ms`` for something."""
         self._poll.poll(wait_ms)
@@ -86,7 +95,7 @@ class CycleLink:
                 return
             match pickle.loads(packet):
                 case m.Ended(serial, outcome):
-                    self.ended[serial] = outcome
+                    self._ended[serial] = outcome
                 case m.Said(serial, sentences):
                     self.said[serial] = sentences
                 case m.Acted(serial) as acted:

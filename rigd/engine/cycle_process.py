@@ -65,7 +65,7 @@ class CycleProcess:
         self._cycle.connect(rings, self._job.decimation, self._emit)
         self._trial = NO_TRIAL
         self._serial = 0  #: of what plays, 0 where nothing was asked for that has not ended
-        self._unasked: Outcome | None = None  #: how the cycle acted while nothing was asked for
+        self._endings: list[tuple[int, Outcome]] = []  #: by serial; the daemon may not know them
         self._final: Outcome | None = None  #: every device is safe; nothing moves any more
         self._in_cycle = [one for one in self._cycle.rig.mounts if one.name not in elsewhere]
         self._acting: tuple[int, Driver] | None = None  #: for whom, and the device that acts
@@ -131,16 +131,15 @@ class CycleProcess:
         return None
 
     def _end(self, outcome: Outcome) -> None:
-        """Tell how what was asked for ended; what nobody asked for answers the next command."""
+        """Tell how what was asked for ended; what nobody heard answers the next command."""
         if outcome.ending in (Ending.FAULTED, Ending.ESTOPPED):
             self._stand_still()
             self._final = outcome
         self._arming_since = None
+        self._endings.append((self._serial, outcome))
         if self._serial:
             self._say(m.Ended(self._serial, outcome))
             self._serial = 0
-        else:
-            self._unasked = outcome
 
     def _receive(self) -> None:
         """Take one command, if there is one; the daemon's death shows as an empty packet."""
@@ -157,25 +156,22 @@ class CycleProcess:
 
     def _do(self, command: m.Command) -> None:
         match command:
-            case m.Play(serial, trial, program, file):
+            case m.Play(serial, heard, trial, program, file):
                 if file:
                     program = pickle.loads((self._folder / file).read_bytes())
                 self._trial = trial
                 self._cycle.load(program)
-                self._begin(serial)
-            case m.Rest(serial, trial):
+                self._begin(serial, heard)
+            case m.Rest(serial, heard, trial):
                 self._trial = trial
                 self._cycle.load(None)
-                self._begin(serial)
+                self._begin(serial, heard)
             case m.Request(_, verb, reason):
                 self._control.request(verb, reason)
-            case m.Arm(serial):
+            case m.Arm(serial, heard):
                 self._cycle.load(None)
-                self._arming_since = self._cycle.t_ns
-                self._begin(serial)
-                refused = self._cycle.arm()
-                if refused is not None:
-                    self._end(refused)
+                if self._begin(serial, heard):
+                    self._arm()
             case m.Open(serial, judge):
                 self._answer(serial, self._open(judge=judge))
             case m.Judge(serial):
@@ -208,18 +204,32 @@ class CycleProcess:
             case _:
                 raise TypeError(f"no such command: {command!r}")
 
-    def _begin(self, serial: int) -> None:
+    def _begin(self, serial: int, heard: int) -> bool:
+        """Return whether what was asked for begins; else the cycle has acted, which is told."""
         self._serial = serial
-        if self._unasked is not None:
-            # The cycle has acted since; what was asked for does not begin.
-            outcome, self._unasked = self._unasked, None
+        outcome = self._unheard(heard) or self._final
+        if outcome is not None:
             self._cycle.load(None)
             self._end(outcome)
-        elif self._final is not None:
-            self._end(self._final)
-        else:
-            self._ticking = True
-            self._board[Word.TICKING] = 1
+            return False
+        self._ticking = True
+        self._board[Word.TICKING] = 1
+        return True
+
+    def _unheard(self, heard: int) -> Outcome | None:
+        """Return the most severe ending after the one of ``heard``; from now on none is."""
+        endings, self._endings = self._endings, []
+        for place, (serial, _) in enumerate(endings):
+            if serial and serial == heard:
+                endings = endings[place + 1 :]
+                break
+        return max((one for _, one in endings), key=lambda one: one.ending.value, default=None)
+
+    def _arm(self) -> None:
+        self._arming_since = self._cycle.t_ns
+        refused = self._cycle.arm()
+        if refused is not None:
+            self._end(refused)
 
     def _stand_still(self) -> None:
         """Exchange nothing any more: every device is safe."""

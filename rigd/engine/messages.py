@@ -62,12 +62,23 @@ class Act(Command):
 
 
 @dataclass(frozen=True)
-class Arm(Command):
+class Begin(Command):
+    """Something that ends with an outcome; ``heard`` is the serial of the last one that was heard.
+
+    Where the cycle has acted since, that is the answer, and nothing begins: the daemon may have
+    stopped listening (a rest that was long enough) before it was told.
+    """
+
+    heard: int
+
+
+@dataclass(frozen=True)
+class Arm(Begin):
     """Enable every device; replied by Ended once all are."""
 
 
 @dataclass(frozen=True)
-class Play(Command):
+class Play(Begin):
     """Play a program; replied by Ended. ``file`` instead of ``program`` where it is long."""
 
     trial: int
@@ -76,7 +87,7 @@ class Play(Command):
 
 
 @dataclass(frozen=True)
-class Rest(Command):
+class Rest(Begin):
     """Let the setpoints go to rest, and run; Ended comes only where the cycle had to act."""
 
     trial: int

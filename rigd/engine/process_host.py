@@ -29,6 +29,8 @@ from rigd.model.errors import RecordingError
 from rigd.procedure.program import CycleProgram
 from rigd.record.events import NO_TRIAL
 
+#: A program too long for a packet, in the run's folder.
+PROGRAM: Final = "program.pickle"
 #: The daemon looks around this often while something plays.
 POLL_MS: Final = 5
 #: ``on_drain`` is called this often.
@@ -157,19 +159,18 @@ class ProcessHost:
 
     def arm(self) -> Outcome | None:
         """Enable every device, at rest."""
-        outcome = self._until(m.Arm(self._next()))
+        outcome = self._until(m.Arm(self._next(), self._cycle.heard))
         return None if outcome is None or outcome.ending is Ending.DONE else outcome
 
     def play(self, program: CycleProgram) -> Outcome:
         """Play ``program`` to its end and return how it ended."""
-        serial = self._next()
+        serial, heard = self._next(), self._cycle.heard
         whole = pickle.dumps(program)
         if len(whole) < m.MAX_PACKET:
-            command = m.Play(serial, self.trial, program)
+            command = m.Play(serial, heard, self.trial, program)
         else:
-            name = f"program-{serial}.pickle"
-            (self._folder / name).write_bytes(whole)
-            command = m.Play(serial, self.trial, None, name)
+            (self._folder / PROGRAM).write_bytes(whole)  # the one before has been played
+            command = m.Play(serial, heard, self.trial, None, PROGRAM)
         outcome = self._until(command)
         if outcome is None:
             raise RuntimeError("a program ended without an outcome")
@@ -189,7 +190,8 @@ class ProcessHost:
 
     def rest_while(self, condition: Callable[[], bool]) -> Outcome | None:
         """Keep the rig at rest as long as ``condition`` holds."""
-        return self._until(m.Rest(self._next(), self.trial), lambda: not condition())
+        rest = m.Rest(self._next(), self._cycle.heard, self.trial)
+        return self._until(rest, lambda: not condition())
 
     def ask(self, question: Callable[[], None]) -> Outcome | None:
         """Run ``question`` in a thread; the cycle goes on at rest until it returns."""
@@ -291,7 +293,7 @@ class ProcessHost:
         """Send ``command``; return how it ended, or None once ``enough``."""
         self._send(command)
         while True:
-            outcome = self._cycle.ended.pop(command.serial, self._lost)
+            outcome = self._cycle.ending(command.serial) or self._lost
             if outcome is not None:
                 return outcome
             if enough():

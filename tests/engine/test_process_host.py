@@ -134,6 +134,58 @@ def test_a_request_ends_the_program(tmp_path: Path) -> None:
         assert word(path) == "still"
 
 
+def pass_on(host: ProcessHost, folder: RunFolder) -> None:
+    """Let the cycle heed what was asked for, while nobody waits for an outcome."""
+    board = folder.board()
+    enough, deadline = board[Word.CYCLES] + 10, time.monotonic() + 20
+    while board[Word.CYCLES] < enough and time.monotonic() < deadline:
+        host.unfit()
+
+
+def test_a_stop_that_comes_after_a_rest_keeps_the_next_program_from_playing(
+    tmp_path: Path,
+) -> None:
+    with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, control):
+        ready(host)
+        assert host.rest_while(lambda: False) is None
+        control.request(Verb.STOP, "enough")
+        pass_on(host, folder)
+        outcome = host.play(move(0.5))
+        assert (outcome.ending, outcome.reason) == (Ending.STOPPED, "enough")
+        assert host.play(move(0.5)).ending is Ending.DONE  # such as `finish`: once is enough
+        speeds = folder.row_rings(folder.job)["axis"].peek()["speed_setpoint"]
+        assert (speeds != 0).sum() < 120  # of one program: 50 cycles, and the hold after it
+
+
+def test_a_stop_is_not_forgotten_for_a_trip_that_follows(tmp_path: Path) -> None:
+    path = tmp_path / "axis"
+    low = Interlock("low", "axis.position", low=-0.01, action=Action.END_TRIAL, message="low")
+    rig = file_axis.rig(path, interlocks=(low,), drops_after_s=2.0)
+    with host_of(rig) as (host, _, control):
+        ready(host)
+        assert host.play(move(0.5)).ending is Ending.DONE
+        control.request(Verb.STOP, "enough")
+        deadline = time.monotonic() + 20
+        while not host.ends_everything() and time.monotonic() < deadline:
+            pass
+        assert "low" in host.ends_everything()
+        assert host.play(move(0.5)).ending is Ending.STOPPED
+
+
+def test_nothing_is_armed_after_the_cycle_has_acted(tmp_path: Path) -> None:
+    path = tmp_path / "axis"
+    with host_of(file_axis.rig(path)) as (host, folder, control):
+        assert host.open() == ()
+        assert host.settle(20) is None
+        control.request(Verb.ABORT, "enough")
+        pass_on(host, folder)
+        outcome = host.arm()
+        assert outcome is not None
+        assert outcome.ending is Ending.ABORTED
+        pass_on(host, folder)
+        assert word(path) == "opened"  # an armed axis would have been written to
+
+
 def test_a_request_is_heeded_while_devices_are_opened(tmp_path: Path) -> None:
     path = tmp_path / "axis"
     with host_of(file_axis.rig(path, opens_in_s=60.0)) as (host, _, control):

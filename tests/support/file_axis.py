@@ -24,6 +24,8 @@ class FileAxisConfig(DriverConfig):
     """Whether it acts when it is tried."""
     hang_after_s: float | None = None
     """When `read` no longer returns."""
+    drops_after_s: float | None = None
+    """When the position drops by a metre."""
     ready_after_s: float = 0.0
     opens_in_s: float = 0.0
 
@@ -67,6 +69,9 @@ class FileAxis(Driver):
         hang = self.config.hang_after_s
         if hang is not None and time.monotonic() - self._begun > hang:
             time.sleep(60)
+        drop = self.config.drops_after_s
+        if drop is not None and time.monotonic() - self._begun > drop:
+            return self._position - 1.0, self._speed, int(self._enabled)
         return self._position, self._speed, int(self._enabled)
 
     def write(self, setpoints: Sequence[float]) -> None:
