@@ -54,7 +54,7 @@ def play(missing: list[Case], table: Path | None) -> list[Row]:
         print(f"{len(rows)}/{len(missing)} {case.name}: {'; '.join(wrong) or 'ok'}", flush=True)
 
     left = list(missing)
-    while left:  # a cut connection stays cut: the simulation is then begun anew
+    while left:
         with (
             tempfile.TemporaryDirectory() as folder,
             wire_rig(Path(folder), "wire-faults", CALM) as rig,
@@ -63,7 +63,7 @@ def play(missing: list[Case], table: Path | None) -> list[Row]:
             while left:
                 case = left.pop(0)
                 campaign.play(case)
-                if case.fault == "cut":
+                if case.spoils:
                     break
             campaign.finish()
     return rows

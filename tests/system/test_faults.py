@@ -38,7 +38,7 @@ KNOWN = {one.name: one for one in cases()}
 def sample() -> list[Case]:
     """Three faults that end a run, and three that one run goes through."""
     draw = random.Random(20261121)
-    playable = [one for one in KNOWN.values() if not one.before and one.fault != "cut"]
+    playable = [one for one in KNOWN.values() if not one.before and not one.spoils]
     ending = [one for one in playable if one.must is Must.END]
     going_on = [one for one in playable if one.must is not Must.END and one.watch_s <= 2.0]
     return [*draw.sample(going_on, 3), *draw.sample(ending, 3)]
