@@ -24,7 +24,7 @@ check: setup ## format, lint, types, layers
 	$(BIN)/lint-imports
 
 bench: setup ## every figure, as ratios from interleaved runs
-	scripts/need cc node npm
+	scripts/need cc cyclictest node npm
 	$(BIN)/python benchmarks/all.py
 
 clean: ## remove what the other targets made

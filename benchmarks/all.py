@@ -24,6 +24,7 @@ BENCHES = (
     "simulated_run",
     "simulated_bus",
     "register_card",
+    "cycle",
     "card_blocks",
     "recording",
     "recorder",
