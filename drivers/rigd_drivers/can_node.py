@@ -236,10 +236,15 @@ class Node:
             return
         if self.bus.now_ns - self._heard_ns > _HEARTBEAT_LOST_NS:
             silent_ms = (self.bus.now_ns - self._heard_ns) // 1_000_000
-            raise DeviceError(f"{self} sent no heartbeat for {silent_ms} ms")
+            raise DeviceError(
+                f"{self} sent no heartbeat for {silent_ms} ms",
+                hint="check its supply, its cable and the bus connector",
+            )
         if self._halted >= _HALTED_HEARTBEATS:
             raise DeviceError(
-                f"{self} is no longer operational, its heartbeat says: {self._said()}"
+                f"{self} is no longer operational, its heartbeat says: {self._said()}",
+                hint="its watchdog acted because this computer stalled, or another master "
+                "stopped it",
             )
 
     def restart_quietly(self) -> None:
@@ -351,7 +356,9 @@ class Node:
         )
 
     def _refused(self, doing: str, error: sdo.Aborted) -> ProtocolError:
-        return ProtocolError(f"{self} refuses {doing}: {error}", hint=_REFUSALS.get(error.code))
+        return ProtocolError(
+            f"{self} refuses {doing}: {error}", hint=_REFUSALS.get(error.code, _LOOK_UP)
+        )
 
 
 def scan(bus: CanBus) -> Sequence[int]:
@@ -371,6 +378,7 @@ def scan(bus: CanBus) -> Sequence[int]:
 
 
 #: What to do about a refusal.
+_LOOK_UP: Final = "its manual says when it refuses so; switch it off and on, then try again"
 _REFUSALS: Final = {
     0x06020000: "its firmware lacks what this driver needs: update it, or use another driver",
     0x06040041: "its firmware cannot map this object to a PDO: update it",
@@ -381,7 +389,7 @@ _REFUSALS: Final = {
 }
 
 
-def _advice(emergency: emcy.Emergency) -> str | None:
+def _advice(emergency: emcy.Emergency) -> str:
     if emergency.code in emcy.MASTER_SILENT:
         return "the cycle stalled for longer than `watchdog`; see `rigd doctor`"
-    return None
+    return "its manual says what the code means; the next run resets it once the cause is gone"

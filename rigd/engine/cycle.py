@@ -84,6 +84,8 @@ class Cycle:
         self.counters = CycleCounters()
         self.segment = ""
         self.trips: list[Trip] = []  #: everything that tripped in this run
+        #: Called before the devices are made safe, which may take longer than a cycle.
+        self.on_make_safe: Callable[[], None] = lambda: None
         self._emit: Emit = _nowhere
         self._recorded: list[tuple[Mount, int, RowSink, int]] = []
         self._own_ring: tuple[RowSink, int] | None = None
@@ -218,7 +220,11 @@ class Cycle:
                 self._mute.discard(mount.name)
             elif t_ns - stamps[index] > self._silent_ns[index]:
                 silent_ms = self._silent_ns[index] // 1_000_000
-                return self._fault(t_ns, f"{mount.name} gave no row for {silent_ms} ms")
+                return self._fault(
+                    t_ns,
+                    f"{mount.name} gave no row for {silent_ms} ms "
+                    "(check its supply, its cable and what lies between)",
+                )
         return None
 
     def _write(self, t_ns: int) -> Outcome | None:
@@ -347,6 +353,7 @@ class Cycle:
 
         One device that fails never keeps the others from being made safe.
         """
+        self.on_make_safe()
         problems = []
         for mount in self.rig.mounts:
             try:
