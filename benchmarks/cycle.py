@@ -1,4 +1,4 @@
-"""The cycle beside a bare C loop, cyclictest and Deimos: who keeps his slots, and at what cost.
+"""The cycle beside a bare C loop, cyclictest and Deimos: who keeps its slots, and at what cost.
 
 The rig at the wire at 1 kHz (three CiA 402 servos, two CiA 406 encoders on two simulated CAN buses,
 a card, a transmitter, a scale), and the register card at 4 kHz. This process is the daemon: it runs
@@ -7,7 +7,10 @@ reads the rings 20 times a second. In the same minute and on the same processors
 ``cycle_peers.py`` describes. Deimos has its turn right after, under the same load.
 
 What is lost, stale and late comes from the recording. A missed slot is the cycle's own unless a
-witness, above all programs, was kept away at that moment too.
+witness, above all programs, was kept away for half a period at that moment too.
+
+Interlocks and the watch over the daemon are more patient than the shipped rig files are: a shared
+host is away for longer at times than they allow, and would end the run.
 
     python benchmarks/cycle.py                            20 s each
     python benchmarks/cycle.py --seconds 600 --no-deimos --rig wire

@@ -30,6 +30,9 @@ CYCLE_PRIORITY = 80
 WITNESS_PRIORITY = 98
 #: Witnesses look as often as the cycle, but not more often than this: it is the cycle's machine.
 WITNESS_PERIOD_US = 500
+#: A witness that is so many periods of the cycle late was kept away for long enough to excuse a
+#: missed slot; it tells of nothing below 250 us.
+AWAY_PERIODS = 0.5
 #: cyclictest counts latencies up to this, in us.
 LONGEST_US = 100_000
 #: The release that is measured.
@@ -103,7 +106,6 @@ class RunningBeside:
     def __init__(self, witness: Path, period_us: int, seconds: float) -> None:
         self._folder = Path(tempfile.mkdtemp(dir=witness.parent))
         self._cyclictest_json = self._folder / "cyclictest.json"
-        self.began_ns = time.monotonic_ns()
         self._loop = _loop(witness, period_us, seconds, CYCLE_PRIORITY, self._folder / "loop")
         self._logs = [self._folder / f"cpu{cpu}" for cpu in sorted(os.sched_getaffinity(0))]
         slow_us = max(period_us, WITNESS_PERIOD_US)
@@ -121,6 +123,7 @@ class RunningBeside:
             stdout=subprocess.PIPE,
             text=True,
         )
+        self._period_us = period_us
         self._until = time.monotonic() + seconds + END_S
         self._slots = math.ceil(seconds) * 1_000_000 // period_us
 
@@ -143,6 +146,7 @@ class RunningBeside:
             (int(due), int(due) + int(late))
             for log in self._logs
             for _, due, late in (line.split() for line in log.read_text().splitlines())
+            if int(late) >= self._period_us * AWAY_PERIODS * 1e3
         ]
         return Beside(loop, self._of_cyclictest(), np.array(sorted(away), np.int64).reshape(-1, 2))
 
