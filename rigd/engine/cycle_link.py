@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import pickle
 import select
-import signal
 import socket
 import subprocess
 import sys
@@ -14,14 +14,20 @@ from typing import Final
 from rigd.engine import messages as m
 from rigd.engine.clock import monotonic_ns
 from rigd.engine.cycle_process import JOB
+from rigd.engine.deaths import how_ended
 from rigd.engine.player import Outcome
-from rigd.engine.shared import RunFolder, Word
+from rigd.engine.shared import CycleState, RunFolder, Word
 
 #: What the cycle process writes where a person would look, kept in the run's folder.
 LOG: Final = "cycle.log"
 #: The cycle is not judged by its silence where the daemon itself was away for so long: whatever
 #: stopped the one (a stalled host) stopped the other.
 AWAY_NS: Final = 25_000_000
+#: Devices are made safe one after the other, some over links that are dead: within this, all of
+#: them, or over a second link.
+SAFE_S: Final = 2.0
+#: A process that was killed is gone within this, unless the kernel still holds it.
+FENCE_S: Final = 0.5
 
 
 class CycleLink:
@@ -38,7 +44,10 @@ class CycleLink:
         self.news: deque[object] = deque()  #: what was told without being asked
         self._log = folder.path / LOG
         self._board = folder.board()
-        self._silence_ns = round(silence_s * 1e9)
+        self._silence_ns = {
+            CycleState.TICKING: round(silence_s * 1e9),
+            CycleState.MAKING_SAFE: round(SAFE_S * 1e9),
+        }
         self._heard_ns = monotonic_ns()
         self._serial = 0
         self._closing = 0  #: serial of the command to end
@@ -112,10 +121,10 @@ class CycleLink:
             self.hear(0)  # what it said last
             if self._closing in self.said:
                 return None  # it ended as it was told
-            how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-            return f"the cycle process ended by itself ({how}){self._last_words()}"
+            return f"the cycle process ended by itself ({how_ended(code)}){self._last_words()}"
+        bound_ns = self._silence_ns.get(CycleState(self._board[Word.CYCLE_STATE]))
         silent_ns = now - self._board[Word.BEAT_CYCLE]
-        if self._board[Word.TICKING] and away_ns < AWAY_NS and silent_ns > self._silence_ns:
+        if bound_ns is not None and away_ns < AWAY_NS and silent_ns > bound_ns:
             return f"the cycle process gave no sign of life for {silent_ns / 1e6:.0f} ms"
         return None
 
@@ -128,9 +137,14 @@ class CycleLink:
         self._process.wait(timeout_s)
 
     def fence(self) -> None:
-        """End the process for good, whatever it does; twice is silent."""
+        """End the process for good, whatever it does; twice is silent.
+
+        One that the kernel holds (a call into a device that hangs) is not waited for: once killed
+        it executes nothing of its own any more.
+        """
         self._process.kill()
-        self._process.wait()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(FENCE_S)
 
     def close(self) -> None:
         """Close the socket; a process still there takes that for the daemon's death."""

@@ -7,7 +7,6 @@ it takes the setpoints to rest, makes every device safe, and ends.
 
 from __future__ import annotations
 
-import contextlib
 import pickle
 import select
 import signal
@@ -27,7 +26,7 @@ from rigd.engine.cycle import DEVICE_ERRORS, Cycle
 from rigd.engine.in_process import ARM_NS, close_devices, judge_devices, open_devices
 from rigd.engine.player import Ending, Outcome
 from rigd.engine.realtime import RealTime
-from rigd.engine.shared import RunFolder, Word
+from rigd.engine.shared import CycleState, RunFolder, Word
 from rigd.engine.slow import stand_ins
 from rigd.engine.wiring import in_cycle, wire
 from rigd.record.events import NO_TRIAL
@@ -56,6 +55,7 @@ class CycleProcess:
         clock = RealClock(rig.period_ns, board[Word.START_NS], board[Word.ORIGIN_NS])
         wiring = wire(rig, clock, self._control, self._job.seed, stand_ins(rig, folder))
         self._cycle: Cycle = wiring.cycle
+        self._cycle.on_make_safe = self._begin_making_safe
         self._plant = wiring.plant
         # A ring has one writer: devices beside the cycle have theirs.
         elsewhere = {device.name for device in rig.devices.values() if not in_cycle(device)}
@@ -87,7 +87,8 @@ class CycleProcess:
                 else:
                     select.select([self._link], [], [], IDLE_S)
                 self._board[Word.BEAT_CYCLE] = time.monotonic_ns()
-                self._receive()
+                if not self.over:
+                    self._receive()
                 self._send_unsent()
         except BaseException:
             self._cycle.make_safe()
@@ -193,13 +194,10 @@ class CycleProcess:
             case m.Change(serial, quantity, value):
                 self._answer(serial, self._change(quantity, value))
             case m.MakeSafe(serial):
-                self._stand_still()
                 self._final = Outcome(Ending.FAULTED, "the rig was made safe")
-                self._answer(serial, self._cycle.make_safe())
+                self._answer(serial, self._make_safe())
             case m.Close(serial):
-                self._stand_still()
-                problems = [*self._cycle.make_safe(), *close_devices(self._cycle)]
-                self._answer(serial, problems)
+                self._answer(serial, [*self._make_safe(), *close_devices(self._cycle)])
                 self.over = True
             case _:
                 raise TypeError(f"no such command: {command!r}")
@@ -213,7 +211,7 @@ class CycleProcess:
             self._end(outcome)
             return False
         self._ticking = True
-        self._board[Word.TICKING] = 1
+        self._board[Word.CYCLE_STATE] = CycleState.TICKING
         return True
 
     def _unheard(self, heard: int) -> Outcome | None:
@@ -231,10 +229,19 @@ class CycleProcess:
         if refused is not None:
             self._end(refused)
 
+    def _begin_making_safe(self) -> None:
+        self._board[Word.BEAT_CYCLE] = time.monotonic_ns()
+        self._board[Word.CYCLE_STATE] = CycleState.MAKING_SAFE
+
+    def _make_safe(self) -> Sequence[str]:
+        problems = self._cycle.make_safe()
+        self._stand_still()
+        return problems
+
     def _stand_still(self) -> None:
         """Exchange nothing any more: every device is safe."""
         self._ticking = False
-        self._board[Word.TICKING] = 0
+        self._board[Word.CYCLE_STATE] = CycleState.WAITING
 
     def _open(self, *, judge: bool) -> Sequence[str]:
         reasons = list(open_devices(self._cycle, judge=judge))
@@ -315,10 +322,9 @@ class CycleProcess:
             until = time.monotonic_ns() + LEAVE_NS
             while self._cycle.step() is None and time.monotonic_ns() < until:
                 self._board[Word.BEAT_CYCLE] = time.monotonic_ns()
-        self._stand_still()
-        problems = [*self._cycle.make_safe(), *close_devices(self._cycle)]
-        for problem in problems:
+        for problem in (*self._make_safe(), *close_devices(self._cycle)):
             self._tell("fault", {"reason": problem})
+        sys.stderr.write(f"{reason}; the rig was made safe\n")  # for a daemon that comes back
         self.over = True
 
     def heed(self, number: int, frame: FrameType | None) -> None:
@@ -361,8 +367,7 @@ def main(folder: Path, fd: int) -> None:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, process.heed)
         signal.signal(signal.SIGTSTP, signal.SIG_IGN)
-        with contextlib.suppress(BrokenPipeError):
-            process.run()
+        process.run()
 
 
 if __name__ == "__main__":

@@ -225,12 +225,9 @@ class ProcessHost:
 
     def make_safe(self) -> Sequence[str]:
         """Bring every device to its safe state; return what went wrong, a sentence each."""
-        if not self._gone:
-            try:
-                return self._ask(m.MakeSafe(self._next()), recording=False)
-            except _Unanswered as error:
-                self._lose(str(error))
-        return self._rescue_problems
+        if self._gone:
+            return self._rescue_problems
+        return self._ask(m.MakeSafe(self._next()), recording=False)
 
     def close(self) -> None:
         """Close every device, end the cycle process, then finish the recording."""
@@ -238,8 +235,9 @@ class ProcessHost:
             if not self._gone:
                 for problem in self._ask(m.Close(self._next()), CLOSE_S, recording=False):
                     self.event("fault", {"reason": problem})
+            if not self._gone:
                 self._cycle.wait(CLOSE_S)
-        except (_Unanswered, subprocess.TimeoutExpired) as error:
+        except subprocess.TimeoutExpired as error:
             self._lose(f"the cycle process did not end: {error}")
         finally:
             self._cycle.close()
@@ -266,12 +264,9 @@ class ProcessHost:
     ) -> Sequence[str]:
         """Send ``command`` and return what the cycle process says to it.
 
-        With ``heed_stop`` a request to stop ends the process: it cannot heed one while it opens
-        devices, and nothing moves yet.
-
-        Raises:
-            _Unanswered: it says nothing in time (not for the commands that look at the rig: then
-                the cycle is lost, and that is what is returned).
+        Where it says nothing in time it is lost, and that is what is returned. With ``heed_stop``
+        a request to stop ends the process: it cannot heed one while it opens devices, and nothing
+        moves yet.
         """
         self._send(command)
         until_ns = monotonic_ns() + round(timeout_s * 1e9)
@@ -280,11 +275,11 @@ class ProcessHost:
                 return () if self._lost is None else (self._lost.reason,)
             if heed_stop and self._control.verb is not None:
                 self._lose(f"{self._control.reason}, while devices were being opened")
-                continue
-            if monotonic_ns() > until_ns:
+            elif monotonic_ns() > until_ns:
                 what = type(command).__name__
-                raise _Unanswered(f"no answer to {what} within {timeout_s:g} s")
-            self._look_after(recording=recording)
+                self._lose(f"the cycle process gave no answer to {what} within {timeout_s:g} s")
+            else:
+                self._look_after(recording=recording)
         return self._cycle.said.pop(command.serial)
 
     def _until(
@@ -362,11 +357,7 @@ class ProcessHost:
     def _end_by(self, reason: str) -> None:
         """Make the rig safe for a reason that the cycle does not know."""
         self.event("fault", {"reason": reason})
-        try:
-            problems = self._ask(m.MakeSafe(self._next()), recording=False)
-        except _Unanswered as error:
-            self._lose(f"{reason}; {error}")
-            return
+        problems = self._ask(m.MakeSafe(self._next()), recording=False)
         self._lost = Outcome(Ending.FAULTED, "; ".join([reason, *problems]))
 
     def _check_rings(self) -> None:
@@ -377,7 +368,3 @@ class ProcessHost:
                     "written",
                     hint="nothing was lost; is the disk slow or stuck?",
                 )
-
-
-class _Unanswered(Exception):
-    """The cycle process did not say anything to a command."""

@@ -15,6 +15,7 @@ from support import file_axis
 from support.file_axis import word
 
 from rigd.config.rig import RigConfig, Waiver
+from rigd.engine import process_host
 from rigd.engine.control import Control, Verb
 from rigd.engine.player import Ending, Outcome
 from rigd.engine.process_host import ProcessHost
@@ -238,6 +239,38 @@ def test_a_driver_that_hangs_is_a_death_too(tmp_path: Path) -> None:
         assert word(path) == "rescued"
 
 
+def test_a_cycle_that_takes_its_time_to_make_safe_is_not_killed_for_it(tmp_path: Path) -> None:
+    path = tmp_path / "axis"
+    slow = file_axis.rig(path, fails_after_s=1.0, safe_takes_s=0.6)
+    assert slow.supervision.cycle_silence_s < 0.6
+    with host_of(slow) as (host, _, _):
+        ready(host)
+        outcome = host.play(move(0.5, 20.0))
+        assert (outcome.ending, outcome.reason) == (Ending.FAULTED, "axis: the belt is torn")
+        assert word(path) == "safe"
+
+
+def test_devices_that_are_never_safe_are_made_safe_over_a_second_link(tmp_path: Path) -> None:
+    path = tmp_path / "axis"
+    with host_of(file_axis.rig(path, fails_after_s=1.0, safe_takes_s=60.0)) as (host, _, _):
+        ready(host)
+        outcome = host.play(move(0.5, 20.0))
+        assert outcome.ending is Ending.FAULTED
+        assert "no sign of life" in outcome.reason
+        assert word(path) == "rescued"
+
+
+def test_a_cycle_that_answers_nothing_is_lost_not_a_bug(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "axis"
+    monkeypatch.setattr(process_host, "OPEN_S", 1.5)
+    with host_of(file_axis.rig(path, opens_in_s=60.0)) as (host, _, _):
+        (reason,) = host.open()
+        assert reason.startswith("the cycle process gave no answer to Open within 1.5 s")
+        assert word(path) == "rescued"
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_to_the_cycle_process_aborts(tmp_path: Path, number: signal.Signals) -> None:
     path = tmp_path / "axis"
@@ -265,6 +298,7 @@ def test_a_silent_daemon_is_a_dead_one(tmp_path: Path) -> None:
         assert outcome.ending is Ending.FAULTED
         reasons = [str(event.data) for event in folder.event_ring("cycle").peek()]
         assert any("the daemon said nothing for 0.4 s" in reason for reason in reasons)
+        assert "the daemon said nothing for 0.4 s" in outcome.reason
 
 
 def test_without_a_watchdog_nothing_is_armed_but_by_a_waiver(tmp_path: Path) -> None:

@@ -26,6 +26,9 @@ class FileAxisConfig(DriverConfig):
     """When `read` no longer returns."""
     drops_after_s: float | None = None
     """When the position drops by a metre."""
+    fails_after_s: float | None = None
+    """When it reports a fault."""
+    safe_takes_s: float = 0.0
     ready_after_s: float = 0.0
     opens_in_s: float = 0.0
 
@@ -69,6 +72,9 @@ class FileAxis(Driver):
         hang = self.config.hang_after_s
         if hang is not None and time.monotonic() - self._begun > hang:
             time.sleep(60)
+        fail = self.config.fails_after_s
+        if fail is not None and time.monotonic() - self._begun > fail:
+            raise DeviceError("the belt is torn")
         drop = self.config.drops_after_s
         if drop is not None and time.monotonic() - self._begun > drop:
             return self._position - 1.0, self._speed, int(self._enabled)
@@ -82,6 +88,7 @@ class FileAxis(Driver):
     def make_safe(self) -> None:
         self._enabled = False
         self._speed = 0.0
+        time.sleep(self.config.safe_takes_s)
         self._keep("safe")
 
     def rescue(self) -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 import time
 from enum import Enum, auto
 from typing import Final
 
+from rigd.engine.deaths import how_ended
 from rigd.engine.recorder.service import ERROR_FILE
 from rigd.engine.shared import RecorderState, RunFolder, Word
 from rigd.model.errors import RecordingError
@@ -152,15 +152,10 @@ class RecorderProcess:
 
     def _death(self) -> RecordingError:
         code = self._process.returncode if self._process is not None else None
+        cause = "it was silent" if code is None else how_ended(code)
         log = (self._folder.path / LOG_FILE).read_text(errors="replace").strip()
         last = log.splitlines()[-1] if log else "it left no message"
         return RecordingError(
-            f"the recorder process died ({_cause(code)}): {last}",
+            f"the recorder process died ({cause}): {last}",
             hint="`rigd recover` puts what it left into the recording.",
         )
-
-
-def _cause(code: int | None) -> str:
-    if code is None:
-        return "it was silent"
-    return f"exit code {code}" if code >= 0 else signal.Signals(-code).name

@@ -4,7 +4,7 @@ Plain mapped files, ideally in memory (tmpfs). They outlive every process: what 
 put there is never lost because it, or any other, was killed.
 """
 
-from rigd.engine.shared.board import Board, Phase, RecorderState, Word
+from rigd.engine.shared.board import Board, CycleState, Phase, RecorderState, Word
 from rigd.engine.shared.eventring import EventRing
 from rigd.engine.shared.folder import EVENT_SOURCES, RunFolder, leftovers, state_folder
 from rigd.engine.shared.job import Job
@@ -13,6 +13,7 @@ from rigd.engine.shared.rowring import RowRing, View
 __all__ = [
     "EVENT_SOURCES",
     "Board",
+    "CycleState",
     "EventRing",
     "Job",
     "Phase",

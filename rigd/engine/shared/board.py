@@ -34,7 +34,7 @@ class Word(IntEnum):
     START_NS = 12  #: daemon: Unix time of slot 0, ns
     ORIGIN_NS = 13  #: daemon: monotonic time of slot 0, ns
     TRIAL = 14  #: daemon: number of the trial under way
-    TICKING = 15  #: cycle: 1 while it exchanges with the devices, slot by slot
+    CYCLE_STATE = 15  #: cycle: a :class:`CycleState`
     AT_REST = 16  #: cycle: 1 while every setpoint stands at its rest value
     MUTE = 17  #: cycle: devices that have not given a row yet
     SEALED = 18  #: recorder: bytes of the recording that nothing changes again
@@ -45,6 +45,14 @@ class Phase(IntEnum):
 
     UNDER_WAY = 0
     ENDED = 1  #: nobody pushes any more; what is in the rings is all there is
+
+
+class CycleState(IntEnum):
+    """What the cycle is at, which says how long it may be silent."""
+
+    WAITING = 0  #: for commands, or for devices that are opened or closed
+    TICKING = 1  #: exchanging with the devices, slot by slot
+    MAKING_SAFE = 2
 
 
 class RecorderState(IntEnum):

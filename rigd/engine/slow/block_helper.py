@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pickle
 import select
-import signal
 import socket
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from typing import Final
 
 from rigd.config.rig import DeviceConfig
 from rigd.engine.clock import monotonic_ns
+from rigd.engine.deaths import how_ended
 from rigd.engine.slow.block_job import GRACE_S, MAX_PACKET, BlockJob, Failed, Opened
 from rigd.engine.slow.table import LatestTable
 from rigd.model.channels import Stream
@@ -185,8 +185,7 @@ class BlockHelper:
         if self._process is None:
             raise RuntimeError(f"the helper of {self.name} is not started")
         try:
-            code = self._process.wait(_REAP_S)
-            how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+            how = how_ended(self._process.wait(_REAP_S))
         except subprocess.TimeoutExpired:
             how = "it has closed its connection"
         words = self._log.read_bytes()[-_LAST_WORDS:].decode(errors="replace").strip()
