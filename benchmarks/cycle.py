@@ -126,6 +126,10 @@ class Seen:
     cpu_s: dict[str, float]  #: of the processes of the run
 
 
+class RunEnded(Exception):
+    """The run was over before it was measured; says why."""
+
+
 class Meter(threading.Thread):
     """Measures a run from within the daemon, then asks it to stop."""
 
@@ -259,7 +263,11 @@ class Kept:
 
 
 def measure(rig_file: Path, witness: Path, seconds: float, recording: Path) -> tuple[Kept, Seen]:
-    """Run the rig of ``rig_file`` for ``seconds``; return what became of it."""
+    """Run the rig of ``rig_file`` for ``seconds``; return what became of it.
+
+    Raises:
+        RunEnded: rigd ended the run, such as for a device that a crowded machine kept silent.
+    """
     rig = load_rig(str(rig_file))
     file = rig_file.with_name("shake.yaml")
     file.write_text(PROCEDURE)
@@ -274,7 +282,7 @@ def measure(rig_file: Path, witness: Path, seconds: float, recording: Path) -> t
     finally:
         meter.leave()
     if meter.seen is None or recorded.result.reason != "measured":
-        raise RuntimeError(f"the run ended by itself: {recorded.result}")
+        raise RunEnded(f"the run ended by itself: {recorded.result.reason}")
     return Kept.read(recording, rig, meter.seen), meter.seen
 
 
@@ -334,12 +342,17 @@ def main() -> int:
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        witness = compile_witness(folder)
+        witness, failed = compile_witness(folder), False
         for name in args.rig or RIGS:
             with RIGS[name](folder) as rig_file:
                 load = "{:.1f} {:.1f} {:.1f}".format(*os.getloadavg())
                 recording = (args.keep or folder) / f"cycle-{name}.mcap"
-                kept, seen = measure(rig_file, witness, args.seconds, recording)
+                try:
+                    kept, seen = measure(rig_file, witness, args.seconds, recording)
+                except RunEnded as error:
+                    print(f"\ncycle, {name}: load average {load}: {error}", flush=True)
+                    failed = True
+                    continue
             report(f"cycle, {name}", kept, seen, load)
         if not args.no_deimos:
             python = install_deimos(folder)
@@ -347,7 +360,7 @@ def main() -> int:
                 found = run_deimos(python, witness, 1000.0, args.seconds, method, priority)
                 name = f"{method}, FIFO {priority}" if priority else method
                 report_deimos(found, f"Deimos, {name}", args.seconds)
-    return 0
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":
