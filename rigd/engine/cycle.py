@@ -37,7 +37,8 @@ _ENDING_OF_ACTION = {
     Action.ABORT: Ending.ABORTED,
     Action.ESTOP: Ending.ESTOPPED,
 }
-_ENDING_OF_VERB = {
+#: How what plays ends when a person asks for it.
+ENDING_OF_VERB = {
     Verb.STOP: Ending.STOPPED,
     Verb.ABORT: Ending.ABORTED,
     Verb.ESTOP: Ending.ESTOPPED,
@@ -97,6 +98,7 @@ class Cycle:
         self._actuators = [mount for mount in rig.mounts if mount.driver.setpoints]
         self._links = tuple(rig.links.items())
         self._silent_ns = [round(mount.driver.silent_s * 1e9) for mount in rig.mounts]
+        self._widths = [mount.values.stop - mount.values.start for mount in rig.mounts]
         self._steady = [i for i, mount in enumerate(rig.mounts) if mount.driver.every_cycle]
         self._hold_until_ns = 0
         self._settle_ns = max(self._silent_ns, default=0)
@@ -215,6 +217,12 @@ class Cycle:
             except DEVICE_ERRORS as error:
                 return self._fault(t_ns, f"{mount.name}: {error.told}")
             if row is not None:
+                if len(row) != self._widths[index]:  # it would move the values of all others
+                    return self._fault(
+                        t_ns,
+                        f"{mount.name} gave a row of {len(row)} values, expected "
+                        f"{self._widths[index]}: correct its read()",
+                    )
                 values[mount.values] = row
                 stamps[index] = t_ns
                 self._mute.discard(mount.name)
@@ -254,7 +262,7 @@ class Cycle:
         verb = self.control.verb
         if verb is not None and verb != self._heeded:
             self._heeded = verb
-            self._leave(Outcome(_ENDING_OF_VERB[verb], self.control.reason))
+            self._leave(Outcome(ENDING_OF_VERB[verb], self.control.reason))
         if self._leaving is None and self._player is not None:
             ended = self._player.step(t_ns, self._values, self._wanted)
             for name in self._player.entered:

@@ -14,6 +14,7 @@ from functools import partial
 from rigd.engine.answers import Answer, Answers, check_answer
 from rigd.engine.clock import idle
 from rigd.engine.control import Control
+from rigd.engine.cycle import ENDING_OF_VERB
 from rigd.engine.faults import ShownFaults
 from rigd.engine.host import Host
 from rigd.engine.player import Ending, Outcome
@@ -119,18 +120,18 @@ class Run:
             if self.faults is not None:
                 checks.append(partial(self.faults.unknown, self.procedure))
             stopped = preflight(self.host, self.procedure, self.answers, checks)
-        except Blocked:
-            self._to(RunEvent.BLOCK)
-            raise
+        except Blocked as error:
+            verb = self.control.verb
+            if verb is None:
+                self._to(RunEvent.BLOCK)
+                raise
+            stopped = Outcome(ENDING_OF_VERB[verb], f"{self.control.reason} ({error.message})")
         if stopped is not None:
-            self._to(RunEvent.STOP)
-            return stopped.reason, Exit.STOPPED
+            return self._end_early(stopped)
         self._event("run_start", {"procedure": self.procedure.name, "resumed": bool(self.done)})
         failed = self.host.arm()
         if failed is not None:
-            out = self._way_out(failed)
-            self._to(out.final if out.final is not RunEvent.FINISHED else RunEvent.STOP)
-            return failed.reason, out.exit_code
+            return self._end_early(failed)
         self._to(RunEvent.ARM)
         self._to(RunEvent.START)
         reason, code, final = "all trials played", Exit.OK, RunEvent.FINISHED
@@ -172,6 +173,17 @@ class Run:
         if code is Exit.OK:
             return self._judge(reason)
         return reason, code
+
+    def _end_early(self, outcome: Outcome) -> tuple[str, Exit]:
+        """End before anything has moved: there is nothing to finish."""
+        out = self._way_out(outcome)
+        if out.final is RunEvent.ABORT:
+            self._aborted = True
+            self._to(RunEvent.ABORT)
+            self._to(RunEvent.SAFE)
+        else:
+            self._to(RunEvent.STOP if out.final is RunEvent.FINISHED else out.final)
+        return outcome.reason, out.exit_code
 
     def _judge(self, reason: str) -> tuple[str, Exit]:
         """Return what to call a run that came to its end but is not what was asked for."""

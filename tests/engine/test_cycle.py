@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.bench import Axis, Bench, move
@@ -52,6 +53,20 @@ def test_with_no_program_setpoints_go_to_rest() -> None:
     assert bench.axis.speed == 1.0
     host.settle(20)
     assert bench.axis.speed == 0.0
+
+
+@pytest.mark.parametrize("row", [(0.0,), (0.0, 1.0, 2.0)])
+def test_a_row_of_another_width_is_a_fault_and_moves_no_other_value(row: tuple[float, ...]) -> None:
+    bench = Bench()
+    host = bench.host()
+    host.settle(2)
+    before = host.cycle.readings()
+    bench.axis.answer = lambda _: row
+    outcome = host.play(move("go", 1.0))
+    assert outcome.ending is Ending.FAULTED
+    assert f"axis gave a row of {len(row)} values, expected 2" in outcome.reason
+    assert host.cycle.readings().keys() == before.keys()
+    assert bench.axis.safe_calls == 1
 
 
 def test_each_interlock_action_takes_its_way_out() -> None:

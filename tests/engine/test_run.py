@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import pytest
 from support.bench import Axis, Bench, move, procedure
 
-from rigd.engine.control import Verb
+from rigd.engine.control import Control, Verb
 from rigd.engine.result import Progress
 from rigd.model.errors import Blocked, DeviceError, Exit, LinkError, RecordingError
 from rigd.model.limits import Action, Interlock, SetpointLimit
@@ -358,6 +358,57 @@ def test_a_lost_link_is_a_fault_made_safe_before_anything_is_told() -> None:
     assert result.state is RunState.FAULTED
     assert order.index("safe") < order.index("fault")
     assert bench.sink.closed  # although closing the axis failed
+
+
+class Hesitant(Axis):
+    """It is ready a few cycles after it was armed; meanwhile ``meanwhile`` happens."""
+
+    def __init__(self, meanwhile: Callable[[], None]) -> None:
+        super().__init__()
+        self.asked = 0
+        self.meanwhile = meanwhile
+
+    def ready(self) -> bool:
+        self.asked += 1
+        if self.asked == 3:
+            self.meanwhile()
+        return self.asked > 50
+
+
+@pytest.mark.parametrize("during", ["opening", "preflight", "arming"])
+@pytest.mark.parametrize(
+    ("verb", "ending", "state"),
+    [
+        (Verb.STOP, "stopped", RunState.DONE),
+        (Verb.ABORT, "aborted", RunState.DONE),
+        (Verb.ESTOP, "estopped", RunState.ESTOPPED),
+    ],
+)
+def test_what_a_person_asks_for_before_anything_moves_is_what_the_run_says(
+    during: str, verb: Verb, ending: str, state: RunState
+) -> None:
+    control = Control()
+
+    def press() -> None:
+        control.request(verb, "pressed")
+
+    def fail() -> None:
+        press()
+        raise LinkError("given up, as a person wanted out")
+
+    bench = Bench(axis=Hesitant(press), control=control)
+    if during == "opening":
+        bench.axis.open = fail  # type: ignore[method-assign]
+    if during == "preflight":
+        press()
+    result = bench.run(procedure([move("one", 0.5)])).execute()
+    assert (result.ending, result.state) == (ending, state)
+    assert "pressed" in result.reason
+    assert bench.sink.steps() == []
+    assert [data["state"] for _, kind, _, data in bench.sink.events if kind == "run_end"] == [
+        ending
+    ]
+    assert_safe(bench)
 
 
 def test_preflight_blocks_on_a_device_that_is_mute_and_on_a_violation_still_delayed() -> None:
