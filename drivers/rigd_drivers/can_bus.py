@@ -243,14 +243,14 @@ class CanBus(Link):
     # -- set-up: before the first cycle, may wait ----------------------------------------------
 
     def send(self, identifier: int, data: bytes) -> None:
-        """Send a frame now.
+        """Send a frame now, waiting a little where the queue is full.
 
         Raises:
             LinkError: the bus is lost, or takes no frames.
 
         """
         try:
-            self._opened().send(identifier, data)
+            self._opened().press(identifier, data)
         except Full as error:
             raise self._stuck(error) from error
 

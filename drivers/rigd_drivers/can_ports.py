@@ -10,6 +10,7 @@ import errno
 import select
 import socket
 import struct
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from contextlib import suppress
@@ -32,6 +33,10 @@ SOCKETCAN: Final = "socketcan"
 _ERROR_FILTER: Final = 2
 #: ``CAN_ERR_MASK``: every class of error frame, linux/can.h.
 _ALL_ERRORS: Final = 0x1FFF_FFFF
+#: A queue of 10 frames, which is what SocketCAN has unless told otherwise, is sent within this at
+#: 250 kbit/s; there is no way to wait for that but to try again, in s.
+PATIENCE_S: Final = 0.01
+_PAUSE_S: Final = 0.0002
 #: Room for frames that come while we are set up, or while this host stalls, in bytes.
 _RECEIVE_BUFFER: Final = 1 << 20
 
@@ -61,6 +66,22 @@ class Port(ABC):
             LinkError: the bus is gone.
 
         """
+
+    def press(self, identifier: int, data: bytes) -> None:
+        """Send a frame; wait for room in the queue, at most :data:`PATIENCE_S`.
+
+        Raises:
+            Full, LinkError: see :meth:`send`.
+
+        """
+        give_up_s = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                return self.send(identifier, data)
+            except Full:
+                if time.monotonic() > give_up_s:
+                    raise
+            time.sleep(_PAUSE_S)
 
     @abstractmethod
     def wait(self, timeout_s: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,9 +15,12 @@ from support.can_script import ScriptedBus
 from rigd.sdk import LinkError
 from rigd_drivers.can_bus import FRAMES_PER_CYCLE, CanBus, CanBusConfig
 from rigd_drivers.can_load import FRAME_BITS, WINDOW_NS, LoadMeter
-from rigd_drivers.can_ports import open_port
+from rigd_drivers.can_ports import Full, open_port
+from rigd_drivers.cia402_servo.current import CurrentServo, CurrentServoConfig
 
 Connect = Callable[..., tuple[CanBus, ScriptedBus]]
+#: A frame of 8 bytes with stuff bits, at 1 Mbit/s.
+FRAME_S = 135e-6
 
 
 @pytest.mark.parametrize(
@@ -153,6 +157,41 @@ def test_only_errors_while_listening(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(LinkError, match="only errors are heard"):
         CanBus(CanBusConfig(interface="scripted")).open()
     assert port.closed == 1
+
+
+class ShortQueue(ScriptedBus):
+    """A bus of 1 Mbit/s behind a queue of 10 frames, the default of SocketCAN."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._empty_s = 0.0
+
+    def send(self, identifier: int, data: bytes) -> None:
+        now_s = time.monotonic()
+        self._empty_s = max(self._empty_s, now_s)
+        if self._empty_s - now_s > 10 * FRAME_S:
+            raise Full("its queue is full")
+        self._empty_s += FRAME_S
+        super().send(identifier, data)
+
+
+def test_all_drives_of_a_bus_are_switched_off_through_a_short_queue(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    port = ShortQueue()
+    monkeypatch.setattr("rigd_drivers.can_bus.open_port", lambda *_: port)
+    bus = CanBus(CanBusConfig(interface="scripted"))
+    bus.open_second()
+    options = {"counts_per_revolution": "4096 count/rev", "current_range": "5 A"}
+    nodes = range(1, 7)
+    drives = [
+        CurrentServo(CurrentServoConfig.model_validate({"node": node, **options}), bus)
+        for node in nodes
+    ]
+    for drive in drives:
+        drive.make_safe()
+    told = {identifier for identifier, data in port.sent if data == bytes(4)}
+    assert told == {0x200 + node for node in nodes}
 
 
 def test_a_queue_may_be_full_for_a_moment_but_not_for_long(connect: Connect, clock: Clock) -> None:
