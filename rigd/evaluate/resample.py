@@ -32,8 +32,15 @@ Times = NDArray[np.int64]
 
 
 def period_ns(times: Times) -> float:
-    """Return the usual distance of ``times`` (n,) in ns; infinite where n is below 2."""
-    return float(np.median(np.diff(times))) if len(times) > 1 else float("inf")
+    """Return the usual distance of ``times`` (n,) in ns; infinite where n is below 2.
+
+    The mean over whole steps: times are rounded to ns, and what the median is off by then adds up
+    over a trial.
+    """
+    if len(times) < 2:
+        return float("inf")
+    steps = np.diff(times)
+    return float((times[-1] - times[0]) / np.rint(steps / np.median(steps)).sum())
 
 
 def means_around(centres: Times, times: Times, values: FloatArray) -> FloatArray:

@@ -125,3 +125,15 @@ def test_the_grid_fills_the_gaps_and_keeps_every_time() -> None:
     assert not on_grid(regular, times + MS // 2)
     with pytest.raises(DataError, match="a single sample"):
         grid(times[:1])
+
+
+def test_a_rate_that_no_number_of_ns_divides_stays_on_its_grid() -> None:
+    """At 9600 Hz, in ns, steps are 104166 or 104167: what rounding takes must not add up."""
+    times = CENTRES[0] + (np.arange(96_000) / 9600.0 * 1e9).astype(np.int64)
+    kept = np.delete(times, [1, 2, 50_000])
+    regular = grid(kept)
+    assert len(regular) == len(times)
+    assert np.abs(regular - times).max() <= 2
+    assert on_grid(regular, kept)
+    values = np.linspace(0.0, 1.0, len(times))
+    assert bridge(regular, kept, np.delete(values, [1, 2, 50_000])) == pytest.approx(values)
