@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from rigd.config.binding import bind
 from rigd.config.document import Document, Path_, parse_document, read_document
@@ -27,6 +27,9 @@ from rigd.model.channels import Channel
 from rigd.model.errors import ConfigError, RigdError
 from rigd.model.limits import Action, Interlock, Priority, SetpointLimit
 from rigd.model.units import Quantity, parse_quantity, parse_unit
+
+#: Cycles without a sign of life that say nothing yet.
+_CYCLES_OF_SILENCE: Final = 3
 
 
 def load_rig(given: str | Path) -> RigConfig:
@@ -55,6 +58,7 @@ def _build(document: Document) -> RigConfig:
     if source is None:
         problems.raise_any()
         raise ConfigError("the rig file cannot be used", place=document.place(()))
+    _check_supervision(document, source, problems)
     links = _links(document, source, problems)
     devices: dict[str, DeviceConfig] = {}
     for name, one in source.devices.items():
@@ -81,6 +85,18 @@ def _build(document: Document) -> RigConfig:
     interlocks = _interlocks(document, source.interlocks, rig, problems)
     problems.raise_any()
     return RigConfig(**{**vars(rig), "interlocks": interlocks})
+
+
+def _check_supervision(document: Document, source: RigSource, problems: Problems) -> None:
+    """Check that the cycle has the time to give a sign of life: it does so once per cycle."""
+    least_s = _CYCLES_OF_SILENCE / source.cycle
+    if source.supervision.cycle_silence < least_s:
+        problems.add(
+            document.place(("supervision", "cycle_silence")),
+            f"cycle_silence {source.supervision.cycle_silence:g} s is less than "
+            f"{_CYCLES_OF_SILENCE} cycles: a healthy cycle would be taken for dead",
+            f"give at least {least_s:g} s",
+        )
 
 
 def _links(

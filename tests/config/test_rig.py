@@ -136,6 +136,13 @@ def test_bad_options_of_two_devices_are_reported_together(rig_text: str) -> None
     assert len(caught.value.others) == 1
 
 
+def test_a_cycle_is_not_taken_for_dead_before_it_could_speak(spoil: Spoil) -> None:
+    text = spoil("cycle: 1 kHz", "cycle: 100 Hz\nsupervision: {cycle_silence: 25 ms}")
+    with pytest.raises(ConfigError, match=r"cycle_silence 0\.025 s is less than 3 cycles"):
+        parse_rig(text, FILE)
+    parse_rig(text.replace("25 ms", "30 ms"), FILE)
+
+
 def test_stale_after_below_two_cycles_is_refused(spoil: Spoil) -> None:
     text = spoil("cycle: 1 kHz", "cycle: 100 Hz").replace(
         "stale_after: 20 ms", "stale_after: 15 ms"
