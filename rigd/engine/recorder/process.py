@@ -23,6 +23,8 @@ START_S: Final = 60.0
 #: A recorder that dies more often than this while a run ends has a bug.
 MOST_DEATHS: Final = 5
 _LOOK_S: Final = 0.005
+#: A process that was killed is gone within this, unless the kernel holds it.
+_REAP_S: Final = 0.25
 
 
 class Health(Enum):
@@ -105,9 +107,15 @@ class RecorderProcess:
         return Health.WELL
 
     def restart(self) -> None:
-        """Make sure that the process is dead, then start it again where it was."""
-        self._kill()
-        self.start()
+        """Make sure that the process is dead, then start it again where it was.
+
+        One that the kernel holds, as its disk does not answer, cannot be waited for: that would
+        silence the daemon. It is started again by a later call, once it is gone.
+        """
+        if self._kill():
+            self.start()
+        else:
+            self._started_ns = time.monotonic_ns()  # not judged again for a while
 
     def finish(self, timeout_s: float = START_S) -> None:
         """Wait until the recording is closed; the board must say that the run has ended.
@@ -139,10 +147,16 @@ class RecorderProcess:
             self._process.wait()
         self._folder.clear()
 
-    def _kill(self) -> None:
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
+    def _kill(self) -> bool:
+        """Kill the process; return whether it is gone."""
+        if self._process is None:
+            return True
+        self._process.kill()
+        try:
+            self._process.wait(_REAP_S)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
 
     def _failure(self) -> RecordingError:
         """Return what the recorder has to say; nothing more is to be had of it."""

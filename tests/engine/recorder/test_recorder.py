@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from support.command import rigd
@@ -116,6 +117,46 @@ def wait_until(condition: Callable[[], object], timeout_s: float = 60.0) -> None
 def kill(pid: int, number: int = signal.SIGKILL) -> None:
     with suppress(ProcessLookupError):
         os.kill(pid, number)
+
+
+class Held:
+    """A process that waits for a disk in the kernel: killed, it goes only once that answers."""
+
+    started: ClassVar[list[Held]] = []
+
+    def __init__(self, *_: object, **__: object) -> None:
+        self.pid = os.getpid()
+        self.answers = self.killed = False
+        self.started.append(self)
+
+    def kill(self) -> None:
+        self.killed = True
+
+    def poll(self) -> int | None:
+        return -9 if self.killed and self.answers else None
+
+    def wait(self, timeout: float | None = None) -> int:
+        if self.poll() is None:
+            assert timeout is not None, "waits for ever"
+            raise subprocess.TimeoutExpired("recorder", timeout)
+        return -9
+
+
+def test_a_recorder_that_its_disk_holds_does_not_hold_the_daemon(
+    folder: RunFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(subprocess, "Popen", Held)
+    Held.started.clear()
+    recorder = RecorderProcess(folder)
+    recorder.start()
+    recorder.restart()
+    assert Held.started[0].killed
+    assert len(Held.started) == 1  # two would write to one file
+    assert recorder.poll() is Health.WELL
+    Held.started[0].answers = True
+    assert recorder.poll() is Health.DIED
+    recorder.restart()
+    assert len(Held.started) == 2
 
 
 def test_the_recorder_is_killed_again_and_again_and_nothing_is_lost(bench: Bench) -> None:
@@ -308,6 +349,17 @@ def test_rigd_recover_completes_a_killed_run(bench: Bench, named: bool, tmp_path
     check_numbered(bench.job.recording, counts)
     again = rigd("recover", cwd=tmp_path)
     assert (again.code, again.out) == (0, "no killed run has left anything behind\n")
+
+
+def test_a_run_killed_before_it_made_its_file_has_nothing_to_repair(
+    folder: RunFolder, job: Job, tmp_path: Path
+) -> None:
+    folder.release()
+    done = rigd("recover", cwd=tmp_path)
+    assert (done.code, done.err) == (0, "")
+    assert done.out == f"{job.recording}: its run was killed before it recorded anything\n"
+    again = rigd("recover", cwd=tmp_path)
+    assert again.out == "no killed run has left anything behind\n"
 
 
 def test_a_job_that_cannot_be_read_is_named(folder: RunFolder, job: Job, tmp_path: Path) -> None:
