@@ -13,9 +13,7 @@ from rigd.config.rig import RigConfig
 from rigd.model.limits import SetpointLimit
 from rigd.model.units import format_quantity
 from rigd.procedure.expression import Scope
-from rigd.procedure.profiles import Chirp, Constant, Prbs, Profile, Ramp, Sine, Square, Table
-from rigd.procedure.reader import Reader
-from rigd.procedure.source import (
+from rigd.procedure.profile_source import (
     ChirpSource,
     PrbsSource,
     ProfileSource,
@@ -24,6 +22,8 @@ from rigd.procedure.source import (
     SquareSource,
     TableProfileSource,
 )
+from rigd.procedure.profiles import Chirp, Constant, Prbs, Profile, Ramp, Sine, Square, Table
+from rigd.procedure.reader import Reader
 
 
 @dataclass(frozen=True)

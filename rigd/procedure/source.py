@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Le
 from pydantic import (
-    AfterValidator,
     Discriminator,
     Field,
     GetCoreSchemaHandler,
@@ -18,7 +17,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from rigd.config.source import ChannelName, FileName, Name, QuantityText, Source
-from rigd.procedure.profiles import TAPS
+from rigd.procedure.profile_source import ProfileSource
 
 #: A quantity, or an expression such as `0.5 * ${current}`.
 Expression = QuantityText
@@ -54,13 +53,6 @@ class OneOrMore:
 
 def _as_list(value: object) -> object:
     return [value] if isinstance(value, str) else value
-
-
-def _register_order(value: int) -> int:
-    if value not in TAPS:
-        orders = ", ".join(map(str, TAPS))
-        raise ValueError(f"order {value} is not one of {orders}")
-    return value
 
 
 class ParameterSource(Source):
@@ -125,105 +117,6 @@ class SweepSource(Source):
     """The order of play."""
     seed: Annotated[int, Ge(0), Le(2**31)] | None = None
     """Decides a random order; the same seed gives the same order."""
-
-
-class ProfileSource(Source):
-    """A setpoint over time; exactly one key."""
-
-    ramp: RampSource | None = None
-    """Straight from one value to another, then held."""
-    sine: SineSource | None = None
-    """A sine."""
-    square: SquareSource | None = None
-    """Two values in turn."""
-    chirp: ChirpSource | None = None
-    """A sine of rising or falling frequency."""
-    prbs: PrbsSource | None = None
-    """A pseudo-random binary sequence of maximum length."""
-    table: TableProfileSource | None = None
-    """Values at times."""
-
-
-class RampSource(Source):
-    """Straight from one value to another, then held."""
-
-    start: Annotated[Expression | None, Field(alias="from")] = None
-    """First value; left out, the ramp begins where the setpoint stands."""
-    to: Expression
-    """Last value."""
-    over: Expression
-    """How long it takes."""
-
-
-class SineSource(Source):
-    """`offset + amplitude sin(2 pi frequency t + phase)`."""
-
-    amplitude: Expression
-    """Half of the swing."""
-    frequency: Expression
-    """Periods per second."""
-    offset: Expression | None = None
-    """Value in the middle; by default zero."""
-    phase: Expression = "0 deg"
-    """Where the sine begins."""
-    fade: Expression | None = None
-    """In this time the swing falls in a straight line to nothing."""
-
-
-class SquareSource(Source):
-    """`offset + amplitude` and `offset - amplitude` in turn."""
-
-    amplitude: Expression
-    """Half of the swing."""
-    frequency: Expression
-    """Periods per second."""
-    offset: Expression | None = None
-    """Value in the middle; by default zero."""
-
-
-class ChirpSource(Source):
-    """A sine whose frequency changes without a break in phase."""
-
-    amplitude: Expression
-    """Half of the swing."""
-    start: Annotated[Expression, Field(alias="from")]
-    """First frequency."""
-    to: Expression
-    """Last frequency, held afterwards."""
-    over: Expression
-    """How long it takes."""
-    offset: Expression | None = None
-    """Value in the middle; by default zero."""
-    spacing: Literal["linear", "logarithmic"] = "linear"
-    """Whether the frequency grows by a constant amount or factor per second."""
-
-
-class PrbsSource(Source):
-    """`offset + amplitude` or `offset - amplitude`, bit by bit."""
-
-    amplitude: Expression
-    """Half of the swing."""
-    bit: Expression
-    """Length of one bit."""
-    order: Annotated[
-        int, AfterValidator(_register_order), Field(json_schema_extra={"enum": list(TAPS)})
-    ] = 9
-    """Bits of the shift register; the sequence repeats after `2^order - 1` bits."""
-    offset: Expression | None = None
-    """Value in the middle; by default zero."""
-    seed: Annotated[int, Ge(0), Le(2**31)] = 1
-    """Decides where the sequence begins."""
-
-
-class TableProfileSource(Source):
-    """Values at times."""
-
-    times: Annotated[list[Expression], Field(min_length=1, max_length=10_000)]
-    """Times since the step began, rising from 0 s."""
-    values: Annotated[list[Expression], Field(min_length=1, max_length=10_000)]
-    """One value for each time."""
-    hold: bool = False
-    """Whether each value stays until the next time, instead of a straight line between them."""
 
 
 def _setpoint_kind(value: object) -> str:
