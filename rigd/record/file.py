@@ -104,9 +104,11 @@ class RecordingFile:
         the file recovered first, should no complete commit follow.
 
         Raises:
-            RecordingError: the system refuses; the file is as the last commit left it.
+            RecordingError: the system refuses; the file is as the last commit left it. Or it was
+                removed, moved or changed meanwhile: then nothing is written.
 
         """
+        self._check_untouched()
         at, crc = self._sealed + len(sealed), crc32(sealed, self._crc)
         parts: list[bytes | memoryview] = [sealed]
         for chunk in chunks:
@@ -148,6 +150,23 @@ class RecordingFile:
         fd, self._fd = self._fd, -1
         self._journal.close(remove=not self._torn)
         os.close(fd)
+
+    def _check_untouched(self) -> None:
+        """Raise unless the file is still at its path, and as long as the last commit left it."""
+        try:
+            size = self.path.stat().st_size
+        except OSError as error:
+            raise RecordingError(
+                f"{self.path} was removed or moved while it was being written: {error.strerror}",
+                hint="Leave a recording where it is until its run has ended.",
+            ) from error
+        expected = self._sealed + len(self._tail)
+        if size != expected:
+            raise RecordingError(
+                f"{self.path} was changed by another program while it was being written: it has "
+                f"{size} bytes, expected {expected}",
+                hint=f"`rigd recover {self.path}` keeps what is still good.",
+            )
 
     def _replace(self, parts: Sequence[bytes | memoryview]) -> None:
         """Write ``parts`` over the tail; put the tail back where that fails."""

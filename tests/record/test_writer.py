@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from rigd.model import RecordingError, Stream
-from rigd.record import NO_TRIAL, Event, Recording, RecordingWriter
+from rigd.record import NO_TRIAL, Event, Recording, RecordingWriter, recover
 from rigd.record.compression import Compression
 
 Create = Callable[..., RecordingWriter]
@@ -172,6 +173,40 @@ def test_no_recording_is_overwritten(create: Create, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="exists already"):
         create()
     assert (tmp_path / "run.mcap").read_bytes() == before
+
+
+def test_a_recording_removed_under_the_writer_is_said_at_the_next_flush(
+    create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
+) -> None:
+    writer = create()
+    writer.write("wheel_servo", rows(servo, 10))
+    writer.flush()
+    (tmp_path / "run.mcap").unlink()
+    writer.write("wheel_servo", rows(servo, 10))
+    with pytest.raises(RecordingError, match=r"run\.mcap was removed or moved"):
+        writer.flush()
+    writer.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_truncated_under_the_writer_is_left_to_be_recovered(
+    create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
+) -> None:
+    writer = create()
+    for _ in range(5):
+        writer.write("wheel_servo", rows(servo, 10_000))
+        writer.flush()
+    path = tmp_path / "run.mcap"
+    whole = path.stat().st_size
+    os.truncate(path, whole // 2)
+    writer.write("wheel_servo", rows(servo, 10))
+    with pytest.raises(RecordingError, match=f"it has {whole // 2} bytes, expected {whole}"):
+        writer.flush()
+    writer.close()
+    assert path.stat().st_size == whole // 2
+    recover(path)
+    kept = Recording.open(path).read("wheel_servo")
+    assert 0 < len(kept) < 50_000
 
 
 def test_the_journal_goes_with_the_close(
