@@ -50,16 +50,17 @@ def _recover_left() -> list[bool]:
             print(f"rigd: {error}", file=sys.stderr)
             went_well.append(False)
         else:
-            went_well.append(_recover(path))
+            went_well.append(_recover(path, left=True))
     if not went_well:
         print("no killed run has left anything behind")
     return went_well
 
 
-def _recover(path: Path) -> bool:
+def _recover(path: Path, *, left: bool = False) -> bool:
     """Add what a killed run left in memory for a file, then repair it; return whether it is well.
 
-    A run that is under way is left alone.
+    A run that is under way is left alone. ``left``: a killed run names the file, which it may not
+    have come to make.
     """
     from rigd.engine.recorder import drain_into
     from rigd.model.errors import Blocked, RigdError
@@ -74,6 +75,9 @@ def _recover(path: Path) -> bool:
     except RigdError as error:
         print(f"rigd: {error}", file=sys.stderr)
         completed = False
+    if left and completed and not path.exists():
+        print(f"{path}: its run was killed before it recorded anything")
+        return True
     return _repair(path) and completed
 
 

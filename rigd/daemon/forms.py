@@ -108,9 +108,9 @@ def processes(
     folder = RunFolder.take(rig.name, command=command, recording=kept.path)
     try:
         if folder.has_job:
-            before = folder.job.recording
-            drain_leftovers(folder)
-            control.notices.append(f"{before}: what an earlier run left in its rings was added")
+            completed = drain_leftovers(folder)
+            if completed is not None:
+                control.notices.append(f"{completed}: what a killed run left in memory was added")
         streams = tuple(one for one in streams_of(rig) if one.name in kept.decimation)
         job = Job(
             rig.name,

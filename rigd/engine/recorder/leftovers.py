@@ -22,6 +22,15 @@ def drain_leftovers(folder: RunFolder) -> Path | None:
     if not folder.has_job:
         folder.clear()
         return None
+    try:
+        return _drain(folder)
+    except RecordingError as error:
+        waiting = f"Samples of a killed run wait in {folder.path}; removing it gives them up."
+        hint = waiting if error.hint is None else f"{error.hint}\n  {waiting}"
+        raise RecordingError(error.message, hint=hint) from error
+
+
+def _drain(folder: RunFolder) -> Path | None:
     transfer = Transfer(folder)
     if transfer.empty and not transfer.begun:
         folder.clear()
@@ -30,10 +39,6 @@ def drain_leftovers(folder: RunFolder) -> Path | None:
     try:
         transfer.open()
         transfer.finish("all processes of the run were killed")
-    except RecordingError as error:
-        waiting = f"Samples of a killed run wait in {folder.path}; removing it gives them up."
-        hint = waiting if error.hint is None else f"{error.hint}\n  {waiting}"
-        raise RecordingError(error.message, hint=hint) from error
     finally:
         transfer.close()
     folder.clear()

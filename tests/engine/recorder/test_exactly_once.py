@@ -164,6 +164,14 @@ def test_a_file_that_is_already_there_is_never_touched(folder: RunFolder, job: J
     assert job.recording.read_bytes() == b"precious"
 
 
+def test_a_ring_that_cannot_be_read_says_how_to_go_on(folder: RunFolder) -> None:
+    os.truncate(folder.path / "rows-0.ring", 0)
+    with pytest.raises(RecordingError, match="another layout") as refused:
+        drain_leftovers(folder)
+    assert f"{folder.path}; removing it gives them up" in str(refused.value)
+    assert folder.has_job  # nothing is given up unasked
+
+
 def test_killed_while_it_made_the_file(folder: RunFolder, job: Job) -> None:
     source = Source(folder)
     source.push(10)
