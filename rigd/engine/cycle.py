@@ -25,6 +25,10 @@ from rigd.procedure.program import CycleProgram
 #: program may come from another process.
 HOLD_NS = 250_000_000
 
+#: Trips that are kept; a value that trembles at its limit makes hundreds per second. All of them
+#: are recorded as events.
+MOST_TRIPS = 100
+
 #: What a device's failure looks like, whoever must act on it.
 DEVICE_ERRORS = (DeviceError, LinkError, ProtocolError)
 
@@ -84,7 +88,7 @@ class Cycle:
         self.control = control
         self.counters = CycleCounters()
         self.segment = ""
-        self.trips: list[Trip] = []  #: everything that tripped in this run
+        self.trips: list[Trip] = []  #: what tripped in this run, the first :data:`MOST_TRIPS`
         #: Called before the devices are made safe, which may take longer than a cycle.
         self.on_make_safe: Callable[[], None] = lambda: None
         self._emit: Emit = _nowhere
@@ -299,7 +303,8 @@ class Cycle:
 
     def _heed_trip(self, trip: Trip) -> None:
         interlock = trip.interlock
-        self.trips.append(trip)
+        if len(self.trips) < MOST_TRIPS or interlock.latch:  # a latched one trips once
+            self.trips.append(trip)
         ending = _ENDING_OF_ACTION.get(interlock.action)
         if ending is not None:
             self._leave(Outcome(ending, f"interlock {interlock.name}: {trip.reason}", trip))

@@ -37,6 +37,7 @@ class _Rule:
     high: float
     low_from: int  # index of the channel that gives the bound, or -1
     high_from: int
+    bound_devices: tuple[int, ...]  # those that give a bound
     delay_ns: int
     stale_ns: int
 
@@ -65,14 +66,17 @@ class InterlockBank:
     def check(self, t_ns: int, values: Sequence[float], stamps: Sequence[int]) -> list[Trip]:
         """Return the interlocks that trip in this cycle.
 
-        ``stamps`` holds when each device last gave a row, in ns.
+        ``stamps`` holds when each device last gave a row, in ns. A channel that gives a bound must
+        be as fresh as the one it bounds.
         """
         trips: list[Trip] = []
         for index, rule in enumerate(self._rules):
             value = values[rule.source]
             low = rule.low if rule.low_from < 0 else values[rule.low_from]
             high = rule.high if rule.high_from < 0 else values[rule.high_from]
-            age_ns = t_ns - stamps[rule.device]
+            own_age_ns = age_ns = t_ns - stamps[rule.device]
+            for device in rule.bound_devices:
+                age_ns = max(age_ns, t_ns - stamps[device])
             # NaN fails every comparison, in the value as in a bound, and so counts as a violation.
             if low <= value <= high and age_ns <= rule.stale_ns:
                 if self._since[index] is not None:
@@ -85,7 +89,7 @@ class InterlockBank:
             untrusted = age_ns > rule.stale_ns or math.isnan(value + low - high)
             if not self._tripped[index] and (untrusted or t_ns - since >= rule.delay_ns):
                 self._tripped[index] = True
-                reason = _reason(rule, value, low, high, age_ns)
+                reason = _reason(rule, value, low, high, own_age_ns, age_ns)
                 of_bounds = rule.interlock.low is not None or rule.interlock.high is not None
                 message = "" if untrusted and of_bounds else rule.interlock.message
                 trips.append(Trip(t_ns, rule.interlock, value, reason, message))
@@ -139,6 +143,7 @@ def _bind(
 ) -> _Rule:
     source = readings[interlock.source]
     low, high = interlock.low, interlock.high
+    bounds = {readings[bound] for bound in (low, high) if isinstance(bound, str)}
     return _Rule(
         interlock,
         source=source,
@@ -148,16 +153,20 @@ def _bind(
         high=high if isinstance(high, int | float) else math.inf,
         low_from=readings[low] if isinstance(low, str) else -1,
         high_from=readings[high] if isinstance(high, str) else -1,
+        bound_devices=tuple({device_of[bound] for bound in bounds}),
         delay_ns=round(interlock.delay_s * 1e9),
         stale_ns=round(interlock.stale_after_s * 1e9),
     )
 
 
-def _reason(rule: _Rule, value: float, low: float, high: float, age_ns: int) -> str:
+def _reason(
+    rule: _Rule, value: float, low: float, high: float, own_age_ns: int, age_ns: int
+) -> str:
     source, unit = rule.interlock.source, parse_unit(rule.unit)
     if age_ns > rule.stale_ns:
+        what = source if own_age_ns > rule.stale_ns else f"a bound of {source}"
         return (
-            f"{source} is stale: its last row is {age_ns / 1e6:.0f} ms old, "
+            f"{what} is stale: its last row is {age_ns / 1e6:.0f} ms old, "
             f"at most {rule.stale_ns / 1e6:.0f} ms is allowed"
         )
     if math.isnan(value):

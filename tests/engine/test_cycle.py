@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.bench import Axis, Bench, move
 
+from rigd.engine.cycle import MOST_TRIPS
 from rigd.engine.player import Ending
 from rigd.model.errors import DeviceError
 from rigd.model.limits import Action, Interlock, SetpointLimit
@@ -67,6 +68,21 @@ def test_a_row_of_another_width_is_a_fault_and_moves_no_other_value(row: tuple[f
     assert f"axis gave a row of {len(row)} values, expected 2" in outcome.reason
     assert host.cycle.readings().keys() == before.keys()
     assert bench.axis.safe_calls == 1
+
+
+def test_a_value_that_trembles_at_its_limit_fills_no_memory() -> None:
+    light = Interlock("light", "axis.load", high=1.0, action=Action.WARN)
+    heavy = Interlock("heavy", "axis.load", high=3.0, action=Action.ABORT, latch=True)
+    bench = Bench(interlocks=(light, heavy))
+    host = bench.host()
+    loads = (0.5 + t_ns // 1_000_000 % 2 for t_ns in range(0, 10**12, 1_000_000))
+    bench.axis.answer = lambda _: (0.0, next(loads))
+    host.settle(1000)
+    assert len(host.trips) == MOST_TRIPS
+    assert bench.sink.kinds().count("interlock") == 500
+    bench.axis.answer = lambda _: (0.0, 4.0)
+    assert host.play(move("go", 1.0)).ending is Ending.ABORTED
+    assert "heavy is latched" in host.ends_everything()
 
 
 def test_each_interlock_action_takes_its_way_out() -> None:

@@ -66,6 +66,14 @@ def test_stale_data_trips_whatever_its_value_and_the_delay() -> None:
     assert "a.x is stale: its last row is 3 ms old, at most 2 ms" in trips[3][0].reason
 
 
+def test_a_bound_that_is_stale_bounds_nothing() -> None:
+    low = Interlock("behind", "a.x", low="b.limit", stale_after_s=0.002)
+    one = InterlockBank([low], {"a.x": 0, "b.limit": 1}, UNITS, [0, 1])
+    trips = [one.check(k * MS, [1.0, 0.0], [k * MS, 0]) for k in range(5)]
+    assert [len(t) for t in trips] == [0, 0, 0, 1, 0]
+    assert "a bound of a.x is stale: its last row is 3 ms old" in trips[3][0].reason
+
+
 def test_clears_only_a_deadband_inside_and_can_trip_again() -> None:
     one = bank(Interlock("far", "a.x", high=1.0, deadband=0.1))
     trips = feed(one, [1.1, 0.95, 1.1, 0.85, 1.1])
