@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
@@ -29,8 +30,9 @@ from rigd_drivers.modbus.shipped import shipped_map
 
 #: Bits of the status word that the device's own flags take.
 FLAGS: Final = {"stable": 1, "overload": 2, "underload": 4, "fault": 8}
-#: Readings taken at opening to judge the range, and how often an action is tried.
-_PROBES: Final = 5
+#: Readings taken at opening to judge range and order (an unloaded cell flickers about zero, which
+#: tells no order), and how often an action is tried.
+_PROBES: Final = 20
 _TRIES: Final = 3
 #: So many readings in a row must make sense with their words swapped, and none as they are, before
 #: the order is called wrong: an overload can look like that once.
@@ -171,6 +173,7 @@ class ModbusTransmitter(ModbusDevice):
         self.identity = ", ".join(
             [self._map.title, *(f"{k} {self.fetch_word(a)}" for k, a in self._map.identity.items())]
         )
+        telling = 0
         for _ in range(_PROBES):
             self._words = self.fetch(self._reads)
             row = self._row()
@@ -181,6 +184,10 @@ class ModbusTransmitter(ModbusDevice):
                     f"{self.config.high:g} N",
                     hint="unload the cell, or correct 'scale', 'low' and 'high'",
                 )
+            telling += self._tells_order()
+            if telling >= _SUSPECTS:
+                return
+            time.sleep(1.0 / self.config.rate)
 
     def arm(self) -> None:
         """Do nothing: it only measures."""
@@ -274,10 +281,18 @@ class ModbusTransmitter(ModbusDevice):
             )
         count = self._count(self._order)
         force = count * self._scale
-        if self._possible(force) or not self._swapped(force):
+        if not self._possible(force) and self._swapped(force):
+            return None
+        if self._tells_order():
             self._suspects = 0
-            return force, count, flags | self.client.status()
-        return None
+        return force, count, flags | self.client.status()
+
+    def _tells_order(self) -> bool:
+        """Return whether the reading depends on the order of its words: that of zero does not."""
+        return self._count(self._order) != self._count(self._other_order())
+
+    def _other_order(self) -> WordOrder:
+        return "low-first" if self._order == "high-first" else "high-first"
 
     def _count(self, order: WordOrder) -> float:
         count = self._map.force.decode(self._words, order)
@@ -291,7 +306,7 @@ class ModbusTransmitter(ModbusDevice):
             ProtocolError: they did so several times on end.
 
         """
-        other: WordOrder = "low-first" if self._order == "high-first" else "high-first"
+        other = self._other_order()
         swapped = self._count(other) * self._scale
         if self._map.force.count == 1 or not self._possible(swapped):
             return False

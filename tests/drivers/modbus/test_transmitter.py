@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from typing import Any
 
 import pytest
 from pydantic import ValidationError
-from support.modbus_bench import TransmitterBench, cycle, rows_of, status
+from support.modbus_bench import Physics, TransmitterBench, cycle, rows_of, status
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.modbus.framing import Trouble
@@ -178,6 +179,16 @@ def test_swapped_words_are_found_out_as_soon_as_zero_is_left(
     transmitter.physics.force = 3.0
     with pytest.raises(ProtocolError, match="try 'word_order: low-first'"):
         rows_of(driver, 100)
+
+
+def test_swapped_words_are_found_out_though_the_reading_flickers_about_zero(
+    transmitter: TransmitterBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    forces = itertools.cycle([0.0, 0.03])
+    monkeypatch.setattr(Physics, "force", property(lambda _: next(forces)))
+    transmitter.fault("word_order")
+    with pytest.raises(ProtocolError, match="try 'word_order: low-first'"):
+        transmitter.driver().open()
 
 
 def test_an_overload_that_looks_swapped_once_is_withheld_and_no_more(
