@@ -16,7 +16,7 @@ from rigd_drivers.ni_daq.sample_clock import SampleClock
 #: An input this close to an end of its range (as a share of it) is taken to be at the rail.
 RAIL: Final = 0.999
 #: Rows may be this late before the card counts as failed, besides five blocks.
-SILENT_S: Final = 0.5
+SILENT_S: Final = 1.5
 
 
 class NiDaq(BlockDriver):
