@@ -224,7 +224,8 @@ def _open_hub(path: str) -> Port:
         connection.connect(path)
     except OSError as error:
         connection.close()
-        raise LinkError(f"no simulated CAN bus at {path}: {error}", hint=hint) from error
+        found = error.strerror or error
+        raise LinkError(f"no simulated CAN bus at {path}: {found}", hint=hint) from error
     return SocketPort(connection, LinkError(f"the simulated CAN bus at {path} is gone", hint=hint))
 
 

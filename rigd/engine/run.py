@@ -68,9 +68,12 @@ class Run:
     extra_checks: Sequence[Callable[[], Sequence[str]]] = ()
     state: RunState = RunState.IDLE
     _trial: TrialPlan | None = None
-    _trials_done: int = 0
+    _trials_done: int = field(init=False)
     _aborted: bool = False
     _incomplete: list[tuple[int, str]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._trials_done = len(self.done)  # from the start: one may end before the next trial
 
     @property
     def progress(self) -> Progress:
@@ -200,7 +203,6 @@ class Run:
         self._play_steps(self.procedure.prepare, "prepare")
         for trial in self.procedure.trials:
             if trial.number in self.done:
-                self._trials_done += 1
                 continue
             self._pause_point()
             barred = self.host.ends_everything()

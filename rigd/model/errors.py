@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from textwrap import indent
 
 
 class Exit(IntEnum):
@@ -113,14 +114,21 @@ class DeviceError(RigdError):
 class Blocked(RigdError):
     """Preflight refuses to arm; ``reasons`` names everything that is missing.
 
-    ``what`` is what does not happen for these reasons.
+    ``what`` is what does not happen for these reasons. Several are printed below one another, as
+    each may have a hint of its own.
     """
 
     exit_code = Exit.BLOCKED
 
     def __init__(self, reasons: Sequence[str], what: str = "the rig is not armed") -> None:
         super().__init__(f"{what}: " + "; ".join(reasons))
+        self.what = what
         self.reasons = tuple(reasons)
+
+    def __str__(self) -> str:
+        if len(self.reasons) == 1:
+            return super().__str__()
+        return "\n".join([f"{self.what}:", *(indent(reason, "  ") for reason in self.reasons)])
 
 
 class InterlockTrip(RigdError):

@@ -66,8 +66,9 @@ def rehearse(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> Rehears
         raise Blocked(
             [
                 f"rig {rig.name} has no `plant`: a dry run plays on physics simulated in process, "
-                "never on devices; dry-run the procedure on the simulated sibling of the rig"
-            ]
+                "never on devices\n  give --rig the simulated sibling of this rig, such as lugre-1"
+            ],
+            "nothing is played",
         )
     control = Control()
     clock = VirtualClock(rig.period_ns, 0)

@@ -250,6 +250,13 @@ def test_trials_done_before_are_left_out() -> None:
     assert result.trials_done == 3
 
 
+def test_trials_done_before_count_also_where_the_run_ends_before_the_next_one() -> None:
+    bench = Bench()
+    run = bench.run(procedure([move("one", 0.5)], [move("two", 0.5)]), done=frozenset({1}))
+    bench.control.request(Verb.STOP, "button")
+    assert run.execute().trials_done == 1
+
+
 def test_a_pause_waits_for_the_end_of_the_trial_and_keeps_the_rig_at_rest() -> None:
     bench = Bench()
     run = bench.run(procedure([move("one", 0.5, 2.0)], [move("two", 0.5)]))

@@ -46,7 +46,9 @@ class LugreConfig(PlantConfig):
 
 
 class LugrePlant(Plant):
-    """The rig's physics and sensors; devices write ``commands`` and read ``readings_at``.
+    """Physics and sensors of the LuGre rig, simulated in process.
+
+    Devices write ``commands`` and read ``readings_at``.
 
     Deterministic: the same seed and the same commands at the same times give the same readings
     bit for bit. The noise depends on seed and time alone, not on how time is divided into cycles
