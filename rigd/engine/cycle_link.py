@@ -143,12 +143,16 @@ class CycleLink:
         it executes nothing of its own any more.
         """
         self._process.kill()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(FENCE_S)
+        self._reap()
 
     def close(self) -> None:
         """Close the socket; a process still there takes that for the daemon's death."""
         self._socket.close()
+        self._reap()
+
+    def _reap(self) -> None:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(FENCE_S)
 
     def _last_words(self) -> str:
         lines = self._log.read_text("utf-8", "replace").strip().splitlines()
