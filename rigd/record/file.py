@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Self
+from typing import Final, Self
 
 from rigd.model import RecordingError
 from rigd.record.chunks import Chunk
 from rigd.record.contents import SummaryWriter
 from rigd.record.crc import crc32
 from rigd.record.journal import Journal, Saved, write_all
+
+#: What the system says where a disk, a quota or the largest size of a file is reached.
+_FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class InUse(RecordingError):
@@ -210,7 +214,11 @@ def lock(fd: int, path: Path) -> None:
 
 def write_error(path: Path, error: OSError) -> RecordingError:
     """Return what to tell the user when the system refuses to write ``path``."""
+    if error.errno in _FULL:
+        todo = "Free space on that disk or record elsewhere"
+    else:
+        todo = "Its folder must be there and yours to write"
     return RecordingError(
         f"cannot write {path}: {error.strerror}",
-        hint="Free space on that disk or record elsewhere; what was flushed before is readable.",
+        hint=f"{todo}; what was flushed before is readable.",
     )

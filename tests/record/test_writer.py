@@ -175,6 +175,13 @@ def test_no_recording_is_overwritten(create: Create, tmp_path: Path) -> None:
     assert (tmp_path / "run.mcap").read_bytes() == before
 
 
+def test_a_folder_that_is_not_there_is_not_taken_for_a_full_disk(tmp_path: Path) -> None:
+    path = tmp_path / "gone" / "run.mcap"
+    with pytest.raises(RecordingError, match="No such file or directory") as refused:
+        RecordingWriter.create(path, streams=(), metadata={}, attachments=(), start_ns=0)
+    assert "folder must be there" in str(refused.value)
+
+
 def test_a_recording_removed_under_the_writer_is_said_at_the_next_flush(
     create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
 ) -> None:
