@@ -416,3 +416,10 @@ def test_kern_is_not_asked_faster_than_it_allows() -> None:
     with pytest.raises(ValidationError, match="more than"):
         ScaleConfig.model_validate(options)
     assert ScaleConfig.model_validate({**options, "dialect": "mt-sics"}).interval == 0.05
+
+
+def test_baud_rate_and_data_bits_are_read_as_a_rig_file_has_them() -> None:
+    config = ScaleConfig.model_validate(
+        {"port": "/dev/ttyS0", "dialect": "and-d", "baud": "2400", "data_bits": "7"}
+    )
+    assert (config.baud, config.data_bits) == (2400, 7)
