@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rigd.config.rig import RigConfig
 from rigd.engine.clock import Clock
@@ -154,7 +155,11 @@ def processes(
     release.callback(folder.release)
     if rig.simulation is None:
         return Form(host, host.change if rig.plant is not None else None, None, release.close)
-    ask = rig.simulation.simulation_class(rig.simulation.config).ask
+    simulation = rig.simulation.simulation_class(rig.simulation.config)
+
+    def ask(request: Mapping[str, Any]) -> Mapping[str, Any]:
+        return host.meanwhile(lambda: simulation.ask(request))
+
     faults = ShownFaults(ask)
     release.callback(faults.clear)  # before the rig is free for another run
     return Form(host, _change(ask), faults, release.close)

@@ -12,7 +12,8 @@ import pickle
 import subprocess
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final, Protocol
+from concurrent.futures import ThreadPoolExecutor, wait
+from typing import Final, Protocol, TypeVar
 
 from rigd.config.rig import RigConfig
 from rigd.engine import messages as m
@@ -43,6 +44,9 @@ OPEN_S: Final = 120.0
 ANSWER_S: Final = 2.0
 #: How long the cycle process may take to close its devices and end.
 CLOSE_S: Final = 5.0
+
+
+T = TypeVar("T")
 
 
 class Watched(Protocol):
@@ -215,6 +219,15 @@ class ProcessHost:
         if outcome is None and errors:
             raise errors[0]
         return outcome
+
+    def meanwhile(self, call: Callable[[], T]) -> T:
+        """Return what ``call`` returns, which may take seconds: the cycle hears of us meanwhile."""
+        with ThreadPoolExecutor(1, "meanwhile") as pool:
+            future = pool.submit(call)
+            while not future.done():
+                self._board[Word.BEAT_DAEMON] = monotonic_ns()
+                wait((future,), timeout=POLL_MS * 1e-3)
+        return future.result()
 
     def drain(self) -> None:
         """Do nothing: the recorder drains the rings by itself."""

@@ -350,3 +350,18 @@ def test_one_rig_is_driven_by_one(tmp_path: Path) -> None:
     rig = file_axis.rig(tmp_path / "axis")
     with host_of(rig), pytest.raises(Blocked, match=f"in use by process {os.getpid()}"):
         RunFolder.take(rig.name, command="another")
+
+
+def test_the_daemon_may_wait_for_something_slow(tmp_path: Path) -> None:
+    """Longer than its silence would be taken for: the cycle hears of it meanwhile."""
+    with host_of(file_axis.rig(tmp_path / "axis", daemon_silence_s=0.3)) as (host, _, _):
+        ready(host)
+
+        def slow() -> str:
+            time.sleep(1.0)
+            return "done"
+
+        assert host.meanwhile(slow) == "done"
+        with pytest.raises(ValueError, match="as it says"):
+            host.meanwhile(lambda: int("as it says"))
+        assert host.play(move(0.5)).ending is Ending.DONE
