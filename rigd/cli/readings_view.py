@@ -151,7 +151,7 @@ def picture(readings: Sequence[Reading], standing: Sequence[Trip]) -> Group:
 
 def number(value: float) -> str:
     """Return a value with six digits; ``-`` where there is none."""
-    return "-" if math.isnan(value) else f"{value:.6g}"
+    return "-" if math.isnan(value) else f"{value + 0.0:.6g}"  # no -0
 
 
 def age(seconds: float) -> str:
