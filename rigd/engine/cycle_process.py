@@ -244,7 +244,7 @@ class CycleProcess:
         self._board[Word.CYCLE_STATE] = CycleState.WAITING
 
     def _open(self, *, judge: bool) -> Sequence[str]:
-        reasons = list(open_devices(self._cycle, judge=judge))
+        reasons = list(open_devices(self._cycle, judge=judge, links_open=self._links_open))
         self._tell("devices", {mount.name: mount.driver.identity for mount in self._in_cycle})
         if reasons:
             return reasons
@@ -256,6 +256,10 @@ class CycleProcess:
         for sentence in self._real_time.lost:
             self._say(m.Notice(f"not in real time: {sentence}"))
         return reasons
+
+    def _links_open(self) -> None:
+        """From now on the devices are ours, to be made safe over a second link if need be."""
+        self._board[Word.OURS] = 1
 
     def _prove_watchdogs(self) -> list[str]:
         """Let each actuator's watchdog act once; a waiver is recorded instead."""

@@ -224,11 +224,14 @@ class InProcessHost:
         return sum(ring.overruns for ring in self._rings.values())
 
 
-def open_devices(cycle: Cycle, *, judge: bool = True) -> Sequence[str]:
+def open_devices(
+    cycle: Cycle, *, judge: bool = True, links_open: Callable[[], None] = lambda: None
+) -> Sequence[str]:
     """Open links and devices of ``cycle``; return what keeps them from being armed.
 
     What stands on a link that could not be opened is left out: one cause, one sentence. With
     ``judge`` False what is open is not asked whether it is fit (see :func:`judge_devices`).
+    ``links_open`` is called once all links are, before the first device is.
     """
     reasons: list[str] = []
     dead = set()
@@ -238,6 +241,8 @@ def open_devices(cycle: Cycle, *, judge: bool = True) -> Sequence[str]:
         except DEVICE_ERRORS as error:
             dead.add(id(link))
             reasons.append(f"{name}: {error}")
+    if not dead:
+        links_open()
     for mount in cycle.rig.mounts:
         driver = mount.driver
         if id(driver.link) in dead:

@@ -23,7 +23,7 @@ from rigd.engine.cycle import CycleCounters
 from rigd.engine.cycle_link import CycleLink
 from rigd.engine.interlocks import Trip
 from rigd.engine.player import Ending, Outcome
-from rigd.engine.rescue import rescue
+from rigd.engine.rescue import Rescue, rescue
 from rigd.engine.shared import Phase, RunFolder, Word
 from rigd.engine.slow import Beside
 from rigd.model.errors import RecordingError
@@ -361,7 +361,8 @@ class ProcessHost:
             return
         self._gone = True
         self._cycle.fence()
-        found = rescue(self._rig)
+        # A link that this run has not opened may be another's, whose drives are not ours to stop.
+        found = rescue(self._rig) if self._board[Word.OURS] else Rescue()
         self._rescue_problems = tuple(found.problems)
         whole = "; ".join([reason, *found.done, *found.problems])
         self._lost = Outcome(Ending.FAULTED, whole)

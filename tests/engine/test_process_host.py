@@ -198,6 +198,16 @@ def test_a_request_is_heeded_while_devices_are_opened(tmp_path: Path) -> None:
         assert word(path) == "rescued"
 
 
+def test_what_was_never_ours_is_not_made_safe(tmp_path: Path) -> None:
+    """A run that dies while it waits for a link must not stop the drives of who holds it."""
+    path = tmp_path / "axis"
+    with host_of(file_axis.rig(path, link_held=True)) as (host, _, control):
+        threading.Timer(1.5, control.request, (Verb.STOP, "stopped by SIGINT")).start()
+        (reason,) = host.open()
+        assert reason == "stopped by SIGINT, while devices were being opened"
+    assert not path.exists()
+
+
 def test_a_trip_reaches_the_run_with_its_reason(tmp_path: Path) -> None:
     far = Interlock("far", "axis.position", high=0.05, action=Action.ABORT, message="too far")
     with host_of(file_axis.rig(tmp_path / "axis", interlocks=(far,))) as (host, _, _):

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
-from rigd.config.rig import DeviceConfig, RigConfig, SourceFile, Supervision, Waiver
+from rigd.config.rig import DeviceConfig, LinkSetup, RigConfig, SourceFile, Supervision, Waiver
 from rigd.model.limits import Interlock, SetpointLimit
-from rigd.sdk import Channel, DeviceError, Driver, DriverConfig
+from rigd.sdk import Channel, DeviceError, Driver, DriverConfig, Link, LinkConfig
 
 
 class FileAxisConfig(DriverConfig):
@@ -100,6 +100,20 @@ class FileAxis(Driver):
         draft.replace(self.config.path)
 
 
+class HeldLinkConfig(LinkConfig):
+    """No options."""
+
+
+class HeldLink(Link):
+    """A link that somebody else holds: opening it waits for them."""
+
+    def open(self) -> None:
+        time.sleep(60)
+
+    def close(self) -> None:
+        pass
+
+
 def word(path: Path) -> str:
     """Return what the axis was last told."""
     told = json.loads(path.read_text())["word"]
@@ -114,6 +128,7 @@ def rig(
     waiver: Waiver | None = None,
     cycle_silence_s: float = 0.25,
     daemon_silence_s: float = 1.0,
+    link_held: bool = False,
     **options: object,
 ) -> RigConfig:
     """Return a rig of this one axis."""
@@ -140,5 +155,6 @@ def rig(
         interlocks=interlocks,
         constants={},
         source=SourceFile(path, "rig: file\n"),
+        links={"held": LinkSetup("held", "held", HeldLink, HeldLinkConfig())} if link_held else {},
         supervision=Supervision(cycle_silence_s, daemon_silence_s),
     )

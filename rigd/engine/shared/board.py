@@ -37,6 +37,7 @@ class Word(IntEnum):
     CYCLE_STATE = 15  #: cycle: a :class:`CycleState`
     AT_REST = 16  #: cycle: 1 while every setpoint stands at its rest value
     MUTE = 17  #: cycle: devices that have not given a row yet
+    OURS = 19  #: cycle: 1 once every link is open, and so nobody else's
     SEALED = 18  #: recorder: bytes of the recording that nothing changes again
 
 
