@@ -38,6 +38,7 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.cli.run import split_assignment
     from rigd.config.loader import load_rig
     from rigd.daemon.execute import RunRequest
+    from rigd.model.errors import ConfigError
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import parse_procedure
     from rigd.procedure.manual import jog_text
@@ -45,7 +46,12 @@ def execute(args: argparse.Namespace) -> int:
     rig = load_rig(args.rig)
     moves = dict(split_assignment(one, "SETPOINT=VALUE") for one in args.setpoints)
     text = jog_text(moves, args.duration)
-    procedure = compile_procedure(parse_procedure(text, Path("jog")), rig, {})
+    try:
+        procedure = compile_procedure(parse_procedure(text, Path("jog")), rig, {})
+    except ConfigError as error:
+        for one in (error, *error.others):
+            one.place = None  # in a text that the person never saw
+        raise
     # A simulated rig too is moved at the pace of the wall: a person watches.
     request = RunRequest(procedure, text, rig, seed=1, pace=1.0, folder=args.runs)
     return play(request, as_json=args.json, quiet=args.quiet, by_person=False)

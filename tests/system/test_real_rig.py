@@ -66,6 +66,7 @@ def test_a_wrong_jog_moves_nothing(
     done = rigd("jog", setpoint, "--for", duration, "--rig", "lugre-1", cwd=tmp_path)
     assert done.code == 2
     assert words in done.err
+    assert "jog:" not in done.err  # no place in a text that the person never saw
     assert not list(tmp_path.iterdir())
 
 
