@@ -7,6 +7,7 @@ from pathlib import Path
 from rigd.engine.recorder.transfer import Transfer
 from rigd.engine.shared import RunFolder, leftovers
 from rigd.model.errors import RecordingError
+from rigd.record.file import InUse
 
 
 def drain_leftovers(folder: RunFolder) -> Path | None:
@@ -24,6 +25,8 @@ def drain_leftovers(folder: RunFolder) -> Path | None:
         return None
     try:
         return _drain(folder)
+    except InUse:
+        raise  # whoever writes the recording may be that very run: nothing is to be removed
     except RecordingError as error:
         waiting = f"Samples of a killed run wait in {folder.path}; removing it gives them up."
         hint = waiting if error.hint is None else f"{error.hint}\n  {waiting}"

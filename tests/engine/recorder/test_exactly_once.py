@@ -172,6 +172,19 @@ def test_a_ring_that_cannot_be_read_says_how_to_go_on(folder: RunFolder) -> None
     assert folder.has_job  # nothing is given up unasked
 
 
+def test_a_run_that_still_writes_is_not_offered_for_removal(
+    folder: RunFolder, job: Job, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rigd.engine.recorder.transfer._PATIENCE_S", 0.1)
+    alive = Transfer(folder)
+    alive.open()  # as a run does whose lock file somebody removed
+    with pytest.raises(RecordingError, match="being written by another process") as refused:
+        drain_leftovers(folder)
+    assert "removing" not in str(refused.value)
+    alive.close()
+    assert drain_leftovers(folder) == job.recording
+
+
 def test_killed_while_it_made_the_file(folder: RunFolder, job: Job) -> None:
     source = Source(folder)
     source.push(10)
