@@ -10,7 +10,7 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any, ClassVar, Final, Self
 
-from pydantic import ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from rigd.model.errors import ConfigError
 from rigd.sdk import LinkError, Simulation, SimulationConfig
@@ -43,7 +43,9 @@ class WireLugreConfig(DeviceOptions):
     """Of the noise of all sensors, and of faults by chance."""
     plant: LugreConfig = LugreConfig()
     """The physics."""
-    buses: dict[str, BusOptions] = {"servo_bus": BusOptions(), "encoder_bus": BusOptions()}
+    buses: dict[str, BusOptions] = Field(
+        default_factory=lambda: {"servo_bus": BusOptions(), "encoder_bus": BusOptions()}
+    )
     """CAN buses by name; each is a socket of that name in the folder."""
 
     faults: tuple[FaultEntry, ...] = ()
