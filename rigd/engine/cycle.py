@@ -23,7 +23,7 @@ from rigd.procedure.program import CycleProgram
 
 #: Between two programs setpoints are held for so long at most, then they go to rest: the next
 #: program may come from another process.
-HOLD_NS = 250_000_000
+HOLD_NS = 100_000_000
 
 #: Trips that are kept; a value that trembles at its limit makes hundreds per second. All of them
 #: are recorded as events.
@@ -109,6 +109,7 @@ class Cycle:
         self._begun_ns = 0
         self._settled = False
         self._player: Player | None = None
+        self._then: Player | None = None  #: follows without a gap where the player plays to its end
         self._leaving: Outcome | None = None
         self._heeded: Verb | None = None
         self._slot = -1
@@ -165,16 +166,18 @@ class Cycle:
         if CYCLE_STREAM.name in rings:
             self._own_ring = (rings[CYCLE_STREAM.name], decimation[CYCLE_STREAM.name])
 
-    def load(self, program: CycleProgram | None) -> None:
+    def load(self, program: CycleProgram | None, then: CycleProgram | None = None) -> None:
         """Play ``program`` from the next cycle on; None lets the setpoints go to rest.
 
-        A way out that is being taken is not given up: it ends the new program at once.
+        Where it plays to its end, ``then`` follows in the cycle after. A way out that is being
+        taken is not given up: it ends the new program at once.
         """
-        self._player = (
-            None if program is None else Player(program, self.rig.readings, self.rig.setpoints)
-        )
+        self._player, self._then = self._bound(program), self._bound(then)
         self.segment = ""
         self._hold_until_ns = 0
+
+    def _bound(self, program: CycleProgram | None) -> Player | None:
+        return None if program is None else Player(program, self.rig.readings, self.rig.setpoints)
 
     def readings(self) -> Mapping[str, float]:
         """Return the newest value of every channel."""
@@ -275,7 +278,7 @@ class Cycle:
             if ended is None:
                 return None
             if ended.ending is Ending.DONE:
-                self._player = None
+                self._player, self._then = self._then, None
                 self._hold_until_ns = t_ns + HOLD_NS
                 return ended
             self._leave(ended)
@@ -293,7 +296,7 @@ class Cycle:
             self.make_safe(t_ns)
         elif not self.limiter.at_rest():
             return None  # rest is reached one cycle after it was wanted, and seen here
-        self._leaving = self._player = None
+        self._leaving = self._player = self._then = None
         return leaving
 
     def _leave(self, outcome: Outcome) -> None:

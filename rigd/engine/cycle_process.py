@@ -157,11 +157,12 @@ class CycleProcess:
 
     def _do(self, command: m.Command) -> None:
         match command:
-            case m.Play(serial, heard, trial, program, file):
+            case m.Play(serial, heard, trial, program, then, file):
                 if file:
-                    program = pickle.loads((self._folder / file).read_bytes())
+                    program, then = pickle.loads((self._folder / file).read_bytes())
                 self._trial = trial
-                self._cycle.load(program)
+                if program is not None:
+                    self._cycle.load(program, then)
                 self._begin(serial, heard)
             case m.Rest(serial, heard, trial):
                 self._trial = trial

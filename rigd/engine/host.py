@@ -74,8 +74,12 @@ class Host(Protocol):
         """Enable every device, at rest."""
         ...
 
-    def play(self, program: CycleProgram) -> Outcome:
-        """Play ``program`` to its end and return how it ended."""
+    def play(self, program: CycleProgram, then: CycleProgram | None = None) -> Outcome:
+        """Play ``program`` to its end and return how it ended.
+
+        ``then`` is what will be played next, if it comes to that: where ``program`` plays to its
+        end, the cycle goes on with it at once, whether or not anybody asks for it in time.
+        """
         ...
 
     def ask(self, question: Callable[[], None]) -> Outcome | None:

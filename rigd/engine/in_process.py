@@ -119,8 +119,11 @@ class InProcessHost:
         """Return why nothing may move any more, or ""."""
         return self.cycle.ends_everything()
 
-    def play(self, program: CycleProgram) -> Outcome:
-        """Play ``program`` to its end and return how it ended."""
+    def play(self, program: CycleProgram, then: CycleProgram | None = None) -> Outcome:
+        """Play ``program`` to its end and return how it ended.
+
+        ``then`` need not be known: what is played next follows in the next cycle here.
+        """
         self.cycle.load(program)
         while (outcome := self._step()) is None:
             pass

@@ -79,10 +79,15 @@ class Arm(Begin):
 
 @dataclass(frozen=True)
 class Play(Begin):
-    """Play a program; replied by Ended. ``file`` instead of ``program`` where it is long."""
+    """Play a program, and ``then`` without a gap; replied by Ended of the program.
+
+    ``file`` holds both where they are long. Neither, where the program is the one that was the
+    last one's ``then``: it plays already, or has ended.
+    """
 
     trial: int
-    program: CycleProgram | None
+    program: CycleProgram | None = None
+    then: CycleProgram | None = None
     file: str = ""
 
 

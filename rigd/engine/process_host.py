@@ -100,6 +100,7 @@ class ProcessHost:
         self._events = folder.event_ring("daemon")
         self._asked_for: Verb | None = None
         self._lost: Outcome | None = None  #: why nothing is played any more
+        self._ahead: CycleProgram | None = None  #: what the cycle plays next by itself
         self._gone = False  #: whether the cycle process was fenced
         self._rescue_problems: Sequence[str] = ()
         self._shown_ns = board[Word.BEAT_DAEMON] = monotonic_ns()
@@ -166,18 +167,22 @@ class ProcessHost:
         outcome = self._until(m.Arm(self._next(), self._cycle.heard))
         return None if outcome is None or outcome.ending is Ending.DONE else outcome
 
-    def play(self, program: CycleProgram) -> Outcome:
-        """Play ``program`` to its end and return how it ended."""
+    def play(self, program: CycleProgram, then: CycleProgram | None = None) -> Outcome:
+        """Play ``program`` to its end and return how it ended; ``then`` follows without a gap."""
         serial, heard = self._next(), self._cycle.heard
-        whole = pickle.dumps(program)
-        if len(whole) < m.MAX_PACKET:
-            command = m.Play(serial, heard, self.trial, program)
+        ahead, self._ahead = self._ahead, then
+        if program is ahead:
+            command = m.Play(serial, heard, self.trial)
+        elif len(whole := pickle.dumps((program, then))) < m.MAX_PACKET:
+            command = m.Play(serial, heard, self.trial, program, then)
         else:
             (self._folder / PROGRAM).write_bytes(whole)  # the one before has been played
-            command = m.Play(serial, heard, self.trial, None, PROGRAM)
+            command = m.Play(serial, heard, self.trial, file=PROGRAM)
         outcome = self._until(command)
         if outcome is None:
             raise RuntimeError("a program ended without an outcome")
+        if outcome.ending is not Ending.DONE:
+            self._ahead = None  # it was not begun
         return outcome
 
     def settle(self, count: int) -> Outcome | None:
@@ -194,6 +199,7 @@ class ProcessHost:
 
     def rest_while(self, condition: Callable[[], bool]) -> Outcome | None:
         """Keep the rig at rest as long as ``condition`` holds."""
+        self._ahead = None
         rest = m.Rest(self._next(), self._cycle.heard, self.trial)
         return self._until(rest, lambda: not condition())
 

@@ -25,6 +25,7 @@ from rigd.model.states import RunEvent, RunState, next_state
 from rigd.procedure.program import (
     AnswerKind,
     CompiledProcedure,
+    CycleProgram,
     Fault,
     Prompt,
     Step,
@@ -252,7 +253,7 @@ class Run:
         )
         complete, reason = False, "interrupted"
         try:
-            outcome = self._play(trial.steps)
+            outcome = self._play(trial.steps, trial.after)
             complete = outcome.ending is Ending.DONE
             reason = outcome.reason or "all steps played"
             ends_run = outcome.trip is not None and outcome.trip.interlock.latch
@@ -279,8 +280,9 @@ class Run:
             outcome = Outcome(Ending.FAILED, f"{block}: {outcome.reason}", outcome.trip)
         raise self._way_out(outcome)
 
-    def _play(self, steps: Sequence[Step]) -> Outcome:
-        for step in steps:
+    def _play(self, steps: Sequence[Step], after: Sequence[Step] = ()) -> Outcome:
+        """Play ``steps``; the first of ``after`` follows the last one without a gap."""
+        for step, following in zip(steps, [*steps[1:], *after[:1], None], strict=False):
             if isinstance(step, Prompt):
                 outcome = self._prompt(step)
                 if outcome is not None:
@@ -290,7 +292,8 @@ class Run:
                 if outcome is not None:
                     return outcome
             else:
-                outcome = self.host.play(step)
+                then = following if isinstance(following, CycleProgram) else None
+                outcome = self.host.play(step, then)
                 if outcome.ending is not Ending.DONE:
                     return outcome
         return Outcome(Ending.DONE)

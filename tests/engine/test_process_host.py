@@ -24,7 +24,7 @@ from rigd.engine.wiring import streams_of
 from rigd.model.errors import Blocked, RecordingError
 from rigd.model.limits import Action, Interlock
 from rigd.procedure.profiles import Constant
-from rigd.procedure.program import CycleProgram, Segment
+from rigd.procedure.program import CycleProgram, Segment, TrialLimit
 
 
 @pytest.fixture(autouse=True)
@@ -124,6 +124,42 @@ def test_setpoints_are_held_between_two_programs(tmp_path: Path) -> None:
         speeds = folder.row_rings(folder.job)["axis"].peek()["speed_setpoint"]
         moving = speeds.nonzero()[0]
         assert (speeds[moving[0] + 3 : moving[-1]] == 0.5).all()
+
+
+def test_what_follows_begins_in_the_next_cycle_whatever_the_daemon_does(tmp_path: Path) -> None:
+    """Braking must not wait for a daemon that the machine starves."""
+    with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, _):
+        ready(host)
+        brake = move(-0.5, 0.6)
+        assert host.play(move(1.0, 0.2), brake).ending is Ending.DONE
+        time.sleep(0.3)  # the daemon is away
+        assert host.play(brake).ending is Ending.DONE
+        # Where it is over before anybody asks for it, that is what is told.
+        short = move(-1.0, 0.05)
+        assert host.play(move(1.0, 0.2), short).ending is Ending.DONE
+        time.sleep(0.3)
+        assert host.play(short).ending is Ending.DONE
+        host.make_safe()
+        rows = folder.row_rings(folder.job)["axis"].peek()
+        speeds = rows["speed_setpoint"]
+        # 0.2 s of 2 ms each, less the ramp of 5 cycles: not one cycle longer.
+        assert 80 < (speeds == 1.0).sum() / 2 <= 97
+        assert {-0.5, -1.0} <= set(speeds)
+
+
+def test_what_would_follow_is_left_out_where_the_program_ends_early(tmp_path: Path) -> None:
+    with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, _):
+        ready(host)
+        limit = TrialLimit("axis.position", -1.0, 0.05)
+        program = CycleProgram(move(0.5, 20.0).segments, (limit,))
+        after = move(-0.25, 0.1)
+        assert host.play(program, after).ending is Ending.TRIAL_ENDED
+        host.rest_while(lambda: False)
+        speeds = folder.row_rings(folder.job)["axis"].peek()["speed_setpoint"]
+        assert -0.25 not in speeds
+        assert host.play(after).ending is Ending.DONE
+        speeds = folder.row_rings(folder.job)["axis"].peek()["speed_setpoint"]
+        assert -0.25 in speeds
 
 
 def test_a_request_ends_the_program(tmp_path: Path) -> None:
