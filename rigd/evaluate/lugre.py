@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from rigd.evaluate.models import MODELS
-from rigd.evaluate.source import RecordedSweep
+from rigd.evaluate.source import RecordedSweep, Unusable
 from rigd.identify.fit import Loss
 from rigd.identify.lugre import LugreConstants, LugreTrial, Settings, identify_lugre
 from rigd.identify.report import ReferenceCurve
-from rigd.identify.result import IdentificationResult
+from rigd.identify.result import IdentificationResult, TrialRejection
 from rigd.model.errors import DataError
 from rigd.record import TrialInfo
 
@@ -30,7 +31,35 @@ def identify(
             data cannot answer the question.
     """
     settings = Settings(starts=starts, seed=seed, loss=Loss.HUBER if robust else Loss.SQUARES)
-    return identify_lugre(*arrays(trials), settings)
+    usable, unusable = sort_out(trials)
+    result = identify_lugre(*arrays(usable), settings)
+    account = result.preprocessing
+    whole = replace(account, rejected=(*unusable, *account.rejected))
+    return replace(result, preprocessing=whole)
+
+
+def sort_out(
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]],
+) -> tuple[list[tuple[RecordedSweep, TrialInfo]], list[TrialRejection]]:
+    """Return the trials whose samples are there, and the others with what they lack.
+
+    Raises:
+        DataError: a signal is missing, or no trial is usable: with what the first one lacks.
+    """
+    usable: list[tuple[RecordedSweep, TrialInfo]] = []
+    rejected: list[TrialRejection] = []
+    lacking: list[Unusable] = []
+    for sweep, trial in trials:
+        try:
+            sweep.signals(trial)
+        except Unusable as error:
+            lacking.append(error)
+            rejected.append(TrialRejection(_label(sweep, trial), error.message))
+        else:
+            usable.append((sweep, trial))
+    if not usable and lacking:
+        raise lacking[0]
+    return usable, rejected
 
 
 def arrays(
@@ -42,6 +71,11 @@ def arrays(
         DataError: a signal or constant is missing, or a constant differs between trials.
     """
     return [_trial(sweep, one) for sweep, one in trials], _constants(trials)
+
+
+def _label(sweep: RecordedSweep, trial: TrialInfo) -> str:
+    label = sweep.parameter(trial, "current")
+    return label if (trial.repeat or 1) == 1 else f"{label}, repeat {trial.repeat}"
 
 
 def reference_curve(
@@ -63,11 +97,8 @@ def _trial(sweep: RecordedSweep, trial: TrialInfo) -> LugreTrial:
             f"{sweep.path}: trial {trial.number} has no parameter 'current'",
             hint="method A needs tests with one constant current each",
         )
-    label = sweep.parameter(trial, "current")
-    if (trial.repeat or 1) > 1:
-        label += f", repeat {trial.repeat}"
     return LugreTrial(
-        label=label,
+        label=_label(sweep, trial),
         current_a=float(current),
         t_s=t_s,
         wheel_angle_rad=signals["wheel_angle"],

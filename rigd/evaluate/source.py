@@ -22,6 +22,10 @@ from rigd.record import Recording, RunInfo, TrialInfo, run_info
 FloatArray = NDArray[np.float64]
 
 
+class Unusable(DataError):
+    """Too many samples of one trial are missing or late; others may be well."""
+
+
 @dataclass(frozen=True)
 class RecordedSweep:
     """One recording with what it says about its own identification."""
@@ -81,8 +85,8 @@ class RecordedSweep:
         device was late, are bridged by straight lines (see :meth:`bridged`).
 
         Raises:
-            DataError: a stream or channel that the plan names is not in the recording, or too
-                many samples are missing or late.
+            DataError: a stream or channel that the plan names is not in the recording.
+            Unusable: too many samples of this trial are missing or late.
         """
         plan = {name: self._field(name, channel) for name, channel in self.plan.signals.items()}
         if not plan:
@@ -129,7 +133,7 @@ class RecordedSweep:
         try:
             yield
         except DataError as error:
-            raise DataError(
+            raise Unusable(
                 f"{self.path}: in trial {trial.number}, stream {stream!r} does not fit the others: "
                 f"{error.message}",
                 hint="samples are missing or decimated: record all streams of the model whole; "

@@ -10,7 +10,7 @@ from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.evaluate.lugre import arrays, identify
 from rigd.evaluate.models import needs_of
-from rigd.evaluate.source import RecordedSweep, open_sweep
+from rigd.evaluate.source import FloatArray, RecordedSweep, Unusable, open_sweep
 from rigd.model.errors import ConfigError, DataError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
@@ -77,3 +77,28 @@ def test_a_light_carriage_is_not_falsely_sure_of_friction(light: Trials) -> None
     assert stiffness.low <= 54.724 <= stiffness.high
     # The interval of sigma_2 misses the truth here (docs, known biases), but not by much.
     assert result.parameter("sigma_2").estimate == pytest.approx(2.4028, rel=0.02)
+
+
+class Gappy(RecordedSweep):
+    """A recording whose machine stalled in some trials."""
+
+    stalled: frozenset[int] = frozenset()
+
+    def signals(self, trial: TrialInfo) -> tuple[FloatArray, dict[str, FloatArray]]:
+        if trial.number in self.stalled:
+            raise Unusable(f"in trial {trial.number}, 11 samples in succession are missing")
+        return super().signals(trial)
+
+
+def test_a_trial_with_gaps_is_left_out_and_told_the_others_are_fitted(light: Trials) -> None:
+    sweep, first = light[0]
+    gappy = Gappy(sweep.recording, sweep.info, sweep.plan)
+    object.__setattr__(gappy, "stalled", frozenset({first.number}))
+    result = identify([(gappy, trial) for _, trial in light], starts=2, seed=1, robust=False)
+    rejection = result.preprocessing.rejected[0]
+    assert "11 samples in succession are missing" in rejection.reason
+    assert rejection.label == sweep.parameter(first, "current")
+    assert rejection.label not in result.preprocessing.per_trial
+    object.__setattr__(gappy, "stalled", frozenset(trial.number for _, trial in light))
+    with pytest.raises(DataError, match="11 samples"):
+        identify([(gappy, trial) for _, trial in light], starts=2, seed=1, robust=False)
