@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import mmap
-import os
 import struct
 import subprocess
 import sys
@@ -75,7 +74,9 @@ from rigd.model.channels import Channel, Stream
 stream = Stream("daq", tuple(Channel(f"c{index}") for index in range(20)), has_status=True)
 narrow = Stream("scale", (Channel("mass", "kg"),))
 slot = LatestTable.attach(sys.argv[1], [narrow, stream]).slot("daq")
-for number in range(1, 40_001):
+number = 0
+while True:
+    number += 1
     slot.write(number, [float(number)] * 21)
 """
 
@@ -84,19 +85,21 @@ def test_no_row_is_ever_torn(table: LatestTable, tmp_path: Path) -> None:
     """A reader beside a writer in another process sees whole rows, in order."""
     slot = table.slot("daq")
     with subprocess.Popen([sys.executable, "-c", _WRITER, tmp_path / "latest"]) as writer:
-        until(lambda: slot.sequence > 0)
-        last, seen = 0, set()
-        while last < 40_000:
-            found = slot.read()
-            if found is None:  # four times in a row while it was being written
-                assert writer.poll() in (None, 0)
-                continue
-            t_ns, row = found
-            assert row == [float(t_ns)] * 21
-            assert t_ns >= last
-            last = t_ns
-            seen.add(t_ns)
-    assert len(seen) > 10, os.cpu_count()  # it did read while there was writing
+        try:
+            until(lambda: slot.sequence > 0)
+            last, seen = 0, set()
+            while len(seen) < 2000:  # it reads while there is writing, however they are scheduled
+                assert writer.poll() is None
+                found = slot.read()
+                if found is None:  # four times in a row while it was being written
+                    continue
+                t_ns, row = found
+                assert row == [float(t_ns)] * 21
+                assert t_ns >= last
+                last = t_ns
+                seen.add(t_ns)
+        finally:
+            writer.kill()
 
 
 class Clock:
