@@ -87,7 +87,7 @@ def test_no_row_is_ever_torn(table: LatestTable, tmp_path: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", _WRITER, tmp_path / "latest"]) as writer:
         try:
             until(lambda: slot.sequence > 0)
-            last, seen = 0, set()
+            last, seen = 0, set[int]()
             while len(seen) < 2000:  # it reads while there is writing, however they are scheduled
                 assert writer.poll() is None
                 found = slot.read()
