@@ -56,7 +56,8 @@ def test_read_shows_every_channel_and_arms_nothing(wire: WireRig, tmp_path: Path
     assert list(channels) == channel_names(load_rig(wire.rig))
     assert {one["state"] for one in channels.values()} == {"ok"}
     shown, unit = str(wire.parts()["scale"]["shown"]).split()
-    assert (channels["scale.mass"]["value"], unit) == (pytest.approx(float(shown)), "kg")
+    # Its last digit flickers between the two looks.
+    assert (channels["scale.mass"]["value"], unit) == (pytest.approx(float(shown), abs=0.003), "kg")
     assert len(drives(wire)) == 3
     assert not any(part["enabled"] for part in drives(wire).values())
     assert not list(tmp_path.iterdir())  # nothing is recorded
