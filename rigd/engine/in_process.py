@@ -6,7 +6,6 @@ rows and events reach the sink, so that in virtual time a recording repeats bit 
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Mapping, Sequence
 
 from rigd.engine.clock import Clock, monotonic_ns
@@ -14,6 +13,7 @@ from rigd.engine.cycle import DEVICE_ERRORS, Cycle, CycleCounters
 from rigd.engine.interlocks import Trip
 from rigd.engine.mount import Mount
 from rigd.engine.player import Outcome
+from rigd.engine.question import Question
 from rigd.engine.ring import Ring
 from rigd.engine.sink import Sink
 from rigd.procedure.program import CycleProgram
@@ -136,31 +136,19 @@ class InProcessHost:
         outcome where the cycle had to act meanwhile (an interlock, a stop); the question is then
         left behind in its thread, which dies with the process.
         """
-        answered = threading.Event()
-        errors: list[Exception] = []
-
-        def put() -> None:
-            try:
-                question()
-            except Exception as error:  # noqa: BLE001 - raised again below, in the run's thread
-                errors.append(error)
-            finally:
-                answered.set()
-
         # Rest first, so that what holds afterwards does not depend on how fast the answer came.
         outcome = self.come_to_rest()
         if outcome is not None:
             return outcome
-        threading.Thread(target=put, name="prompt", daemon=True).start()
-        while not answered.is_set():
+        asked = Question(question)
+        while not asked.answered:
             if self.virtual and self.cycle.control.verb is None:
-                answered.wait(0.05)
+                asked.wait(0.05)
                 continue
             outcome = self._step()
             if outcome is not None:
                 return outcome
-        if errors:
-            raise errors[0]
+        asked.raise_error()
         return None
 
     def come_to_rest(self) -> Outcome | None:

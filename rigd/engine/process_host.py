@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import pickle
 import subprocess
-import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Final, Protocol, TypeVar
@@ -23,6 +22,7 @@ from rigd.engine.cycle import CycleCounters
 from rigd.engine.cycle_link import CycleLink
 from rigd.engine.interlocks import Trip
 from rigd.engine.player import Ending, Outcome
+from rigd.engine.question import Question
 from rigd.engine.rescue import Rescue, rescue
 from rigd.engine.shared import Phase, RunFolder, Word
 from rigd.engine.slow import Beside
@@ -205,25 +205,14 @@ class ProcessHost:
 
     def ask(self, question: Callable[[], None]) -> Outcome | None:
         """Run ``question`` in a thread; the cycle goes on at rest until it returns."""
-        answered = threading.Event()
-        errors: list[Exception] = []
-
-        def put() -> None:
-            try:
-                question()
-            except Exception as error:  # noqa: BLE001 - raised again below, in the run's thread
-                errors.append(error)
-            finally:
-                answered.set()
-
         # Rest first: what the person is asked to touch must stand still.
         outcome = self.come_to_rest()
         if outcome is not None:
             return outcome
-        threading.Thread(target=put, name="prompt", daemon=True).start()
-        outcome = self.rest_while(lambda: not answered.is_set())
-        if outcome is None and errors:
-            raise errors[0]
+        asked = Question(question)
+        outcome = self.rest_while(lambda: not asked.answered)
+        if outcome is None:
+            asked.raise_error()
         return outcome
 
     def meanwhile(self, call: Callable[[], T]) -> T:
