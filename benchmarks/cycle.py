@@ -45,6 +45,7 @@ from figures import at_most, noted
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from support.killing import PROCEDURE
 from support.wire import ROOT, wire_rig
 
 from rigd.config.loader import load_rig
@@ -78,18 +79,6 @@ PATIENT = {
     "    stale_after: 20 ms\n": "",
     "    action: abort\n": "    action: abort\n    stale_after: 500 ms\n",
 }
-
-PROCEDURE = """\
-procedure: shake
-title: Moves for as long as it is left alone
-doc: The wheel turns to and fro while the belt holds the carriage.
-trial:
-  steps:
-    - step: shake
-      set: {wheel_servo.current: {sine: {amplitude: 0.3 A, frequency: 2 Hz}}}
-      for: 7200 s
-record: all
-"""
 
 
 @contextmanager

@@ -40,7 +40,7 @@ trial:
   steps:
     - step: shake
       set: {wheel_servo.current: {sine: {amplitude: 0.3 A, frequency: 2 Hz}}}
-      for: 600 s
+      for: 7200 s
 record: all
 """
 

@@ -8,6 +8,7 @@ whatever that returns is sent next, until :attr:`done`.
 from __future__ import annotations
 
 import struct
+from abc import ABC, abstractmethod
 from typing import Final
 
 _MULTIPLEXER: Final = struct.Struct("<BHB4s")
@@ -72,7 +73,7 @@ class Garbled(Exception):
     """The server broke the protocol; :attr:`Transfer.abort` is then due to it."""
 
 
-class Transfer:
+class Transfer(ABC):
     """One transfer to or from the entry ``index``:``sub``; see the module on how to drive it."""
 
     def __init__(self, index: int, sub: int, request: bytes) -> None:
@@ -96,8 +97,9 @@ class Transfer:
             raise Aborted(int.from_bytes(reply[4:], "little"))
         return self._step(reply)
 
+    @abstractmethod
     def _step(self, reply: bytes) -> bytes | None:
-        raise NotImplementedError
+        """Take a reply of eight bytes that is no abort; as :meth:`feed`."""
 
     def abort(self, code: int) -> bytes:
         """Return the frame that ends the transfer from this side."""
