@@ -1,0 +1,119 @@
+"""What the analyses of the approach-angle rig take: runs, what is known of the rig, flags."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+class Coefficient(Enum):
+    """Which of the three legitimate coefficients a number is; every table names its own."""
+
+    ROLLING = "rolling-direction"  #: F_r/N: along the rolling direction, what the torque measures
+    USABLE = "usable"  #: (F_r cos(alpha) - F_a sin(alpha))/N: the push along the travel
+    RESULTANT = "resultant"  #: sqrt(F_r^2 + F_a^2)/N
+
+
+class Regime(Enum):
+    """What the wheel did in the window: only while it slides is F_r/N a friction limit."""
+
+    SLIDING = "sliding"
+    ROLLING = "rolling"
+    MIXED = "mixed"
+
+
+@dataclass(frozen=True)
+class Known:
+    """A quantity known before the analysis: SI value and standard uncertainty (k = 1)."""
+
+    value: float
+    u: float = 0.0
+
+
+@dataclass(frozen=True)
+class AngleCalibration:
+    """What turns volts into quantities; from the calibration that the recording carries."""
+
+    torque: Known  #: N m per V of (gauge a - gauge b): m g L / d(V_a - V_b)
+    wheel: Known  #: rad per V of the wheel's potentiometer
+    platform: Known  #: m per V of the platform's potentiometer
+    load: Known = Known(1.0)  #: true load per indicated load of the scale
+    normal_force: Known | None = None  #: N per V of the high-rate load cell, where there is one
+    normal_force_zero: Known = Known(0.0)  #: V of the load cell that mean 0 N
+
+
+@dataclass(frozen=True)
+class AngleRig:
+    """What is known of the rig beside its sensors; the uncertain ones with their uncertainty."""
+
+    wheel_radius_m: float  #: nominal R of the paper (0.050 m), not the shaft's
+    wheel_inertia: (
+        float  #: kg m^2, wheel and shaft about the axle, which is fixed (no Steiner term)
+    )
+    platform_mass_kg: float
+    gravity: float  #: m/s^2
+    effective_radius: Known  #: R_eff/R
+    bearing_constant: Known  #: b0 of T_b = b0 + b1 |w| + bN N, N m
+    bearing_viscous: Known  #: b1, N m s/rad
+    bearing_load: Known  #: bN, N m/N
+    rolling_resistance: Known  #: C_rr: moment C_rr N R
+    roller_drag: Known  #: mu_a: axial drag F_a = mu_a N of the free rollers
+    rail_constant: Known  #: c0 of F_rail = c0 + c_N (|N - m g| + |F_y|) + c_v V, N
+    rail_load: Known  #: c_N
+    rail_viscous: Known  #: c_v, N s/m
+
+
+@dataclass(frozen=True)
+class AngleRun:
+    """One run: raw volts over the time since the relay COMMAND; negative times are pre-trigger.
+
+    The signals have shape (n,); ``stop_s`` is the time of the stop command. ``load_n`` is the
+    normal force N that the scale showed before the start, NaN where it showed none.
+    """
+
+    label: str
+    set_name: str  #: such as clean_45
+    alpha_rad: float  #: between rolling direction and movement
+    announced_load_kg: float
+    voltage_v: float
+    repeat: int
+    t_s: FloatArray
+    gauge_a_v: FloatArray
+    gauge_b_v: FloatArray
+    wheel_v: FloatArray
+    platform_v: FloatArray
+    stop_s: float
+    load_n: float
+    load_stable: bool = True  #: whether the scale's reading had come to rest
+    normal_force_v: FloatArray | None = None
+    number: int = 0  #: of the trial
+    recording: str = ""
+
+
+class Severity(Enum):
+    """Whether a flagged run still gives a number."""
+
+    NOTE = "note"  #: used, and told
+    EXCLUDED = "excluded"  #: shown with its reason; enters no maximum, no curve, no trend
+
+
+@dataclass(frozen=True)
+class Flag:
+    """Why a run is not what it should be: a fixed code for programs, a sentence for people."""
+
+    code: str  #: such as peak_at_edge, negative_torque, no_pre_trigger, rubbing
+    reason: str
+    severity: Severity = Severity.EXCLUDED
+
+
+@dataclass(frozen=True)
+class SetReference:
+    """A published maximum of one set, printed beside ours and never used."""
+
+    label: str
+    values: dict[str, float] = field(default_factory=dict)  #: by set name
