@@ -29,6 +29,7 @@ BENCHES = (
     "recording",
     "recorder",
     "identify",
+    "angle_campaign",
     "kill_table",
 )
 
