@@ -68,12 +68,30 @@ class AngleRig:
     rail_viscous: Known  #: c_v, N s/m
 
 
+class Severity(Enum):
+    """Whether a flagged run still gives a number."""
+
+    NOTE = "note"  #: used, and told
+    EXCLUDED = "excluded"  #: shown with its reason; enters no maximum, no curve, no trend
+
+
+@dataclass(frozen=True)
+class Flag:
+    """Why a run is not what it should be: a fixed code for programs, a sentence for people."""
+
+    code: str  #: such as peak_at_edge, negative_torque, no_pre_trigger, rubbing
+    reason: str
+    severity: Severity = Severity.EXCLUDED
+
+
 @dataclass(frozen=True)
 class AngleRun:
     """One run: raw volts over the time since the relay COMMAND; negative times are pre-trigger.
 
     The signals have shape (n,); ``stop_s`` is the time of the stop command. ``load_n`` is the
-    normal force N that the scale showed before the start, NaN where it showed none.
+    normal force N that the scale showed before the start, NaN where it showed none that was
+    stable. A run whose recording is not whole is still a run: its arrays may be empty, and
+    ``flags`` has the reason.
     """
 
     label: str
@@ -93,22 +111,7 @@ class AngleRun:
     normal_force_v: FloatArray | None = None
     number: int = 0  #: of the trial
     recording: str = ""
-
-
-class Severity(Enum):
-    """Whether a flagged run still gives a number."""
-
-    NOTE = "note"  #: used, and told
-    EXCLUDED = "excluded"  #: shown with its reason; enters no maximum, no curve, no trend
-
-
-@dataclass(frozen=True)
-class Flag:
-    """Why a run is not what it should be: a fixed code for programs, a sentence for people."""
-
-    code: str  #: such as peak_at_edge, negative_torque, no_pre_trigger, rubbing
-    reason: str
-    severity: Severity = Severity.EXCLUDED
+    flags: tuple[Flag, ...] = ()  #: what the recording says against the run, such as incomplete
 
 
 @dataclass(frozen=True)
