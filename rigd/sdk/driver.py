@@ -50,6 +50,9 @@ class AnyDriver:
     channels: tuple[Channel, ...] = ()
     #: Whether a row ends in an integer status word. Bit 31 is rigd's own: the row is stale.
     has_status: bool = False
+    #: What bits of the status word say, as masks by name: ``{"stable": 1}``. Procedures wait for
+    #: them (``scale is stable``); a reading that is not `stable` is not compared with an answer.
+    status_bits: Mapping[str, int] = {}
     #: The device has failed once it has given no row for so long, in s.
     silent_s: float = 0.1
     #: What the device said it is, once it is open: type, serial number, firmware.
@@ -182,8 +185,8 @@ class Driver(AnyDriver, ABC):
 class Block:
     """Rows taken together: ``times_ns`` int64 of shape (n,), ``values`` float64 of shape (n, k).
 
-    Times are CLOCK_MONOTONIC in ns, increasing; the k columns are in the order of ``channels``,
-    the status word last where the driver has one.
+    Times are CLOCK_MONOTONIC in ns (on a plant: its clock), increasing; the k columns are in the
+    order of ``channels``, the status word last where the driver has one.
     """
 
     times_ns: NDArray[np.int64]
@@ -195,8 +198,15 @@ class BlockDriver(AnyDriver, ABC):
 
     It runs in a helper process of its own, so it may wait. ``open``, ``start``, then
     ``read_block`` again and again, then ``close``.
+
+    One that is simulated on a plant (``on_plant``) runs in the cycle instead: ``start`` and
+    ``read_block(0.0)`` are called with the plant advanced to the cycle's time, ``read_block``
+    until it gives None. There it never waits, and the times of its rows are on the clock that
+    :meth:`Plant.advance` gets, none of them later than the plant.
     """
 
+    #: Whether it stands on the rig's plant, which ``link`` then is.
+    on_plant: ClassVar[bool] = False
     #: Rows per second, once open.
     rate_hz: float = 0.0
 
@@ -216,6 +226,15 @@ class BlockDriver(AnyDriver, ABC):
             DeviceError: samples were lost, or the device is gone.
 
         """
+
+    def newest_row(self, block: Block) -> Sequence[float]:
+        """Return the row that the cycle sees of ``block``; by default its last.
+
+        Interlocks and end conditions act on it. A driver of noisy inputs may give a median of the
+        last rows, so that no single sample stops a run. All rows are recorded as they are.
+        """
+        row: list[float] = block.values[-1].tolist()
+        return row
 
     def close(self) -> None:
         """Stop sampling and close; closing twice is silent."""
