@@ -19,6 +19,7 @@ from figures import at_least, noted
 from identify_data import FLOORS, record, true_friction, truth
 
 from rigd.evaluate.evaluation import evaluate
+from rigd.evaluate.parameters import ParameterEvaluation
 from rigd.identify.result import IdentificationResult
 
 TARGET = 88.0  #: %, of the nominal 95
@@ -44,6 +45,7 @@ def _experiments(floor: str, count: int) -> Iterator[Row]:
         seed = int.from_bytes(os.urandom(3), "little") + 1
         with tempfile.TemporaryDirectory() as folder:
             found = evaluate([record(floor, seed, Path(folder))])
+        assert isinstance(found, ParameterEvaluation)
         yield {"floor": floor, "seed": seed, "found": _outcome(floor, found.sections[0].result)}
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from rigd.evaluate.evaluation import Options
 from rigd.evaluate.models import MODELS
+from rigd.evaluate.parameters import ParameterEvaluation, evaluate_groups
 from rigd.evaluate.source import RecordedSweep, Unusable
 from rigd.identify.fit import Loss
 from rigd.identify.lugre import LugreConstants, LugreTrial, Settings, identify_lugre
@@ -19,6 +21,18 @@ from rigd.record import TrialInfo
 CONSTANTS = MODELS["lugre"].constants
 #: Carriage mass in kg at which the guide's friction was measured; that of the trials by default.
 FRICTION_MASS = "guide_friction_mass"
+
+
+def evaluate(
+    sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+) -> ParameterEvaluation:
+    """Return the LuGre parameters of each group of trials.
+
+    Raises:
+        ConfigError: an option is not for this model.
+        DataError: a recording has no complete trial, or the data cannot answer.
+    """
+    return evaluate_groups(sweeps, options, tell, identify=identify, draw_reference=reference_curve)
 
 
 def identify(

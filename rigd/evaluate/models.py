@@ -13,18 +13,19 @@ from rigd.procedure.program import IdentifyPlan
 
 @dataclass(frozen=True)
 class ModelNeeds:
-    """Names that a plan must give, and the trial parameter that method and labels rest on.
+    """Names that a plan must give, and the trial parameters that method and labels rest on.
 
-    ``optional`` are constants that a plan may give. ``module`` offers ``identify`` and
-    ``reference_curve``.
+    ``optional`` are constants that a plan may give, ``optional_signals`` signals. ``module`` offers
+    ``evaluate``, an :data:`~rigd.evaluate.evaluation.Evaluator`.
     """
 
     module: str
     signals: tuple[str, ...]
     constants: tuple[str, ...]
     parameters: tuple[str, ...]  #: of the model, for the reference
-    trial_parameter: str
+    trial_parameters: tuple[str, ...]
     optional: tuple[str, ...] = ()
+    optional_signals: tuple[str, ...] = ()
 
 
 MODELS: Final = {
@@ -33,9 +34,17 @@ MODELS: Final = {
         signals=("wheel_angle", "carriage_position", "acceleration", "motor_current"),
         constants=("mass", "wheel_radius", "guide_friction", "rolling_resistance", "gravity"),
         parameters=("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2"),
-        trial_parameter="current",
+        trial_parameters=("current",),
         optional=("guide_friction_mass",),
-    )
+    ),
+    "approach-angle": ModelNeeds(
+        module="rigd.evaluate.angle",
+        signals=("gauge_a", "gauge_b", "wheel_angle", "platform_position", "relay", "load"),
+        constants=("angle", "wheel_radius", "wheel_inertia", "platform_mass", "gravity"),
+        parameters=("maximum",),
+        trial_parameters=("set", "load", "voltage"),
+        optional_signals=("normal_force",),
+    ),
 }
 
 
@@ -71,7 +80,7 @@ def needs_of(
                 place=place,
             )
     for kind, given_names, known in (
-        ("signal", plan.signals, needs.signals),
+        ("signal", plan.signals, needs.signals + needs.optional_signals),
         ("constant", plan.constants, needs.constants + needs.optional),
         ("reference", plan.reference, needs.parameters),
     ):
@@ -82,12 +91,13 @@ def needs_of(
                     hint=_nearest(name, known),
                     place=place,
                 )
-    if trial_parameters is not None and needs.trial_parameter not in trial_parameters:
-        raise ConfigError(
-            f"identify: model {plan.model} needs trials with a parameter {needs.trial_parameter!r}",
-            hint=_nearest(needs.trial_parameter, trial_parameters),
-            place=place,
-        )
+    for name in needs.trial_parameters:
+        if trial_parameters is not None and name not in trial_parameters:
+            raise ConfigError(
+                f"identify: model {plan.model} needs trials with a parameter {name!r}",
+                hint=_nearest(name, trial_parameters),
+                place=place,
+            )
     return needs
 
 

@@ -164,7 +164,8 @@ def open_sweep(path: Path) -> RecordedSweep:
 
     Raises:
         RecordingError: the file cannot be read; the message says what to do.
-        DataError: it is no recording of a procedure that identifies anything, or has no trials.
+        DataError: it is no recording of a procedure that identifies anything, or no trial of it
+            began.
     """
     recording = Recording.open(path)
     plan = recording.metadata.get("identify")
@@ -185,9 +186,8 @@ def open_sweep(path: Path) -> RecordedSweep:
             reference_label=plan.get("reference_label", ""),
         ),
     )
-    if not sweep.trials:
+    if not sweep.info.trials:
         raise DataError(
-            f"{path} has no complete trial",
-            hint=f"`rigd run --resume {path}` plays the missing ones",
+            f"{path} has no trial", hint=f"`rigd run --resume {path}` plays the missing ones"
         )
     return sweep

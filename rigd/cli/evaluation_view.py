@@ -1,0 +1,34 @@
+"""What an evaluation shows, printed in a terminal."""
+
+from __future__ import annotations
+
+import sys
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table as RichTable
+
+from rigd.evaluate.shown import Shown, Table
+
+#: Columns where the width of the terminal is not known.
+WIDTH = 120
+
+
+def print_shown(shown: Shown) -> None:
+    """Print tables and paragraphs, an empty line between any two."""
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else WIDTH)
+    for index, one in enumerate(shown):
+        if index:
+            console.print()
+        console.print(_rich(one) if isinstance(one, Table) else escape(one))
+
+
+def _rich(table: Table) -> RichTable:
+    drawn = RichTable(
+        title=escape(table.title) or None, title_justify="left", box=None, pad_edge=False
+    )
+    for column in table.columns:
+        drawn.add_column(escape(column.title), justify="right" if column.right else "left")
+    for row in table.rows:
+        drawn.add_row(*map(escape, row.cells), style="dim" if row.faint else "")
+    return drawn

@@ -1,0 +1,55 @@
+"""Where the numbers of a report come from: the files, what they say of themselves, the software."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rigd import __version__
+from rigd.evaluate.source import RecordedSweep
+from rigd.identify.report import Attachment, Facts, Provenance
+
+
+def provenance(
+    sweeps: Sequence[RecordedSweep],
+    trials_used: Sequence[int],
+    identification: Mapping[str, str],
+    further: Sequence[Mapping[str, str]] = (),
+) -> Provenance:
+    """Return the provenance of what was identified from ``sweeps``.
+
+    ``trials_used`` counts those of each recording, ``further`` has more to say of each;
+    ``identification`` is how it was done.
+    """
+    more = further or [{} for _ in sweeps]
+    facts = [
+        Facts(
+            sweep.path.name,
+            {
+                "sha256": _sha256(sweep.path),
+                **{name: value for name, value in sweep.info.metadata["run"].items() if value},
+                **{f"parameter {name}": value for name, value in sweep.info.parameters.items()},
+                "state": sweep.info.state,
+                "trials used": str(used),
+                **extra,
+            },
+        )
+        for sweep, used, extra in zip(sweeps, trials_used, more, strict=True)
+    ]
+    facts.append(Facts("Identification", {"rigd": __version__, **identification}))
+    return Provenance(tuple(facts), _attachments(sweeps))
+
+
+def _attachments(sweeps: Sequence[RecordedSweep]) -> tuple[Attachment, ...]:
+    """Return each attached file once, however many recordings have it."""
+    texts: dict[bytes, str] = {}
+    for sweep in sweeps:
+        for name, one in sweep.recording.attachments.items():
+            texts.setdefault(one.data, name)
+    return tuple(Attachment(name, data.decode(errors="replace")) for data, name in texts.items())
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
