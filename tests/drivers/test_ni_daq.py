@@ -249,7 +249,7 @@ def test_a_server_that_dies() -> None:
 def test_a_server_that_hangs_does_not_hold_the_driver(
     card: tuple[SimNi, OnLoop], opened: Opened, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rigd_drivers.ni_daq.daqmx.CALL_S", 1.0)
+    monkeypatch.setattr("rigd_drivers.ni_card.CALL_S", 1.0)
     part, on_loop = card
     driver = opened()
     driver.start()
@@ -298,7 +298,7 @@ def test_without_the_python_package(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_no_server_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rigd_drivers.ni_daq.daqmx.CONNECT_S", 0.3)
+    monkeypatch.setattr("rigd_drivers.ni_card.CONNECT_S", 0.3)
     driver = NiDaq(config(server="127.0.0.1:9"))
     with pytest.raises(LinkError, match=r"no NI gRPC Device Server answers at 127\.0\.0\.1:9"):
         driver.open()
@@ -364,7 +364,7 @@ def simulated() -> Iterator[Peer]:
 
 
 def test_it_keeps_what_a_block_driver_promises(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rigd_drivers.ni_daq.daqmx.CONNECT_S", 1.0)
-    monkeypatch.setattr("rigd_drivers.ni_daq.daqmx.CALL_S", 1.0)
+    monkeypatch.setattr("rigd_drivers.ni_card.CONNECT_S", 1.0)
+    monkeypatch.setattr("rigd_drivers.ni_card.CALL_S", 1.0)
     report = check_driver(NiDaq, {"inputs": INPUTS}, peer=simulated)
     assert report.skipped == {}

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from rigd.model.channels import Channel
 from rigd.model.units import parse_quantity, parse_unit
 from rigd.sdk import DriverConfig, In
+from rigd_drivers.ni_card import NiCardConfig
 
 #: The status word has a bit for each input, and bit 31 is not the driver's.
 MOST_INPUTS: Final = 31
@@ -75,19 +76,9 @@ class Input(DriverConfig):
         return self
 
 
-class NiDaqConfig(DriverConfig):
+class NiDaqConfig(NiCardConfig):
     """Which card, which of its inputs, and how fast."""
 
-    device: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "Dev1"
-    """Name of the card in NI MAX."""
-    server: Annotated[str, Field(pattern=r"^\S+:\d+$")] | None = None
-    """host:port of the NI gRPC Device Server that the card hangs on; without it, this machine's
-    NI-DAQmx. The connection is neither encrypted nor authenticated: use it on a network of your
-    own."""
-    product: str | None = None
-    """Product type that the card must have, such as USB-6009; checked when it is opened."""
-    serial: Annotated[str, Field(pattern=r"^[0-9A-Fa-f]{1,8}$")] | None = None
-    """Serial number that the card must have, in hexadecimal as printed on it."""
     inputs: Annotated[tuple[Input, ...], Len(1, MOST_INPUTS)]
     """The analogue inputs, in the order in which the card converts them."""
     rate: Annotated[float, In("Hz"), Gt(0)] = 9600.0

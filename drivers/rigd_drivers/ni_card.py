@@ -1,0 +1,227 @@
+"""One card through NI-DAQmx, on this machine or behind NI's gRPC Device Server.
+
+What the drivers of its inputs and of its lines have in common: finding the card, tasks by name,
+and NI's errors as errors of rigd's own. ``nidaqmx`` (the extra ``rigd[ni]``) is imported when a
+card is opened and not before. It ships no types: tasks are ``Any``.
+"""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Annotated, Any, Final
+
+from pydantic import Field
+
+from rigd.model.errors import RigdError
+from rigd.sdk import DeviceError, DriverConfig, LinkError, ProtocolError
+
+#: How long a device server may take to accept a connection,
+CONNECT_S: Final = 5.0
+#: and to answer a call: one that hangs must not hold us for ever, and nidaqmx sets no limit.
+CALL_S: Final = 5.0
+
+# Status codes, as named in nidaqmx.error_codes.DAQmxErrors.
+_INVALID_DEVICE_ID: Final = -200220
+_RESOURCE_RESERVED: Final = -50103
+#: What a card that is pulled out shows as: DEV_CANNOT_BE_ACCESSED, DRIVER_DEVICE_GUID_NOT_FOUND,
+#: RUNTIME_ABORTED and RUNTIME_ABORTING, PAL_TRANSFER_ABORTED.
+_REMOVED: Final = frozenset({-201003, -88705, -88709, -88710, -50405})
+
+
+class NiCardConfig(DriverConfig):
+    """Which card, and where it hangs."""
+
+    device: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "Dev1"
+    """Name of the card in NI MAX."""
+    server: Annotated[str, Field(pattern=r"^\S+:\d+$")] | None = None
+    """host:port of the NI gRPC Device Server that the card hangs on; without it, this machine's
+    NI-DAQmx. The connection is neither encrypted nor authenticated: use it on a network of your
+    own."""
+    product: str | None = None
+    """Product type that the card must have, such as USB-6009; checked when it is opened."""
+    serial: Annotated[str, Field(pattern=r"^[0-9A-Fa-f]{1,8}$")] | None = None
+    """Serial number that the card must have, in hexadecimal as printed on it."""
+
+
+class NiCard:
+    """One card through NI-DAQmx; what NI raises comes out as an error of rigd's own.
+
+    Args:
+        config: which card.
+        refused: what a rig file can ask for and a card refuse: status code -> what to change.
+        call_s: longest answer of a device server, in s; by default :data:`CALL_S`.
+    """
+
+    def __init__(
+        self, config: NiCardConfig, refused: Mapping[int, str], *, call_s: float | None = None
+    ) -> None:
+        self._config = config
+        self._refused = refused
+        self._call_s = call_s
+        self._nidaqmx: Any = None
+        self._server: Any = None  # the gRPC channel,
+        self._calls: Any = None  # and the same with a deadline for every call
+
+    def __str__(self) -> str:
+        place = self._config.server or "this machine"
+        return f"NI card {self._config.device} on {place}"
+
+    @property
+    def errors(self) -> Any:
+        """``nidaqmx.errors``, once the card is open."""
+        return self._nidaqmx.errors
+
+    def open(self) -> str:
+        """Find the card, and return what it says it is.
+
+        Raises:
+            LinkError: NI-DAQmx, its server or the card is not there.
+            ProtocolError: it is another card than the rig file names.
+        """
+        self._nidaqmx = _import_nidaqmx()
+        with self.doing("open"):
+            self._connect()
+            return self._identify()
+
+    def close(self) -> None:
+        """Let go of the connection; its tasks are closed before. Closing twice is silent."""
+        server, self._server, self._calls = self._server, None, None
+        if server is not None:
+            server.close()
+
+    def name(self, *of: str) -> str:
+        """Return the name of our task for ``of``: no other machine has one of that name."""
+        parts = (one.replace("/", "_") for one in of)
+        return "_".join(["rigd", socket.gethostname(), self._config.device, *parts])
+
+    def new_task(self, name: str) -> Any:
+        """Return a new task, to be used within :meth:`doing`."""
+        return self._nidaqmx.Task(name, grpc_options=self._options(name))
+
+    def left_over(self, name: str) -> Any | None:
+        """Return the task ``name`` that a server keeps, of a client that may have been killed.
+
+        None where there is none; NI-DAQmx on this machine clears the tasks of a process itself.
+        """
+        if self._server is None:
+            return None
+        try:
+            return self._nidaqmx.Task(name, grpc_options=self._options(name, attach=True))
+        except self.errors.RpcError as error:
+            if error.rpc_code.name != "FAILED_PRECONDITION":  # there is no such session
+                raise
+            return None
+
+    @contextmanager
+    def doing(self, doing: str) -> Iterator[None]:
+        """Raise what NI raises as an error of rigd's own, which says what could not be done."""
+        try:
+            yield
+        except self.errors.Error as error:
+            raise self._translated(error, doing) from error
+
+    def _connect(self) -> None:
+        address = self._config.server
+        if address is None:
+            return
+        import grpc
+
+        self._server = grpc.insecure_channel(address)
+        try:
+            grpc.channel_ready_future(self._server).result(timeout=CONNECT_S)
+        except grpc.FutureTimeoutError as error:
+            raise LinkError(
+                f"no NI gRPC Device Server answers at {address} within {CONNECT_S:g} s",
+                hint="start ni_grpc_device_server there, or correct `server`",
+            ) from error
+        self._calls = _with_deadline(self._server, self._call_s or CALL_S)
+
+    def _options(self, session: str, *, attach: bool = False) -> Any:
+        """Return how to reach the server's session; None where NI-DAQmx is on this machine."""
+        if self._server is None:
+            return None
+        from nidaqmx.grpc_session_options import GrpcSessionOptions, SessionInitializationBehavior
+
+        behaviour = (
+            SessionInitializationBehavior.ATTACH_TO_SERVER_SESSION
+            if attach
+            else SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
+        )
+        return GrpcSessionOptions(self._calls, session, initialization_behavior=behaviour)
+
+    def _identify(self) -> str:
+        from nidaqmx.system import Device, System
+
+        config, options = self._config, self._options("")
+        system = System.local() if options is None else System.remote(options)
+        names = list(system.devices.device_names)
+        if config.device not in names:
+            raise LinkError(
+                f"there is no {self}: NI-DAQmx has {', '.join(names) or 'no device'}",
+                hint="plug it in, or correct `device`",
+            )
+        device = Device(config.device, grpc_options=options)
+        product, serial = str(device.product_type), int(device.serial_num)
+        if config.product is not None and config.product != product:
+            raise ProtocolError(
+                f"{self} is a {product}, expected a {config.product}",
+                hint="plug in the right card, or correct `product`",
+            )
+        if config.serial is not None and int(config.serial, 16) != serial:
+            raise ProtocolError(
+                f"{self} has the serial number {serial:08X}, expected {config.serial}",
+                hint="plug in the right card, or correct `serial`",
+            )
+        version = ".".join(map(str, system.driver_version))
+        return f"{product}, serial number {serial:08X}, NI-DAQmx {version}"
+
+    def _translated(self, error: Exception, doing: str) -> RigdError:
+        errors = self.errors
+        if isinstance(error, errors.DaqNotFoundError | errors.DaqNotSupportedError):
+            return LinkError(
+                "NI-DAQmx is not installed on this machine",
+                hint="install it (`python -m nidaqmx installdriver`), or give `server: HOST:PORT` "
+                "of a machine that has it",
+            )
+        if isinstance(error, errors.RpcError):
+            return LinkError(
+                f"cannot {doing} {self}: the device server fails with {error}",
+                hint="see that ni_grpc_device_server runs there and can be reached",
+            )
+        code: int = getattr(error, "error_code", 0)
+        told = f"NI-DAQmx {code}: {str(error).splitlines()[0]}"
+        if code in _REMOVED:
+            return DeviceError(
+                f"{self} is gone ({told})", hint="plug it in again; look at cable and hub"
+            )
+        if code in (_INVALID_DEVICE_ID, _RESOURCE_RESERVED):
+            return LinkError(
+                f"cannot {doing} {self} ({told})",
+                hint="correct `device`"
+                if code == _INVALID_DEVICE_ID
+                else "end the other program that uses the card",
+            )
+        return DeviceError(f"cannot {doing} {self} ({told})", hint=self._refused.get(code))
+
+
+def _import_nidaqmx() -> Any:
+    try:
+        import nidaqmx
+    except ImportError as error:
+        raise LinkError(
+            f"the Python package nidaqmx cannot be imported: {error}",
+            hint="install it: pip install 'rigd[ni]'",
+        ) from error
+    return nidaqmx
+
+
+def _with_deadline(channel: Any, call_s: float) -> Any:
+    import grpc
+
+    class Deadline(grpc.UnaryUnaryClientInterceptor):  # type: ignore[misc]  # grpc has no types
+        def intercept_unary_unary(self, proceed: Any, details: Any, request: Any) -> Any:
+            return proceed(details._replace(timeout=call_s), request)
+
+    return grpc.intercept_channel(channel, Deadline())
