@@ -115,6 +115,18 @@ class AngleRun:
 
 
 @dataclass(frozen=True)
+class KnownRun:
+    """A run, the calibration it is evaluated under, and the rig as it was in that run.
+
+    The recordings of one campaign may have been made under several calibrations, each its own.
+    """
+
+    run: AngleRun
+    calibration: AngleCalibration
+    rig: AngleRig
+
+
+@dataclass(frozen=True)
 class SetReference:
     """A published maximum of one set, printed beside ours and never used."""
 
