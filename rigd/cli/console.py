@@ -14,12 +14,11 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from rigd.daemon.execute import Recorded
 from rigd.daemon.provenance import format_parameter
-from rigd.engine.answers import Answer
 from rigd.engine.result import Progress as RunProgress
 from rigd.model.errors import Exit, ProcedureError
 from rigd.model.states import RunState
 from rigd.model.units import parse_quantity, parse_unit
-from rigd.procedure.program import AnswerKind, CompiledProcedure, Prompt, TrialPlan
+from rigd.procedure.program import Answer, AnswerKind, CompiledProcedure, Prompt, TrialPlan
 
 
 class RunDisplay:
@@ -144,6 +143,7 @@ class ConsoleAnswers:
     """The operator at this terminal; blocks where there is none."""
 
     by = "operator"
+    asks_again = True
 
     def __init__(
         self, lines: TextIO, screen: TextIO, quieten: Callable[[], AbstractContextManager[None]]
@@ -157,13 +157,15 @@ class ConsoleAnswers:
         """Return whether a person sits at both ends."""
         return self._lines.isatty() and self._screen.isatty()
 
-    def answer(self, prompt: Prompt) -> Answer:
-        """Ask until the answer can be read; the procedure checks its bounds.
+    def answer(self, prompt: Prompt, objection: str = "") -> Answer:
+        """Ask until the answer can be read; the run checks the rest, and may ask again.
 
         Raises:
             ProcedureError: the terminal went away.
         """
         with self._quieten():
+            if objection:
+                self._screen.write(f"\n  {objection}\n")
             return self._ask(prompt)
 
     def _ask(self, prompt: Prompt) -> Answer:

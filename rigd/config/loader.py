@@ -189,6 +189,7 @@ def _device(
         waiver=None if waiver is None else Waiver(waiver.by, waiver.reason),
     )
 
+        status_bits=driver.status_bits,
 
 def _limits(
     document: Document,

@@ -74,6 +74,7 @@ class DeviceConfig:
     link: str | None = None
     waiver: Waiver | None = None
 
+    status_bits: Mapping[str, int] = field(default_factory=dict)
     @property
     def stream(self) -> Stream:
         """The stream that the device's rows are recorded as; empty for a pure actuator."""

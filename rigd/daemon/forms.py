@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rigd.config.rig import RigConfig
+from rigd.engine.asking import ChangePlant
 from rigd.engine.clock import Clock
 from rigd.engine.control import Control
 from rigd.engine.faults import Ask, ShownFaults
@@ -22,7 +23,6 @@ from rigd.engine.in_process import InProcessHost
 from rigd.engine.process_host import ProcessHost
 from rigd.engine.rates import most_rows_hz
 from rigd.engine.recorder import Health, RecorderProcess, drain_leftovers
-from rigd.engine.run import ChangePlant
 from rigd.engine.shared import Job, RunFolder, Word
 from rigd.engine.slow import Beside
 from rigd.engine.wiring import in_cycle, streams_of, wire

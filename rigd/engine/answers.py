@@ -6,22 +6,28 @@ from typing import Protocol
 
 from rigd.model.errors import ProcedureError
 from rigd.model.units import format_quantity
-from rigd.procedure.program import AnswerKind, Prompt
+from rigd.procedure.program import Answer, AnswerKind, Prompt
 
-Answer = float | str | bool
+
+class AnswerRefused(ProcedureError):
+    """An answer that cannot be, where another one may: the message says what speaks against it."""
 
 
 class Answers(Protocol):
     """A source of answers: the operator, or the procedure file itself."""
 
     by: str  #: recorded beside each answer: ``operator`` or ``procedure``
+    asks_again: bool  #: whether it may give another answer where one was refused
 
     def can_answer(self, prompt: Prompt) -> bool:
         """Return whether :meth:`answer` will be able to."""
         ...
 
-    def answer(self, prompt: Prompt) -> Answer:
-        """Return the answer; may wait for a person."""
+    def answer(self, prompt: Prompt, objection: str = "") -> Answer:
+        """Return the answer; may wait for a person.
+
+        ``objection`` is what spoke against the one given before, if there was one.
+        """
         ...
 
 
@@ -29,12 +35,13 @@ class OwnAnswers:
     """The procedure file's own answers: in simulation, and with ``--yes``."""
 
     by = "procedure"
+    asks_again = False
 
     def can_answer(self, prompt: Prompt) -> bool:
         """A confirmation needs no answer of its own."""
         return prompt.answer is not None or prompt.kind is AnswerKind.CONFIRM
 
-    def answer(self, prompt: Prompt) -> Answer:
+    def answer(self, prompt: Prompt, objection: str = "") -> Answer:
         """Return the procedure's own answer."""
         if prompt.answer is not None:
             return prompt.answer
@@ -47,7 +54,8 @@ def check_answer(prompt: Prompt, answer: Answer) -> Answer:
     """Return ``answer`` if the prompt accepts it.
 
     Raises:
-        ProcedureError: out of bounds, not one of the choices, of the wrong type, or declined.
+        AnswerRefused: out of bounds, not one of the choices, or of the wrong type.
+        ProcedureError: declined.
     """
     match prompt.kind:
         case AnswerKind.CONFIRM:
@@ -55,18 +63,18 @@ def check_answer(prompt: Prompt, answer: Answer) -> Answer:
                 raise ProcedureError(f"prompt {prompt.name!r} was declined")
         case AnswerKind.NUMBER:
             if isinstance(answer, bool) or not isinstance(answer, int | float):
-                raise ProcedureError(
+                raise AnswerRefused(
                     f"prompt {prompt.name!r} wants a number in {prompt.unit}, got {answer!r}"
                 )
             _check_bounds(prompt, float(answer))
         case AnswerKind.CHOICE:
             if answer not in prompt.choices:
-                raise ProcedureError(
+                raise AnswerRefused(
                     f"prompt {prompt.name!r}: {answer!r} is not one of {', '.join(prompt.choices)}"
                 )
         case AnswerKind.TEXT:
             if not isinstance(answer, str):
-                raise ProcedureError(f"prompt {prompt.name!r} wants text, got {answer!r}")
+                raise AnswerRefused(f"prompt {prompt.name!r} wants text, got {answer!r}")
     return answer
 
 
@@ -80,7 +88,7 @@ def _check_bounds(prompt: Prompt, value: float) -> None:
         "" if one is None else format_quantity(one, prompt.unit)
         for one in (prompt.low, prompt.high)
     ]
-    raise ProcedureError(
+    raise AnswerRefused(
         f"prompt {prompt.name!r}: {format_quantity(value, prompt.unit)} is outside "
         f"{bounds[0]} .. {bounds[1]}"
     )

@@ -94,6 +94,7 @@ class Cycle:
         self._emit: Emit = _nowhere
         self._recorded: list[tuple[Mount, int, RowSink, int]] = []
         self._own_ring: tuple[RowSink, int] | None = None
+        self._watched = {**rig.readings, **rig.status}
         self._values = [float("nan")] * len(rig.device_of)
         self._stamps = [0] * len(rig.mounts)
         self._mute = {mount.name for mount in rig.mounts}
@@ -177,7 +178,7 @@ class Cycle:
         self._hold_until_ns = 0
 
     def _bound(self, program: CycleProgram | None) -> Player | None:
-        return None if program is None else Player(program, self.rig.readings, self.rig.setpoints)
+        return None if program is None else Player(program, self._watched, self.rig.setpoints)
 
     def readings(self) -> Mapping[str, float]:
         """Return the newest value of every channel."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from rigd.model.channels import Channel, Stream
+from rigd.model.channels import STATUS_FIELD, Channel, Stream
 from rigd.sdk import Driver, Link
 
 #: What the cycle says about itself, once per cycle.
@@ -41,13 +41,15 @@ class MountedRig:
     """The devices of a rig in a fixed order, with the tables the cycle works on.
 
     ``readings`` maps ``device.channel`` to its index in the values table, ``setpoints`` maps
-    ``device.setpoint`` to its index in the command table.
+    ``device.setpoint`` to its index in the command table, ``status`` maps ``device.status`` to the
+    index of a status word in the values table.
     """
 
     mounts: tuple[Mount, ...]
     readings: Mapping[str, int]
     setpoints: Mapping[str, int]
     links: Mapping[str, Link] = field(default_factory=dict)
+    status: Mapping[str, int] = field(default_factory=dict)
 
     @cached_property
     def streams(self) -> tuple[Stream, ...]:
@@ -76,6 +78,7 @@ def mount(
     mounts: list[Mount] = []
     readings: dict[str, int] = {}
     setpoints: dict[str, int] = {}
+    status: dict[str, int] = {}
     value_count = command_count = 0
     for name, (source, driver) in devices.items():
         echoes = tuple(
@@ -91,8 +94,10 @@ def mount(
         commands = slice(command_count, command_count + len(driver.setpoints))
         for offset, channel in enumerate(driver.channels):
             readings[f"{name}.{channel.name}"] = value_count + offset
+        if driver.has_status:
+            status[f"{name}.{STATUS_FIELD}"] = values.stop - 1
         for offset, channel in enumerate(driver.setpoints):
             setpoints[f"{name}.{channel.name}"] = command_count + offset
         mounts.append(Mount(name, driver, stream, values, commands))
         value_count, command_count = values.stop, commands.stop
-    return MountedRig(tuple(mounts), readings, setpoints, links or {})
+    return MountedRig(tuple(mounts), readings, setpoints, links or {}, status)

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, MutableSequence, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, MutableSequence, Sequence
+from dataclasses import dataclass, field
 from enum import Enum, auto
 
 from rigd.engine.interlocks import Trip
 from rigd.procedure.profiles import Constant, Profile
-from rigd.procedure.program import Comparison, Condition, CycleProgram, OnTimeout, Segment
+from rigd.procedure.program import (
+    Comparison,
+    Condition,
+    CycleProgram,
+    OnTimeout,
+    Segment,
+    StatusCondition,
+)
+from rigd.procedure.standing import describe_standing
 
 
 class Ending(Enum):
@@ -25,20 +33,23 @@ class Ending(Enum):
 
 @dataclass(frozen=True)
 class Outcome:
-    """The ending of a cycle program, with the reason in words and the trip that caused it."""
+    """The ending of a cycle program, with the reason in words and the trip that caused it.
+
+    ``stood`` is where the channels stood that the last segment waited for, once it was over.
+    """
 
     ending: Ending
     reason: str = ""
     trip: Trip | None = None
+    stood: Mapping[str, float] = field(default_factory=dict, compare=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Watch:
     """A condition bound to its place in the values table."""
 
-    condition: Condition
     index: int
-    above: bool
+    met: Callable[[float], bool]
     hold_ns: int
 
 
@@ -47,7 +58,7 @@ class Player:
 
     Call :meth:`step` once per cycle with the newest values; it updates the wanted setpoints in
     place and returns an outcome once the program is over. A segment that ends hands over within
-    the same cycle.
+    the same cycle. ``readings`` holds status words, too, as ``device.status``.
 
     Raises:
         KeyError: the program names a channel or setpoint the rig does not have.
@@ -100,9 +111,11 @@ class Player:
                 return over
             if not over:
                 break
+            if self._position == len(self._segments) - 1:
+                stood = self._stood(values)
+                self._position += 1
+                return Outcome(Ending.DONE, stood=stood)
             self._position += 1
-            if self._position == len(self._segments):
-                return Outcome(Ending.DONE)
             self._enter(t_ns, wanted)
         if self._moving:
             t_s = (t_ns - self._began_ns) * 1e-9
@@ -132,31 +145,48 @@ class Player:
             return True
         if segment.timeout_s is None or elapsed_ns < round(segment.timeout_s * 1e9):
             return False
+        if segment.on_timeout is OnTimeout.NEXT:
+            return True
+        stood = self._stood(values)
         reason = f"step {segment.name!r} did not end within {segment.timeout_s:.6g} s"
-        match segment.on_timeout:
-            case OnTimeout.NEXT:
-                return True
-            case OnTimeout.END_TRIAL:
-                return Outcome(Ending.TRIAL_ENDED, reason)
-            case OnTimeout.FAIL:
-                return Outcome(Ending.FAILED, reason)
+        if where := describe_standing(segment.until, stood):
+            reason += f": {where}"
+        early = segment.on_timeout is OnTimeout.END_TRIAL
+        return Outcome(Ending.TRIAL_ENDED if early else Ending.FAILED, reason, stood=stood)
+
+    def _stood(self, values: Sequence[float]) -> Mapping[str, float]:
+        """Return the newest value of every channel that the segment under way waits for."""
+        if self._position < 0:
+            return {}
+        segment, watches = self._segments[self._position], self._watches[self._position]
+        return {
+            condition.channel: values[watch.index]
+            for row, watched in zip(segment.until, watches, strict=True)
+            for condition, watch in zip(row, watched, strict=True)
+        }
 
     def _holds(self, watch: _Watch, t_ns: int, values: Sequence[float]) -> bool:
-        value = values[watch.index]
-        if watch.condition.magnitude:
-            value = abs(value)
-        threshold = watch.condition.threshold
-        met = value > threshold if watch.above else value < threshold
-        if not met:
+        if not watch.met(values[watch.index]):
             self._held_since.pop(watch, None)
             return False
         return t_ns - self._held_since.setdefault(watch, t_ns) >= watch.hold_ns
 
 
-def _watch(condition: Condition, readings: Mapping[str, int]) -> _Watch:
-    return _Watch(
-        condition,
-        readings[condition.channel],
-        condition.comparison is Comparison.ABOVE,
-        round(condition.for_s * 1e9),
-    )
+def _watch(condition: Condition | StatusCondition, readings: Mapping[str, int]) -> _Watch:
+    return _Watch(readings[condition.channel], _test(condition), round(condition.for_s * 1e9))
+
+
+def _test(condition: Condition | StatusCondition) -> Callable[[float], bool]:
+    """Return what tells whether a value meets ``condition``; NaN meets none."""
+    if isinstance(condition, StatusCondition):
+        mask, wanted = condition.mask, condition.wanted
+        return lambda word: word == word and bool(int(word) & mask) is wanted
+    threshold = condition.threshold
+    above = condition.comparison is Comparison.ABOVE
+    if condition.magnitude:
+        if above:
+            return lambda value: abs(value) > threshold
+        return lambda value: abs(value) < threshold
+    if above:
+        return lambda value: value > threshold
+    return lambda value: value < threshold

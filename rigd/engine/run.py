@@ -11,7 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 
-from rigd.engine.answers import Answer, Answers, check_answer
+from rigd.engine.answers import Answers
+from rigd.engine.asking import Asking, ChangePlant
 from rigd.engine.clock import idle
 from rigd.engine.control import Control
 from rigd.engine.cycle import ENDING_OF_VERB
@@ -20,10 +21,9 @@ from rigd.engine.host import Host
 from rigd.engine.player import Ending, Outcome
 from rigd.engine.preflight import preflight
 from rigd.engine.result import Progress, RunResult, ending_word
-from rigd.model.errors import Blocked, Exit, ProcedureError, RigdError
+from rigd.model.errors import Blocked, Exit, RigdError
 from rigd.model.states import RunEvent, RunState, next_state
 from rigd.procedure.program import (
-    AnswerKind,
     CompiledProcedure,
     CycleProgram,
     Fault,
@@ -35,9 +35,6 @@ from rigd.record.events import NO_TRIAL
 
 #: Beyond this share of missed cycles a recording is not what it looks like.
 MISSED_SHARE = 0.05
-
-#: ``change(quantity, value)``: what a simulated rig does when a prompt was answered.
-ChangePlant = Callable[[str, float | str], None]
 
 
 @dataclass
@@ -70,10 +67,12 @@ class Run:
     state: RunState = RunState.IDLE
     _trial: TrialPlan | None = None
     _trials_done: int = field(init=False)
+    _asking: Asking = field(init=False)
     _aborted: bool = False
     _incomplete: list[tuple[int, str]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        self._asking = Asking(self.host, self.answers, self.change)
         self._trials_done = len(self.done)  # from the start: one may end before the next trial
 
     @property
@@ -284,7 +283,7 @@ class Run:
         """Play ``steps``; the first of ``after`` follows the last one without a gap."""
         for step, following in zip(steps, [*steps[1:], *after[:1], None], strict=False):
             if isinstance(step, Prompt):
-                outcome = self._prompt(step)
+                outcome = self._asking.ask(step)
                 if outcome is not None:
                     return outcome
             elif isinstance(step, Fault):
@@ -297,32 +296,6 @@ class Run:
                 if outcome.ending is not Ending.DONE:
                     return outcome
         return Outcome(Ending.DONE)
-
-    def _prompt(self, prompt: Prompt) -> Outcome | None:
-        self._event("prompt", {"name": prompt.name, "text": prompt.text})
-        given: list[Answer] = []
-        try:
-            outcome = self.host.ask(lambda: given.append(self.answers.answer(prompt)))
-            if outcome is not None:
-                return outcome
-            answer = check_answer(prompt, given[0])
-        except ProcedureError as error:
-            return Outcome(Ending.FAILED, error.message)
-        self._event(
-            "answer",
-            {
-                "name": prompt.name,
-                "answer": answer,
-                "unit": prompt.unit if prompt.kind is AnswerKind.NUMBER else "",
-                "by": self.answers.by,
-            },
-        )
-        if prompt.changes is not None and self.change is not None:
-            try:
-                self.change(prompt.changes, answer)
-            except ValueError as error:
-                return Outcome(Ending.FAILED, f"prompt {prompt.name!r}: {error}")
-        return None
 
     def _show(self, fault: Fault) -> Outcome | None:
         """Let a simulated device show a fault; the setpoints stay as they are."""

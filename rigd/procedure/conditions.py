@@ -1,4 +1,4 @@
-"""End conditions: ``|carriage_speed| < 3 mm/s for 0.2 s and carriage.position > 1 m``."""
+"""End conditions: ``|belt.speed| < 3 mm/s for 0.2 s and scale is stable``."""
 
 from __future__ import annotations
 
@@ -14,12 +14,17 @@ from rigd.model.channels import Channel
 from rigd.model.limits import Action
 from rigd.model.units import format_quantity
 from rigd.procedure.expression import Scope
-from rigd.procedure.program import Comparison, Condition, TrialLimit
+from rigd.procedure.program import Comparison, Condition, StatusCondition, TrialLimit, Until
 from rigd.procedure.reader import Reader
 
 _CLAUSE = re.compile(
     r"\s*(?P<open>\|)?\s*(?P<channel>[A-Za-z_]\w*(?:\.\w+)?)\s*(?P<close>\|)?\s*"
     r"(?P<sign>[<>])\s*(?P<threshold>[^<>=\s].*?)(?:\sfor\s(?P<time>.+))?$",
+    re.DOTALL,
+)
+_STATUS = re.compile(
+    r"\s*(?P<device>[A-Za-z_]\w*)\s+is\s+(?P<negated>not\s+)?(?P<word>[A-Za-z_]\w*)"
+    r"(?:\s+for\s(?P<time>.+))?\s*$",
     re.DOTALL,
 )
 _JOIN = re.compile(r"\sand\s")
@@ -32,7 +37,7 @@ def read_until(
     scope: Scope,
     rig: RigConfig,
     limits: Sequence[TrialLimit],
-) -> tuple[tuple[Condition, ...], ...]:
+) -> Until:
     """Return the conditions of ``until``: any row of all its clauses; problems are noted.
 
     ``limits`` are those of the trial that the step plays in.
@@ -41,13 +46,16 @@ def read_until(
     rows = []
     for index, text in enumerate(texts):
         where = (*path, index) if is_list else path
-        row = []
+        row: list[Condition | StatusCondition] = []
         start = 0
         for clause in _JOIN.split(text):
-            condition = _read_clause(reader, where, clause, start, scope, rig)
-            if condition is not None:
+            status = _STATUS.match(clause)
+            if status is not None:
+                word = _read_status(reader, where, status, start, scope, rig)
+                row += [] if word is None else [word]
+            elif condition := _read_clause(reader, where, clause, start, scope, rig):
                 row.append(condition)
-                _check_reachable(reader, where, start, condition, rig, limits)
+                check_reachable(reader, where, start, condition, rig, limits)
             start += len(clause) + len(" and ")
         rows.append(tuple(row))
     return tuple(rows)
@@ -72,21 +80,54 @@ def _read_clause(
     threshold = reader.number(
         path, match["threshold"], channel.unit, scope, start + match.start("threshold")
     )
-    for_s = 0.0
-    if match["time"] is not None:
-        for_s = reader.number(path, match["time"], "s", scope, start + match.start("time"))
-        if for_s < 0:
-            reader.problems.add(place, f"the time {match['time'].strip()} is negative")
     return Condition(
         channel=name,
         comparison=Comparison(match["sign"]),
         threshold=threshold,
         magnitude=match["open"] is not None,
-        for_s=for_s,
+        for_s=_read_time(reader, path, match, start, scope),
+        unit=channel.unit,
     )
 
 
-def _check_reachable(
+def _read_status(
+    reader: Reader, path: Path_, match: re.Match[str], start: int, scope: Scope, rig: RigConfig
+) -> StatusCondition | None:
+    name, word = match["device"], match["word"]
+    device = rig.devices.get(name)
+    if device is None:
+        place = reader.document.inside(path, start + match.start("device"))
+        reader.problems.add(place, f"the rig {rig.name} has no device {name!r}",
+                            suggest(name, rig.devices))  # fmt: skip
+        return None
+    mask = device.status_bits.get(word)
+    if mask is None:
+        place = reader.document.inside(path, start + match.start("word"))
+        words = device.status_bits
+        reader.problems.add(
+            place,
+            f"{name} ({device.driver}) does not tell whether it is {word}",
+            suggest(word, words) if words else "none of its status bits has a name",
+        )
+        return None
+    for_s = _read_time(reader, path, match, start, scope)
+    return StatusCondition(name, word, mask, match["negated"] is None, for_s)
+
+
+def _read_time(
+    reader: Reader, path: Path_, match: re.Match[str], start: int, scope: Scope
+) -> float:
+    """Return the time behind ``for``, 0 where there is none."""
+    if match["time"] is None:
+        return 0.0
+    for_s = reader.number(path, match["time"], "s", scope, start + match.start("time"))
+    if for_s < 0:
+        place = reader.document.inside(path, start)
+        reader.problems.add(place, f"the time {match['time'].strip()} is negative")
+    return for_s
+
+
+def check_reachable(
     reader: Reader,
     path: Path_,
     start: int,

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+from rigd.model.channels import STATUS_FIELD
 from rigd.procedure.profiles import Profile
 
 
@@ -24,13 +25,40 @@ class Comparison(Enum):
 
 @dataclass(frozen=True)
 class Condition:
-    """``channel > threshold`` (or of its magnitude), true without a break for ``for_s`` seconds."""
+    """``channel > threshold`` (or of its magnitude), true without a break for ``for_s`` seconds.
+
+    ``unit`` is the channel's, for people.
+    """
 
     channel: str
     comparison: Comparison
     threshold: float
     magnitude: bool = False
     for_s: float = 0.0
+    unit: str = field(default="1", compare=False)
+
+
+@dataclass(frozen=True)
+class StatusCondition:
+    """``device is word`` (or ``is not``), true without a break for ``for_s`` seconds.
+
+    ``mask`` holds the bits of the device's status word that ``word`` stands for.
+    """
+
+    device: str
+    word: str
+    mask: int
+    wanted: bool = True
+    for_s: float = 0.0
+
+    @property
+    def channel(self) -> str:
+        """The status word, where the other conditions have their channel."""
+        return f"{self.device}.{STATUS_FIELD}"
+
+
+#: What ends a segment: any of the rows, in which all must hold.
+Until = tuple[tuple[Condition | StatusCondition, ...], ...]
 
 
 class OnTimeout(Enum):
@@ -51,7 +79,7 @@ class Segment:
 
     name: str
     setpoints: Mapping[str, Profile] = field(default_factory=dict)
-    until: tuple[tuple[Condition, ...], ...] = ()
+    until: Until = ()
     duration_s: float | None = None
     timeout_s: float | None = None
     on_timeout: OnTimeout = OnTimeout.FAIL
@@ -74,6 +102,10 @@ class CycleProgram:
     limits: tuple[TrialLimit, ...] = ()
 
 
+#: What a person answers: a quantity in SI, a word, any text, or yes.
+Answer = float | str | bool
+
+
 class AnswerKind(Enum):
     """What a prompt accepts."""
 
@@ -84,12 +116,28 @@ class AnswerKind(Enum):
 
 
 @dataclass(frozen=True)
+class Agreement:
+    """``channel`` must show a prompt's answer: within ``within``, for ``for_s`` seconds.
+
+    ``within`` is a share of the answer where ``is_share``, else in SI. ``stable`` is what the
+    device itself says of its reading, where it does.
+    """
+
+    channel: str
+    within: float
+    is_share: bool
+    for_s: float = 0.0
+    stable: StatusCondition | None = None
+
+
+@dataclass(frozen=True)
 class Prompt:
     """A question to the operator, with a typed answer.
 
     ``answer`` is the procedure's own answer, used in simulation and with ``--yes``. A simulated
     rig obeys by changing ``changes`` on its plant to the answer. ``low``/``high`` (SI) or
-    ``choices`` bound what is accepted.
+    ``choices`` bound what is accepted. What must then be seen within ``timeout_s`` before anything
+    moves is ``until``, and the answer itself where it ``agrees``.
     """
 
     name: str
@@ -99,8 +147,11 @@ class Prompt:
     choices: tuple[str, ...] = ()
     low: float | None = None
     high: float | None = None
-    answer: float | str | bool | None = None
+    answer: Answer | None = None
     changes: str | None = None
+    until: Until = ()
+    agrees: Agreement | None = None
+    timeout_s: float | None = None
 
 
 @dataclass(frozen=True)

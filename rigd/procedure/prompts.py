@@ -3,22 +3,46 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Final
 
 from rigd.config.document import Path_
+from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
+from rigd.config.rig import RigConfig
 from rigd.model.units import format_quantity, parse_unit
-from rigd.procedure.expression import Scope
-from rigd.procedure.program import AnswerKind, Prompt
+from rigd.procedure.agreement import inside
+from rigd.procedure.conditions import check_reachable, read_until
+from rigd.procedure.expression import Number, Scope
+from rigd.procedure.program import Agreement, AnswerKind, Prompt, StatusCondition, Until
 from rigd.procedure.reader import Reader
-from rigd.procedure.source import PromptSource
+from rigd.procedure.source import AgreesSource, PromptSource
+
+#: The word by which a device says that its reading has come to rest.
+STABLE: Final = "stable"
 
 
-def read_prompt(reader: Reader, path: Path_, source: PromptSource, scope: Scope) -> Prompt:
-    """Return the prompt that stands at ``path``; problems are noted.
+def read_prompt(
+    reader: Reader, path: Path_, source: PromptSource, scope: Scope, rig: RigConfig
+) -> Prompt:
+    """Return the prompt that stands at ``path``, with what must be seen; problems are noted.
 
     What it asks for follows from its keys: ``unit`` a quantity, ``choices`` a word, ``free_text``
     any text, none of them a confirmation.
     """
+    prompt = _question(reader, path, source, scope)
+    until: Until = ()
+    if source.until is not None:
+        until = read_until(reader, (*path, "until"), source.until, scope, rig, limits=())
+    agrees = None
+    if source.agrees is not None:
+        agrees = _agreement(reader, (*path, "agrees"), source.agrees, prompt, scope, rig)
+    _check_timeout(reader, path, source)
+    timeout_s = reader.time((*path, "timeout"), source.timeout, scope)
+    return replace(prompt, until=until, agrees=agrees, timeout_s=timeout_s)
+
+
+def _question(reader: Reader, path: Path_, source: PromptSource, scope: Scope) -> Prompt:
     kind = _kind(reader, path, source)
     text = reader.text((*path, "text"), source.text, scope)
     _check_keys(reader, path, source, kind)
@@ -91,3 +115,58 @@ def _number_prompt(
         source.prompt, text, AnswerKind.NUMBER, unit=unit, low=low, high=high, answer=answer,
         changes=source.changes,
     )  # fmt: skip
+
+
+def _agreement(
+    reader: Reader,
+    path: Path_,
+    source: AgreesSource,
+    prompt: Prompt,
+    scope: Scope,
+    rig: RigConfig,
+) -> Agreement | None:
+    if prompt.kind is not AnswerKind.NUMBER:
+        reader.note_key(path, "only a quantity can agree with a channel",
+                        "add 'unit: ...', or wait for what must hold by 'until: ...'")  # fmt: skip
+        return None
+    channel = rig.channel(source.channel)
+    if channel is None:
+        reader.note((*path, "with"), f"the rig {rig.name} has no channel {source.channel!r}",
+                    suggest(source.channel, channel_names(rig)))  # fmt: skip
+        return None
+    if not parse_unit(channel.unit).same_kind(parse_unit(prompt.unit)):
+        message = f"{source.channel} is in {channel.unit}, the answer in {prompt.unit}"
+        reader.note((*path, "with"), message, f"choose a channel in {prompt.unit}")
+        return None
+    value = reader.value((*path, "within"), source.within, scope)
+    is_share = isinstance(value, Number) and not any(value.dimension)
+    unit = "1" if is_share else channel.unit
+    within = math.nan if value is None else reader.number(
+        (*path, "within"), source.within, unit, scope
+    )  # fmt: skip
+    if within <= 0 or (is_share and prompt.answer == 0.0):
+        reader.note((*path, "within"), "nothing would ever agree",
+                    f"give a quantity above 0 {channel.unit}")  # fmt: skip
+    device = source.channel.partition(".")[0]
+    mask = rig.devices[device].status_bits.get(STABLE)
+    agreement = Agreement(
+        source.channel,
+        within,
+        is_share,
+        reader.time((*path, "for"), source.wait, scope) or 0.0,
+        None if mask is None else StatusCondition(device, STABLE, mask),
+    )
+    if isinstance(prompt.answer, float):
+        for condition in inside(agreement, prompt.answer, prompt.unit):
+            check_reachable(reader, (*path, "with"), 0, condition, rig, ())
+    return agreement
+
+
+def _check_timeout(reader: Reader, path: Path_, source: PromptSource) -> None:
+    waits = "agrees" if source.agrees is not None else "until" if source.until is not None else ""
+    if waits and source.timeout is None:
+        message = f"the prompt {source.prompt!r} could wait forever for what must be seen"
+        reader.note_key((*path, waits), message, "add 'timeout: 10 s'")
+    if source.timeout is not None and not waits:
+        reader.note_key((*path, "timeout"), "a timeout has no effect: nobody is hurried to answer",
+                        "remove it, or say by 'agrees' or 'until' what must be seen")  # fmt: skip

@@ -150,6 +150,17 @@ class MoveSource(Source):
     """What running out of time means; by default the procedure has failed."""
 
 
+class AgreesSource(Source):
+    """What must show the quantity that a person gave as answer."""
+
+    channel: Annotated[ChannelName, Field(alias="with")]
+    """The channel that shows it; where its device says whether it is stable, it must be."""
+    within: Expression
+    """How far it may be from the answer: a share (`5 %`) or a quantity (`0.1 kg`)."""
+    wait: Annotated[Expression | None, Field(alias="for")] = None
+    """How long it must stand there without a break; by default one look is enough."""
+
+
 class PromptSource(Source):
     """A step that waits for a person."""
 
@@ -175,6 +186,12 @@ class PromptSource(Source):
     """Asks for any text. Without `unit`, `choices` or this, the person only confirms."""
     changes: Name | None = None
     """What a simulated rig changes to the answer: `floor`, `mass`."""
+    agrees: AgreesSource | None = None
+    """What must show the answer before anything moves; else the person is asked again."""
+    until: Annotated[list[str], Field(min_length=1), OneOrMore()] | None = None
+    """What must hold, once answered, before anything moves; written as the end of a step."""
+    timeout: Expression | None = None
+    """Longest time that `agrees` and `until` may take; then the person is asked again."""
 
 
 class ShownFaultSource(Source):

@@ -76,7 +76,7 @@ class StepCompiler:
                 steps.append(CycleProgram(tuple(segments), limits))
                 segments = []
             if isinstance(source, PromptSource):
-                steps.append(read_prompt(self.reader, where, source, scope))
+                steps.append(read_prompt(self.reader, where, source, scope, self.rig))
             else:
                 steps.append(read_fault(self.reader, where, source, scope, self.rig))
         if segments:

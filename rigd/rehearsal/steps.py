@@ -7,8 +7,16 @@ from dataclasses import dataclass
 
 from rigd.config.rig import RigConfig
 from rigd.model.units import format_quantity
+from rigd.procedure.agreement import check_of
 from rigd.procedure.profiles import Constant, Profile, Ramp
-from rigd.procedure.program import CompiledProcedure, Condition, CycleProgram, Segment
+from rigd.procedure.program import (
+    CompiledProcedure,
+    Condition,
+    CycleProgram,
+    Prompt,
+    Segment,
+    StatusCondition,
+)
 
 
 @dataclass(frozen=True)
@@ -51,7 +59,7 @@ def step_rows(
             blocks[name],
             name,
             tuple(_setpoints(variants[name], rig)),
-            tuple(_ends(variants[name], rig)),
+            tuple(_ends(variants[name])),
             len(seconds),
             min(seconds),
             max(seconds),
@@ -67,9 +75,11 @@ def _segments(procedure: CompiledProcedure) -> Iterator[tuple[str, Segment]]:
     blocks.append(("finish", procedure.finish))
     for block, steps in blocks:
         for step in steps:
-            if isinstance(step, CycleProgram):
-                for segment in step.segments:
-                    yield block, segment
+            played = step if isinstance(step, CycleProgram) else None
+            if isinstance(step, Prompt) and step.answer is not None:
+                played = check_of(step, step.answer)
+            for segment in () if played is None else played.segments:
+                yield block, segment
 
 
 def _setpoints(variants: Sequence[Segment], rig: RigConfig) -> Iterator[str]:
@@ -92,26 +102,28 @@ def _profile(profile: Profile, unit: str) -> str:
     return kind if amplitude is None else f"{kind} of {format_quantity(amplitude, unit)}"
 
 
-def _ends(variants: Sequence[Segment], rig: RigConfig) -> Iterator[str]:
+def _ends(variants: Sequence[Segment]) -> Iterator[str]:
     first = variants[0]
     for position, row in enumerate(first.until):
-        words = []
-        for place, condition in enumerate(row):
-            thresholds = [one.until[position][place].threshold for one in variants]
-            words.append(_condition(condition, thresholds, rig))
-        yield " and ".join(words)
+        yield " and ".join(
+            _condition(condition, [one.until[position][place] for one in variants])
+            for place, condition in enumerate(row)
+        )
     if first.duration_s is not None:
         yield f"after {_range([one.duration_s or 0.0 for one in variants], 's')}"
     if first.timeout_s is not None:
         yield f"at most {_range([one.timeout_s or 0.0 for one in variants], 's')}"
 
 
-def _condition(condition: Condition, thresholds: Sequence[float], rig: RigConfig) -> str:
-    channel = rig.channel(condition.channel)
-    unit = "1" if channel is None else channel.unit
-    source = f"|{condition.channel}|" if condition.magnitude else condition.channel
+def _condition(
+    condition: Condition | StatusCondition, variants: Sequence[Condition | StatusCondition]
+) -> str:
     held = f" for {condition.for_s:g} s" if condition.for_s else ""
-    return f"{source} {condition.comparison.value} {_range(thresholds, unit)}{held}"
+    if isinstance(condition, StatusCondition):
+        return f"{condition.device} {'is' if condition.wanted else 'is not'} {condition.word}{held}"
+    thresholds = [one.threshold for one in variants if isinstance(one, Condition)]
+    source = f"|{condition.channel}|" if condition.magnitude else condition.channel
+    return f"{source} {condition.comparison.value} {_range(thresholds, condition.unit)}{held}"
 
 
 def _range(values: Sequence[float], unit: str) -> str:

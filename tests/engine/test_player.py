@@ -93,7 +93,7 @@ def test_timeout_fails_ends_the_trial_or_goes_on_as_the_segment_says() -> None:
         assert outcome is not None
         endings[on_timeout] = outcome
     assert endings[OnTimeout.FAIL] == Outcome(
-        Ending.FAILED, "step 'home' did not end within 0.002 s"
+        Ending.FAILED, "step 'home' did not end within 0.002 s: a.x is 0"
     )
     assert endings[OnTimeout.END_TRIAL].ending is Ending.TRIAL_ENDED
     assert endings[OnTimeout.NEXT].ending is Ending.DONE

@@ -111,6 +111,7 @@ class SerialScale(SlowDriver):
         "zero": "sets the zero of the empty scale",
     }
     has_status = True
+    status_bits: Mapping[str, int] = {(bit.name or "").lower(): bit.value for bit in ScaleStatus}
     silent_s = 5.0  # an action keeps the scale from answering for up to ACTION_S
     config: ScaleConfig
 

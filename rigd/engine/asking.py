@@ -1,0 +1,95 @@
+"""Puts a prompt: asks until there is an answer that can be, and that the rig bears out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from rigd.engine.answers import AnswerRefused, Answers, check_answer
+from rigd.engine.host import Host
+from rigd.engine.player import Ending, Outcome
+from rigd.model.errors import ProcedureError
+from rigd.procedure.agreement import check_of, objection_to
+from rigd.procedure.program import Answer, AnswerKind, Prompt
+
+#: ``change(quantity, value)``: what a simulated rig does when a prompt was answered.
+ChangePlant = Callable[[str, float | str], None]
+
+
+@dataclass(frozen=True)
+class Asking:
+    """Puts prompts to ``answers`` on the rig behind ``host``, which stays at rest meanwhile.
+
+    ``change`` is None for a real rig. A person whose answer cannot be is told why and asked again;
+    the procedure's own answer ends the run as failed.
+    """
+
+    host: Host
+    answers: Answers
+    change: ChangePlant | None = None
+
+    def ask(self, prompt: Prompt) -> Outcome | None:
+        """Return once the rig may move on: None, or the outcome that ends what plays."""
+        objection = ""
+        while True:
+            told = {"name": prompt.name, "text": prompt.text}
+            self.host.event("prompt", told | ({"objection": objection} if objection else {}))
+            given: list[Answer] = []
+            try:
+                outcome = self.host.ask(partial(self._ask, prompt, objection, given))
+                if outcome is not None:
+                    return outcome
+                return self._take(prompt, given[0])
+            except AnswerRefused as refused:
+                if not self.answers.asks_again:
+                    return Outcome(Ending.FAILED, refused.message)
+                objection = refused.message
+            except ProcedureError as error:
+                return Outcome(Ending.FAILED, error.message)
+
+    def _ask(self, prompt: Prompt, objection: str, given: list[Answer]) -> None:
+        given.append(self.answers.answer(prompt, objection))
+
+    def _take(self, prompt: Prompt, given: Answer) -> Outcome | None:
+        """Record the answer, let a simulated rig obey it, and see whether the rig shows it.
+
+        Raises:
+            AnswerRefused: another answer is needed.
+            ProcedureError: a person said no.
+        """
+        answer = check_answer(prompt, given)
+        self.host.event(
+            "answer",
+            {
+                "name": prompt.name,
+                "answer": answer,
+                "planned": prompt.answer,
+                "unit": prompt.unit if prompt.kind is AnswerKind.NUMBER else "",
+                "changes": prompt.changes or "",
+                "by": self.answers.by,
+            },
+        )
+        if prompt.changes is not None and self.change is not None:
+            try:
+                self.change(prompt.changes, answer)
+            except ValueError as error:
+                raise AnswerRefused(f"prompt {prompt.name!r}: {error}") from error
+        return self._look(prompt, answer)
+
+    def _look(self, prompt: Prompt, answer: Answer) -> Outcome | None:
+        check = check_of(prompt, answer)
+        if check is None:
+            return None
+        outcome = self.host.play(check)
+        agreed = outcome.ending is Ending.DONE
+        # A program that commands nothing can fail in one way only: it ran out of time.
+        if not agreed and outcome.ending is not Ending.FAILED:
+            return outcome
+        self.host.event(
+            "answer_checked",
+            {"name": prompt.name, "answer": answer, "agreed": agreed, "shown": outcome.stood},
+        )
+        if not agreed:
+            raise AnswerRefused(objection_to(prompt, answer, outcome.stood))
+        return None
