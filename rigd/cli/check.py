@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-HELP = "check rig and procedure files without running anything"
+HELP = "check rig, procedure and calibration files without running anything"
 EXAMPLES = """\
 examples:
   rigd check configs/sim_lugre.yaml
@@ -21,7 +21,9 @@ examples:
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("files", nargs="+", metavar="FILE", help="rig or procedure files")
+    parser.add_argument(
+        "files", nargs="+", metavar="FILE", help="rig, procedure or calibration files"
+    )
     parser.add_argument("--rig", metavar="RIG", help="rig to check procedures against")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
@@ -53,6 +55,7 @@ def execute(args: argparse.Namespace) -> int:
 
 def _check(given: str, rig: object) -> str:
     """Return what a right file is; which kind it is stands in its first key."""
+    from rigd.config.calibration import load_calibration
     from rigd.config.loader import load_rig
     from rigd.config.rig import RigConfig
     from rigd.config.shipped import find_file
@@ -60,12 +63,22 @@ def _check(given: str, rig: object) -> str:
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import load_procedure
 
-    if _is_rig(given):
+    kind = _kind(given)
+    if kind == "calibration":
+        calibration = load_calibration(Path(given))
+        last = calibration.valid_until
+        valid = "none expires" if last is None else f"all valid until {last}"
+        return f"calibration {calibration.name}, {len(calibration.values)} values, {valid}: right"
+    if kind == "rig":
         checked = load_rig(given)
         if checked.plant is not None:
             checked.plant.plant_class.files(checked.plant.config)
         channels = sum(len(device.channels) for device in checked.devices.values())
-        return f"rig {checked.name}, {len(checked.devices)} devices, {channels} channels: right"
+        parts = [f"rig {checked.name}", f"{len(checked.devices)} devices", f"{channels} channels"]
+        if checked.calibration is not None:
+            held = checked.calibration.held
+            parts.append(f"calibration {held.name}" if held else "its calibration file is missing")
+        return ", ".join(parts) + ": right"
     procedure = load_procedure(find_file(given, "procedures"))
     if not isinstance(rig, RigConfig):
         return "a procedure, right in itself; give --rig to check it against a rig"
@@ -81,8 +94,8 @@ def _check(given: str, rig: object) -> str:
     return f"procedure {compiled.name}, {trials} on {rig.name}: right"
 
 
-def _is_rig(given: str) -> bool:
-    """Return whether a file's own first key, or a name that is no procedure's, says rig."""
+def _kind(given: str) -> str:
+    """Return what ``given`` is by its own keys, or by a name that is no procedure's."""
     from rigd.config.shipped import find_file
     from rigd.model.errors import ConfigError
 
@@ -93,11 +106,14 @@ def _is_rig(given: str) -> bool:
         except ConfigError as error:
             if path.suffix:
                 raise ConfigError(f"there is no file {given!r}", hint=error.hint) from error
-            return True
-        return False
+            return "rig"
+        return "procedure"
     with path.open("rb") as stream:
         lines = stream.read(4096).decode("utf-8", errors="replace").splitlines()
-    return any(line.startswith("rig:") for line in lines)
+    for kind in ("rig", "procedure", "calibration"):  # a rig file names its calibration too
+        if any(line.startswith(f"{kind}:") for line in lines):
+            return kind
+    return "procedure"
 
 
 def _as_json(given: str, summary: str, error: Exception | None) -> dict[str, object]:

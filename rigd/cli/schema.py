@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
-HELP = "print the JSON Schema of procedure or rig files, for editors"
+HELP = "print the JSON Schema of procedure, rig or calibration files, for editors"
 EXAMPLES = """\
 examples:
   rigd schema procedure > procedure.schema.json
@@ -18,13 +18,17 @@ examples:
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("kind", choices=("procedure", "rig"), help="which kind of file")
+    parser.add_argument(
+        "kind", choices=("procedure", "rig", "calibration"), help="which kind of file"
+    )
 
 
 def execute(args: argparse.Namespace) -> int:
     """Print the schema."""
     if args.kind == "rig":
-        from rigd.config import rig_schema as schema
+        from rigd.config.schema import rig_schema as schema
+    elif args.kind == "calibration":
+        from rigd.config.schema import calibration_schema as schema
     else:
         from rigd.procedure import procedure_schema as schema
     print(json.dumps(schema(), indent=2, ensure_ascii=False))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rigd.config.binding import bind
+from rigd.config.calibration import read_setup
 from rigd.config.document import Document, Path_, parse_document, read_document
 from rigd.config.problems import Problems, suggest
 from rigd.config.quantities import check_inside, rate_unit, read_quantity
@@ -79,6 +80,7 @@ def _build(document: Document) -> RigConfig:
         supervision=Supervision(
             source.supervision.cycle_silence, source.supervision.daemon_silence
         ),
+        calibration=read_setup(source.calibration, document.path.parent, problems),
     )
     if len(devices) < len(source.devices):
         problems.raise_any()  # channels of a device that failed would all seem unknown
@@ -187,9 +189,9 @@ def _device(
         limits=_limits(document, path, source.limits, setpoints, problems),
         link=source.link,
         waiver=None if waiver is None else Waiver(waiver.by, waiver.reason),
+        status_bits=driver.status_bits,
     )
 
-        status_bits=driver.status_bits,
 
 def _limits(
     document: Document,

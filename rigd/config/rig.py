@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rigd.config.calibration import CalibrationSetup
 from rigd.model.channels import Channel, Stream
 from rigd.model.limits import Interlock, SetpointLimit
 from rigd.model.units import Quantity
@@ -73,8 +74,8 @@ class DeviceConfig:
     limits: Mapping[str, SetpointLimit]
     link: str | None = None
     waiver: Waiver | None = None
-
     status_bits: Mapping[str, int] = field(default_factory=dict)
+
     @property
     def stream(self) -> Stream:
         """The stream that the device's rows are recorded as; empty for a pure actuator."""
@@ -120,6 +121,7 @@ class RigConfig:
     links: Mapping[str, LinkSetup] = field(default_factory=dict)
     simulation: SimulationSetup | None = None
     supervision: Supervision = Supervision()
+    calibration: CalibrationSetup | None = None
 
     def channel(self, name: str) -> Channel | None:
         """Return the measured channel called ``device.channel``, or None."""

@@ -6,12 +6,18 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from rigd.config.calibration_source import CalibrationSource
 from rigd.config.source import RigSource
 
 
 def rig_schema() -> dict[str, Any]:
     """Return the JSON Schema of rig files; driver and plant options are left to their owners."""
     return file_schema(RigSource, "rigd rig file")
+
+
+def calibration_schema() -> dict[str, Any]:
+    """Return the JSON Schema of calibration files."""
+    return file_schema(CalibrationSource, "rigd calibration file")
 
 
 def file_schema(model: type[BaseModel], title: str) -> dict[str, Any]:

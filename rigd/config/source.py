@@ -152,5 +152,7 @@ class RigSource(Source):
     """The devices by name."""
     interlocks: Annotated[list[InterlockSource], Field(max_length=256)]
     """Conditions that end what the rig does; `[]` says that there are none."""
+    calibration: Annotated[str, StringConstraints(min_length=1, max_length=300)] | None = None
+    """File of what was measured of this rig, with its uncertainty; the path counts from here."""
     constants: dict[Name, QuantityText] = {}
     """Quantities of the rig that procedures use as `${rig.NAME}`."""

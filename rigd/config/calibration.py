@@ -1,0 +1,224 @@
+"""Calibrations: what was measured of a rig beside its runs, in a file of its own.
+
+The rig file names it (``calibration: calibrations/bench.yaml``), a run attaches it to its
+recording as :data:`ATTACHMENT`, and ``rigd calibrate`` writes it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import date
+from pathlib import Path
+from typing import Final
+
+from rigd.config.binding import bind
+from rigd.config.calibration_source import (
+    CALIBRATABLE,
+    Calibratable,
+    CalibrationSource,
+    Origin,
+    ReplacedSource,
+    ValueSource,
+)
+from rigd.config.document import Document, Path_, parse_document, read_document
+from rigd.config.problems import Problems, suggest
+from rigd.config.quantities import read_quantity
+from rigd.config.shipped import shipped_folder
+from rigd.model.errors import ConfigError, Place
+from rigd.model.units import format_quantity
+
+#: The name under which a recording carries the calibration of its run.
+ATTACHMENT: Final = "calibration.yaml"
+
+
+@dataclass(frozen=True)
+class CalibratedValue:
+    """A value in SI with its standard uncertainty (k = 1), and who vouches for it until when."""
+
+    value: float
+    u: float
+    unit: str
+    source: Origin
+    origin: str  #: the recording, or why it is assumed; ``from`` in the file
+    made: date
+    operator: str
+    valid_until: date | None = None  #: the last day; None: what is assumed does not expire
+    instruments: Mapping[str, str] = field(default_factory=dict)  #: device -> what it said it was
+
+    def __str__(self) -> str:
+        return (
+            f"{format_quantity(self.value, self.unit)} ± {format_quantity(self.u, self.unit)} "
+            f"({self.source})"
+        )
+
+    def expired(self, on: date) -> bool:
+        """Return whether it may no longer be used on that day."""
+        return self.valid_until is not None and on > self.valid_until
+
+
+@dataclass(frozen=True)
+class ReplacedValue:
+    """A value that another one replaced on that day."""
+
+    name: str
+    value: CalibratedValue
+    replaced: date
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What is known of the rigs named, as its file says; ``text`` is that file."""
+
+    name: str
+    rigs: tuple[str, ...]
+    values: Mapping[str, CalibratedValue]
+    history: tuple[ReplacedValue, ...]
+    path: Path
+    text: str
+
+    @property
+    def made(self) -> date | None:
+        """The day of the newest value; None without values."""
+        return max((one.made for one in self.values.values()), default=None)
+
+    @property
+    def valid_until(self) -> date | None:
+        """The last day on which every value may be used; None: none of them expires."""
+        days = [one.valid_until for one in self.values.values() if one.valid_until is not None]
+        return min(days, default=None)
+
+    @property
+    def sha256(self) -> str:
+        """The hash of its text, by which a recording names it."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class CalibrationSetup:
+    """The calibration that a rig file names; ``held`` is None where there is no such file."""
+
+    path: Path
+    held: Calibration | None
+
+
+def load_calibration(path: Path) -> Calibration:
+    """Return the calibration in the file at ``path``.
+
+    Raises:
+        ConfigError: it cannot be read, or is wrong; names every problem with its place.
+    """
+    return _build(read_document(path))
+
+
+def parse_calibration(text: str, name: str) -> Calibration:
+    """Return the calibration that ``text`` describes, such as one attached to a recording.
+
+    ``name`` is what errors call it.
+
+    Raises:
+        ConfigError: the text is wrong; names every problem with its place.
+    """
+    return _build(parse_document(text, Path(name)))
+
+
+def find_calibration(name: str, folder: Path) -> Path:
+    """Return where the calibration file of a rig file in ``folder`` stands, or should.
+
+    A relative path counts from there; what is not there may be a shipped one.
+    """
+    beside = folder / name
+    shipped = shipped_folder("configs") / name
+    return shipped if shipped.is_file() and not beside.exists() else beside
+
+
+def read_setup(name: str | None, folder: Path, problems: Problems) -> CalibrationSetup | None:
+    """Return the calibration that a rig file in ``folder`` names, or None with what is wrong noted.
+
+    That the file is missing is no problem here: it keeps only some runs from starting.
+    """
+    if name is None:
+        return None
+    path = find_calibration(name, folder)
+    if not path.is_file():
+        return CalibrationSetup(path, None)
+    try:
+        return CalibrationSetup(path, load_calibration(path))
+    except ConfigError as error:
+        for one in (error, *error.others):
+            problems.add(one.place, one.message, one.hint)
+        return None
+
+
+def _build(document: Document) -> Calibration:
+    problems = Problems()
+    source = bind(document, CalibrationSource, problems)
+    if source is None:
+        problems.raise_any()
+        raise ConfigError("the calibration file cannot be used", place=document.place(()))
+    values = {}
+    for name, one in source.values.items():
+        path: Path_ = ("values", name)
+        known = _known(document.key_place(path), name, problems)
+        if known is not None:
+            values[name] = _value(document, path, one, known, problems)
+    history = []
+    for index, old in enumerate(source.history):
+        known = _known(document.place(("history", index, "name")), old.name, problems)
+        if known is not None:
+            value = _value(document, ("history", index), old, known, problems)
+            history.append(ReplacedValue(old.name, value, old.replaced))
+    problems.raise_any()
+    return Calibration(
+        source.calibration,
+        tuple(source.rigs),
+        values,
+        tuple(history),
+        document.path,
+        document.text,
+    )
+
+
+def _known(place: Place, name: str, problems: Problems) -> Calibratable | None:
+    known = CALIBRATABLE.get(name)
+    if known is None:
+        message = f"there is no calibrated value {name!r}"
+        problems.add(place, message, suggest(name, CALIBRATABLE))
+    return known
+
+
+def _value(
+    document: Document,
+    path: Path_,
+    source: ValueSource | ReplacedSource,
+    known: Calibratable,
+    problems: Problems,
+) -> CalibratedValue:
+    value = read_quantity(document, (*path, "value"), source.value, known.unit, problems)
+    u = read_quantity(document, (*path, "u"), source.u, known.unit, problems)
+    place = document.place((*path, "value"))
+    if known.sign == "positive" and value <= 0:
+        problems.add(place, f"{source.value} must be above 0", known.doc)
+    if known.sign == "not negative" and value < 0:
+        problems.add(place, f"{source.value} must not be below 0", known.doc)
+    if u < 0:
+        problems.add(document.place((*path, "u")), f"the uncertainty {source.u} is below 0",
+                     "give the standard uncertainty (k = 1)")  # fmt: skip
+    if source.source == "measured" and source.valid_until is None:
+        problems.add(document.place(path), "what is measured must say until when it is valid",
+                     "add 'valid_until: 2027-11-21'")  # fmt: skip
+    if source.valid_until is not None and source.valid_until < source.made:
+        message = f"valid_until {source.valid_until} is before {source.made}, the day it was made"
+        problems.add(document.place((*path, "valid_until")), message)
+    return CalibratedValue(
+        value,
+        u,
+        known.unit,
+        source.source,
+        source.origin,
+        source.made,
+        source.operator,
+        source.valid_until,
+        source.instruments,
+    )
