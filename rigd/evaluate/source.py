@@ -88,7 +88,7 @@ class RecordedSweep:
             DataError: a stream or channel that the plan names is not in the recording.
             Unusable: too many samples of this trial are missing or late.
         """
-        plan = {name: self._field(name, channel) for name, channel in self.plan.signals.items()}
+        plan = {name: self.field(name) for name in self.plan.signals}
         if not plan:
             raise DataError(f"{self.path}: its plan of identification names no signals")
         rows = {stream.name: self._rows(stream.name, trial) for stream, _ in plan.values()}
@@ -114,7 +114,7 @@ class RecordedSweep:
     def bridged(self, trial: TrialInfo) -> int:
         """Return how many rows of the plan's streams are missing or late in ``trial``."""
         count = 0
-        for name in {self._field(*item)[0].name for item in self.plan.signals.items()}:
+        for name in {self.field(signal)[0].name for signal in self.plan.signals}:
             rows = self._rows(name, trial)
             late = int(np.count_nonzero(_stale(self.recording.streams[name], rows)))
             count += late + len(grid(rows[TIME_FIELD])) - len(rows)
@@ -140,7 +140,18 @@ class RecordedSweep:
                 "repeat the trial where a device was late",
             ) from error
 
-    def _field(self, signal: str, channel: str) -> tuple[Stream, str]:
+    def field(self, signal: str) -> tuple[Stream, str]:
+        """Return the stream and the channel of it that give a signal of the plan.
+
+        Raises:
+            DataError: the plan does not name it, or it was not recorded.
+        """
+        channel = self.plan.signals.get(signal)
+        if channel is None:
+            raise DataError(
+                f"{self.path}: its plan of identification names no signal {signal!r}",
+                hint="give it under `identify: signals:` in the procedure",
+            )
         device, _, field = channel.partition(".")
         stream = self.recording.streams.get(device)
         if stream is None:

@@ -1,0 +1,175 @@
+"""What is known of the rig beside its runs: the calibration and the constants of the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rigd.config.calibration import (
+    ATTACHMENT,
+    CalibratedValue,
+    Calibration,
+    load_calibration,
+    parse_calibration,
+)
+from rigd.evaluate.source import RecordedSweep
+from rigd.identify.angle.data import AngleCalibration, AngleRig, Known
+from rigd.identify.report.rounding import percent
+from rigd.model.errors import DataError
+from rigd.model.units import format_quantity
+from rigd.record import TrialInfo
+
+#: Values of a calibration without which no run can be evaluated.
+NEEDED: Final = (
+    "torque_scale",
+    "wheel_scale",
+    "platform_scale",
+    "load_scale",
+    "effective_radius",
+    "bearing_constant",
+    "bearing_viscous",
+    "bearing_load",
+    "rolling_resistance",
+    "roller_drag",
+    "rail_constant",
+    "rail_load",
+    "rail_viscous",
+)
+#: Those of the high-rate load cell, where the plan names its signal.
+NORMAL_FORCE: Final = ("normal_force_scale", "normal_force_zero")
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """The calibration that a recording is evaluated under, and what that differs in."""
+
+    used: Calibration
+    replayed: bool  #: another file than the one that the recording carries
+    changes: tuple[str, ...] = ()  #: of the values, a line each, where it is replayed
+
+    @property
+    def told(self) -> str:
+        """Which calibration it is, in words."""
+        made = "" if self.used.made is None else f" of {self.used.made.isoformat()}"
+        origin = "given with --calibration" if self.replayed else "as recorded"
+        return f"{self.used.name}{made}, {origin}"
+
+
+def calibration_of(sweep: RecordedSweep, other: Path | None) -> Calibrated:
+    """Return the calibration that ``sweep`` carries, or the one in the file ``other``.
+
+    Raises:
+        ConfigError: the calibration is wrong.
+        DataError: the recording carries none, and no other one is given.
+    """
+    attached = sweep.recording.attachments.get(ATTACHMENT)
+    recorded = None
+    if attached is not None:
+        text = attached.data.decode(errors="replace")
+        recorded = parse_calibration(text, f"{sweep.path}:{ATTACHMENT}")
+    if other is None:
+        if recorded is None:
+            raise DataError(
+                f"{sweep.path} carries no calibration: volts cannot become torque and travel",
+                hint="`calibration:` in the rig file names one; for this recording, give "
+                "--calibration FILE",
+            )
+        return Calibrated(recorded, replayed=False)
+    replaced = load_calibration(other)
+    if recorded is None:
+        return Calibrated(replaced, replayed=True, changes=("the recording carries none",))
+    return Calibrated(replaced, True, _changes(recorded.values, replaced.values))
+
+
+def _changes(
+    old: Mapping[str, CalibratedValue], new: Mapping[str, CalibratedValue]
+) -> tuple[str, ...]:
+    """Return what differs between two calibrations, a line for each value."""
+    lines = []
+    for name in dict.fromkeys((*old, *new)):
+        a, b = old.get(name), new.get(name)
+        if a is None or b is None:
+            lines.append(f"{name}: {'added' if a is None else 'left out'}")
+        elif (a.value, a.u) != (b.value, b.u):
+            change = (
+                f" ({percent(b.value / a.value - 1.0)})" if a.value and b.value != a.value else ""
+            )
+            was, now = (
+                f"{format_quantity(one.value, one.unit)} ± {format_quantity(one.u, one.unit)}"
+                for one in (a, b)
+            )
+            lines.append(f"{name}: {was} -> {now}{change}")
+    return tuple(lines) or ("no value differs",)
+
+
+def angle_calibration(calibration: Calibration, *, normal_force: bool) -> AngleCalibration:
+    """Return what turns volts into quantities; with the load cell where ``normal_force``.
+
+    Raises:
+        DataError: a value is missing.
+    """
+    known = _Values(calibration)
+    known.need((*NEEDED, *NORMAL_FORCE) if normal_force else NEEDED)
+    return AngleCalibration(
+        torque=known["torque_scale"],
+        wheel=known["wheel_scale"],
+        platform=known["platform_scale"],
+        load=known["load_scale"],
+        normal_force=known["normal_force_scale"] if normal_force else None,
+        normal_force_zero=known["normal_force_zero"] if normal_force else Known(0.0),
+    )
+
+
+def angle_rig(sweep: RecordedSweep, trial: TrialInfo, calibration: Calibration) -> AngleRig:
+    """Return what is known of the rig as it was in ``trial``.
+
+    Raises:
+        DataError: a constant or a value is missing, or cannot be.
+    """
+    known = _Values(calibration)
+    known.need(NEEDED)
+    constant = {
+        name: _positive(sweep, trial, name)
+        for name in ("wheel_radius", "wheel_inertia", "platform_mass", "gravity")
+    }
+    return AngleRig(
+        wheel_radius_m=constant["wheel_radius"],
+        wheel_inertia=constant["wheel_inertia"],
+        platform_mass_kg=constant["platform_mass"],
+        gravity=constant["gravity"],
+        effective_radius=known["effective_radius"],
+        bearing_constant=known["bearing_constant"],
+        bearing_viscous=known["bearing_viscous"],
+        bearing_load=known["bearing_load"],
+        rolling_resistance=known["rolling_resistance"],
+        roller_drag=known["roller_drag"],
+        rail_constant=known["rail_constant"],
+        rail_load=known["rail_load"],
+        rail_viscous=known["rail_viscous"],
+    )
+
+
+@dataclass(frozen=True)
+class _Values:
+    calibration: Calibration
+
+    def need(self, names: tuple[str, ...]) -> None:
+        missing = [name for name in names if name not in self.calibration.values]
+        if missing:
+            raise DataError(
+                f"calibration {self.calibration.name} has no {', '.join(missing)}",
+                hint="`rigd calibrate` measures it, or add it to the calibration file",
+            )
+
+    def __getitem__(self, name: str) -> Known:
+        value = self.calibration.values[name]
+        return Known(value.value, value.u)
+
+
+def _positive(sweep: RecordedSweep, trial: TrialInfo, name: str) -> float:
+    value = sweep.constant(trial, name)
+    if not value > 0.0:
+        raise DataError(f"{sweep.path}: the constant {name} is {value:g}, must be above 0")
+    return value
