@@ -188,6 +188,9 @@ class CycleProcess:
             case m.Ask(serial, "standing"):
                 standing = self._cycle.interlocks.active()
                 self._answer(serial, [interlock.name for interlock in standing])
+            case m.Ask(serial, "identities"):
+                pairs = ((mount.name, mount.driver.identity) for mount in self._in_cycle)
+                self._answer(serial, [text for pair in pairs for text in pair])
             case m.Ask(serial, "loads"):
                 links = self._cycle.rig.links
                 self._tell("loads", {name: link.load for name, link in links.items()})

@@ -66,6 +66,10 @@ class Host(Protocol):
         """Open every device and prove its watchdog; return what keeps the rig from being armed."""
         ...
 
+    def identities(self) -> Mapping[str, str]:
+        """Return what every device said it is, by name, once all are open."""
+        ...
+
     def unfit(self) -> Sequence[str]:
         """Return why the rig, looked at in rest, is not fit to be armed; a sentence each."""
         ...

@@ -98,7 +98,14 @@ class InProcessHost:
 
         Simulated in process, the devices die with this process: there is no watchdog to prove.
         """
-        return open_devices(self.cycle)
+        reasons = open_devices(self.cycle)
+        if said := {name: one for name, one in self.identities().items() if one}:
+            self.event("devices", said)
+        return reasons
+
+    def identities(self) -> Mapping[str, str]:
+        """Return what every device said it is, once all are open."""
+        return {mount.name: mount.driver.identity for mount in self.cycle.rig.mounts}
 
     def unfit(self) -> Sequence[str]:
         """Return why the rig, looked at in rest, is not fit to be armed."""

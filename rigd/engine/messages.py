@@ -110,6 +110,7 @@ class Change(Command):
 class Ask(Command):
     """Ask ``unfit``, ``barred`` or ``standing`` (interlocks by name); replied by Said.
 
+    ``identities`` is replied by Said with name and identity of every device in turn.
     ``loads`` is replied by Said with nothing, behind an event with the load of every link.
     """
 

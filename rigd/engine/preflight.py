@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from rigd.engine.answers import Answers
 from rigd.engine.host import Host
@@ -13,15 +13,20 @@ from rigd.procedure.program import CompiledProcedure, Prompt
 #: Cycles read before arming, so that a dead sensor or a standing trip is seen at rest.
 PREFLIGHT_CYCLES = 20
 
+#: What every device said it is to what keeps the rig from being armed, a sentence each.
+IdentityCheck = Callable[[Mapping[str, str]], Sequence[str]]
+
 
 def preflight(
     host: Host,
     procedure: CompiledProcedure,
     answers: Answers,
     extra_checks: Sequence[Callable[[], Sequence[str]]] = (),
+    identity_check: IdentityCheck = lambda _: (),
 ) -> Outcome | None:
     """Open every device, look at it at rest, and raise unless all is well.
 
+    ``extra_checks`` are made before anything is opened, ``identity_check`` on what is open.
     Returns an outcome where a person stopped it meanwhile.
 
     Raises:
@@ -32,6 +37,7 @@ def preflight(
     closed = host.open()
     reasons += closed
     if not closed:
+        reasons += identity_check(host.identities())
         outcome = host.settle(PREFLIGHT_CYCLES)
         if outcome is not None and outcome.trip is None and outcome.ending is not Ending.FAULTED:
             return outcome

@@ -142,6 +142,12 @@ class ProcessHost:
                 self.event("devices", identities)
         return (*reasons, *self._ask(m.Open(self._next(), judge), OPEN_S, heed_stop=True))
 
+    def identities(self) -> Mapping[str, str]:
+        """Return what every device said it is, once all are open."""
+        beside = {} if self._beside is None else self._beside.identities
+        said = self._ask(m.Ask(self._next(), "identities"))
+        return {**beside, **dict(zip(said[::2], said[1::2], strict=True))}
+
     def unfit(self) -> Sequence[str]:
         """Return why the rig, looked at in rest, is not fit to be armed."""
         return self._ask(m.Ask(self._next(), "unfit"))

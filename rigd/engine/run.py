@@ -19,7 +19,7 @@ from rigd.engine.cycle import ENDING_OF_VERB
 from rigd.engine.faults import ShownFaults
 from rigd.engine.host import Host
 from rigd.engine.player import Ending, Outcome
-from rigd.engine.preflight import preflight
+from rigd.engine.preflight import IdentityCheck, preflight
 from rigd.engine.result import Progress, RunResult, ending_word
 from rigd.model.errors import Blocked, Exit, RigdError
 from rigd.model.states import RunEvent, RunState, next_state
@@ -64,6 +64,7 @@ class Run:
     done: frozenset[int] = frozenset()
     watch: Callable[[Progress], None] = lambda _: None
     extra_checks: Sequence[Callable[[], Sequence[str]]] = ()
+    identity_check: IdentityCheck = lambda _: ()
     state: RunState = RunState.IDLE
     _trial: TrialPlan | None = None
     _trials_done: int = field(init=False)
@@ -122,7 +123,9 @@ class Run:
             checks = [*self.extra_checks]
             if self.faults is not None:
                 checks.append(partial(self.faults.unknown, self.procedure))
-            stopped = preflight(self.host, self.procedure, self.answers, checks)
+            stopped = preflight(
+                self.host, self.procedure, self.answers, checks, self.identity_check
+            )
         except Blocked as error:
             verb = self.control.verb
             if verb is None:

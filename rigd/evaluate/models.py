@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Final
 
 from rigd.model.errors import ConfigError, Place
@@ -26,6 +26,14 @@ class ModelNeeds:
     trial_parameters: tuple[str, ...]
     optional: tuple[str, ...] = ()
     optional_signals: tuple[str, ...] = ()
+    calibrated: tuple[str, ...] = ()  #: values that the rig's calibration must have
+    calibrated_with: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  #: of a signal
+    measures: tuple[str, ...] = ()  #: values that such a recording calibrates
+
+    def calibration(self, plan: IdentifyPlan) -> tuple[str, ...]:
+        """Return the calibrated values that evaluating ``plan`` rests on."""
+        further = (self.calibrated_with.get(signal, ()) for signal in plan.signals)
+        return (*self.calibrated, *(name for names in further for name in names))
 
 
 MODELS: Final = {
@@ -44,6 +52,22 @@ MODELS: Final = {
         parameters=("maximum",),
         trial_parameters=("set", "load", "voltage"),
         optional_signals=("normal_force",),
+        calibrated=(
+            "torque_scale",
+            "wheel_scale",
+            "platform_scale",
+            "load_scale",
+            "effective_radius",
+            "bearing_constant",
+            "bearing_viscous",
+            "bearing_load",
+            "rolling_resistance",
+            "roller_drag",
+            "rail_constant",
+            "rail_load",
+            "rail_viscous",
+        ),
+        calibrated_with={"normal_force": ("normal_force_scale", "normal_force_zero")},
     ),
 }
 
@@ -82,7 +106,7 @@ def needs_of(
     for kind, given_names, known in (
         ("signal", plan.signals, needs.signals + needs.optional_signals),
         ("constant", plan.constants, needs.constants + needs.optional),
-        ("reference", plan.reference, needs.parameters),
+        ("reference", [name.rpartition(".")[2] for name in plan.reference], needs.parameters),
     ):
         for name in given_names:
             if name not in known:
