@@ -151,21 +151,22 @@ def evaluate_groups(
         tell(f"{label}: {len(trials)} trials")
         result = identify(trials, starts=options.starts, seed=options.seed, robust=options.robust)
         recordings.append(tuple(dict.fromkeys(sweep.path for sweep, _ in trials)))
-        plan = trials[0][0].plan
-        if not plan.reference:
+        sweep, first = trials[0]
+        reference, source = sweep.reference(first), sweep.plan.reference_label
+        if not reference:
             sections.append(ReportSection(label, result))
             continue
-        curve = draw_reference(plan.reference_label, plan.reference, result)
-        sections.append(ReportSection(label, result, plan.reference, plan.reference_label, curve))
+        curve = draw_reference(source, reference, result)
+        sections.append(ReportSection(label, result, reference, source, curve))
     titles = dict.fromkeys(section.result.title for section in sections)
     loss = "Huber" if options.robust else "least squares"
-    source = provenance(
+    origin = provenance(
         sweeps,
         [len(sweep.trials) for sweep in sweeps],
         {"starts": str(options.starts), "seed": str(options.seed), "loss": loss},
         [_bridged_facts(sweep) for sweep in sweeps],
     )
-    return ParameterEvaluation(", ".join(titles), tuple(sections), tuple(recordings), source)
+    return ParameterEvaluation(", ".join(titles), tuple(sections), tuple(recordings), origin)
 
 
 def groups(

@@ -76,6 +76,15 @@ class RecordedSweep:
             )
         return float(value)
 
+    def reference(self, trial: TrialInfo) -> dict[str, float]:
+        """Return the published values of the model's parameters that belong to ``trial``."""
+        choices = {value for value in trial.parameters.values() if isinstance(value, str)}
+        return {
+            name.rpartition(".")[2]: value
+            for name, value in self.plan.reference.items()
+            if "." not in name or name.rpartition(".")[0] in choices
+        }
+
     def signals(self, trial: TrialInfo) -> tuple[FloatArray, dict[str, FloatArray]]:
         """Return time in s since the trial began (n,) and every signal of the plan (n,), SI.
 

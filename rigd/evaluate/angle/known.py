@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from rigd.config.calibration import (
     ATTACHMENT,
@@ -14,31 +13,13 @@ from rigd.config.calibration import (
     load_calibration,
     parse_calibration,
 )
+from rigd.evaluate.models import needs_of
 from rigd.evaluate.source import RecordedSweep
 from rigd.identify.angle.data import AngleCalibration, AngleRig, Known
 from rigd.identify.report.rounding import percent
 from rigd.model.errors import DataError
 from rigd.model.units import format_quantity
 from rigd.record import TrialInfo
-
-#: Values of a calibration without which no run can be evaluated.
-NEEDED: Final = (
-    "torque_scale",
-    "wheel_scale",
-    "platform_scale",
-    "load_scale",
-    "effective_radius",
-    "bearing_constant",
-    "bearing_viscous",
-    "bearing_load",
-    "rolling_resistance",
-    "roller_drag",
-    "rail_constant",
-    "rail_load",
-    "rail_viscous",
-)
-#: Those of the high-rate load cell, where the plan names its signal.
-NORMAL_FORCE: Final = ("normal_force_scale", "normal_force_zero")
 
 
 @dataclass(frozen=True)
@@ -104,21 +85,21 @@ def _changes(
     return tuple(lines) or ("no value differs",)
 
 
-def angle_calibration(calibration: Calibration, *, normal_force: bool) -> AngleCalibration:
-    """Return what turns volts into quantities; with the load cell where ``normal_force``.
+def angle_calibration(sweep: RecordedSweep, calibration: Calibration) -> AngleCalibration:
+    """Return what turns the volts of ``sweep`` into quantities.
 
     Raises:
         DataError: a value is missing.
     """
-    known = _Values(calibration)
-    known.need((*NEEDED, *NORMAL_FORCE) if normal_force else NEEDED)
+    known = _needed(sweep, calibration)
+    loaded = "normal_force" in sweep.plan.signals
     return AngleCalibration(
         torque=known["torque_scale"],
         wheel=known["wheel_scale"],
         platform=known["platform_scale"],
         load=known["load_scale"],
-        normal_force=known["normal_force_scale"] if normal_force else None,
-        normal_force_zero=known["normal_force_zero"] if normal_force else Known(0.0),
+        normal_force=known["normal_force_scale"] if loaded else None,
+        normal_force_zero=known["normal_force_zero"] if loaded else Known(0.0),
     )
 
 
@@ -128,17 +109,12 @@ def angle_rig(sweep: RecordedSweep, trial: TrialInfo, calibration: Calibration) 
     Raises:
         DataError: a constant or a value is missing, or cannot be.
     """
-    known = _Values(calibration)
-    known.need(NEEDED)
-    constant = {
-        name: _positive(sweep, trial, name)
-        for name in ("wheel_radius", "wheel_inertia", "platform_mass", "gravity")
-    }
+    known = _needed(sweep, calibration)
     return AngleRig(
-        wheel_radius_m=constant["wheel_radius"],
-        wheel_inertia=constant["wheel_inertia"],
-        platform_mass_kg=constant["platform_mass"],
-        gravity=constant["gravity"],
+        wheel_radius_m=_positive(sweep, trial, "wheel_radius"),
+        wheel_inertia=_positive(sweep, trial, "wheel_inertia"),
+        platform_mass_kg=_positive(sweep, trial, "platform_mass"),
+        gravity=_positive(sweep, trial, "gravity"),
         effective_radius=known["effective_radius"],
         bearing_constant=known["bearing_constant"],
         bearing_viscous=known["bearing_viscous"],
@@ -151,21 +127,17 @@ def angle_rig(sweep: RecordedSweep, trial: TrialInfo, calibration: Calibration) 
     )
 
 
-@dataclass(frozen=True)
-class _Values:
-    calibration: Calibration
-
-    def need(self, names: tuple[str, ...]) -> None:
-        missing = [name for name in names if name not in self.calibration.values]
-        if missing:
-            raise DataError(
-                f"calibration {self.calibration.name} has no {', '.join(missing)}",
-                hint="`rigd calibrate` measures it, or add it to the calibration file",
-            )
-
-    def __getitem__(self, name: str) -> Known:
-        value = self.calibration.values[name]
-        return Known(value.value, value.u)
+def _needed(sweep: RecordedSweep, calibration: Calibration) -> dict[str, Known]:
+    """Return the values that evaluating ``sweep`` rests on; they have the units of the model."""
+    needed = needs_of(sweep.plan).calibration(sweep.plan)
+    missing = [name for name in needed if name not in calibration.values]
+    if missing:
+        raise DataError(
+            f"calibration {calibration.name} has no {', '.join(missing)}",
+            hint="`rigd calibrate` measures it, or add it to the calibration file",
+        )
+    values = calibration.values
+    return {name: Known(values[name].value, values[name].u) for name in needed}
 
 
 def _positive(sweep: RecordedSweep, trial: TrialInfo, name: str) -> float:
