@@ -1,0 +1,330 @@
+"""What is wrong with a raw run, before anything is computed from it.
+
+One broken wire or one forgotten weight gives a friction coefficient that looks good. Each check
+here tests a run for one such fault and says what was found and what was expected:
+
+================  ========  ====================================================================
+code              severity  found when
+================  ========  ====================================================================
+no_pre_trigger    excluded  less than 50 ms before the relay command: t = 0 and the zero of the
+                            gauges are taken on trust, and the zero's drift is 4.5 % of mu
+too_short         excluded  less than 0.2 s from command to stop, or the record ends before it
+nan_samples       excluded  a signal has samples that are no number
+missing_samples   excluded  a gap in the times: filters and the Fourier step see a jump
+at_rail           excluded  a signal is at the limit of the converter
+moving_at_start   excluded  wheel or platform moves before the command: not at rest, no tare
+watchdog          excluded  stopped by time, not by travel
+load_missing      excluded  no reading of the scale
+scale_unsteady    excluded  the reading of the scale had not come to rest
+load_disagrees    excluded  the reading is not the load that was announced
+no_drive          excluded  neither torque nor movement: the motor did not run
+no_torque         excluded  movement without torque: a gauge with its leads reversed, or off
+negative_torque   excluded  torque below 0 in the first 100 ms: the gauges are swapped
+gauge_dead        excluded  one of the two gauges does not see the torque: T is half
+negative_speed    excluded  wheel or platform runs backwards: potentiometer leads swapped
+pot_dead          excluded  a potentiometer stands still while the gauges show torque
+pot_at_end        excluded  a potentiometer is at the end of its ten turns (it does not wrap)
+pot_near_end      note      it did not reach its end, but a run could have
+================  ========  ====================================================================
+
+"Excluded" is what leaves no number of the run that could be defended, "note" what the number
+survives. No sign is mended and no lead swapped back by the analysis: the wiring is wrong, and what
+else is wrong with it is not known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd.identify.angle.data import (
+    AngleCalibration,
+    AngleRig,
+    AngleRun,
+    Flag,
+    FloatArray,
+    Severity,
+)
+
+#: The relay takes 8 ms to pick up: until this time after the command all is at rest.
+REST_S = 0.005
+#: Fewer samples than these between command and stop cannot be computed with at all.
+FEWEST_SAMPLES = 100
+#: The end of a range is believed from this many samples on; one is a spike.
+AT_END_SAMPLES = 10
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Where a run stops being a good one.
+
+    ``pre_trigger_s`` 0 accepts records that have none, as the paper's own. ``early_s``: signs are
+    judged this long after the command. ``torque_nm``: the least mean torque until then that counts
+    as one (good runs show 0.4 N m or more, the zero drifts by 0.02 N m). ``gauge_share``: the
+    least part of it that either gauge must see (a half each, if bending does not reach them).
+    ``wheel_rad``, ``platform_m``: less movement than this is none, over the first 100 ms and over
+    each later quarter of the run (good runs: at least 0.4 rad and 9 mm).
+    """
+
+    pre_trigger_s: float = 0.05
+    shortest_s: float = 0.2  #: good runs take 0.3 to 0.7 s
+    gap: float = 1.5  #: of the usual time between samples
+    rail_v: float = 9.99  #: of the converter's +-10 V
+    watchdog_s: float = 1.4  #: the procedure's own is 1.5 s
+    load: float = 0.05  #: relative; bolts and scale scatter by 1 %, loads differ by 20 %
+    early_s: float = 0.1
+    torque_nm: float = 0.05
+    gauge_share: float = 0.15
+    wheel_rad: float = 0.1
+    platform_m: float = 0.002
+    turns: float = 10.0  #: of either potentiometer (paper)
+    end_share: float = 0.01  #: of their range, at both ends
+    wheel_room_rad: float = 8.0 * math.pi  #: four turns, what a spinning run may take
+    platform_room_m: float = 0.35  #: travel to the stop, and overshoot
+
+
+@dataclass(frozen=True)
+class _Pot:
+    """One potentiometer up to the stop; its movement is in ``unit``."""
+
+    name: str
+    unit: str
+    t_s: FloatArray
+    volts: FloatArray
+    scale: float  #: ``unit`` per V
+    least: float  #: less movement than this is none
+    room: float  #: movement that a run may need
+
+    def moved(self, start_s: float, end_s: float) -> float:
+        """Return the movement from one time to another, each over 5 ms."""
+        return self.scale * (
+            _level(self.t_s, self.volts, end_s) - _level(self.t_s, self.volts, start_s)
+        )
+
+
+def raw_flags(
+    run: AngleRun, calibration: AngleCalibration, rig: AngleRig, limits: Limits | None = None
+) -> tuple[Flag, ...]:
+    """Return what is wrong with ``run``: what its recording says, then what is found here.
+
+    Empty for a good run. Signals that are not :func:`whole` are judged no further.
+    """
+    limits = Limits() if limits is None else limits
+    found = [*_record(run, limits), *_load(run, calibration, rig, limits)]
+    if whole(run):
+        found += _signals(run, calibration, limits)
+    told = {flag.code for flag in run.flags}
+    return (*run.flags, *(flag for flag in found if flag.code not in told))
+
+
+def driven(run: AngleRun) -> NDArray[np.bool_]:
+    """Return which samples lie between the relay command and the stop command, (n,)."""
+    return (run.t_s >= 0.0) & (run.t_s <= run.stop_s)
+
+
+def whole(run: AngleRun) -> bool:
+    """Return whether a run can be computed with: enough samples, all numbers, times that rise."""
+    used = run.t_s <= run.stop_s
+    return (
+        int(np.count_nonzero(driven(run))) >= FEWEST_SAMPLES
+        and bool(np.all(np.diff(run.t_s[used]) > 0.0))
+        and all(bool(np.all(np.isfinite(volts[used]))) for volts in _volts(run).values())
+    )
+
+
+def _volts(run: AngleRun) -> dict[str, FloatArray]:
+    return {
+        "gauge a": run.gauge_a_v,
+        "gauge b": run.gauge_b_v,
+        "the wheel's potentiometer": run.wheel_v,
+        "the platform's potentiometer": run.platform_v,
+    }
+
+
+def _record(run: AngleRun, limits: Limits) -> Iterator[Flag]:
+    if run.t_s.size == 0:
+        yield Flag("too_short", "The recording holds no samples of this run.")
+        return
+    first, last = float(run.t_s[0]), float(run.t_s[-1])
+    if first > -limits.pre_trigger_s:
+        where = "before" if first <= 0.0 else "after"
+        yield Flag(
+            "no_pre_trigger",
+            f"The record begins {1e3 * abs(first):.0f} ms {where} the relay command, need "
+            f"{1e3 * limits.pre_trigger_s:.0f} ms before it: neither t = 0 nor the zero of the "
+            "gauges is shown.",
+        )
+    steps = np.diff(run.t_s)
+    usual = float(np.median(steps)) if steps.size else 0.0
+    if not run.stop_s >= limits.shortest_s:
+        yield Flag(
+            "too_short",
+            f"Only {run.stop_s:.3f} s lie between the relay command and the stop, need "
+            f"{limits.shortest_s} s.",
+        )
+    elif last < run.stop_s - limits.gap * usual:
+        yield Flag(
+            "too_short", f"The record ends at {last:.3f} s, before the stop at {run.stop_s:.3f} s."
+        )
+    if run.stop_s >= limits.watchdog_s:
+        yield Flag(
+            "watchdog",
+            f"The drive was stopped by time, after {run.stop_s:.2f} s, not by travel: a dead "
+            "potentiometer, a blocked wheel, or too little voltage.",
+        )
+    used = run.t_s <= run.stop_s
+    uneven = used[1:] & ((steps > limits.gap * usual) | (steps <= 0.0))
+    if np.any(uneven):
+        at = int(np.argmax(uneven))
+        yield Flag(
+            "missing_samples",
+            f"The times are uneven at {np.count_nonzero(uneven)} places, first at "
+            f"{run.t_s[at]:.4f} s with {1e3 * steps[at]:.3f} ms to the next sample, usual are "
+            f"{1e3 * usual:.3f} ms.",
+        )
+    for name, volts in _volts(run).items():
+        if bad := int(np.count_nonzero(~np.isfinite(volts[used]))):
+            yield Flag("nan_samples", f"{bad} samples of {name} are no numbers.")
+        if np.count_nonzero(np.abs(volts[used]) >= limits.rail_v) >= AT_END_SAMPLES:
+            yield Flag(
+                "at_rail",
+                f"The signal of {name} is at the limit of the converter (beyond "
+                f"{limits.rail_v} V): a broken wire, or too much gain.",
+            )
+
+
+def _load(
+    run: AngleRun, calibration: AngleCalibration, rig: AngleRig, limits: Limits
+) -> Iterator[Flag]:
+    if not run.load_stable:
+        yield Flag("scale_unsteady", "The scale had not come to rest before the start.")
+    elif not run.load_n > 0.0:
+        yield Flag("load_missing", "The scale gave no load before the start.")
+        return
+    load, announced = calibration.load.value * run.load_n, run.announced_load_kg * rig.gravity
+    if math.isfinite(load) and not abs(load - announced) <= limits.load * announced:
+        yield Flag(
+            "load_disagrees",
+            f"The scale showed {load:.1f} N, announced were {run.announced_load_kg:g} kg "
+            f"({announced:.1f} N): other weights, a wrong tare, or kg taken for N.",
+        )
+
+
+def _signals(run: AngleRun, calibration: AngleCalibration, limits: Limits) -> Iterator[Flag]:
+    used = run.t_s <= run.stop_s
+    t_s = run.t_s[used]
+    pots = (
+        _Pot("wheel", "rad", t_s, run.wheel_v[used], calibration.wheel.value,
+             limits.wheel_rad, limits.wheel_room_rad),
+        _Pot("platform", "m", t_s, run.platform_v[used], calibration.platform.value,
+             limits.platform_m, limits.platform_room_m),
+    )  # fmt: skip
+    before = [pot for pot in pots if abs(pot.moved(float(t_s[0]), 0.0)) > pot.least]
+    for pot in before:
+        yield Flag(
+            "moving_at_start",
+            f"The {pot.name} moved {pot.moved(float(t_s[0]), 0.0):+.3g} {pot.unit} before the "
+            "relay command; it must stand still.",
+        )
+    rest, early = t_s <= max(REST_S, float(t_s[0])), (t_s > REST_S) & (t_s <= limits.early_s)
+    rise_a, rise_b = (
+        float(np.mean(volts[used][early]) - np.mean(volts[used][rest]))
+        for volts in (run.gauge_a_v, run.gauge_b_v)
+    )
+    torque = calibration.torque.value * (rise_a - rise_b)
+    standstills = [_standstill(pot, run.stop_s) for pot in pots]
+    if abs(torque) < limits.torque_nm and all(standstills):
+        yield Flag(
+            "no_drive",
+            f"Neither torque ({torque:+.3f} N m) nor movement after the relay command: relay, "
+            "motor, or its supply is off.",
+        )
+        return
+    yield from _gauges(torque, rise_a, rise_b, limits)
+    # Ten turns of the wheel's potentiometer take its whole excitation, which both share.
+    excitation_v = abs(2.0 * math.pi * limits.turns / calibration.wheel.value)
+    for pot, standstill in zip(pots, standstills, strict=True):
+        yield from _potentiometer(pot, standstill, excitation_v, limits)
+
+
+def _gauges(torque: float, rise_a: float, rise_b: float, limits: Limits) -> Iterator[Flag]:
+    first = f"in the first {1e3 * limits.early_s:.0f} ms"
+    if abs(torque) < limits.torque_nm:
+        yield Flag(
+            "no_torque",
+            f"The wheel is driven, but the gauges show {torque:+.3f} N m {first}: one with its "
+            "leads reversed, or the amplifier is off.",
+        )
+        return
+    if torque < 0.0:
+        yield Flag(
+            "negative_torque",
+            f"The gauges show {torque:+.2f} N m {first}, below 0: gauge a and b are swapped.",
+        )
+    share = rise_a / (rise_a - rise_b)
+    if not limits.gauge_share <= share <= 1.0 - limits.gauge_share:
+        dead, alive = ("a", rise_b) if share < 0.5 else ("b", rise_a)
+        rise = rise_a if dead == "a" else rise_b
+        yield Flag(
+            "gauge_dead",
+            f"Gauge {dead} changes by {rise:+.3f} V {first} and the other by {alive:+.3f} V; they "
+            "must change by about the same, one up and one down.",
+        )
+
+
+def _potentiometer(
+    pot: _Pot, standstill: tuple[float, float] | None, excitation_v: float, limits: Limits
+) -> Iterator[Flag]:
+    early = pot.moved(0.0, limits.early_s)
+    if early < -pot.least:
+        yield Flag(
+            "negative_speed",
+            f"The {pot.name} runs backwards, {early:+.3g} {pot.unit} in the first "
+            f"{1e3 * limits.early_s:.0f} ms: the leads of its potentiometer are swapped.",
+        )
+    if standstill is not None:
+        start, end = standstill
+        yield Flag(
+            "pot_dead",
+            f"The {pot.name}'s potentiometer stands at {_level(pot.t_s, pot.volts, end):.2f} V "
+            f"from {start:.2f} s to {end:.2f} s while the gauges show torque: broken wire, slack "
+            "thread, at its end, or the wheel is blocked.",
+        )
+    margin = limits.end_share * excitation_v
+    at_end = (pot.volts < margin) | (pot.volts > excitation_v - margin)
+    if np.count_nonzero(at_end) >= AT_END_SAMPLES:
+        yield Flag(
+            "pot_at_end",
+            f"The {pot.name}'s potentiometer is at its end at {pot.t_s[np.argmax(at_end)]:.3f} s "
+            f"({pot.volts[np.argmax(at_end)]:.2f} V of 0 to {excitation_v:.2f} V): it has "
+            f"{limits.turns:g} turns and does not wrap; turn it back before a run.",
+        )
+        return
+    start_v = _level(pot.t_s, pot.volts, 0.0)
+    room = abs(pot.scale) * (excitation_v - start_v if pot.scale > 0.0 else start_v)
+    if room < pot.room:
+        yield Flag(
+            "pot_near_end",
+            f"The {pot.name}'s potentiometer started at {start_v:.2f} V, {room:.3g} {pot.unit} "
+            f"before its end; a run may need {pot.room:.3g} {pot.unit}.",
+            Severity.NOTE,
+        )
+
+
+def _standstill(pot: _Pot, stop_s: float) -> tuple[float, float] | None:
+    """Return the first later quarter of the run in which ``pot`` does not move, if there is one."""
+    for k in (1, 2, 3):
+        start, end = 0.25 * k * stop_s, 0.25 * (k + 1) * stop_s
+        if abs(pot.moved(start, end)) < pot.least:
+            return start, end
+    return None
+
+
+def _level(t_s: FloatArray, volts: FloatArray, at_s: float) -> float:
+    """Return the mean of ``volts`` within 2.5 ms of ``at_s``."""
+    first, last = np.searchsorted(t_s, [at_s - 0.0025, at_s + 0.0025])
+    return float(np.mean(volts[min(first, t_s.size - 1) : max(last, first + 1)]))
