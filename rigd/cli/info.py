@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -76,11 +77,12 @@ def _print(info: RunInfo) -> None:
         "--set": ", ".join(
             f"{name}={value}" for name, value in info.metadata.get("overrides", {}).items()
         ),
+        "calibration": _calibration(info.metadata.get("calibration", {})),
         "attached": ", ".join(info.attachments),
     }
     for name, text in facts.items():
         if text:
-            console.print(f"{name:<11}{escape(text)}", soft_wrap=True)
+            console.print(f"{name:<12}{escape(text)}", soft_wrap=True)
     if info.recovered:
         console.print("[yellow]this file was torn and has been recovered[/]")
     if info.problem:
@@ -100,6 +102,15 @@ def _print(info: RunInfo) -> None:
     console.print(table)
 
 
+def _calibration(held: Mapping[str, str]) -> str:
+    """Return in words which calibration a run rested on."""
+    if not held:
+        return ""
+    last = held.get("valid_until")
+    valid = f", valid until {last}" if last else ""
+    return f"{held['name']} of {held['made']}{valid}, sha256 {held['sha256'][:12]}"
+
+
 def info_json(info: RunInfo) -> dict[str, object]:
     """Return the summary as an object for ``json.dumps``."""
     return {
@@ -116,6 +127,7 @@ def info_json(info: RunInfo) -> dict[str, object]:
         "recovered": info.recovered,
         "problem": info.problem,
         "parameters": dict(info.parameters),
+        "calibration": dict(info.metadata.get("calibration", {})),
         "trials": [
             {
                 "number": trial.number,

@@ -7,11 +7,13 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 from pathlib import Path
 from queue import SimpleQueue
 
+from rigd.config.calibration import ATTACHMENT
 from rigd.config.rig import RigConfig
+from rigd.daemon.calibration import calibration_metadata, exchanged, needed, unusable
 from rigd.daemon.forms import Form, Kept, in_process, processes
 from rigd.daemon.provenance import run_metadata
 from rigd.daemon.resume import ResumePoint
@@ -88,6 +90,7 @@ def execute(
         ConfigError: the recording to resume was made with another procedure or rig file.
     """
     control = control or Control()
+    rests_on = needed(request.procedure)
     resume = request.resume
     done = frozenset[int]() if resume is None else resume.done
     if resume is not None:
@@ -109,7 +112,11 @@ def execute(
             faults=form.faults,
             done=done,
             watch=display.watch,
-            extra_checks=(lambda: _disk_check(path.parent),),
+            extra_checks=(
+                lambda: _disk_check(path.parent),
+                lambda: unusable(request.rig, rests_on, _day(request)),
+            ),
+            identity_check=lambda said: list(exchanged(request.rig, rests_on, said)),
         )
         try:
             return Recorded(path, run.execute())
@@ -209,7 +216,7 @@ def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
     mode = f"simulated, {pace}"
     if request.rig.plant is None:
         mode = "hardware" if request.rig.simulation is None else "simulated at the wire"
-    return run_metadata(
+    records = run_metadata(
         request.procedure,
         request.rig,
         seed=request.seed,
@@ -217,6 +224,14 @@ def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
         mode=mode,
         overrides=request.overrides,
     )
+    return records | calibration_metadata(request.rig)
+
+
+def _day(request: RunRequest) -> date:
+    """Return the day of the run for the operator's calendar, which virtual time does not follow."""
+    if request.start_ns is not None:
+        return datetime.fromtimestamp(request.start_ns * 1e-9, UTC).date()
+    return datetime.now(UTC).date()
 
 
 def _texts(request: RunRequest) -> dict[str, str]:
@@ -229,6 +244,9 @@ def _texts(request: RunRequest) -> dict[str, str]:
         "procedure.yaml": request.procedure_text,
         "rig.yaml": request.rig.source.text,
     }
+    calibration = request.rig.calibration
+    if calibration is not None and calibration.held is not None:
+        texts[ATTACHMENT] = calibration.held.text
     plant = request.rig.plant
     if plant is not None:
         folder = request.rig.source.path.resolve().parent

@@ -1,0 +1,131 @@
+"""Is the calibration of a rig fit for a run: there, of this rig, of these instruments, valid?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import date
+
+from rigd.config.calibration import Calibration
+from rigd.config.calibration_source import CALIBRATABLE
+from rigd.config.rig import RigConfig
+from rigd.config.shipped import find_file
+from rigd.evaluate.models import needs_of
+from rigd.model.errors import ConfigError
+from rigd.procedure.program import CompiledProcedure
+
+
+def needed(procedure: CompiledProcedure) -> tuple[str, ...]:
+    """Return the calibrated values that the identification of ``procedure`` rests on.
+
+    A procedure that identifies nothing, or that calibrates, needs none.
+    """
+    plan = procedure.identify
+    return () if plan is None else needs_of(plan).calibration(plan)
+
+
+def unusable(rig: RigConfig, names: Sequence[str], on: date) -> list[str]:
+    """Return why ``names`` cannot be taken from the calibration of ``rig`` on that day."""
+    if not names:
+        return []
+    setup = rig.calibration
+    if setup is None:
+        return [
+            f"rig {rig.name} has no calibration: its volts cannot become quantities\n"
+            f"  name one in the rig file, `calibration: calibrations/{rig.name}.yaml`"
+        ]
+    if setup.held is None:
+        return [f"there is no calibration file {setup.path}\n  {_remedy(rig, names)}"]
+    return [*_foreign(rig, setup.held), *_values(rig, setup.held, names, on)]
+
+
+def exchanged(rig: RigConfig, names: Iterable[str], identities: Mapping[str, str]) -> Iterator[str]:
+    """Yield what the devices say they are that ``names`` were not measured with, a sentence each.
+
+    ``identities`` is what every device said when it was opened.
+    """
+    setup = rig.calibration
+    if setup is None or setup.held is None:
+        return
+    found: dict[tuple[str, str], list[str]] = {}
+    for name in names:
+        value = setup.held.values.get(name)
+        for device, instrument in ({} if value is None else value.instruments).items():
+            if instrument not in identities.get(device, ""):
+                found.setdefault((device, instrument), []).append(name)
+    for (device, instrument), theirs in found.items():
+        said = identities.get(device, "")
+        now = f"says it is {said!r}" if said else "does not say what it is"
+        if device not in rig.devices:
+            now = f"is no device of rig {rig.name}"
+        yield (
+            f"{device} {now}, but {_list(theirs)} in {setup.path} was measured with "
+            f"{instrument!r}\n  {_remedy(rig, theirs)}"
+        )
+
+
+def calibration_metadata(rig: RigConfig) -> dict[str, dict[str, str]]:
+    """Return the metadata record ``calibration`` of a run on ``rig``; none where it has no file."""
+    if rig.calibration is None or rig.calibration.held is None:
+        return {}
+    held = rig.calibration.held
+    last = held.valid_until
+    return {
+        "calibration": {
+            "name": held.name,
+            "made": "" if held.made is None else held.made.isoformat(),
+            "valid_until": "" if last is None else last.isoformat(),
+            "sha256": held.sha256,
+        }
+    }
+
+
+def command_for(rig: RigConfig, procedure: str) -> str:
+    """Return the command that measures what ``procedure`` calibrates, on ``rig``."""
+    return f"rigd calibrate procedures/{procedure}.yaml --rig {_rig_given(rig)} --operator NAME"
+
+
+def _foreign(rig: RigConfig, held: Calibration) -> Iterator[str]:
+    if rig.name not in held.rigs:
+        yield (
+            f"{held.path} is the calibration of {', '.join(held.rigs)}, not of {rig.name}\n"
+            "  calibrate this rig; where it is the same bench, add its name under `rigs:` there"
+        )
+
+
+def _values(rig: RigConfig, held: Calibration, names: Sequence[str], on: date) -> Iterator[str]:
+    missing = [name for name in names if name not in held.values]
+    if missing:
+        yield f"{held.path} has no {_list(missing)}\n  {_remedy(rig, missing)}"
+    expired: dict[date, list[str]] = {}
+    for name in names:
+        value = held.values.get(name)
+        if value is not None and value.valid_until is not None and value.expired(on):
+            expired.setdefault(value.valid_until, []).append(name)
+    for day, theirs in sorted(expired.items()):
+        yield f"{_list(theirs)} in {held.path} expired on {day}\n  {_remedy(rig, theirs)}"
+
+
+def _remedy(rig: RigConfig, names: Iterable[str]) -> str:
+    """Return what gives ``names`` anew: the procedures that measure them, or a person."""
+    procedures = dict.fromkeys(
+        one.procedure for name in names if (one := CALIBRATABLE[name]).procedure
+    )
+    by_hand = [name for name in names if not CALIBRATABLE[name].procedure]
+    parts = [command_for(rig, one) for one in procedures]
+    if by_hand:
+        parts.append(f"write {_list(by_hand)} into the file, with where it is from")
+    return "; ".join(parts)
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(names)
+
+
+def _rig_given(rig: RigConfig) -> str:
+    """Return the name of ``rig`` where it is found by it, else the path of its file."""
+    try:
+        found = find_file(rig.name, "configs")
+    except ConfigError:
+        return str(rig.source.path)
+    same = found.resolve() == rig.source.path.resolve()
+    return rig.name if same else str(rig.source.path)
