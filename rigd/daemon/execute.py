@@ -139,7 +139,7 @@ def _form(request: RunRequest, control: Control, path: Path, done: int) -> Form:
         metadata = {"resumed": {"mode": metadata["run"]["mode"], "trials": str(done)}}
     kept = Kept(
         path,
-        request.procedure.decimation,
+        request.procedure.record,
         metadata,
         tuple(
             Attachment(name, "application/yaml", text.encode())

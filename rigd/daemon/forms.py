@@ -28,6 +28,7 @@ from rigd.engine.slow import Beside
 from rigd.engine.wiring import in_cycle, streams_of, wire
 from rigd.model.channels import Stream
 from rigd.model.errors import LinkError
+from rigd.procedure.program import Recorded
 from rigd.record import Attachment, RecordingWriter
 from rigd.record.compression import Compression
 
@@ -42,7 +43,7 @@ class Kept:
     """What is recorded, and where: to be made new, or to be gone on with (``resume``)."""
 
     path: Path
-    decimation: Mapping[str, int]
+    record: Mapping[str, Recorded]
     metadata: Mapping[str, Mapping[str, str]]
     attachments: tuple[Attachment, ...]
     compression: Compression
@@ -71,7 +72,7 @@ def in_process(
         RecordingError: the recording cannot be written.
     """
     wiring = wire(rig, clock, control, seed)
-    streams = [one for one in wiring.cycle.rig.streams if one.name in kept.decimation]
+    streams = [one for one in wiring.cycle.rig.streams if one.name in kept.record]
     if kept.resume:
         writer = RecordingWriter.append(kept.path, streams=streams, metadata=kept.metadata)
     else:
@@ -83,9 +84,7 @@ def in_process(
             start_ns=clock.start_ns,
             compression=kept.compression,
         )
-    host = InProcessHost(
-        wiring.cycle, clock, virtual=virtual, sink=writer, decimation=kept.decimation
-    )
+    host = InProcessHost(wiring.cycle, clock, virtual=virtual, sink=writer, record=kept.record)
     return Form(host, None if wiring.plant is None else wiring.plant.change)
 
 
@@ -112,7 +111,7 @@ def processes(
             completed = drain_leftovers(folder)
             if completed is not None:
                 control.notices.append(f"{completed}: what a killed run left in memory was added")
-        streams = tuple(one for one in streams_of(rig) if one.name in kept.decimation)
+        streams = tuple(one for one in streams_of(rig) if one.name in kept.record)
         job = Job(
             rig.name,
             kept.path,
@@ -124,17 +123,17 @@ def processes(
             kept.resume,
         )
         folder.prepare(
-            job, {one.name: ring_rows(rig, one, kept.decimation[one.name]) for one in streams}
+            job, {one.name: ring_rows(rig, one, kept.record[one.name].every) for one in streams}
         )
         board = folder.board()
         board[Word.START_NS], board[Word.ORIGIN_NS] = start_ns, time.monotonic_ns()
         origin_ns = board[Word.ORIGIN_NS]
-        beside = Beside(rig, folder, job, origin_ns=origin_ns, decimation=kept.decimation)
+        beside = Beside(rig, folder, job, origin_ns=origin_ns, record=kept.record)
         recorder = RecorderProcess(folder)
         recorder.start()
         host = ProcessHost(
             rig,
-            decimation=kept.decimation,
+            record=kept.record,
             seed=seed,
             folder=folder,
             control=control,

@@ -8,18 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from types import MappingProxyType
+from typing import Any, Final
 
+from rigd.engine.block_rows import BlockSink
 from rigd.engine.clock import Clock
 from rigd.engine.control import Control, Verb
+from rigd.engine.cycle_rows import CycleRows, RowSink
 from rigd.engine.interlocks import InterlockBank, Trip
 from rigd.engine.limiter import Limiter
-from rigd.engine.mount import CYCLE_STREAM, Mount, MountedRig
+from rigd.engine.mount import MountedRig
 from rigd.engine.player import Ending, Outcome, Player
-from rigd.model.channels import STALE
+from rigd.engine.stand_in import StandIn
+from rigd.engine.windows import Windows
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.limits import Action
-from rigd.procedure.program import CycleProgram
+from rigd.procedure.program import CycleProgram, Recorded
 
 #: Between two programs setpoints are held for so long at most, then they go to rest: the next
 #: program may come from another process.
@@ -31,6 +35,8 @@ MOST_TRIPS = 100
 
 #: What a device's failure looks like, whoever must act on it.
 DEVICE_ERRORS = (DeviceError, LinkError, ProtocolError)
+
+_NONE: Final[Mapping[str, Any]] = MappingProxyType({})
 
 #: ``emit(t_ns, kind, data)``: something happened that a person will want to read about.
 Emit = Callable[[int, str, Mapping[str, object]], None]
@@ -47,14 +53,6 @@ ENDING_OF_VERB = {
     Verb.ABORT: Ending.ABORTED,
     Verb.ESTOP: Ending.ESTOPPED,
 }
-
-
-class RowSink(Protocol):
-    """Where the rows of one stream go; never waits."""
-
-    def push(self, t_ns: int, row: Sequence[float]) -> None:
-        """Take one row: the values in order, the status word (an int) last where there is one."""
-        ...
 
 
 def _nowhere(t_ns: int, kind: str, data: Mapping[str, object]) -> None:
@@ -92,8 +90,8 @@ class Cycle:
         #: Called before the devices are made safe, which may take longer than a cycle.
         self.on_make_safe: Callable[[], None] = lambda: None
         self._emit: Emit = _nowhere
-        self._recorded: list[tuple[Mount, int, RowSink, int]] = []
-        self._own_ring: tuple[RowSink, int] | None = None
+        self._rows = CycleRows(rig, {}, {}, {}, {})
+        self._playing = ""  #: the step that plays in this cycle
         self._watched = {**rig.readings, **rig.status}
         self._values = [float("nan")] * len(rig.device_of)
         self._stamps = [0] * len(rig.mounts)
@@ -103,6 +101,8 @@ class Cycle:
         self._actuators = [mount for mount in rig.mounts if mount.driver.setpoints]
         self._links = tuple(rig.links.items())
         self._silent_ns = [round(mount.driver.silent_s * 1e9) for mount in rig.mounts]
+        self._stand_ins = [one.driver if isinstance(one.driver, StandIn) else None
+                           for one in rig.mounts]  # fmt: skip
         self._widths = [mount.values.stop - mount.values.start for mount in rig.mounts]
         self._steady = [i for i, mount in enumerate(rig.mounts) if mount.driver.every_cycle]
         self._hold_until_ns = 0
@@ -155,17 +155,20 @@ class Cycle:
         return ""
 
     def connect(
-        self, rings: Mapping[str, RowSink], decimation: Mapping[str, int], emit: Emit
+        self,
+        rings: Mapping[str, RowSink],
+        record: Mapping[str, Recorded],
+        emit: Emit,
+        *,
+        blocks: Mapping[str, BlockSink] = _NONE,
+        windows: Mapping[str, Windows] = _NONE,
     ) -> None:
-        """From now on push rows to ``rings``, every ``decimation[stream]``-th cycle."""
+        """From now on push rows to ``rings`` as ``record`` says, those of blocks to ``blocks``.
+
+        ``windows`` are those of streams that another process records.
+        """
         self._emit = emit
-        self._recorded = [
-            (mount, index, rings[mount.name], decimation[mount.name])
-            for index, mount in enumerate(self.rig.mounts)
-            if mount.name in rings
-        ]
-        if CYCLE_STREAM.name in rings:
-            self._own_ring = (rings[CYCLE_STREAM.name], decimation[CYCLE_STREAM.name])
+        self._rows = CycleRows(self.rig, rings, record, blocks, windows)
 
     def load(self, program: CycleProgram | None, then: CycleProgram | None = None) -> None:
         """Play ``program`` from the next cycle on; None lets the setpoints go to rest.
@@ -199,6 +202,7 @@ class Cycle:
             self._begun_ns = t_ns
             self._stamps = [t_ns] * len(self._stamps)
         self._slot = slot
+        self._playing = ""
 
         try:
             outcome = self._read(t_ns)
@@ -209,6 +213,7 @@ class Cycle:
         except BaseException:
             self.make_safe(t_ns)  # a bug in a driver: safe first, then let it be known
             raise
+        self._rows.decide(t_ns, self._playing)
         self._push(t_ns, slot, began)
         return outcome
 
@@ -232,7 +237,8 @@ class Cycle:
                         f"{self._widths[index]}: correct its read()",
                     )
                 values[mount.values] = row
-                stamps[index] = t_ns
+                stand_in = self._stand_ins[index]
+                stamps[index] = t_ns if stand_in is None else stand_in.taken_ns
                 self._mute.discard(mount.name)
             elif t_ns - stamps[index] > self._silent_ns[index]:
                 silent_ms = self._silent_ns[index] // 1_000_000
@@ -276,6 +282,8 @@ class Cycle:
             for name in self._player.entered:
                 self.segment = name
                 self._emit(t_ns, "step", {"name": name})
+            if ended is None or ended.ending is Ending.DONE:
+                self._playing = self.segment  # what follows without a gap begins in the next cycle
             if ended is None:
                 return None
             if ended.ending is Ending.DONE:
@@ -341,29 +349,14 @@ class Cycle:
         self._emit(t_ns, "limit", {"setpoints": names})
 
     def _push(self, t_ns: int, slot: int, began: int) -> None:
-        setpoints, values = self.limiter.applied, self._values
-        stamps, stale = self._stamps, 0
+        clock, stamps, stale = self.clock, self._stamps, 0
         for index in self._steady:
             stale += stamps[index] != t_ns
         self.counters.stale += stale
-        for mount, index, ring, every in self._recorded:
-            fresh = stamps[index] == t_ns
-            if slot % every or not (fresh or mount.driver.every_cycle):
-                continue
-            row = values[mount.values]
-            if mount.driver.has_status:
-                status = row.pop()
-                # NaN: the device has not answered yet; all bits set says "unknown".
-                row += setpoints[mount.commands]
-                word = int(status) if status == status else 0xFFFFFFFF
-                row.append(word if fresh else word | STALE)
-            else:
-                row += setpoints[mount.commands]
-            ring.push(t_ns, row)
-        if self._own_ring is not None and slot % self._own_ring[1] == 0:
-            due = slot * self.clock.period_ns * 1e-9
-            spent = (self.clock.now() - began) * 1e-9
-            self._own_ring[0].push(t_ns, (due, began * 1e-9, spent, float(stale)))
+        self._rows.push(t_ns, slot, self._values, self.limiter.applied, stamps)
+        spent_ns = clock.now() - began
+        own = (slot * clock.period_ns * 1e-9, began * 1e-9, spent_ns * 1e-9, float(stale))
+        self._rows.push_own(t_ns, slot, own)
 
     def make_safe(self, t_ns: int | None = None) -> Sequence[str]:
         """Bring every device to its safe state; return what went wrong, a sentence each.
@@ -377,6 +370,8 @@ class Cycle:
                 mount.driver.make_safe()
             except Exception as error:  # noqa: BLE001 - boundary: recorded, and the others go on
                 problems.append(f"{mount.name} could not be made safe: {error}")
+        now_ns = self.t_ns if t_ns is None else t_ns
+        self._rows.decide(now_ns, "")  # nothing plays any more, and there may be no more cycle
         for problem in problems:  # told once all are safe
-            self._emit(self.t_ns if t_ns is None else t_ns, "fault", {"reason": problem})
+            self._emit(now_ns, "fault", {"reason": problem})
         return problems

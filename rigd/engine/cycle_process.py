@@ -27,7 +27,7 @@ from rigd.engine.in_process import ARM_NS, close_devices, judge_devices, open_de
 from rigd.engine.player import Ending, Outcome
 from rigd.engine.realtime import RealTime
 from rigd.engine.shared import CycleState, RunFolder, Word
-from rigd.engine.slow import stand_ins
+from rigd.engine.slow import StandIns
 from rigd.engine.wiring import in_cycle, wire
 from rigd.record.events import NO_TRIAL
 from rigd.sdk import Driver
@@ -53,7 +53,8 @@ class CycleProcess:
         self._control = Control()
         rig = self._job.rig
         clock = RealClock(rig.period_ns, board[Word.START_NS], board[Word.ORIGIN_NS])
-        wiring = wire(rig, clock, self._control, self._job.seed, stand_ins(rig, folder))
+        stand_ins = StandIns(rig, folder)
+        wiring = wire(rig, clock, self._control, self._job.seed, stand_ins.of)
         self._cycle: Cycle = wiring.cycle
         self._cycle.on_make_safe = self._begin_making_safe
         self._plant = wiring.plant
@@ -62,7 +63,8 @@ class CycleProcess:
         rings = {
             name: ring for name, ring in run.row_rings(run.job).items() if name not in elsewhere
         }
-        self._cycle.connect(rings, self._job.decimation, self._emit)
+        windows = stand_ins.windows
+        self._cycle.connect(rings, self._job.record, self._emit, blocks=rings, windows=windows)
         self._trial = NO_TRIAL
         self._serial = 0  #: of what plays, 0 where nothing was asked for that has not ended
         self._endings: list[tuple[int, Outcome]] = []  #: by serial; the daemon may not know them

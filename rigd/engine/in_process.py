@@ -12,11 +12,12 @@ from rigd.engine.clock import Clock, monotonic_ns
 from rigd.engine.cycle import DEVICE_ERRORS, Cycle, CycleCounters
 from rigd.engine.interlocks import Trip
 from rigd.engine.mount import Mount
+from rigd.engine.plant_blocks import PlantBlocks
 from rigd.engine.player import Outcome
 from rigd.engine.question import Question
-from rigd.engine.ring import Ring
+from rigd.engine.ring import BlockQueue, Ring
 from rigd.engine.sink import Sink
-from rigd.procedure.program import CycleProgram
+from rigd.procedure.program import CycleProgram, Recorded
 from rigd.record.events import NO_TRIAL
 
 #: Rows wait at most this long before they are on disk (a killed recorder loses less than this).
@@ -37,7 +38,7 @@ class InProcessHost:
         clock: the clock of that cycle.
         virtual: whether that clock never waits.
         sink: where rows go.
-        decimation: streams to record, and every how many cycles.
+        record: streams to record, and what of them.
         on_drain: called after each drain, for progress.
     """
 
@@ -48,7 +49,7 @@ class InProcessHost:
         *,
         virtual: bool,
         sink: Sink,
-        decimation: Mapping[str, int],
+        record: Mapping[str, Recorded],
         on_drain: Callable[[], None] = lambda: None,
     ) -> None:
         self.cycle = cycle
@@ -58,12 +59,13 @@ class InProcessHost:
         every_ns = VIRTUAL_DRAIN_NS if virtual else DRAIN_NS
         self._drain_every = max(1, every_ns // clock.period_ns)
         # Ten times what one drain takes out: room for a disk that pauses.
-        self._rings = {
-            stream.name: Ring(stream, 10 * self._drain_every + 1000)
-            for stream in cycle.rig.streams
-            if stream.name in decimation
-        }
-        cycle.connect(self._rings, decimation, self._emit)
+        room = 10 * self._drain_every + 1000
+        in_blocks = {one.name for one in cycle.rig.mounts if isinstance(one.driver, PlantBlocks)}
+        streams = [stream for stream in cycle.rig.streams if stream.name in record]
+        rings = {one.name: Ring(one, room) for one in streams if one.name not in in_blocks}
+        blocks = {one.name: BlockQueue(one) for one in streams if one.name in in_blocks}
+        cycle.connect(rings, record, self._emit, blocks=blocks)
+        self._rings: dict[str, Ring | BlockQueue] = {**rings, **blocks}
         self.trial = NO_TRIAL  #: number of the trial that events belong to
         self._cycles = 0
         self._flushed_ns = monotonic_ns()
@@ -186,16 +188,19 @@ class InProcessHost:
     def drain(self) -> None:
         """Hand all waiting rows to the sink; flush when the last flush is old enough."""
         self._cycles = 0
-        for name, ring in self._rings.items():
-            rows = ring.drain()
-            if len(rows):
-                self._sink.write(name, rows)
+        self._hand_over()
         now = monotonic_ns()
         # Half a drain early rather than half a drain late.
         if now - self._flushed_ns >= FLUSH_NS - DRAIN_NS // 2:
             self._sink.flush()
             self._flushed_ns = now
         self.on_drain()
+
+    def _hand_over(self) -> None:
+        for name, ring in self._rings.items():
+            rows = ring.drain()
+            if len(rows):
+                self._sink.write(name, rows)
 
     def event(self, kind: str, data: Mapping[str, object]) -> None:
         """Hand one event to the sink, stamped with the slot under way."""
@@ -213,6 +218,7 @@ class InProcessHost:
         try:
             for problem in close_devices(self.cycle):
                 self.event("fault", {"reason": problem})
+            self._hand_over()  # what a block device gave last
         finally:
             self._sink.close()
 

@@ -13,7 +13,7 @@ from rigd.engine.control import Verb
 from rigd.engine.interlocks import Trip
 from rigd.engine.player import Outcome
 from rigd.model.errors import RigdError
-from rigd.procedure.program import CycleProgram
+from rigd.procedure.program import CycleProgram, Recorded
 
 #: A packet on the socket is at most this long; a longer program goes by way of a file.
 MAX_PACKET = 100_000
@@ -23,11 +23,11 @@ MAX_PACKET = 100_000
 class CycleJob:
     """What the cycle process needs to build its rig; pickled into the run's folder.
 
-    ``decimation`` names the streams that are recorded, and every how many cycles.
+    ``record`` names the streams that are recorded, and what of them.
     """
 
     rig: RigConfig
-    decimation: Mapping[str, int]
+    record: Mapping[str, Recorded]
     seed: int
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from rigd.engine.stand_in import StandIn
 from rigd.model.channels import STATUS_FIELD, Channel, Stream
 from rigd.sdk import Driver, Link
 
@@ -89,7 +90,10 @@ def mount(
             )
             for setpoint in driver.setpoints
         )
-        stream = Stream(name, (*driver.channels, *echoes), driver.title, driver.has_status, source)
+        channels = (*driver.channels, *echoes)
+        stream = Stream(name, channels, driver.title, driver.has_status, source)
+        if isinstance(driver, StandIn):
+            stream = driver.stream
         values = slice(value_count, value_count + len(driver.channels) + driver.has_status)
         commands = slice(command_count, command_count + len(driver.setpoints))
         for offset, channel in enumerate(driver.channels):

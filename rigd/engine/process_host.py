@@ -27,7 +27,7 @@ from rigd.engine.rescue import Rescue, rescue
 from rigd.engine.shared import Phase, RunFolder, Word
 from rigd.engine.slow import Beside
 from rigd.model.errors import RecordingError
-from rigd.procedure.program import CycleProgram
+from rigd.procedure.program import CycleProgram, Recorded
 from rigd.record.events import NO_TRIAL
 
 #: A program too long for a packet, in the run's folder.
@@ -66,7 +66,7 @@ class ProcessHost:
 
     Args:
         rig: the rig; its cycle process opens the devices.
-        decimation: streams to record, and every how many cycles.
+        record: streams to record, and what of them.
         seed: of the simulation, where the rig has a plant.
         folder: the folder of the run, prepared with its rings and board.
         control: what a person asks for.
@@ -81,7 +81,7 @@ class ProcessHost:
         self,
         rig: RigConfig,
         *,
-        decimation: Mapping[str, int],
+        record: Mapping[str, Recorded],
         seed: int,
         folder: RunFolder,
         control: Control,
@@ -104,7 +104,7 @@ class ProcessHost:
         self._gone = False  #: whether the cycle process was fenced
         self._rescue_problems: Sequence[str] = ()
         self._shown_ns = board[Word.BEAT_DAEMON] = monotonic_ns()
-        job = m.CycleJob(rig, decimation, seed)
+        job = m.CycleJob(rig, record, seed)
         self._cycle = CycleLink(folder, job, rig.supervision.cycle_silence_s)
 
     @property

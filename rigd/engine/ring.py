@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rigd.engine.sink import Rows
 from rigd.model.channels import Stream
 from rigd.model.rows import row_dtype, row_struct
 
@@ -41,7 +42,7 @@ class Ring:
         """Share of the ring that waits to be drained, 0 to 1."""
         return (self._head - self._tail) / self.capacity
 
-    def drain(self) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+    def drain(self) -> Rows:
         """Return all rows pushed since the last drain, as a copy of shape (n,)."""
         start, stop = self._tail % self.capacity, self._head % self.capacity
         if self._head == self._tail:
@@ -52,3 +53,22 @@ class Ring:
             rows = np.concatenate([self._rows[start:], self._rows[:stop]])
         self._tail = self._head
         return rows
+
+
+class BlockQueue:
+    """Rows of ``stream`` that come in blocks, within one process: it takes the room it needs."""
+
+    overruns = 0  #: for those who count them of every ring
+
+    def __init__(self, stream: Stream) -> None:
+        self._empty: Rows = np.empty(0, row_dtype(stream))
+        self._blocks: list[Rows] = []
+
+    def push_block(self, rows: Rows) -> None:
+        """Append rows of the stream's row dtype, shape (n,); they must not change any more."""
+        self._blocks.append(rows)
+
+    def drain(self) -> Rows:
+        """Return all rows pushed since the last drain, shape (n,)."""
+        blocks, self._blocks = self._blocks, []
+        return np.concatenate(blocks) if blocks else self._empty

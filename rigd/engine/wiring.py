@@ -12,9 +12,10 @@ from rigd.engine.cycle import Cycle
 from rigd.engine.interlocks import InterlockBank
 from rigd.engine.limiter import Limiter
 from rigd.engine.mount import CYCLE_STREAM, mount
+from rigd.engine.plant_blocks import PlantBlocks
 from rigd.model.channels import Stream
 from rigd.model.errors import Blocked
-from rigd.sdk import Driver, Link, Plant
+from rigd.sdk import BlockDriver, Driver, Link, Plant
 
 #: ``stand_in(device)``: what the cycle reads of a device that runs elsewhere.
 StandIn = Callable[[DeviceConfig], Driver]
@@ -30,7 +31,8 @@ class Wiring:
 
 def in_cycle(device: DeviceConfig) -> bool:
     """Return whether the device is exchanged with in the cycle, not in a process beside it."""
-    return issubclass(device.driver_class, Driver)
+    kind = device.driver_class
+    return issubclass(kind, Driver) or (issubclass(kind, BlockDriver) and kind.on_plant)
 
 
 def streams_of(rig: RigConfig) -> Sequence[Stream]:
@@ -38,7 +40,7 @@ def streams_of(rig: RigConfig) -> Sequence[Stream]:
     fast = {
         name: (device.driver, _fast(device, None))
         for name, device in rig.devices.items()
-        if in_cycle(device)
+        if issubclass(device.driver_class, Driver)
     }
     known = {stream.name: stream for stream in mount(fast).streams}
     return [
@@ -53,7 +55,8 @@ def wire(
     """Return the wired rig; nothing is opened yet.
 
     Raises:
-        Blocked: a device runs beside the cycle, and there is no stand-in for it.
+        Blocked: a device runs beside the cycle, and there is no stand-in for it; or one stands on
+            a plant, and the rig has none.
     """
     plant = None
     if rig.plant is not None:
@@ -85,8 +88,12 @@ def _driver(
     links: Mapping[str, Link],
     stand_in: StandIn | None,
 ) -> Driver:
-    if in_cycle(device):
+    if issubclass(device.driver_class, Driver):
         return _fast(device, plant if device.link is None else links[device.link])
+    if in_cycle(device):
+        if plant is None:
+            raise Blocked([f"{device.name}: {device.driver} stands on a plant, and there is none"])
+        return PlantBlocks(device, plant)
     if stand_in is None:
         raise Blocked(
             [f"{device.name}: {device.driver} runs beside the cycle, which needs real time"]

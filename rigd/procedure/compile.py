@@ -16,7 +16,13 @@ from rigd.config.rig import RigConfig
 from rigd.procedure.expression import Number, Reference, Scope, Value
 from rigd.procedure.loader import Procedure
 from rigd.procedure.parameters import Parameters, read_parameters, read_tables
-from rigd.procedure.program import CompiledProcedure, CycleProgram, IdentifyPlan, TrialPlan
+from rigd.procedure.program import (
+    CompiledProcedure,
+    CycleProgram,
+    IdentifyPlan,
+    Recorded,
+    TrialPlan,
+)
 from rigd.procedure.reader import Reader, describe_unit
 from rigd.procedure.source import FaultSource, MoveSource, ProcedureSource, PromptSource
 from rigd.procedure.steps import StepCompiler
@@ -56,7 +62,7 @@ def compile_procedure(
     prepare = compiler.compile(("prepare",), source.prepare, base)
     trials = _trials(compiler, source, scopes, done)
     finish = compiler.compile(("finish",), source.finish, base)
-    decimation = _decimation(reader, source, rig)
+    record = _record(reader, source, rig)
     identify = _identify(reader, source, rig, base, hidden)
     _check_names(reader, source)
     problems.raise_any()
@@ -68,7 +74,7 @@ def compile_procedure(
         prepare=prepare,
         trials=trials,
         finish=finish,
-        decimation=decimation,
+        record=record,
         identify=identify,
     )
 
@@ -128,14 +134,8 @@ def _trials(
 
 def _check_names(reader: Reader, source: ProcedureSource) -> None:
     """Note steps and prompts that share a name: logs, reports and answers go by it."""
-    blocks: tuple[tuple[Path_, Sequence[MoveSource | PromptSource | FaultSource]], ...] = (
-        (("prepare",), source.prepare),
-        (("trial", "steps"), source.trial.steps),
-        (("trial", "after"), source.trial.after),
-        (("finish",), source.finish),
-    )
     seen: dict[str, int] = {}
-    for path, steps in blocks:
+    for path, steps in _blocks(source):
         for index, step in enumerate(steps):
             if isinstance(step, FaultSource):
                 continue  # it goes by its device and fault, and may be shown often
@@ -149,6 +149,18 @@ def _check_names(reader: Reader, source: ProcedureSource) -> None:
             seen.setdefault(name, place.line)
 
 
+def _blocks(
+    source: ProcedureSource,
+) -> tuple[tuple[Path_, Sequence[MoveSource | PromptSource | FaultSource]], ...]:
+    """Return every list of steps, with its place."""
+    return (
+        (("prepare",), source.prepare),
+        (("trial", "steps"), source.trial.steps),
+        (("trial", "after"), source.trial.after),
+        (("finish",), source.finish),
+    )
+
+
 def _own(scope: Scope) -> dict[str, float | str | bool]:
     """Return parameters and tables as plain values; the rig's constants are in its own file."""
     return {
@@ -158,16 +170,27 @@ def _own(scope: Scope) -> dict[str, float | str | bool]:
     }
 
 
-def _decimation(reader: Reader, source: ProcedureSource, rig: RigConfig) -> dict[str, int]:
+def _record(reader: Reader, source: ProcedureSource, rig: RigConfig) -> dict[str, Recorded]:
     streams = [name for name, device in rig.devices.items() if device.channels]
     streams.append(CYCLE_STREAM)
     if source.record == "all":
-        return dict.fromkeys(streams, 1)
-    for name in source.record:
+        return dict.fromkeys(streams, Recorded())
+    steps = [step.step for _, block in _blocks(source) for step in block
+             if isinstance(step, MoveSource)]  # fmt: skip
+    record = {CYCLE_STREAM: Recorded()}
+    for name, given in source.record.items():
         if name not in streams:
             reader.note_key(("record", name), f"the rig {rig.name} has no stream {name!r}",
                             suggest(name, streams))  # fmt: skip
-    return {CYCLE_STREAM: 1, **source.record}
+        if isinstance(given, int):
+            record[name] = Recorded(given)
+            continue
+        for index, step in enumerate(given.during):
+            if step not in steps:
+                path = ("record", name, "during", index)
+                reader.note(path, f"the procedure has no step {step!r}", suggest(step, steps))
+        record[name] = Recorded(given.every, frozenset(given.during))
+    return record
 
 
 def _identify(
@@ -214,7 +237,10 @@ def _identify(
 
 
 def _reference(reader: Reader, source: ProcedureSource, base: Scope) -> dict[str, float]:
-    """Return the published values for the choice that ``base`` makes; empty where it makes none."""
+    """Return the published values for the choice that ``base`` makes.
+
+    Where the sweep makes the choice, those of every choice, as ``choice.name``.
+    """
     reference = None if source.identify is None else source.identify.reference
     if reference is None:
         return {}
@@ -230,10 +256,15 @@ def _reference(reader: Reader, source: ProcedureSource, base: Scope) -> dict[str
             reader.note_key((*path, "values", choice),
                             f"{choice!r} is not a choice of {reference.by}",
                             suggest(choice, parameter.choices))  # fmt: skip
+    swept = reference.by in source.sweep.grid or reference.by in source.sweep.zip
     values = {}
     for choice, texts in reference.values.items():
         for name, text in texts.items():
             value = reader.value((*path, "values", choice, name), text, base)
-            if isinstance(value, Number) and base.get(reference.by) == choice:
+            if not isinstance(value, Number):
+                continue
+            if swept:
+                values[f"{choice}.{name}"] = value.value
+            elif base.get(reference.by) == choice:
                 values[name] = value.value
     return values

@@ -207,12 +207,23 @@ class IdentifyPlan:
 
 
 @dataclass(frozen=True)
+class Recorded:
+    """What is recorded of a stream: every ``every``-th row.
+
+    Where ``during`` names steps, only of the rows taken while one of these plays.
+    """
+
+    every: int = 1
+    during: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
 class CompiledProcedure:
     """A procedure checked against a rig and ready to play.
 
     ``parameters`` are the procedure's own after ``--set``; ``trials`` stand in the order of play.
-    ``decimation`` maps each recorded stream to "every n-th row" (1: all); a stream it does not
-    name is not recorded. ``units`` gives the unit of every numeric parameter, for people.
+    ``record`` says what is recorded of each stream; one that it does not name is not recorded.
+    ``units`` gives the unit of every numeric parameter, for people.
     """
 
     name: str
@@ -222,7 +233,7 @@ class CompiledProcedure:
     prepare: tuple[Step, ...]
     trials: tuple[TrialPlan, ...]
     finish: tuple[Step, ...]
-    decimation: Mapping[str, int]
+    record: Mapping[str, Recorded]
     identify: IdentifyPlan | None = None
 
     def steps(self) -> Iterator[Step]:

@@ -278,15 +278,35 @@ class IdentifySource(Source):
     """Published values to print beside the estimates."""
 
 
+#: "Every n-th row".
+Every = Annotated[int, Ge(1), Le(1_000_000)]
+
+
+class WindowSource(Source):
+    """What is recorded of a stream, and during which steps."""
+
+    every: Every = 1
+    """Every n-th row (1: all)."""
+    during: Annotated[list[StepName], Field(min_length=1), OneOrMore()]
+    """The steps during which it is recorded."""
+
+
+def _stream_kind(value: object) -> str:
+    return "window" if isinstance(value, dict) else "every"
+
+
 def _record_kind(value: object) -> Any:
     return "all" if isinstance(value, str) else "streams"
 
 
+#: Every n-th row, or `{every: n, during: [step, ...]}`.
+StreamRecord = Annotated[
+    Annotated[Every, Tag("every")] | Annotated[WindowSource, Tag("window")],
+    Discriminator(_stream_kind),
+]
 Record = Annotated[
     Annotated[Literal["all"], Tag("all")]
-    | Annotated[
-        dict[Name, Annotated[int, Ge(1), Le(1_000_000)]], Field(min_length=1), Tag("streams")
-    ],
+    | Annotated[dict[Name, StreamRecord], Field(min_length=1), Tag("streams")],
     Discriminator(_record_kind),
 ]
 
@@ -315,6 +335,7 @@ class ProcedureSource(Source):
     finish: Steps = Field(default_factory=list)
     """Once, after the last trial or a controlled stop; never after an abort or a fault."""
     record: Record = "all"
-    """`all`, or for each stream "every n-th row" (1: all); streams not named are left out."""
+    """`all`, or for each stream "every n-th row" (1: all), with or without the steps during which
+    it is recorded; streams not named are left out."""
     identify: IdentifySource | None = None
     """What the recording is for."""

@@ -21,7 +21,7 @@ from rigd.engine.run import Run
 from rigd.engine.wiring import wire
 from rigd.model.errors import Blocked
 from rigd.model.limits import Action
-from rigd.procedure.program import CompiledProcedure, CycleProgram
+from rigd.procedure.program import CompiledProcedure, CycleProgram, Recorded
 from rigd.rehearsal.peaks import PeakSink
 from rigd.rehearsal.steps import StepRow, step_rows
 
@@ -74,10 +74,12 @@ def rehearse(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> Rehears
     clock = VirtualClock(rig.period_ns, 0)
     wiring = wire(rig, clock, control, seed)
     sink = PeakSink()
-    everything = {s.name: 1 for s in wiring.cycle.rig.streams if s.name != CYCLE_STREAM.name}
-    host = InProcessHost(wiring.cycle, clock, virtual=True, sink=sink, decimation=everything)
+    everything = {
+        s.name: Recorded() for s in wiring.cycle.rig.streams if s.name != CYCLE_STREAM.name
+    }
+    host = InProcessHost(wiring.cycle, clock, virtual=True, sink=sink, record=everything)
     change = None if wiring.plant is None else wiring.plant.change
-    answering = replace(procedure, decimation=everything)
+    answering = replace(procedure, record=everything)
     result = Run(answering, host, control, OwnAnswers(), change).execute()
     peaks = tuple(_peaks(procedure, rig, sink))
     refusals = list(sink.trips)

@@ -24,7 +24,7 @@ from rigd.engine.wiring import streams_of
 from rigd.model.errors import Blocked, RecordingError
 from rigd.model.limits import Action, Interlock
 from rigd.procedure.profiles import Constant
-from rigd.procedure.program import CycleProgram, Segment, TrialLimit
+from rigd.procedure.program import CycleProgram, Recorded, Segment, TrialLimit
 
 
 @pytest.fixture(autouse=True)
@@ -50,7 +50,7 @@ def host_of(
     control = Control()
     host = ProcessHost(
         rig,
-        decimation={stream.name: 1 for stream in streams},
+        record={stream.name: Recorded() for stream in streams},
         seed=1,
         folder=folder,
         control=control,

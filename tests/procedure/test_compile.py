@@ -20,6 +20,7 @@ from rigd.procedure.program import (
     CycleProgram,
     OnTimeout,
     Prompt,
+    Recorded,
     TrialLimit,
 )
 
@@ -62,7 +63,10 @@ def test_small_procedure(compile_text: Compile, small: str) -> None:
         Condition("longitudinal_belt.speed", Comparison.BELOW, 0.003, magnitude=True, for_s=0.2),
     )
 
-    assert compiled.decimation == {"cycle": 1, "wheel_servo": 1, "truth": 10}
+    every_row = Recorded()
+    assert compiled.record == {
+        "cycle": every_row, "wheel_servo": every_row, "truth": Recorded(10),
+    }  # fmt: skip
     assert compiled.identify is not None
     assert compiled.identify.constants == {"mass": 3.9593, "rolling_resistance": 0.009}
     assert compiled.identify.group_by == ("floor",)
@@ -188,7 +192,7 @@ def test_prompt_once_per_value(rig: RigConfig) -> None:
 def test_shipped_procedures(rig: RigConfig, name: str, trials: int) -> None:
     compiled = compile_procedure(load_procedure(name), rig)
     assert len(compiled.trials) == trials
-    assert compiled.decimation == {**dict.fromkeys(rig.devices, 1), "cycle": 1}
+    assert compiled.record == dict.fromkeys([*rig.devices, "cycle"], Recorded())
 
 
 def test_published_values_follow_the_floor(compile_text: Compile, small: str) -> None:
@@ -200,6 +204,11 @@ def test_published_values_follow_the_floor(compile_text: Compile, small: str) ->
         plan = compile_text(text, floor=floor).identify
         assert plan is not None
         assert (plan.reference, plan.reference_label) == ({"V_s": value}, "Table I")
+    head, _, rest = text.partition("prepare:")
+    grid = head.replace("grid:\n", "grid:\n    floor: [stone, pvc]\n")
+    swept = compile_text(f"{grid}trial:{rest.partition('trial:')[2]}")
+    assert swept.identify is not None
+    assert swept.identify.reference == {"stone.V_s": 1.9, "pvc.V_s": 0.0044}
     with pytest.raises(ConfigError, match="'ice' is not a choice of floor"):
         compile_text(text.replace("      pvc: {V_s", "      ice: {V_s"))
 

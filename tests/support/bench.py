@@ -17,7 +17,14 @@ from rigd.engine.run import Run
 from rigd.engine.sink import Rows
 from rigd.model.limits import Interlock, SetpointLimit
 from rigd.procedure.profiles import Constant
-from rigd.procedure.program import CompiledProcedure, CycleProgram, Segment, Step, TrialPlan
+from rigd.procedure.program import (
+    CompiledProcedure,
+    CycleProgram,
+    Recorded,
+    Segment,
+    Step,
+    TrialPlan,
+)
 from rigd.sdk import Channel, Driver, DriverConfig
 
 PERIOD_NS = 1_000_000
@@ -133,7 +140,7 @@ class Bench:
             cycle.clock,
             virtual=True,
             sink=self.sink,
-            decimation={stream.name: 1 for stream in cycle.rig.streams},
+            record={stream.name: Recorded() for stream in cycle.rig.streams},
         )
 
     def run(self, procedure: CompiledProcedure, **options: object) -> Run:
@@ -167,5 +174,5 @@ def procedure(
             for number, steps in enumerate(trials, start=1)
         ),
         finish=(move("home", -0.5),),
-        decimation={"axis": 1},
+        record={"axis": Recorded()},
     )

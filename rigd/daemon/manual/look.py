@@ -28,6 +28,7 @@ from rigd.engine.slow import Beside
 from rigd.engine.wiring import streams_of
 from rigd.model.errors import DeviceError
 from rigd.model.limits import Action
+from rigd.procedure.program import Recorded
 from rigd.record.events import Event
 
 #: Rows are taken out of the rings every 50 ms; they hold this much where that stalls.
@@ -205,13 +206,13 @@ def _host(rig: RigConfig, folder: RunFolder, control: Control) -> ManualHost:
     )
     board = folder.board()
     board[Word.START_NS], board[Word.ORIGIN_NS] = start_ns, origin_ns
-    all_rows = {stream.name: 1 for stream in streams}
+    all_rows = {stream.name: Recorded() for stream in streams}
     return ManualHost(
         rig,
-        decimation=all_rows,
+        record=all_rows,
         seed=1,
         folder=folder,
         control=control,
-        beside=Beside(rig, folder, job, origin_ns=origin_ns, decimation=all_rows),
+        beside=Beside(rig, folder, job, origin_ns=origin_ns, record=all_rows),
         finish=lambda: None,
     )

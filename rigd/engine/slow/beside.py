@@ -7,6 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.engine.cycle import DEVICE_ERRORS
 from rigd.engine.shared import Job, RowRing, RunFolder
@@ -14,7 +16,10 @@ from rigd.engine.slow.block_helper import BlockHelper
 from rigd.engine.slow.devices import SlowDevices
 from rigd.engine.slow.latest import Latest
 from rigd.engine.slow.table import LatestTable
+from rigd.engine.windows import Windows
+from rigd.engine.wiring import in_cycle
 from rigd.model.channels import Stream
+from rigd.procedure.program import Recorded
 from rigd.sdk import BlockDriver, Driver, SlowDriver
 
 #: The table of latest values in the folder of a run.
@@ -35,7 +40,7 @@ class Beside:
         job: Job,
         *,
         origin_ns: int,
-        decimation: Mapping[str, int],
+        record: Mapping[str, Recorded],
     ) -> None:
         streams = beside(rig)
         path = folder.path / TABLE
@@ -44,12 +49,14 @@ class Beside:
         self._helpers: list[BlockHelper] = []
         for stream in streams:
             device = rig.devices[stream.name]
+            what = record.get(stream.name, Recorded())
             if issubclass(device.driver_class, BlockDriver):
                 self._helpers.append(
                     BlockHelper(
                         device,
                         ring=folder.ring_path(job, stream.name),
-                        every=decimation.get(stream.name, 1),
+                        every=what.every,
+                        windowed=bool(what.during),
                         table=path,
                         table_streams=streams,
                         start_ns=job.start_ns,
@@ -67,7 +74,13 @@ class Beside:
         self._slow = SlowDevices(
             drivers,
             rings={
-                name: EveryNth(rings[name], decimation[name]) for name in drivers if name in rings
+                name: SlowRows(
+                    rings[name],
+                    record[name].every,
+                    table.windows(name) if record[name].during else None,
+                )
+                for name in drivers
+                if name in rings
             },
             slots={name: table.slot(name) for name in drivers},
             start_ns=job.start_ns,
@@ -123,38 +136,40 @@ class Beside:
             self._slow.stop()
 
 
-class EveryNth:
-    """Passes every n-th row on to a ring."""
+class SlowRows:
+    """Passes every n-th row of a slow device on to a ring, where ``windows`` say so."""
 
-    def __init__(self, ring: RowRing, every: int) -> None:
+    def __init__(self, ring: RowRing, every: int, windows: Windows | None) -> None:
         self._ring = ring
         self._every = every
+        self._windows = windows
         self._count = 0
 
     def push(self, t_ns: int, row: Sequence[float]) -> None:
-        """Take one row."""
-        if self._count % self._every == 0:
-            self._ring.push(t_ns, row)
+        """Take one row, as it comes: what the cycle is about to decide does not count yet."""
+        recorded = self._count % self._every == 0
         self._count += 1
+        if recorded and (self._windows is None or self._windows.covers(np.array([t_ns]))[0]):
+            self._ring.push(t_ns, row)
 
 
 def beside(rig: RigConfig) -> list[Stream]:
     """Return the streams of the devices of ``rig`` that run beside the cycle."""
-    return [
-        device.stream
-        for device in rig.devices.values()
-        if not issubclass(device.driver_class, Driver)
-    ]
+    return [device.stream for device in rig.devices.values() if not in_cycle(device)]
 
 
-def stand_ins(rig: RigConfig, folder: Path) -> Callable[[DeviceConfig], Driver]:
-    """Return what the cycle of the run in ``folder`` reads of the devices beside it."""
-    streams = beside(rig)
-    table = LatestTable.attach(folder / TABLE, streams) if streams else None
+class StandIns:
+    """What the cycle of the run in ``folder`` sees of the devices beside it, and tells them."""
 
-    def stand_in(device: DeviceConfig) -> Driver:
-        if table is None:
+    def __init__(self, rig: RigConfig, folder: Path) -> None:
+        streams = beside(rig)
+        self._table = LatestTable.attach(folder / TABLE, streams) if streams else None
+        self.windows: Mapping[str, Windows] = {}  #: when their rows are recorded, by stream
+        if self._table is not None:
+            self.windows = {one.name: self._table.windows(one.name) for one in streams}
+
+    def of(self, device: DeviceConfig) -> Driver:
+        """Return what stands in the cycle for ``device``."""
+        if self._table is None:
             raise TypeError(f"{device.name} does not run beside the cycle")
-        return Latest(device, table.slot(device.name))
-
-    return stand_in
+        return Latest(device, self._table.slot(device.name))

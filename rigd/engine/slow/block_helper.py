@@ -46,6 +46,7 @@ class BlockHelper:
             none.
         silence_s: after how long a silent process counts as hung.
         every: every so many rows one is recorded.
+        windowed: whether the table says when rows are recorded; else they are always.
     """
 
     def __init__(
@@ -61,13 +62,14 @@ class BlockHelper:
         lock_fd: int = -1,
         silence_s: float = SILENCE_S,
         every: int = 1,
+        windowed: bool = False,
     ) -> None:
         self.name = device.name
         self.identity = ""  #: what the device said it is, once started
         self.rate_hz = 0.0  #: rows per second, once started
         self.unfit: tuple[str, ...] = ()  #: what keeps the device from being armed
         streams = tuple(table_streams)
-        self._job = BlockJob(device, ring, every, table, streams, start_ns, origin_ns)
+        self._job = BlockJob(device, ring, every, table, streams, start_ns, origin_ns, windowed)
         self._slot = LatestTable.attach(table, streams).slot(device.name)
         self._log = log
         self._lock_fd = lock_fd

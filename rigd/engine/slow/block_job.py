@@ -21,7 +21,7 @@ class BlockJob:
 
     Rows are stamped with Unix time: ``start_ns`` at the monotonic time ``origin_ns``. The table
     has a slot for each of ``table_streams``. Every ``every``-th row is recorded in ``ring``, none
-    where that is None.
+    where that is None; where ``windowed``, of those taken while the table says so.
     """
 
     device: DeviceConfig
@@ -31,6 +31,7 @@ class BlockJob:
     table_streams: tuple[Stream, ...]
     start_ns: int
     origin_ns: int
+    windowed: bool
 
 
 @dataclass(frozen=True)

@@ -15,81 +15,58 @@ import socket
 import sys
 import threading
 import traceback
-from typing import Any, Final
+from typing import Final
 
-import numpy as np
-
+from rigd.engine.block_rows import BlockRecorder, BlockRows
 from rigd.engine.clock import monotonic_ns
 from rigd.engine.realtime import HELPER_PRIORITY, RealTime
 from rigd.engine.shared.rowring import RowRing
 from rigd.engine.slow.block_job import GRACE_S, MAX_PACKET, BlockJob, Failed, Opened
 from rigd.engine.slow.table import LatestTable
-from rigd.model.channels import STATUS_FIELD, Stream
 from rigd.model.errors import DeviceError, RigdError
-from rigd.model.rows import TIME_FIELD, row_dtype
 from rigd.sdk import Block, BlockDriver
 
 #: A sign of life is given this often while there are no rows.
 BEAT_S: Final = 0.1
-_VALUES: Final = "values"
 
 
 class Publisher:
-    """Puts blocks of one device into its ring, and the newest row into the table."""
+    """Records the blocks of one device, and puts what the cycle sees of them into the table."""
 
-    def __init__(self, job: BlockJob) -> None:
-        self._stream = job.device.stream
-        self._offset_ns = job.start_ns - job.origin_ns
-        self._ring = None if job.ring is None else RowRing.attach(job.ring, self._stream)
-        self._every = job.every
-        self._skip = 0  # rows until the next one that is recorded
-        self._slot = LatestTable.attach(job.table, job.table_streams).slot(self._stream.name)
-        self._width = len(self._stream.channels) + self._stream.has_status
-        self._layout = _layout(self._stream)
-        self._last_ns = 0
+    def __init__(self, job: BlockJob, driver: BlockDriver) -> None:
+        stream = job.device.stream
+        table = LatestTable.attach(job.table, job.table_streams)
+        self._driver = driver
+        self._slot = table.slot(stream.name)
+        self._rows = BlockRows(stream, job.start_ns - job.origin_ns)
+        self._recorder: BlockRecorder | None = None
+        if job.ring is not None:
+            windows = table.windows(stream.name) if job.windowed else None
+            self._recorder = BlockRecorder(RowRing.attach(job.ring, stream), job.every, windows)
 
     def beat(self) -> None:
-        """Give a sign of life."""
+        """Give a sign of life, and record what the cycle has decided about meanwhile."""
         self._slot.beat(monotonic_ns())
+        if self._recorder is not None:
+            self._recorder.settle()
 
     def publish(self, block: Block) -> None:
-        """Push the rows of ``block``.
+        """Record the rows of ``block`` and show the cycle the newest.
 
         Raises:
             DeviceError: they are not as the driver has to give them.
         """
-        times_ns, values = block.times_ns, block.values
-        if values.shape != (len(times_ns), self._width):
-            raise DeviceError(
-                f"the driver gave values of shape {values.shape} for {len(times_ns)} times, "
-                f"expected ({len(times_ns)}, {self._width})",
-                hint="correct its read_block()",
-            )
-        if not len(times_ns):
+        rows = self._rows.make(block)
+        if not len(rows):
             return
-        if times_ns[0] <= self._last_ns or np.any(np.diff(times_ns) <= 0):
-            raise DeviceError(
-                "the driver gave times that do not increase", hint="correct its read_block()"
-            )
-        self._last_ns = int(times_ns[-1])
-        rows = np.empty(len(times_ns), self._layout)
-        rows[TIME_FIELD] = times_ns + self._offset_ns
-        rows[_VALUES] = values[:, : len(self._stream.channels)]
-        if self._stream.has_status:
-            rows[STATUS_FIELD] = values[:, -1].astype(np.uint32)
-        if self._ring is not None:
-            recorded = rows.view(row_dtype(self._stream))[self._skip :: self._every]
-            self._ring.push_block(recorded)
-            self._skip = (self._skip - len(rows)) % self._every
-        self._slot.write(self._last_ns, values[-1].tolist())
+        if self._recorder is not None:
+            self._recorder.take(rows)
+        self._slot.write(int(block.times_ns[-1]), self._driver.newest_row(block))
 
-
-def _layout(stream: Stream) -> np.dtype[np.void]:
-    """Return the bytes of :func:`~rigd.model.rows.row_dtype` with all channels as one field."""
-    fields: list[Any] = [(TIME_FIELD, "<i8"), (_VALUES, "<f8", (len(stream.channels),))]
-    if stream.has_status:
-        fields.append((STATUS_FIELD, "<u4"))
-    return np.dtype(fields)
+    def finish(self) -> None:
+        """Record what still waits to be decided about."""
+        if self._recorder is not None:
+            self._recorder.finish()
 
 
 def serve(link: socket.socket) -> int:
@@ -117,17 +94,20 @@ def _run(job: BlockJob, link: socket.socket, stop: threading.Event) -> None:
     driver = device.driver_class(device.config, None)
     if not isinstance(driver, BlockDriver):
         raise TypeError(f"{device.driver} is no block driver")
-    publisher = Publisher(job)
+    publisher = Publisher(job, driver)
     try:
         driver.open()
         told = Opened(driver.identity, driver.rate_hz, tuple(driver.preflight()))
         link.send(pickle.dumps(told))
         driver.start()
-        while not stop.is_set():
-            publisher.beat()
-            block = driver.read_block(BEAT_S)
-            if block is not None:
-                publisher.publish(block)
+        try:
+            while not stop.is_set():
+                publisher.beat()
+                block = driver.read_block(BEAT_S)
+                if block is not None:
+                    publisher.publish(block)
+        finally:
+            publisher.finish()
     except BaseException:
         try:
             driver.close()

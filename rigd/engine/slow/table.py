@@ -1,4 +1,7 @@
-"""The newest row of every device beside the cycle, in a mapped file that the cycle reads."""
+"""What the cycle and the devices beside it show each other, in a mapped file.
+
+The newest row of every device, for the cycle; when the device's rows are recorded, by the cycle.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,10 @@ from pathlib import Path
 from typing import Final, Self
 
 from rigd.engine.shared.mapping import SharedFile
+from rigd.engine.windows import Windows
 from rigd.model.channels import Stream
 
-_MAGIC: Final = b"rigdlat1"
+_MAGIC: Final = b"rigdlat2"
 _SEQUENCE, _TIME, _BEAT, _VALUES = 0, 1, 2, 3  #: words of a slot
 _LINE_WORDS: Final = 8  #: a cache line; no two writers share one
 #: A writer that is between its two marks is so for a microsecond, unless it was killed there.
@@ -76,7 +80,7 @@ class Slot:
 
 
 class LatestTable:
-    """A slot for each of some streams, in the order in which they were given."""
+    """A slot for each of some streams, in the order in which they were given; then the windows."""
 
     def __init__(self, streams: Sequence[Stream], file: SharedFile) -> None:
         """Use :meth:`create` or :meth:`attach`."""
@@ -86,6 +90,10 @@ class LatestTable:
             size = _slot_bytes(stream)
             self._slots[stream.name] = Slot(file.payload[start : start + size], _width(stream))
             start += size
+        self._windows: dict[str, memoryview] = {}
+        for stream in streams:
+            self._windows[stream.name] = file.payload[start : start + Windows.BYTES]
+            start += Windows.BYTES
 
     @classmethod
     def create(cls, path: Path, streams: Sequence[Stream]) -> Self:
@@ -94,7 +102,7 @@ class LatestTable:
         Raises:
             RecordingError: it exists already, or there is no room for it.
         """
-        size = sum(map(_slot_bytes, streams))
+        size = sum(_slot_bytes(stream) + Windows.BYTES for stream in streams)
         return cls(streams, SharedFile.create(path, _MAGIC, _identity(streams), size))
 
     @classmethod
@@ -113,6 +121,14 @@ class LatestTable:
             KeyError: it has none.
         """
         return self._slots[stream]
+
+    def windows(self, stream: str) -> Windows:
+        """Return the recording windows of a stream, an object of the caller's own.
+
+        Raises:
+            KeyError: it has none.
+        """
+        return Windows(self._windows[stream])
 
 
 def _width(stream: Stream) -> int:

@@ -13,6 +13,7 @@ import pytest
 from support.blocks import Counter, CounterConfig, device_of, until
 
 from rigd.engine.slow import Latest, LatestTable, Slot
+from rigd.engine.windows import Windows
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import RecordingError
 
@@ -41,7 +42,7 @@ def test_each_slot_has_cache_lines_of_its_own(table: LatestTable, tmp_path: Path
     data = (tmp_path / "latest").read_bytes()[4096:]
     assert struct.unpack_from("<QQQd", data, 0) == (2, 1, 0, 2.0)
     assert struct.unpack_from("<QQQ21d", data, 64) == (2, 3, 0, *[4.0] * 21)
-    assert len(data) == 64 + 192
+    assert len(data) == 64 + 192 + 2 * Windows.BYTES
 
 
 def test_a_row_of_another_width_is_refused(table: LatestTable) -> None:
