@@ -24,7 +24,8 @@ CALL_S: Final = 5.0
 
 # Status codes, as named in nidaqmx.error_codes.DAQmxErrors.
 _INVALID_DEVICE_ID: Final = -200220
-_RESOURCE_RESERVED: Final = -50103
+#: RESOURCE_RESERVED (PAL), and DIG_LINES_RESERVED_OR_UNAVAILABLE.
+_RESERVED: Final = frozenset({-50103, -200587})
 #: What a card that is pulled out shows as: DEV_CANNOT_BE_ACCESSED, DRIVER_DEVICE_GUID_NOT_FOUND,
 #: RUNTIME_ABORTED and RUNTIME_ABORTING, PAL_TRANSFER_ABORTED.
 _REMOVED: Final = frozenset({-201003, -88705, -88709, -88710, -50405})
@@ -80,10 +81,19 @@ class NiCard:
             LinkError: NI-DAQmx, its server or the card is not there.
             ProtocolError: it is another card than the rig file names.
         """
+        self.connect()
+        with self.doing("open"):
+            return self._identify()
+
+    def connect(self) -> None:
+        """Reach NI-DAQmx, whatever card it has.
+
+        Raises:
+            LinkError: NI-DAQmx or its server is not there.
+        """
         self._nidaqmx = _import_nidaqmx()
         with self.doing("open"):
             self._connect()
-            return self._identify()
 
     def close(self) -> None:
         """Let go of the connection; its tasks are closed before. Closing twice is silent."""
@@ -196,7 +206,7 @@ class NiCard:
             return DeviceError(
                 f"{self} is gone ({told})", hint="plug it in again; look at cable and hub"
             )
-        if code in (_INVALID_DEVICE_ID, _RESOURCE_RESERVED):
+        if code == _INVALID_DEVICE_ID or code in _RESERVED:
             return LinkError(
                 f"cannot {doing} {self} ({told})",
                 hint="correct `device`"

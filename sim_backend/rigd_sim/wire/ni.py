@@ -8,6 +8,7 @@ from dataclasses import fields
 from typing import Any, ClassVar, Final
 
 from rigd_sim.wire.ni_card import INPUTS, Faults
+from rigd_sim.wire.ni_lines import Lines
 from rigd_sim.wire.ni_server import PRODUCT, DeviceServer
 from rigd_sim.wire.part import Part, State
 
@@ -27,6 +28,7 @@ class SimNi(Part):
         noise_v: standard deviation of what the converter adds, in V.
         serial: its serial number.
         seed: of the noise.
+        lines: its digital lines and what hangs on them; without it, nothing does.
     """
 
     faults: ClassVar[Mapping[str, str]] = {
@@ -37,7 +39,7 @@ class SimNi(Part):
         "stuck_code": "an input repeats its last code (channel)",
         "open_input": "an input is disconnected and picks up the mains (channel)",
         "drift": "the crystal runs fast by another share (ppm)",
-        "stall": "answers to reads are held back (seconds)",
+        "stall": "answers to reads and writes are held back (seconds)",
     }
 
     def __init__(
@@ -51,6 +53,7 @@ class SimNi(Part):
         noise_v: float = 1.5e-3,
         serial: int = 0x01C0FFEE,
         seed: int = 1,
+        lines: Lines | None = None,
     ) -> None:
         unknown = [one for one in volts if one not in INPUTS]
         if unknown:
@@ -60,9 +63,11 @@ class SimNi(Part):
         self._address = address
         self._volts = volts
         self._shown = Faults()
+        self._lines = Lines({}, {}) if lines is None else lines
         self._card = DeviceServer(
-            device, serial, volts, self._shown, drift_ppm=drift_ppm, noise_v=noise_v, seed=seed
-        )
+            device, serial, volts, self._lines, self._shown,
+            drift_ppm=drift_ppm, noise_v=noise_v, seed=seed,
+        )  # fmt: skip
         self._server: Any = None
         self._pump: asyncio.Task[None] | None = None
 
@@ -114,6 +119,8 @@ class SimNi(Part):
                     self._card.running.overrun = True
             case "short_block" | "removal", {**rest} if not rest:
                 setattr(shown, fault, True)
+                if fault == "removal":
+                    self._lines.release()  # it has no power any more
             case "saturation", {"channel": str(channel), **rest} if not rest.keys() - {"side"}:
                 sides = {"high": 1.0, "low": -1.0}
                 side = rest.get("side", "high")

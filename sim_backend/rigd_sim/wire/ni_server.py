@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from rigd_sim.wire.ni_card import Acquisition, DaqFault, Faults, Span, rate_for, span_for
+from rigd_sim.wire.ni_lines import Lines, parsed
 
 SERVICE: Final = "nidaqmx_grpc.NiDAQmx"
 PRODUCT: Final = "USB-6009"
@@ -47,6 +48,9 @@ class _Task:
     rate_hz: float = 0.0
     capacity: int = 0
     running: Acquisition | None = None
+    lines: tuple[str, ...] = ()  # digital, in the order in which they were named
+    drives: bool = False  # those lines are outputs
+    reserves: bool = False  # and nobody else's, from start to stop
 
 
 class _Refused(Exception):
@@ -60,6 +64,7 @@ class DeviceServer:
         device: name of the card in NI MAX.
         serial: its serial number.
         volts: what is at its inputs.
+        lines: its digital lines.
         faults: what it shows.
         drift_ppm: by how much its crystal runs fast, unless the faults say otherwise.
         noise_v: standard deviation of what the converter adds, in V.
@@ -71,6 +76,7 @@ class DeviceServer:
         device: str,
         serial: int,
         volts: Mapping[str, Callable[[], float]],
+        lines: Lines,
         faults: Faults,
         *,
         drift_ppm: float,
@@ -80,6 +86,7 @@ class DeviceServer:
         self.device = device
         self.serial = serial
         self._volts = volts
+        self._lines = lines
         self._shown = faults
         self._drift_ppm = drift_ppm
         self._noise_v = noise_v
@@ -99,6 +106,10 @@ class DeviceServer:
             "StartTask": self._start_task,
             "StopTask": self._stop_task,
             "ReadAnalogF64": self._read,
+            "CreateDOChan": self._create_output_lines,
+            "CreateDIChan": self._create_input_lines,
+            "WriteDigitalLines": self._write_lines,
+            "ReadDigitalLines": self._read_lines,
             "GetTaskAttributeString": self._task_text,
             "GetTaskAttributeUInt32": self._task_number,
             "GetReadAttributeUInt32": self._task_number,
@@ -218,6 +229,10 @@ class DeviceServer:
     def _start_task(self, request: Any) -> dict[str, Any]:
         task = self._task(request)
         self._present()
+        if task.lines:
+            self._free(task)
+            task.reserves = True
+            return {}
         if self.running is not None:
             raise DaqFault(-50103, "The specified resource is reserved.")
         task.running = Acquisition(
@@ -231,7 +246,8 @@ class DeviceServer:
         return {}
 
     def _stop_task(self, request: Any) -> dict[str, Any]:
-        self._task(request).running = None
+        task = self._task(request)
+        task.running, task.reserves = None, False
         return {}
 
     async def _read(self, request: Any) -> dict[str, Any]:
@@ -266,6 +282,55 @@ class DeviceServer:
             "read_array": packed.tolist(),  # twice as fast into a message as an array
             "samps_per_chan_read": samples.shape[1],
         }
+
+    def _create_output_lines(self, request: Any) -> dict[str, Any]:
+        task = self._task(request)
+        task.lines += parsed(request.lines, self.device)
+        task.drives = True
+        return {}
+
+    def _create_input_lines(self, request: Any) -> dict[str, Any]:
+        task = self._task(request)
+        task.lines += parsed(request.lines, self.device)
+        self._lines.release(task.lines)
+        return {}
+
+    async def _write_lines(self, request: Any) -> dict[str, Any]:
+        task = await self._line_task(request)
+        levels = request.write_array
+        if not task.drives or request.num_samps_per_chan != 1 or len(levels) != len(task.lines):
+            raise DaqFault(-200077, "The simulated card takes one level for each output line.")
+        if not (request.auto_start or task.reserves):
+            raise DaqFault(-200846, "The task must be started before it can be written to.")
+        self._lines.drive(dict(zip(task.lines, map(bool, levels), strict=True)))
+        return {"samps_per_chan_written": 1}
+
+    async def _read_lines(self, request: Any) -> dict[str, Any]:
+        task = await self._line_task(request)
+        if request.num_samps_per_chan != 1 or request.array_size_in_bytes < len(task.lines):
+            raise DaqFault(-200077, "The simulated card gives one level for each line.")
+        return {
+            "read_array": bytes(map(self._lines.level, task.lines)),
+            "samps_per_chan_read": 1,
+            "num_bytes_per_samp": len(task.lines),
+        }
+
+    async def _line_task(self, request: Any) -> _Task:
+        """Return a task whose lines are accessed now."""
+        if self._shown.stall:
+            await asyncio.sleep(self._shown.stall)
+        task = self._task(request)
+        self._present()
+        if not task.lines:
+            raise DaqFault(-200077, "The task has no digital lines.")
+        self._free(task)
+        return task
+
+    def _free(self, task: _Task) -> None:
+        """Make sure that no other task has reserved the lines of ``task``."""
+        for other in self._tasks.values():
+            if other is not task and other.reserves and set(other.lines) & set(task.lines):
+                raise DaqFault(-200587, "Specified digital lines are reserved or unavailable.")
 
     def _task_text(self, request: Any) -> dict[str, Any]:
         task = self._task(request)

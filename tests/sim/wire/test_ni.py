@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from nidaqmx.constants import AcquisitionType, TerminalConfiguration
 from nidaqmx.errors import DaqError, DaqReadError, RpcError
-from nidaqmx.stream_readers import AnalogMultiChannelReader
+from nidaqmx.stream_readers import AnalogMultiChannelReader, DigitalSingleChannelReader
+from nidaqmx.stream_writers import DigitalSingleChannelWriter
 from nidaqmx.system import Device, System
 from support.served import served
 
@@ -29,6 +30,7 @@ from rigd_sim.wire.ni_card import (
     rate_for,
     span_for,
 )
+from rigd_sim.wire.ni_lines import Lines
 
 LSB_V = 20.0 / 2**14
 
@@ -53,6 +55,14 @@ class Client:
         )
         return task
 
+    def lines(self, name: str, *, inputs: str = "", outputs: str = "") -> nidaqmx.Task:
+        task = nidaqmx.Task(name, grpc_options=self.options(name))
+        if inputs:
+            task.di_channels.add_di_chan(inputs)
+        if outputs:
+            task.do_channels.add_do_chan(outputs)
+        return task
+
     def inject(self, fault: str, **options: Any) -> None:
         self.on_loop(lambda: self.part.inject(fault, **options))
 
@@ -73,6 +83,18 @@ def read(task: nidaqmx.Task, count: int, timeout: float = 30.0) -> np.ndarray[An
     data = np.zeros((task.number_of_channels, count))
     AnalogMultiChannelReader(task.in_stream).read_many_sample(data, count, timeout)
     return data
+
+
+def read_lines(task: nidaqmx.Task, levels: np.ndarray[Any, Any]) -> None:
+    reader = DigitalSingleChannelReader(task.in_stream)
+    reader.verify_array_shape = False
+    reader.read_one_sample_multi_line(levels)
+
+
+def write_lines(task: nidaqmx.Task, *levels: bool) -> None:
+    writer = DigitalSingleChannelWriter(task.out_stream)
+    writer.verify_array_shape = False
+    writer.write_one_sample_multi_line(np.array(levels))
 
 
 def test_the_system_and_the_device(client: Client) -> None:
@@ -192,6 +214,44 @@ def test_faults_of_an_input(client: Client) -> None:
         assert -0.5 < data[1].min() < -0.3
         client.clear()
         assert np.abs(fresh()[1] + 3.0).max() < LSB_V
+
+
+def test_lines_are_pulled_up_until_driven_and_then_keep_their_level() -> None:
+    told: list[bool] = []
+    part = SimNi(
+        "daq", {}, lines=Lines({"port0/line2": lambda: False}, {"port0/line0": told.append})
+    )
+    with served(part) as on_loop:
+        client = Client(part, on_loop)
+        with client.lines("in", inputs="Dev1/port0/line0:2, Dev1/port1/line3") as task:
+            levels = np.zeros(4, dtype=bool)
+            read_lines(task, levels)
+            assert levels.tolist() == [True, True, False, True]  # one is held low from outside
+        with client.lines("out", outputs="Dev1/port0/line0:1") as task:
+            write_lines(task, False, True)
+        assert told == [True, False]
+        client.inject("removal")
+        assert told == [True, False, True]
+        client.channel.close()
+
+
+def test_a_running_task_has_its_lines_alone(client: Client) -> None:
+    with client.lines("mine", outputs="Dev1/port0/line0:1") as mine:
+        mine.start()
+        with client.lines("other", outputs="Dev1/port0/line1") as other:
+            with pytest.raises(DaqError) as caught:
+                write_lines(other, False)
+            assert caught.value.error_code == -200587
+            mine.stop()
+            write_lines(other, False)
+
+
+@pytest.mark.parametrize(
+    "lines", ["Dev1/port0/line8", "Dev1/port2/line0", "Dev1/port0", "Dev1/ai0", "Dev2/port0/line0"]
+)
+def test_lines_that_the_card_has_not(client: Client, lines: str) -> None:
+    with client.lines("out") as task, pytest.raises(DaqError, match=r"does not exist|is invalid"):
+        task.do_channels.add_do_chan(lines)
 
 
 def test_faults_it_does_not_know_are_refused() -> None:

@@ -1,0 +1,5 @@
+"""A relay on a digital line of an NI card, behind a one-shot that this computer must feed."""
+
+from rigd_drivers.ni_relay.driver import NiRelay
+
+__all__ = ["NiRelay"]
