@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import pytest
 from support.bench import Axis, Bench, move, procedure
@@ -62,8 +63,12 @@ class Person:
         return next(self.replies)()
 
 
+def _same(answer: Answer) -> Answer:
+    return answer
+
+
 def says(*answers: Answer) -> Person:
-    return Person(iter([lambda answer=one: answer for one in answers]))
+    return Person(iter([partial(_same, one) for one in answers]))
 
 
 def load_prompt() -> Prompt:
