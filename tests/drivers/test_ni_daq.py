@@ -117,6 +117,20 @@ def test_identity_values_and_status(opened: Opened) -> None:
     assert block.times_ns[-1] <= time.monotonic_ns()
 
 
+def test_what_the_cycle_sees_is_the_last_row_or_a_median() -> None:
+    """A single noisy sample must stop nothing; what is not an input is of the last row."""
+    width = 2 * len(INPUTS) + 3
+    values = np.arange(8.0)[:, np.newaxis] + np.zeros(width)
+    values[6, :] = 1e6  # a spike
+    block = Block(np.arange(8), values)
+    assert NiDaq(config()).newest_row(block) == [7.0] * width
+    seen = NiDaq(config(median=5)).newest_row(block)
+    assert seen == [5.0] * (width - 3) + [7.0] * 3  # of 3, 4, 5, 1e6, 7
+    assert NiDaq(config(median=5)).newest_row(Block(block.times_ns[:1], values[:1]))[0] == 0.0
+    with pytest.raises(ValidationError, match="a median of 97 samples needs more than a block"):
+        config(median=97)
+
+
 def test_the_crystals_drift_is_seen_against_the_machines_clock(
     card: tuple[SimNi, OnLoop], opened: Opened
 ) -> None:

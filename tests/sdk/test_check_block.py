@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, ClassVar
 
@@ -186,6 +186,16 @@ class Curt(Good):
         raise LinkError("no")
 
 
+class Short(Good):
+    def newest_row(self, block: Block) -> Sequence[float]:
+        return block.values[-1, :-1].tolist()  # type: ignore[no-any-return]
+
+
+class Greedy(Good):
+    def newest_row(self, block: Block) -> Sequence[float]:
+        return block.values[-5].tolist()  # type: ignore[no-any-return]
+
+
 BAD: list[tuple[str, type[BlockDriver], str]] = [
     ("opens and starts", Closed, "open raises LinkError: never"),
     ("opens and starts", Rateless, "rate_hz is 0.0"),
@@ -197,6 +207,8 @@ BAD: list[tuple[str, type[BlockDriver], str]] = [
     ("blocks", WallClock, "CLOCK_MONOTONIC stands at"),
     ("blocks", Rows, "returns list"),
     ("blocks", Empty, "no block in"),
+    ("newest row", Short, "newest_row gives 1 values, expected 2"),
+    ("newest row", Greedy, "newest_row of a block of 1 raises IndexError"),
     ("time-out", Waiting, "read_block(0.2) takes"),
     ("opened twice", OpenOnce, "RuntimeError: already open"),
     ("closed twice", CloseOnce, "close again raises"),

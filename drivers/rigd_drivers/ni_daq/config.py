@@ -85,6 +85,9 @@ class NiDaqConfig(NiCardConfig):
     """Samples per second of each input."""
     block: Annotated[int, Ge(1), Le(100_000)] = 96
     """Samples of each input that are fetched together."""
+    median: Annotated[int, Ge(1), Le(1000)] = 1
+    """Interlocks and end conditions see the median of so many of a block's last samples, so that
+    a single noisy one stops nothing; 1 is the last sample. All are recorded as they are."""
     buffer: Annotated[float, In("s"), Ge(0.1), Le(60)] = 5.0
     """How long NI-DAQmx keeps samples that nobody has fetched yet."""
 
@@ -93,6 +96,15 @@ class NiDaqConfig(NiCardConfig):
         """Samples per input that the buffer holds: whole blocks, two at least."""
         blocks = -(-self.buffer * self.rate // self.block)  # rounded up
         return max(2, int(blocks)) * self.block
+
+    @model_validator(mode="after")
+    def _median_within_a_block(self) -> Self:
+        if self.median > self.block:
+            raise ValueError(
+                f"a median of {self.median} samples needs more than a block of {self.block}: "
+                "give a shorter median or a longer block"
+            )
+        return self
 
     @model_validator(mode="after")
     def _inputs_are_distinct(self) -> Self:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import ClassVar, Final
 
 import numpy as np
@@ -97,6 +98,15 @@ class NiDaq(BlockDriver):
         low, high = self._rails[:, :1], self._rails[:, 1:]
         rows[:, -1] = (self._bits * ((volts <= low) | (volts >= high))).sum(axis=0)
         return rows
+
+    def newest_row(self, block: Block) -> Sequence[float]:
+        """Return the last row, with the median of the last ``median`` samples for every input."""
+        row: list[float] = block.values[-1].tolist()
+        if self.config.median > 1:
+            width = 2 * len(self.config.inputs)
+            last = block.values[-self.config.median :, :width]
+            row[:width] = np.median(last, axis=0).tolist()
+        return row
 
     def close(self) -> None:
         """Stop sampling and let go of the card; closing twice is silent."""

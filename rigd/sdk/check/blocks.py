@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -106,6 +107,25 @@ def _block_problems(driver: BlockDriver, block: object) -> Iterator[str]:
         yield "a healthy device gives values that are not finite"
 
 
+def _newest_row(subject: Subject) -> Iterator[str]:
+    with bench(subject) as (one, _):
+        end = time.monotonic() + BLOCKS_S
+        block: Any = None
+        while block is None and time.monotonic() < end:
+            block = one.must("read_block", lambda: one.driver.read_block(TIMEOUT_S))
+        if block is None:
+            raise Unfit(f"no block in {BLOCKS_S:g} s")
+        columns = len(one.driver.channels) + one.driver.has_status
+        shortest = Block(block.times_ns[-1:], block.values[-1:])
+        for given in (block, shortest):
+            outcome = one.call(partial(one.driver.newest_row, given), OPEN_S)
+            rows = len(given.times_ns)
+            if outcome.error is not None:
+                yield f"newest_row of a block of {rows} raises {described(outcome.error)}"
+            elif len(outcome.value) != columns:
+                yield f"newest_row gives {len(outcome.value)} values, expected {columns}"
+
+
 def _timeout(subject: Subject) -> Iterator[str]:
     with bench(subject) as (one, _):
         for _ in range(BLOCKS):
@@ -194,6 +214,12 @@ RULES: Final = (
         "read_block() returns a Block: int64 times of CLOCK_MONOTONIC in ns, increasing, and "
         "float64 values with a column per channel, the status last where has_status",
         _blocks,
+        "",
+    ),
+    Rule(
+        "newest row",
+        "newest_row(block) returns a value per column, also of a block of a single row",
+        _newest_row,
         "",
     ),
     Rule("time-out", "read_block() waits no longer than its time-out", _timeout, ""),
