@@ -128,7 +128,8 @@ def _print_one(console: Console, one: Installed) -> None:
     of = f" of {one.example}" if one.example else ""
     channels = [*map(_channel_row, one.channels)]
     if one.has_status:
-        channels.append(("status", "", "", "bits of the device; 31: the row is stale"))
+        words = "".join(f"{word} {mask:#x}, " for word, mask in one.status_bits.items())
+        channels.append(("status", "", "", f"bits of the device: {words}stale 0x80000000"))
     _print_table(console, f"channels{of}", ("", "unit", "range", ""), channels)
     _print_table(
         console, f"setpoints{of}", ("", "unit", "range", ""), [*map(_channel_row, one.setpoints)]

@@ -54,6 +54,7 @@ class Installed:
     channels: tuple[Channel, ...] | None = None
     setpoints: tuple[Channel, ...] = ()
     has_status: bool = False
+    status_bits: dict[str, int] = field(default_factory=dict)
     actions: dict[str, str] = field(default_factory=dict)
 
 
@@ -116,6 +117,7 @@ def _channels(loaded: Any, name: str) -> dict[str, Any]:
         "channels": driver.channels,
         "setpoints": getattr(driver, "setpoints", ()),
         "has_status": driver.has_status,
+        "status_bits": dict(driver.status_bits),
         "actions": dict(driver.actions),
     }
 

@@ -6,7 +6,7 @@ import itertools
 import math
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Annotated, Any, ClassVar
 
@@ -73,6 +73,7 @@ class Good(Driver):
     Config: ClassVar[type[DriverConfig]] = MotorConfig
     title: ClassVar[str] = "motor in memory"
     has_status = True
+    status_bits: Mapping[str, int] = {"moving": 1}
     watchdog_s = 0.05
     second_link: ClassVar[bool] = True
     link: WireLink
@@ -135,6 +136,15 @@ class Untitled(Good):
 class Unsaid(Good):
     def make_safe(self) -> None:
         pass
+
+
+class Wordless(Good):
+    has_status = False
+    status_bits: Mapping[str, int] = {"moving": 1}
+
+
+class TakenBit(Good):
+    status_bits: Mapping[str, int] = {"old": 1 << 31}
 
 
 class Unexplained(Driver):
@@ -399,6 +409,8 @@ BAD: list[tuple[str, type[Driver], str]] = [
     ("constructor opens nothing", Eager, "AttributeError"),
     ("constructor opens nothing", Sleeper, "did not return"),
     ("same again", Fickle, "differ in channels"),
+    ("status bits", Wordless, "has_status is False"),
+    ("status bits", TakenBit, "'old' is 0x80000000, not within"),
     ("channels", Misnamed, "'Speed'"),
     ("channels", Status, "taken by the status word"),
     ("channels", RawOfNothing, "raw_of 'speed'"),

@@ -11,7 +11,7 @@ from typing import Final
 
 from pydantic import ValidationError
 
-from rigd.model.channels import STATUS_FIELD, Channel
+from rigd.model.channels import STALE, STATUS_FIELD, Channel
 from rigd.sdk.check.caller import Caller, Hung
 from rigd.sdk.check.subject import Rule, Subject, described
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
@@ -104,6 +104,17 @@ def _setpoints(subject: Subject) -> Iterator[str]:
         yield "it has setpoints, and write() is not its own"
 
 
+def _status_bits(subject: Subject) -> Iterator[str]:
+    driver = subject.make()
+    if driver.status_bits and not driver.has_status:
+        yield "it has status_bits, and has_status is False"
+    for word, mask in driver.status_bits.items():
+        if not _NAME.fullmatch(word) or word == "not":
+            yield f"status bit {word!r}: conditions could not be written with it"
+        if not 0 < mask < STALE:
+            yield f"status bit {word!r} is {mask:#x}, not within bits 0 to 30"
+
+
 def _hooks(subject: Subject) -> Iterator[str]:
     cls = subject.driver_class
     driver = subject.make()
@@ -134,7 +145,7 @@ def _silence(subject: Subject) -> Iterator[str]:
 
 def _same_again(subject: Subject) -> Iterator[str]:
     first, second = subject.make(), subject.make()
-    for what in ("channels", "setpoints", "has_status"):
+    for what in ("channels", "setpoints", "has_status", "status_bits"):
         if getattr(first, what, None) != getattr(second, what, None):
             yield f"two drivers of the same options differ in {what}"
     if first.config is second.config and first is second:
@@ -231,6 +242,11 @@ UNOPENED_RULES: Final = (
         "setpoints",
         "give every setpoint a name, a doc and the finite range that the device takes",
         _setpoints,
+    ),
+    Rule(
+        "status bits",
+        "give the bits of the status word names of small letters, each a mask below bit 31",
+        _status_bits,
     ),
     Rule(
         "hooks",
