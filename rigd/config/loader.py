@@ -9,9 +9,10 @@ from typing import Any, Final
 from rigd.config.binding import bind
 from rigd.config.calibration import read_setup
 from rigd.config.document import Document, Path_, parse_document, read_document
+from rigd.config.links import check_link, read_links
 from rigd.config.problems import Problems, suggest
 from rigd.config.quantities import check_inside, rate_unit, read_quantity
-from rigd.config.registry import find_driver, find_link, find_plant, find_simulation
+from rigd.config.registry import find_driver, find_plant, find_simulation
 from rigd.config.rig import (
     DeviceConfig,
     LinkSetup,
@@ -28,6 +29,7 @@ from rigd.model.channels import Channel
 from rigd.model.errors import ConfigError, RigdError
 from rigd.model.limits import Action, Interlock, Priority, SetpointLimit
 from rigd.model.units import Quantity, parse_quantity, parse_unit
+from rigd.sdk import BlockDriver
 
 #: Cycles without a sign of life that say nothing yet.
 _CYCLES_OF_SILENCE: Final = 3
@@ -60,11 +62,12 @@ def _build(document: Document) -> RigConfig:
         problems.raise_any()
         raise ConfigError("the rig file cannot be used", place=document.place(()))
     _check_supervision(document, source, problems)
-    links = _links(document, source, problems)
+    links = read_links(document, source, problems)
     devices: dict[str, DeviceConfig] = {}
     for name, one in source.devices.items():
         device = _device(document, name, one, links, problems)
         if device is not None:
+            _check_ground(document, device, source, problems)
             devices[name] = device
     rig = RigConfig(
         name=source.rig,
@@ -101,59 +104,6 @@ def _check_supervision(document: Document, source: RigSource, problems: Problems
         )
 
 
-def _links(
-    document: Document, source: RigSource, problems: Problems
-) -> dict[str, LinkSetup | None]:
-    """Return every link by name; None for one that is wrong, so that its devices are spared."""
-    links: dict[str, LinkSetup | None] = {}
-    for name, one in source.links.items():
-        path: Path_ = ("links", name)
-        links[name] = None
-        try:
-            link_class = find_link(one.type)
-        except ConfigError as error:
-            problems.add(document.place((*path, "type")), error.message, error.hint)
-            continue
-        config = bind(document, link_class.Config, problems, (*path, "options"), data=one.options)
-        if config is not None:
-            links[name] = LinkSetup(name, one.type, link_class, config)
-    return links
-
-
-def _check_link(
-    document: Document,
-    path: Path_,
-    source: DeviceSource,
-    kind: str,
-    links: dict[str, LinkSetup | None],
-    problems: Problems,
-) -> None:
-    """Check that the device names a link where its driver needs one, and one of that kind."""
-    fitting = [name for name, link in links.items() if link and link.link_class.kind == kind]
-    if source.link is None:
-        if kind:
-            problems.add(
-                document.place((*path, "driver")),
-                f"{source.driver} needs a link of kind {kind}",
-                f"add 'link: {fitting[0]}'" if fitting else
-                "add one under `links:` and 'link: NAME' here",
-            )  # fmt: skip
-        return
-    place = document.place((*path, "link"))
-    if source.link not in links:
-        problems.add(place, f"there is no link {source.link!r}", suggest(source.link, links))
-    elif not kind:
-        problems.add(place, f"{source.driver} takes no link", "remove this line")
-    elif links[source.link] is not None and source.link not in fitting:
-        setup = links[source.link]
-        given = "" if setup is None else setup.link_class.kind
-        problems.add(
-            place,
-            f"{source.link} is a link of kind {given}, {source.driver} needs {kind}",
-            f"links of that kind: {', '.join(fitting) or 'none in this file'}",
-        )
-
-
 def _device(
     document: Document,
     name: str,
@@ -167,7 +117,7 @@ def _device(
     except ConfigError as error:
         problems.add(document.place((*path, "driver")), error.message, error.hint)
         return None
-    _check_link(document, path, source, driver_class.link_kind, links, problems)
+    check_link(document, path, source, driver_class.link_kind, links, problems)
     config = bind(document, driver_class.Config, problems, (*path, "options"), data=source.options)
     if config is None:
         return None
@@ -191,6 +141,19 @@ def _device(
         waiver=None if waiver is None else Waiver(waiver.by, waiver.reason),
         status_bits=driver.status_bits,
     )
+
+
+def _check_ground(
+    document: Document, device: DeviceConfig, source: RigSource, problems: Problems
+) -> None:
+    """Check that a block device simulated on a plant has one to stand on."""
+    kind = device.driver_class
+    if issubclass(kind, BlockDriver) and kind.on_plant and source.plant is None:
+        problems.add(
+            document.place(("devices", device.name, "driver")),
+            f"{device.driver} stands on a plant, and this rig has none",
+            "add 'plant: {model: ...}', or take the driver of a real device",
+        )
 
 
 def _limits(
