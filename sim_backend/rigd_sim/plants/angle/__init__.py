@@ -1,0 +1,1 @@
+"""The approach-angle rig: motor, shaft, omni-wheel, contact, platform and their sensors."""

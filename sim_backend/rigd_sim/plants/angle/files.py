@@ -1,0 +1,27 @@
+"""Finding and reading the file of physical parameters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rigd_sim.plants import parameter_files
+from rigd_sim.plants.parameter_files import find_parameters
+
+if TYPE_CHECKING:
+    from rigd_sim.plants.angle.parameters import AngleParameters
+
+__all__ = ["find_parameters", "load_parameters"]
+
+
+def load_parameters(path: Path) -> AngleParameters:
+    """Return the parameters in the YAML file at ``path``.
+
+    Raises:
+        ConfigError: see :func:`rigd_sim.plants.parameter_files.load_parameters`.
+
+    """
+    from rigd_sim.plants.angle.parameters import AngleParameters
+
+    example = "configs/plants/approach_angle.yaml"
+    return parameter_files.load_parameters(path, AngleParameters, example)

@@ -1,0 +1,173 @@
+"""One run of the approach-angle rig without an engine: raw volts, and the truth beside them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd_sim.plants.angle import layout
+from rigd_sim.plants.angle.acquisition import Acquisition, Samples
+from rigd_sim.plants.angle.plant import AngleConfig, AnglePlant
+
+FloatArray = NDArray[np.float64]
+
+#: What a procedure does around a run: how long the scale settles before the relay closes, the
+#: samples kept before the command and after the stop, the watchdog, in s; and where it stops.
+SETTLE_S: Final = 5.0
+PRE_S: Final = 0.1
+POST_S: Final = 0.05
+WATCHDOG_S: Final = 1.5
+WHEEL_STOP_RAD: Final = 50.0
+#: Samples whose median decides on the stop, so that no single one does.
+NEWEST: Final = 5
+
+
+@dataclass(frozen=True)
+class SimulatedRun:
+    """Raw volts of shape (n,) over the time since the relay's command, and what really happened.
+
+    ``truth`` has the columns of ``layout.TRUTH`` by name, at the times of the samples.
+    """
+
+    set_name: str
+    alpha_rad: float
+    announced_load_kg: float
+    voltage_v: float
+    t_s: FloatArray
+    gauge_a_v: FloatArray
+    gauge_b_v: FloatArray
+    wheel_v: FloatArray
+    platform_v: FloatArray
+    normal_force_v: FloatArray | None
+    stop_s: float  #: of the command to stop
+    watchdog: bool  #: stopped by the watchdog
+    scale_kg: float  #: what the scale showed before the start; NaN where it showed nothing
+    scale_stable: bool
+    truth: dict[str, FloatArray]
+    #: N m per V of (gauge a - gauge b), as a calibration with the arm's nominal length finds it.
+    torque_scale: float
+    wheel_scale: float  #: nominal rad per V
+    platform_scale: float  #: nominal m per V
+    normal_force_scale: float  #: nominal N per V of the load cell
+    normal_force_zero_v: float  #: true V of the load cell at 0 N
+
+    def window(self, start_s: float, end_s: float) -> NDArray[np.bool_]:
+        """Return which samples lie from ``start_s`` to ``end_s``."""
+        return (self.t_s >= start_s) & (self.t_s <= end_s)
+
+    def true_mu(self, start_s: float, end_s: float) -> float:
+        """Return mean F_r over mean N from ``start_s`` to ``end_s``."""
+        at = self.window(start_s, end_s)
+        return float(self.truth["rolling_force"][at].mean() / self.truth["normal_force"][at].mean())
+
+
+def simulate(
+    set_name: str = "clean_0",
+    load_kg: float = 4.0,
+    voltage_v: float = 10.0,
+    *,
+    seed: int = 0,
+    individual: int = 1,
+    noise: bool = True,
+    drag: bool = True,
+    rubbing_nm: float = 0.0,
+    fault: str = "none",
+    load_cell: bool = False,
+    block: int = 96,
+    latency_s: float = 8e-3,
+    jitter_s: float = 3e-3,
+    parameters: str = "approach_angle.yaml",
+) -> SimulatedRun:
+    """Set up the rig, drive to the stop, and return what the card and the scale gave.
+
+    The stop acts on the newest block: on the median of its last samples, at the time at which the
+    block can be had. ``seed`` gives noise and the scatter of load and surface, ``individual`` the
+    rig.
+
+    Raises:
+        ValueError: no such set or fault, or a load or voltage that cannot be.
+        ConfigError: the parameter file is wrong.
+
+    """
+    if set_name not in layout.SETS:
+        raise ValueError(f"no set {set_name!r}; one of {', '.join(layout.SETS)}")
+    degrees, wheel = layout.SETS[set_name]
+    alpha_rad = math.radians(degrees)
+    config = AngleConfig.model_construct(
+        parameters=parameters, individual=individual, noise=noise, drag=drag, angle=alpha_rad,
+        wheel=wheel, load=load_kg, voltage=voltage_v,
+    )  # fmt: skip
+    plant = AnglePlant(config, period_ns=1_000_000, seed=seed)
+    for quantity, value in (
+        ("load", load_kg),
+        ("voltage", voltage_v),
+        ("rubbing", rubbing_nm),
+        ("fault", fault),
+    ):
+        plant.change(quantity, value)
+    plant.advance(0)
+    command_ns = round(SETTLE_S * 1e9)
+    first_ns = command_ns - round(PRE_S * 1e9)
+    plant.advance(command_ns)
+    mass, status = plant.scale()
+    plant.command(True)
+    card = Acquisition(
+        plant, start_ns=first_ns, block=block, load_cell=load_cell,
+        latency_s=latency_s, jitter_s=jitter_s,
+    )  # fmt: skip
+    samples = [card.read_due()]
+    first = samples[0].first
+    watchdog_ns = command_ns + round(WATCHDOG_S * 1e9)
+    while not _at_stop(plant, samples[-1].volts) and card.due_ns < watchdog_ns:
+        samples.append(card.read_due())
+    watchdog = not _at_stop(plant, samples[-1].volts)
+    if watchdog:
+        plant.advance(watchdog_ns)
+    stop_ns = plant.now_ns
+    plant.command(False)
+    end_ns = stop_ns + round(POST_S * 1e9)
+    while card.times_ns(samples[-1])[-1] < end_ns:
+        samples.append(card.read_due())
+
+    volts = np.concatenate([one.volts for one in samples])
+    t_s = (card.times_ns(Samples(first, volts)) - command_ns) * 1e-9
+    kept = t_s <= (end_ns - command_ns) * 1e-9
+    volts, t_s = volts[kept], t_s[kept]
+    steps = (first + np.arange(len(volts))) * round(layout.STEPS_PER_S / card.rate_hz)
+    rows = plant.history[steps % layout.HISTORY_ROWS, layout.FIRST_TRUTH :]
+    pots, cell = plant.parameters.potentiometers, plant.parameters.load_cell
+    return SimulatedRun(
+        set_name=set_name,
+        alpha_rad=alpha_rad,
+        announced_load_kg=load_kg,
+        voltage_v=voltage_v,
+        t_s=t_s,
+        gauge_a_v=volts[:, 0].copy(),
+        gauge_b_v=volts[:, 1].copy(),
+        wheel_v=volts[:, 2].copy(),
+        platform_v=volts[:, 3].copy(),
+        normal_force_v=volts[:, 4].copy() if load_cell else None,
+        stop_s=(stop_ns - command_ns) * 1e-9,
+        watchdog=watchdog,
+        scale_kg=mass,
+        scale_stable=status == layout.STABLE,
+        truth={name: rows[:, k].copy() for k, (name, _, _) in enumerate(layout.TRUTH)},
+        torque_scale=plant.torque_scale,
+        wheel_scale=1 / pots.volts_per_rad,
+        platform_scale=pots.pulley / pots.volts_per_rad,
+        normal_force_scale=1 / cell.sensitivity,
+        normal_force_zero_v=plant.individual.load_cell_zero_v,
+    )
+
+
+def _at_stop(plant: AnglePlant, volts: FloatArray) -> bool:
+    """Return whether the newest samples show the platform, or the wheel's turns, at their end."""
+    wheel_v, platform_v = np.median(volts[-NEWEST:, 2:4], axis=0)
+    pots = plant.parameters.potentiometers
+    travel_m = platform_v / pots.volts_per_rad * pots.pulley - pots.platform_start
+    angle_rad = wheel_v / pots.volts_per_rad
+    return bool(travel_m > plant.parameters.platform.stop or angle_rad > WHEEL_STOP_RAD)
