@@ -13,14 +13,16 @@ from rigd.identify.report.palette import style_sheet_variables
 from rigd.identify.report.plots.axes import unit_text, words
 from rigd.identify.report.rounding import number, probability
 from rigd.identify.report.section import Provenance
-from rigd.identify.report.view import View
 
 _TEMPLATES: Final = Path(__file__).parent / "templates"
 _SUBSCRIPT: Final = re.compile(r"_(\w+)")
 
 
-def fill_page(view: View, provenance: Provenance, title: str) -> str:
-    """Return the HTML page that shows ``view``; every text of the user's is escaped."""
+def fill_template(name: str, view: object, provenance: Provenance, title: str) -> str:
+    """Return the HTML page that template ``name`` makes of ``view``.
+
+    Every text of the user's is escaped.
+    """
     environment = Environment(
         loader=FileSystemLoader(_TEMPLATES),
         autoescape=True,
@@ -34,7 +36,7 @@ def fill_page(view: View, provenance: Provenance, title: str) -> str:
     )
     # The style sheet is ours and holds quotation marks: it must not be escaped.
     style = (_TEMPLATES / "report.css").read_text(encoding="utf-8")
-    return environment.get_template("report.html.jinja").render(
+    return environment.get_template(name).render(
         title=title,
         view=view,
         provenance=provenance,

@@ -25,13 +25,13 @@ def render_report(sections: Sequence[ReportSection], provenance: Provenance, *, 
     """
     _check(sections)
     # Here, so that a command that only names this module does not wait for matplotlib.
-    from rigd.identify.report.page import fill_page
+    from rigd.identify.report.page import fill_template
     from rigd.identify.report.svg import drawing_style
     from rigd.identify.report.view import build_view
 
     with drawing_style():
         view = build_view(sections)
-    return fill_page(view, provenance, title)
+    return fill_template("report.html.jinja", view, provenance, title)
 
 
 def _check(sections: Sequence[ReportSection]) -> None:
