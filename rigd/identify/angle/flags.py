@@ -18,9 +18,9 @@ load_missing      excluded  no reading of the scale
 scale_unsteady    excluded  the reading of the scale had not come to rest
 load_disagrees    excluded  the reading is not the load that was announced
 no_drive          excluded  neither torque nor movement: the motor did not run
-no_torque         excluded  movement without torque: a gauge with its leads reversed, or off
+no_torque         excluded  movement without torque: the gauges' amplifier is off
 negative_torque   excluded  torque below 0 in the first 100 ms: the gauges are swapped
-gauge_dead        excluded  one of the two gauges does not see the torque: T is half
+gauges_disagree   excluded  one of the two does not see the torque, or reversed: T is half, or less
 negative_speed    excluded  wheel or platform runs backwards: potentiometer leads swapped
 pot_dead          excluded  a potentiometer stands still while the gauges show torque
 pot_at_end        excluded  a potentiometer is at the end of its ten turns (it does not wrap)
@@ -256,8 +256,8 @@ def _gauges(torque: float, rise_a: float, rise_b: float, limits: Limits) -> Iter
     if abs(torque) < limits.torque_nm:
         yield Flag(
             "no_torque",
-            f"The wheel is driven, but the gauges show {torque:+.3f} N m {first}: one with its "
-            "leads reversed, or the amplifier is off.",
+            f"The wheel is driven, but the gauges show {torque:+.3f} N m {first}: their amplifier "
+            "is off, or one has its leads reversed.",
         )
         return
     if torque < 0.0:
@@ -267,12 +267,11 @@ def _gauges(torque: float, rise_a: float, rise_b: float, limits: Limits) -> Iter
         )
     share = rise_a / (rise_a - rise_b)
     if not limits.gauge_share <= share <= 1.0 - limits.gauge_share:
-        dead, alive = ("a", rise_b) if share < 0.5 else ("b", rise_a)
-        rise = rise_a if dead == "a" else rise_b
+        odd, rise, other = ("a", rise_a, rise_b) if share < 0.5 else ("b", rise_b, rise_a)
         yield Flag(
-            "gauge_dead",
-            f"Gauge {dead} changes by {rise:+.3f} V {first} and the other by {alive:+.3f} V; they "
-            "must change by about the same, one up and one down.",
+            "gauges_disagree",
+            f"Gauge {odd} changes by {rise:+.3f} V {first} and the other by {other:+.3f} V; they "
+            "must change by about the same, one up and one down: a broken wire, or leads reversed.",
         )
 
 

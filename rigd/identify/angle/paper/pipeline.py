@@ -39,7 +39,7 @@ from rigd.identify.angle.paper.result import PaperCurves, PaperRun
 from rigd.identify.angle.paper.settings import PaperSettings
 from rigd.identify.angle.paper.slip import mean_slip
 from rigd.identify.angle.paper.smoothing import central_difference, smooth
-from rigd.identify.angle.paper.strain import shear
+from rigd.identify.angle.paper.strain import torque_nm
 from rigd.identify.angle.regime import SLIDING_SLIP, regime_of
 
 NAN = float("nan")
@@ -69,19 +69,20 @@ def analyse_paper(
     t_steady_s = peak.time_s + settings.steady_sigmas * peak.sigma_s
     torque = curves.torque_nm[curves.t_s >= t_steady_s]
     moving = (curves.speed_t_s >= t_steady_s) & (curves.platform_speed_m_s > 0.0)
-    flags += tuple(_peak_flags(curves, peak, t_steady_s, settings))
-    if not np.any(moving):
-        flags += (Flag("no_speed", "The platform does not move forwards in the steady segment."),)
+    own = tuple(_peak_flags(curves, peak, t_steady_s, settings))
+    if not own and not np.any(moving):
+        own = (Flag("no_speed", "The platform never moves forwards in the steady segment."),)
+    flags += own
     if any(flag.severity is Severity.EXCLUDED for flag in flags):
         return _nothing(flags, curves)
 
     rim, platform = curves.rim_speed_m_s[moving], curves.platform_speed_m_s[moving]
     slip = mean_slip(rim, platform, run.alpha_rad)
     regime = regime_of(rim / (platform * np.cos(run.alpha_rad)) - 1.0)
-    torque_nm = float(np.mean(torque))
+    mean_nm = float(np.mean(torque))
     return PaperRun(
-        torque_nm=torque_nm,
-        mu=torque_nm / (rig.wheel_radius_m * calibration.load.value * run.load_n),
+        torque_nm=mean_nm,
+        mu=mean_nm / (rig.wheel_radius_m * calibration.load.value * run.load_n),
         slip=slip.paper,
         slip_corrected=slip.corrected,
         relative_speed=slip.relative_speed_m_s,
@@ -105,7 +106,7 @@ def _curves(
         highest_hz=settings.highest_hz, rcond=settings.rcond,
     )  # fmt: skip
     fourier_a, fourier_b = fit.curves.T
-    torque = calibration.torque.value * shear(fourier_a, fourier_b)
+    torque = torque_nm(fourier_a, fourier_b, calibration.torque.value)
     peak = fit_peak(t_s, torque, settings.fit_window)
 
     raw = np.stack(
