@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rigd.identify.angle.better.result import BetterRun
+from rigd.identify.angle.budget import Budget
 from rigd.identify.angle.data import AngleRun, Coefficient, Flag, FloatArray, Regime, Severity
 from rigd.identify.angle.result_json import campaign_json
 
@@ -97,57 +98,6 @@ class FrictionCurve:
     peak_speed_m_s: float
     form: str  #: the formula in words
     coefficient: Coefficient = Coefficient.ROLLING
-
-
-@dataclass(frozen=True)
-class BudgetTerm:
-    """One source of uncertainty of F_r/N, k = 1, relative to mu.
-
-    ``paper`` is what it costs the paper's T/(R N), where a known bias that is left uncorrected
-    counts with its full size (for comparison only: GUM 6.3.1 note wants it corrected), ``better``
-    what remains of it here. ``input_u`` in ``unit`` and ``sensitivity`` = d(ln mu)/d(input) give
-    ``better`` = |sensitivity| input_u.
-    """
-
-    name: str
-    input_u: float
-    unit: str
-    sensitivity: float
-    paper: float
-    better: float
-    kind: (
-        str  #: "A" from the spread of the data, "B" from other knowledge (JCGM 100:2008, 4.2, 4.3)
-    )
-    systematic: bool  #: the same in all runs of a set: repeating does not lessen it
-    uncorrected: bool  #: the paper's column holds a bias that is not corrected
-    source: str  #: where the size comes from, one sentence
-
-
-@dataclass(frozen=True)
-class Budget:
-    """The uncertainty budget of one set, under the stated conditions (medians over the set)."""
-
-    terms: tuple[BudgetTerm, ...]
-    mu: float
-    load_n: float
-    wheel_speed_rad_s: float
-    runs: int
-    coefficient: Coefficient = Coefficient.ROLLING
-
-    @property
-    def paper(self) -> float:
-        """Combined relative standard uncertainty (k = 1) of the paper's method."""
-        return math.sqrt(math.fsum(t.paper**2 for t in self.terms))
-
-    @property
-    def better(self) -> float:
-        """Combined relative standard uncertainty (k = 1) of one number by the better method."""
-        return math.sqrt(math.fsum(t.better**2 for t in self.terms))
-
-    @property
-    def systematic(self) -> float:
-        """That part of ``better`` which more runs do not lessen."""
-        return math.sqrt(math.fsum(t.better**2 for t in self.terms if t.systematic))
 
 
 @dataclass(frozen=True)

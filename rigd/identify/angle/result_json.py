@@ -10,8 +10,8 @@ import numpy as np
 from rigd.identify.angle.data import Coefficient, Flag, FloatArray, Severity
 
 if TYPE_CHECKING:
+    from rigd.identify.angle.budget import Budget
     from rigd.identify.angle.result import (
-        Budget,
         CampaignResult,
         Estimate,
         FrictionCurve,

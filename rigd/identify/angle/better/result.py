@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd.identify.angle.budget import Budget
 from rigd.identify.angle.data import Coefficient, Flag, FloatArray, Regime, Severity
 
 BoolArray = NDArray[np.bool_]
@@ -52,7 +53,8 @@ class BetterRun:
     """One run. A number that cannot be had is NaN, and a flag says why; ``u`` are k = 1.
 
     ``mu`` is the mean of F_r/N over the blocks in which the wheel slides, a friction limit in the
-    rolling direction; ``demand`` is the mean over all steady blocks and never a limit. ``tare_v``
+    rolling direction; ``mu_u`` is its uncertainty for this very run, without what varies from run
+    to run. ``demand`` is the mean over all steady blocks and never a limit. ``tare_v``
     is the zero of (gauge a - gauge b) seen before the trigger, whether it was taken off or not.
     """
 
@@ -75,6 +77,7 @@ class BetterRun:
     tare_v: float
     flags: tuple[Flag, ...] = ()
     curves: Smoothed | None = None
+    budget: Budget | None = None  #: of ``mu``
 
     @property
     def excluded(self) -> bool:

@@ -1,0 +1,88 @@
+"""Friction over the approach angle: the paper's straight line, and what mere rolling would give."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import t as student
+
+from rigd.identify.angle.data import FloatArray
+from rigd.identify.angle.result import DemandFit, LineFit, Trend
+
+MIN_SETS = 3  #: two angles make a line without any doubt about it, and no trend
+
+
+def trend(
+    source: str,
+    sets: Sequence[str],
+    alpha_rad: Sequence[float],
+    mu: Sequence[float],
+    u: Sequence[float] | None = None,
+) -> Trend | None:
+    """Return line and demand form through (angle, mu), or None with less than three angles.
+
+    Both are plain least squares: the scatter of the sets about the line is many times what each
+    is uncertain by, and it is what the interval of the slope must hold.
+    """
+    alpha, value = np.array(alpha_rad, dtype=np.float64), np.array(mu, dtype=np.float64)
+    if np.unique(alpha).size < MIN_SETS:
+        return None
+    angle = np.degrees(alpha)
+    line, demand = _line(angle, value), _demand(alpha, value)
+    return Trend(
+        source=source,
+        sets=tuple(sets),
+        angle_deg=angle,
+        mu=value,
+        u=None if u is None else np.array(u, dtype=np.float64),
+        line=line,
+        demand=demand,
+        sentence=_sentence(line, demand, alpha),
+    )
+
+
+def _line(angle: FloatArray, mu: FloatArray) -> LineFit:
+    n = angle.size
+    basis = np.column_stack([np.ones(n), angle])
+    q = np.linalg.lstsq(basis, mu, rcond=None)[0]
+    rest = mu - basis @ q
+    dof = n - 2
+    cov = float(rest @ rest) / dof * np.linalg.inv(basis.T @ basis)
+    slope_u = math.sqrt(cov[1, 1])
+    half = float(student.ppf(0.975, dof)) * slope_u
+    spread = float(np.sum((mu - np.mean(mu)) ** 2))
+    return LineFit(
+        slope_per_deg=float(q[1]),
+        slope_u=slope_u,
+        slope_low=float(q[1]) - half,
+        slope_high=float(q[1]) + half,
+        intercept=float(q[0]),
+        intercept_u=math.sqrt(cov[0, 0]),
+        r_squared=1.0 - float(rest @ rest) / spread if spread > 0.0 else float("nan"),
+        rms=math.sqrt(float(np.mean(rest**2))),
+        dof=dof,
+    )
+
+
+def _demand(alpha: FloatArray, mu: FloatArray) -> DemandFit:
+    basis = np.column_stack([1.0 / np.cos(alpha), np.tan(alpha)])
+    q = np.linalg.lstsq(basis, mu, rcond=None)[0]
+    rest = mu - basis @ q
+    return DemandFit(float(q[0]), float(q[1]), math.sqrt(float(np.mean(rest**2))))
+
+
+def _sentence(line: LineFit, demand: DemandFit, alpha: FloatArray) -> str:
+    both = (
+        f"The straight line leaves {line.rms:.3f} rms, ({demand.a:.3f} + {demand.b:.3f} sin a)/cos "
+        f"a, the force that mere rolling would ask for, {demand.rms:.3f}"
+    )
+    if 0.5 < demand.rms / max(line.rms, 1e-300) < 2.0:
+        return (
+            f"{both}: {alpha.size} maxima alone cannot tell a friction limit that rises with the "
+            "angle from a demand that does; what tells them apart is whether the wheel slid in "
+            "the runs they come from."
+        )
+    better = "demand form" if demand.rms < line.rms else "line"
+    return f"{both}: the {better} describes these {alpha.size} maxima better."
