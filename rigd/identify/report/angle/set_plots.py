@@ -11,24 +11,18 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
-from rigd.identify.angle.data import Regime
 from rigd.identify.angle.result import CampaignResult, FrictionCurve, RunResult, SetResult
+from rigd.identify.report.angle.marks import LEFT_OUT, OF_REGIME, Mark, dots, legend_handles
 from rigd.identify.report.angle.tables import SOURCES
 from rigd.identify.report.angle.tables import label as set_label
 from rigd.identify.report.palette import FITTED, INK, MEASURED, series
 from rigd.identify.report.plots.axes import SHARED, Margins, grid, label
 
-#: marker, filled
-MARKS = {Regime.SLIDING: ("o", True), Regime.MIXED: ("^", True), Regime.ROLLING: ("s", False)}
-MEANING = {
-    Regime.SLIDING: "sliding: a limit",
-    Regime.MIXED: "mixed",
-    Regime.ROLLING: "rolling: the demand, no limit",
-}
 SOURCE_COLOURS = {"published": MEASURED, "paper": FITTED, "better": series(0)}
-SOURCE_MARKS = {"published": "D", "paper": "s", "better": "o"}
+SOURCE_SHAPES = {"published": "D", "paper": "s", "better": "o"}
+BLOCK = Mark(".", True, "block means")
+FAINT_BLOCK = Mark("o", False, "of little weight")
 
 
 def friction_over_slip(
@@ -73,21 +67,16 @@ def coated_against_clean(
 
 
 def scatter(ax: Axes, runs: Sequence[RunResult], colour: int) -> None:
-    """Draw runs in the colour of their set, marked by regime; excluded ones as grey crosses."""
-    for regime, (marker, filled) in MARKS.items():
-        good = [run for run in runs if run.paper.regime is regime and not run.excluded]
-        ax.plot(
-            [run.paper.slip for run in good],
-            [run.paper.mu for run in good],
-            linestyle="none",
-            marker=marker,
-            markersize=4.5,
-            color=series(colour),
-            markerfacecolor=series(colour) if filled else "none",
-        )
-    bad = [run for run in runs if run.excluded and np.isfinite(run.paper.mu + run.paper.slip)]
-    where = [run.paper.slip for run in bad], [run.paper.mu for run in bad]
-    ax.plot(*where, linestyle="none", marker="x", markersize=4.5, color=MEASURED)
+    """Draw runs in the colour of their set, marked by regime; those left out as grey crosses."""
+    for regime, mark in OF_REGIME.items():
+        used = [run for run in runs if run.paper.regime is regime and not run.excluded]
+        _runs(ax, used, series(colour), mark)
+    _runs(ax, [run for run in runs if run.excluded], MEASURED, LEFT_OUT)
+
+
+def _runs(ax: Axes, runs: Sequence[RunResult], colour: str, mark: Mark) -> None:
+    known = [run.paper for run in runs if np.isfinite(run.paper.slip + run.paper.mu)]
+    dots(ax, [one.slip for one in known], [one.mu for one in known], colour, mark)
 
 
 def _top(runs: Sequence[RunResult]) -> float:
@@ -96,22 +85,7 @@ def _top(runs: Sequence[RunResult]) -> float:
 
 
 def _marker_legend(figure: Figure) -> None:
-    handles = [
-        Line2D(
-            [],
-            [],
-            linestyle="none",
-            marker=marker,
-            markersize=4.5,
-            color=INK,
-            markerfacecolor=INK if filled else "none",
-            label=MEANING[regime],
-        )
-        for regime, (marker, filled) in MARKS.items()
-    ]
-    cross = {"linestyle": "none", "marker": "x", "markersize": 4.5, "color": MEASURED}
-    handles.append(Line2D([], [], label="flagged, not used", **cross))
-    figure.legend(handles=handles, loc="upper left", ncols=4, bbox_to_anchor=(0.05, 1.0))
+    figure.legend(handles=legend_handles(), loc="upper left", ncols=4, bbox_to_anchor=(0.05, 1.0))
 
 
 def pooled_curves(sets: Sequence[SetResult], colours: Sequence[int]) -> Figure:
@@ -131,11 +105,8 @@ def pooled_blocks(one: SetResult, curve: FrictionCurve, colour: int) -> Figure:
     figure, (ax,) = grid(1, 1, 9.0, 3.4, margins=Margins(right=1.6))
     speed, mu = curve.block_speed_m_s, curve.block_mu
     kept = curve.block_weight >= 0.5
-    dots = {"linestyle": "none", "marker": ".", "markersize": 4.0}
-    ax.plot(speed[kept], mu[kept], color=MEASURED, label="block means", **dots)
-    faint = {"markerfacecolor": "none", "markeredgewidth": 0.6}
-    name = "little weight"
-    ax.plot(speed[~kept], mu[~kept], color=MEASURED, label=name, **dots, **faint)
+    for mark, chosen, size in ((BLOCK, kept, 4.0), (FAINT_BLOCK, ~kept, 2.5)):
+        dots(ax, speed[chosen], mu[chosen], MEASURED, mark, size=size, label=mark.label)
     _curve(ax, curve, colour, "pooled")
     if one.published is not None:
         ax.axhline(one.published, color=FITTED, linestyle=(0, (4, 2)), label="published")
@@ -162,7 +133,7 @@ def maximum_over_angle(result: CampaignResult) -> Figure:
             trend.mu,
             yerr=error,
             linestyle="none",
-            marker=SOURCE_MARKS.get(source, "o"),
+            marker=SOURCE_SHAPES.get(source, "o"),
             markersize=5.0,
             color=colour,
             capsize=2.5,
