@@ -9,7 +9,7 @@ from collections.abc import Coroutine
 from pathlib import Path
 from typing import Any, TypeVar
 
-from rigd_sim.wire.bench import precise_loop
+from rigd_sim.wire.service import precise_loop
 
 T = TypeVar("T")
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import fields
+from functools import partial
 from typing import Any, ClassVar, Final
 
-from rigd_sim.wire.ni_card import INPUTS, Faults
+from rigd_sim.wire.ni_card import INPUTS, Faults, Following, Sampling
 from rigd_sim.wire.ni_lines import Lines
 from rigd_sim.wire.ni_server import PRODUCT, DeviceServer
 from rigd_sim.wire.part import Part, State
@@ -29,6 +30,7 @@ class SimNi(Part):
         serial: its serial number.
         seed: of the noise.
         lines: its digital lines and what hangs on them; without it, nothing does.
+        sample: samples its inputs, in place of following ``volts`` with noise.
     """
 
     faults: ClassVar[Mapping[str, str]] = {
@@ -54,6 +56,7 @@ class SimNi(Part):
         serial: int = 0x01C0FFEE,
         seed: int = 1,
         lines: Lines | None = None,
+        sample: Sampling | None = None,
     ) -> None:
         unknown = [one for one in volts if one not in INPUTS]
         if unknown:
@@ -64,10 +67,10 @@ class SimNi(Part):
         self._volts = volts
         self._shown = Faults()
         self._lines = Lines({}, {}) if lines is None else lines
+        follow = partial(Following, volts=volts, noise_v=noise_v, seed=seed)
         self._card = DeviceServer(
-            device, serial, volts, self._lines, self._shown,
-            drift_ppm=drift_ppm, noise_v=noise_v, seed=seed,
-        )  # fmt: skip
+            device, serial, volts, sample or follow, self._lines, self._shown, drift_ppm=drift_ppm
+        )
         self._server: Any = None
         self._pump: asyncio.Task[None] | None = None
 

@@ -9,9 +9,9 @@ sample clock divided from 24 MHz ("Specifications").
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,11 @@ class Span:
 
     range_v: float
     codes: int
+
+    @property
+    def step_v(self) -> float:
+        """Volts between two codes."""
+        return 2 * self.range_v / self.codes
 
 
 def span_for(channel: str, terminal: int, asked_v: float) -> Span:
@@ -94,15 +99,78 @@ class Faults:
     stall: float = 0.0  #: s
 
 
+class Sampler(Protocol):
+    """Samples the inputs of one task, from the moment that its clock was started."""
+
+    def due(self, now_ns: int, drift: float) -> FloatArray:
+        """Return the samples that fell due since the last call, shape (inputs, n), in V.
+
+        ``drift`` is by which share the crystal runs fast.
+        """
+        ...
+
+
+#: ``sample(inputs, rate_hz, start_ns)`` begins to sample the inputs of those names and spans.
+Sampling = Callable[[Mapping[str, Span], float, int], Sampler]
+
+
+class Following:
+    """Samples voltages that are known now and then: in between they move on a line.
+
+    Args:
+        inputs: their names and spans, in the order of conversion.
+        rate_hz: nominal rate; the crystal's error comes on top.
+        start_ns: when the clock is started.
+        volts: what is at an input; one that has none is at 0 V.
+        noise_v: standard deviation of what the converter adds.
+        seed: of that.
+    """
+
+    def __init__(
+        self,
+        inputs: Mapping[str, Span],
+        rate_hz: float,
+        start_ns: int,
+        *,
+        volts: Mapping[str, Callable[[], float]],
+        noise_v: float,
+        seed: int,
+    ) -> None:
+        self._sources = [volts.get(one, lambda: 0.0) for one in inputs]
+        self._rate_hz = rate_hz
+        self._step_v = np.array([[one.step_v] for one in inputs.values()])
+        self._noise_v = noise_v
+        self._random = np.random.default_rng(seed)
+        self._now_ns = start_ns
+        self._phase = 0.0  # samples that the clock has run, whole and fraction
+        self._volts: FloatArray | None = None
+
+    def due(self, now_ns: int, drift: float) -> FloatArray:
+        """Return what fell due; see :meth:`Sampler.due`."""
+        now = np.array([volts() for volts in self._sources])
+        before = now if self._volts is None else self._volts
+        step = self._rate_hz * (1.0 + drift) * (now_ns - self._now_ns) * 1e-9
+        first, last = math.floor(self._phase) + 1, math.floor(self._phase + step)
+        moving = np.zeros((len(now), 0))
+        if last >= first:
+            share = (np.arange(first, last + 1, dtype=np.float64) - self._phase) / step
+            moving = before[:, np.newaxis] + (now - before)[:, np.newaxis] * share
+        self._phase += step
+        self._now_ns, self._volts = now_ns, now
+        noisy = moving + self._random.normal(0.0, self._noise_v, moving.shape)
+        codes: FloatArray = np.rint(noisy / self._step_v) * self._step_v
+        return codes
+
+
 class Acquisition:
     """The inputs of one task, converted continuously into a buffer.
 
     Args:
         inputs: their names and spans, in the order of conversion.
-        rate_hz: nominal rate; the crystal's error comes on top.
+        rate_hz: nominal rate.
         capacity: samples of each input that the buffer holds.
-        noise_v: standard deviation of what the converter adds.
-        start_ns: when the clock is started.
+        sampler: gives what the converter makes of them.
+        connected: names of the inputs that something is wired to; others are open.
     """
 
     def __init__(
@@ -110,71 +178,45 @@ class Acquisition:
         inputs: Mapping[str, Span],
         rate_hz: float,
         capacity: int,
-        *,
-        noise_v: float,
-        seed: int,
-        start_ns: int,
+        sampler: Sampler,
+        connected: Container[str],
     ) -> None:
         self.inputs = tuple(inputs)
         self.rate_hz = rate_hz
         self.overrun = False
         self.taken = 0  #: samples of each input handed over
         self.made = 0  #: samples of each input converted
-        codes = np.array([one.codes for one in inputs.values()])[:, np.newaxis]
-        self._step_v = np.array([[2 * one.range_v / one.codes] for one in inputs.values()])
-        self._lowest, self._highest = -codes // 2, codes // 2 - 1
-        self._noise_v = noise_v
-        self._random = np.random.default_rng(seed)
+        self._lowest = np.array([[-one.range_v] for one in inputs.values()])
+        self._highest = np.array([[one.range_v - one.step_v] for one in inputs.values()])
+        self._step_v = [one.step_v for one in inputs.values()]
+        self._sampler = sampler
+        self._connected = connected
         self._buffer = np.zeros((len(inputs), capacity))
-        self._now_ns = start_ns
-        self._phase = 0.0  # samples that the clock has run, whole and fraction
-        self._volts: FloatArray | None = None
 
     @property
     def available(self) -> int:
         """Samples of each input that wait in the buffer."""
         return self.made - self.taken
 
-    def advance(
-        self, now_ns: int, volts: Mapping[str, Callable[[], float]], drift: float, faults: Faults
-    ) -> None:
-        """Convert what is due until ``now_ns``; between two calls voltages move on a line.
+    def advance(self, now_ns: int, drift: float, faults: Faults) -> None:
+        """Convert what is due until ``now_ns``; ``drift`` as in :meth:`Sampler.due`."""
+        samples = self._sampler.due(now_ns, drift)
+        if samples.shape[1]:
+            self._store(self._spoiled(samples, faults))
 
-        ``drift`` is by which share the crystal runs fast. An input without a voltage is open.
-        """
-        now = np.array([volts[one]() if one in volts else 0.0 for one in self.inputs])
-        before = now if self._volts is None else self._volts
-        passed_s = (now_ns - self._now_ns) * 1e-9
-        step = self.rate_hz * (1.0 + drift) * passed_s
-        first, last = math.floor(self._phase) + 1, math.floor(self._phase + step)
-        if last >= first:
-            share: FloatArray = (np.arange(first, last + 1, dtype=np.float64) - self._phase) / step
-            moving = before[:, np.newaxis] + (now - before)[:, np.newaxis] * share
-            times_s = (self._now_ns * 1e-9) + share * passed_s
-            self._store(self._converted(moving, times_s, volts, faults))
-        self._phase += step
-        self._now_ns, self._volts = now_ns, now
-
-    def _converted(
-        self,
-        volts: FloatArray,
-        times_s: FloatArray,
-        connected: Mapping[str, object],
-        faults: Faults,
-    ) -> FloatArray:
-        """Return what the converter makes of ``volts`` (inputs, n): codes, in V."""
-        volts = volts + self._random.normal(0.0, self._noise_v, volts.shape)
+    def _spoiled(self, volts: FloatArray, faults: Faults) -> FloatArray:
+        """Return ``volts`` (inputs, n) within their ranges, with what the faults make of them."""
+        times_s = (self.made + np.arange(volts.shape[1])) / self.rate_hz
         for index, name in enumerate(self.inputs):
-            if name in faults.open_input or name not in connected:
-                volts[index] = HUM_V * np.sin(2 * math.pi * MAINS_HZ * times_s)
+            if name in faults.open_input or name not in self._connected:
+                hum = HUM_V * np.sin(2 * math.pi * MAINS_HZ * times_s)
+                volts[index] = np.rint(hum / self._step_v[index]) * self._step_v[index]
             if name in faults.saturation:
                 volts[index] = faults.saturation[name] * math.inf
-        codes = np.rint(np.clip(volts / self._step_v, self._lowest, self._highest))
-        converted: FloatArray = codes * self._step_v
-        for index, name in enumerate(self.inputs):
             if name in faults.stuck_code and self.made:
-                converted[index] = self._buffer[index, (self.made - 1) % self._buffer.shape[1]]
-        return converted
+                volts[index] = self._buffer[index, (self.made - 1) % self._buffer.shape[1]]
+        clipped: FloatArray = np.clip(volts, self._lowest, self._highest)
+        return clipped
 
     def _store(self, samples: FloatArray) -> None:
         capacity = self._buffer.shape[1]

@@ -10,13 +10,21 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Container, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 
-from rigd_sim.wire.ni_card import Acquisition, DaqFault, Faults, Span, rate_for, span_for
+from rigd_sim.wire.ni_card import (
+    Acquisition,
+    DaqFault,
+    Faults,
+    Sampling,
+    Span,
+    rate_for,
+    span_for,
+)
 from rigd_sim.wire.ni_lines import Lines, parsed
 
 SERVICE: Final = "nidaqmx_grpc.NiDAQmx"
@@ -63,34 +71,31 @@ class DeviceServer:
     Args:
         device: name of the card in NI MAX.
         serial: its serial number.
-        volts: what is at its inputs.
+        connected: inputs that something is wired to.
+        sample: begins to sample the inputs of a task.
         lines: its digital lines.
         faults: what it shows.
         drift_ppm: by how much its crystal runs fast, unless the faults say otherwise.
-        noise_v: standard deviation of what the converter adds, in V.
-        seed: of the noise.
     """
 
     def __init__(
         self,
         device: str,
         serial: int,
-        volts: Mapping[str, Callable[[], float]],
+        connected: Container[str],
+        sample: Sampling,
         lines: Lines,
         faults: Faults,
         *,
         drift_ppm: float,
-        noise_v: float,
-        seed: int,
     ) -> None:
         self.device = device
         self.serial = serial
-        self._volts = volts
+        self._connected = connected
+        self._sample = sample
         self._lines = lines
         self._shown = faults
         self._drift_ppm = drift_ppm
-        self._noise_v = noise_v
-        self._seed = seed
         self._tasks: dict[str, _Task] = {}
         self._advanced = asyncio.Condition()
         #: The calls that are served, by their names in nidaqmx.proto.
@@ -134,7 +139,7 @@ class DeviceServer:
         """Convert what is due, and wake those who wait for samples."""
         if self.running is not None and not self._shown.removal:
             ppm = self._drift_ppm if self._shown.drift is None else self._shown.drift
-            self.running.advance(time.monotonic_ns(), self._volts, ppm * 1e-6, self._shown)
+            self.running.advance(time.monotonic_ns(), ppm * 1e-6, self._shown)
         async with self._advanced:
             self._advanced.notify_all()
 
@@ -235,14 +240,9 @@ class DeviceServer:
             return {}
         if self.running is not None:
             raise DaqFault(-50103, "The specified resource is reserved.")
-        task.running = Acquisition(
-            {name.partition("/")[2]: span for name, span in task.inputs.items()},
-            task.rate_hz,
-            task.capacity,
-            noise_v=self._noise_v,
-            seed=self._seed,
-            start_ns=time.monotonic_ns(),
-        )
+        spans = {name.partition("/")[2]: span for name, span in task.inputs.items()}
+        sampler = self._sample(spans, task.rate_hz, time.monotonic_ns())
+        task.running = Acquisition(spans, task.rate_hz, task.capacity, sampler, self._connected)
         return {}
 
     def _stop_task(self, request: Any) -> dict[str, Any]:

@@ -37,6 +37,11 @@ class World:
         self.at(t_ns)
         self.plant.commands[first : first + len(values)] = values
 
+    def change(self, quantity: str, value: float | str) -> None:
+        """Change the bench at this moment; see :meth:`LugrePlant.change`."""
+        self.now()
+        self.plant.change(quantity, value)
+
     def state(self) -> State:
         """Return the hidden state of the plant, and what lies on the bench."""
         truth = self.now()[layout.TRUTH_READINGS :]

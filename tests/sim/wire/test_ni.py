@@ -26,6 +26,7 @@ from rigd_sim.wire.ni_card import (
     Acquisition,
     DaqFault,
     Faults,
+    Following,
     Span,
     rate_for,
     span_for,
@@ -283,44 +284,49 @@ def test_a_port_that_is_taken() -> None:
 # The card by itself, in time of our own.
 
 
-def acquisition(*, rate_hz: float = 1000.0, capacity: int = 10_000) -> Acquisition:
-    return Acquisition(
-        {"ai0": Span(10.0, 2**14)}, rate_hz, capacity, noise_v=0.0, seed=1, start_ns=5_000_000_000
-    )
+START_NS = 5_000_000_000
+
+
+def acquisition(
+    volts: Callable[[], float] = lambda: 0.0, *, rate_hz: float = 1000.0, capacity: int = 10_000
+) -> Acquisition:
+    spans = {"ai0": Span(10.0, 2**14)}
+    sampler = Following(spans, rate_hz, START_NS, volts={"ai0": volts}, noise_v=0.0, seed=1)
+    return Acquisition(spans, rate_hz, capacity, sampler, {"ai0"})
 
 
 def test_the_crystal_drifts() -> None:
     one = acquisition(rate_hz=9600.0, capacity=1_000_000)
     for step in range(1, 5001):
-        one.advance(5_000_000_000 + step * 2_000_000, {"ai0": lambda: 0.0}, 100e-6, Faults())
+        one.advance(START_NS + step * 2_000_000, 100e-6, Faults())
     assert one.made == math.floor(9600 * 10 * 1.0001)
 
 
 def test_between_two_steps_voltages_move_on_a_line() -> None:
-    one, now = acquisition(), {"v": 0.0}
-    volts = {"ai0": lambda: now["v"]}
-    one.advance(5_000_000_000, volts, 0.0, Faults())
+    now = {"v": 0.0}
+    one = acquisition(lambda: now["v"])
+    one.advance(START_NS, 0.0, Faults())
     now["v"] = 1.0
-    one.advance(5_010_000_000, volts, 0.0, Faults())
+    one.advance(START_NS + 10_000_000, 0.0, Faults())
     assert one.take(10)[0] == pytest.approx(np.arange(1, 11) / 10, abs=LSB_V / 2)
 
 
 def test_a_stuck_code_stays_where_it_was() -> None:
-    one, now = acquisition(), {"v": 1.0}
-    volts, faults = {"ai0": lambda: now["v"]}, Faults()
-    one.advance(5_010_000_000, volts, 0.0, faults)
+    now, faults = {"v": 1.0}, Faults()
+    one = acquisition(lambda: now["v"])
+    one.advance(START_NS + 10_000_000, 0.0, faults)
     held = one.take(10)[0, -1]
     faults.stuck_code.add("ai0")
     now["v"] = 2.0
-    one.advance(5_020_000_000, volts, 0.0, faults)
+    one.advance(START_NS + 20_000_000, 0.0, faults)
     assert np.all(one.take(10) == held)
 
 
 def test_the_buffer_overflows_by_one_sample() -> None:
     one = acquisition(capacity=10)
-    one.advance(5_010_000_000, {}, 0.0, Faults())
+    one.advance(START_NS + 10_000_000, 0.0, Faults())
     assert (one.available, one.overrun) == (10, False)
-    one.advance(5_011_000_000, {}, 0.0, Faults())
+    one.advance(START_NS + 11_000_000, 0.0, Faults())
     with pytest.raises(DaqFault) as caught:
         one.take(1)
     assert caught.value.code == -200279
@@ -328,9 +334,9 @@ def test_the_buffer_overflows_by_one_sample() -> None:
 
 def test_noise_repeats_for_a_seed() -> None:
     def samples(seed: int) -> np.ndarray[Any, Any]:
-        one = Acquisition({"ai0": Span(1.0, 2**14)}, 1e4, 2000, noise_v=0.01, seed=seed, start_ns=0)
-        one.advance(100_000_000, {"ai0": lambda: 0.0}, 0.0, Faults())
-        return one.take(1000)
+        spans = {"ai0": Span(1.0, 2**14)}
+        sampler = Following(spans, 1e4, 0, volts={}, noise_v=0.01, seed=seed)
+        return np.asarray(sampler.due(100_000_000, 0.0)[0])
 
     assert np.array_equal(samples(1), samples(1))
     assert not np.array_equal(samples(1), samples(2))
