@@ -56,14 +56,13 @@ class _Drive:
     stop_ns: int | None
 
 
-def read_run(sweep: RecordedSweep, trial: TrialInfo) -> AngleRun:
+def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleRun:
     """Return ``trial`` as a run. What its recording lacks becomes a flag, not an error.
 
     Raises:
         RecordingError: a chunk of the recording is damaged.
-        DataError: the recording lacks a signal, parameter or constant in every trial.
+        DataError: the trial has no such parameter, or the plan lacks a constant.
     """
-    signals = find_signals(sweep)
     drive = _drive(sweep, trial, signals)
     flags = _unfinished(trial, drive)
     card = _card_rows(sweep, trial, signals, drive)

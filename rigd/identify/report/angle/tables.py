@@ -95,7 +95,7 @@ def _set_row(one: SetResult) -> SetRow:
         usable=estimate(one.usable),
         resultant=estimate(one.resultant),
         coefficient=paper.coefficient.value,
-        notes=(*one.missing, *one.warnings),
+        notes=one.warnings,
     )
 
 

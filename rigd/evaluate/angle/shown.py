@@ -1,0 +1,118 @@
+"""What a terminal shows of a campaign: Table 1, the trend, and what was flagged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from rigd.evaluate.shown import Column, Row, Shown, Table
+from rigd.identify.angle.data import Coefficient
+from rigd.identify.angle.result import CampaignResult
+from rigd.identify.report.angle.tables import (
+    NONE,
+    FlaggedRow,
+    SetRow,
+    flagged_rows,
+    set_rows,
+    trend_rows,
+)
+
+#: Runs of one reason that are named; the report names all.
+NAMED: Final = 3
+
+
+def campaign_shown(result: CampaignResult, calibrations: Sequence[str]) -> Shown:
+    """Return tables and paragraphs on ``result``; ``calibrations`` says which were used."""
+    shown: list[Table | str] = [_table_1(set_rows(result)), _legend()]
+    if result.trends:
+        shown.append(_trends(result))
+        better = [row.sentence for row in trend_rows(result) if row.sentence]
+        shown.append("\n".join(dict.fromkeys(better)))
+    if result.warnings:
+        shown.append("\n".join(["warnings:", *(f"  {warning}" for warning in result.warnings)]))
+    shown.append(_flagged(result))
+    if calibrations:
+        shown.append("\n".join(calibrations))
+    return tuple(shown)
+
+
+def _table_1(rows: Sequence[SetRow]) -> Table:
+    columns = (
+        Column("set"),
+        Column("published", right=True),
+        Column("paper's method", right=True),
+        Column("(runs)"),
+        Column("better ± U (k=2)", right=True),
+        Column("coefficient"),
+        Column("usable ± U", right=True),
+    )
+    return Table(
+        columns,
+        tuple(
+            Row(
+                (
+                    row.name,
+                    row.published,
+                    row.paper + (f" ({row.paper_regime})" if row.paper_regime else ""),
+                    row.counts,
+                    row.maximum,
+                    row.coefficient,
+                    row.usable,
+                ),
+                faint=row.paper == NONE and row.maximum == NONE,
+            )
+            for row in rows
+        ),
+    )
+
+
+def _legend() -> str:
+    return (
+        f"{Coefficient.ROLLING.value}: F_r/N, of the published values, the paper's method and the "
+        f"better one alike. {Coefficient.USABLE.value}: what is left of it along the travel, once "
+        "the drag of the free rollers is taken off."
+    )
+
+
+def _trends(result: CampaignResult) -> Table:
+    columns = (
+        Column("over the angle"),
+        Column("slope per degree", right=True),
+        Column("95 % interval", right=True),
+        Column("intercept", right=True),
+        Column("r²", right=True),
+        Column("rms", right=True),
+        Column("rms of demand form", right=True),
+    )
+    return Table(
+        columns,
+        tuple(
+            Row(
+                (
+                    row.source,
+                    row.slope,
+                    row.slope_interval,
+                    row.intercept,
+                    row.r_squared,
+                    row.rms,
+                    row.demand_rms,
+                )
+            )
+            for row in trend_rows(result)
+        ),
+    )
+
+
+def _flagged(result: CampaignResult) -> str:
+    """Return the flagged runs counted by reason, the first few of each named."""
+    excluded = sum(run.excluded for run in result.runs)
+    head = f"{len(result.runs)} runs, {excluded} flagged and left out"
+    rows = flagged_rows(result)
+    return "\n".join([f"{head}{':' if rows else ''}", *(f"  {_reason(row)}" for row in rows)])
+
+
+def _reason(row: FlaggedRow) -> str:
+    named = "; ".join(f"trial {run.run.number} ({run.run.label})" for run in row.runs[:NAMED])
+    more = f" and {row.count - NAMED} more" if row.count > NAMED else ""
+    used = "" if row.excluded else ", used"
+    return f"{row.code} ({row.count}{used}): {named}{more}. {row.reasons[0]}"
