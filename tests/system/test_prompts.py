@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 from support.command import rigd
+from support.wire import write_rig
 
 from rigd.record import Recording
 
@@ -51,20 +53,30 @@ class Terminal:
 
 
 @pytest.fixture
-def terminal(tmp_path: Path) -> Iterator[Terminal]:
-    master, slave = pty.openpty()
-    process = subprocess.Popen(
-        [
-            sys.executable, "-m", "rigd", "run", "constant_current", "--rig", "lugre-1", "--ask",
-            "--set", "floor=pvc", "--output", "run.mcap",
-        ],
-        cwd=tmp_path, stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
-    )  # fmt: skip
-    os.close(slave)
-    yield Terminal(process, master, folder=tmp_path)
-    process.kill()
-    process.wait()
-    os.close(master)
+def open_terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
+    """Return what starts ``rigd run`` on a terminal of its own; it records to run.mcap."""
+    opened: list[Terminal] = []
+
+    def open_it(*arguments: str) -> Terminal:
+        master, slave = pty.openpty()
+        process = subprocess.Popen(
+            [sys.executable, "-m", "rigd", "run", *arguments, "--output", "run.mcap"],
+            cwd=tmp_path, stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
+        )  # fmt: skip
+        os.close(slave)
+        opened.append(Terminal(process, master, folder=tmp_path))
+        return opened[-1]
+
+    yield open_it
+    for one in opened:
+        one.process.kill()
+        one.process.wait()
+        os.close(one.master)
+
+
+@pytest.fixture
+def terminal(open_terminal: Callable[..., Terminal]) -> Terminal:
+    return open_terminal("constant_current", "--rig", "lugre-1", "--ask", "--set", "floor=pvc")
 
 
 def test_an_answer_is_asked_until_it_fits_and_then_recorded(terminal: Terminal) -> None:
@@ -94,3 +106,81 @@ def test_without_a_terminal_a_run_that_must_ask_is_blocked(tmp_path: Path) -> No
     assert done.code == 3
     assert "prompt 'lay_floor' needs an operator" in done.err
     assert not list((tmp_path / "runs").glob("*"))
+
+
+CHECKED = """\
+procedure: checked
+title: Asks where the carriage stands
+doc: For tests.
+trial:
+  steps:
+    - prompt: where
+      text: Where does the carriage stand by the tape?
+      unit: mm
+      min: -1 m
+      max: 1 m
+      answer: 300 mm
+      agrees: {with: carriage.position, within: 5 mm, for: 0.1 s}
+      timeout: 0.3 s
+    - prompt: let_go
+      text: Have you let go?
+      until: "|longitudinal_belt.speed| < 1 mm/s for 0.1 s"
+      timeout: 1 s
+    - step: rest
+      for: 0.1 s
+record: {carriage: 1}
+"""
+
+
+def checks(folder: Path) -> list[tuple[object, object]]:
+    events = Recording.open(folder / "run.mcap").events()
+    return [(e.data["answer"], e.data["agreed"]) for e in events if e.kind == "answer_checked"]
+
+
+@pytest.mark.parametrize("form", [(), ("--pace", "1")], ids=["virtual", "processes"])
+def test_a_person_is_asked_again_until_the_rig_shows_what_they_say(
+    open_terminal: Callable[..., Terminal], tmp_path: Path, form: tuple[str, ...]
+) -> None:
+    (tmp_path / "checked.yaml").write_text(CHECKED, "utf-8")
+    terminal = open_terminal("checked.yaml", "--rig", "lugre-1", "--ask", *form)
+    terminal.expect("Where does the carriage stand")
+    terminal.type("3 m")
+    terminal.expect("3000 mm is outside -1000 mm .. 1000 mm")
+    terminal.expect("Where does the carriage stand")
+    terminal.type("20 cm")
+    terminal.expect("the answer was 200 mm, but carriage.position is ")
+    terminal.expect("expected 195 mm to 205 mm")
+    terminal.type("1 mm")
+    terminal.expect("Have you let go?")
+    terminal.type("yes")
+    assert terminal.end() == 0
+    assert checks(tmp_path) == [(0.2, False), (0.001, True), (True, True)]
+
+
+def test_an_answer_of_the_file_that_the_rig_does_not_show_ends_the_run(tmp_path: Path) -> None:
+    (tmp_path / "checked.yaml").write_text(CHECKED, "utf-8")
+    done = rigd("run", "checked.yaml", "--rig", "lugre-1", "--output", "run.mcap", cwd=tmp_path)
+    assert done.code == 6
+    assert "the answer was 300 mm, but carriage.position is" in done.out
+    assert checks(tmp_path) == [(0.3, False)]
+    assert [
+        event.data["name"]
+        for event in Recording.open(tmp_path / "run.mcap").events()
+        if event.kind == "step"
+    ] == ["where"]
+    dry = rigd("run", "checked.yaml", "--rig", "lugre-1", "--dry-run", cwd=tmp_path)
+    assert dry.code == 3
+    assert "the answer was 300 mm" in dry.out
+
+
+def test_a_real_rig_takes_the_files_answers_only_where_a_person_said_so(tmp_path: Path) -> None:
+    rig = write_rig(tmp_path, "wire-asked").rig
+    text = rig.read_text("utf-8")
+    real, count = re.subn(r"(?m)^simulation:\n(?: .*\n)+", "", text)
+    assert count == 1
+    rig.write_text(real, "utf-8")
+    asked = "prompt 'lay_floor' needs an operator: run in a terminal"
+    for given, is_blocked_by_it in (((), True), (("--yes",), False)):
+        done = rigd("run", "constant_current", "--rig", rig, *given, cwd=tmp_path)
+        assert done.code == 3  # its devices are not there, in any case
+        assert (asked in done.err) is is_blocked_by_it
