@@ -67,7 +67,8 @@ class Acquisition:
     def times_ns(self, samples: Samples) -> NDArray[np.int64]:
         """Return when the first input of each row was converted, on the plant's clock."""
         numbers = samples.first + np.arange(len(samples.volts))
-        return self.plant.origin_ns + np.rint(numbers * (1e9 / self.rate_hz)).astype(np.int64)
+        since_ns: NDArray[np.int64] = np.rint(numbers * (1e9 / self.rate_hz)).astype(np.int64)
+        return self.plant.origin_ns + since_ns
 
     def read(self) -> Samples | None:
         """Return the next block, or None where the plant has not come that far.

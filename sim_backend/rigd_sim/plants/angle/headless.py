@@ -134,7 +134,8 @@ def simulate(
         samples.append(card.read_due())
 
     volts = np.concatenate([one.volts for one in samples])
-    t_s = (card.times_ns(Samples(first, volts)) - command_ns) * 1e-9
+    since_ns = card.times_ns(Samples(first, volts)) - command_ns
+    t_s = since_ns.astype(np.float64) * 1e-9
     kept = t_s <= (end_ns - command_ns) * 1e-9
     volts, t_s = volts[kept], t_s[kept]
     steps = (first + np.arange(len(volts))) * round(layout.STEPS_PER_S / card.rate_hz)
@@ -169,5 +170,5 @@ def _at_stop(plant: AnglePlant, volts: FloatArray) -> bool:
     wheel_v, platform_v = np.median(volts[-NEWEST:, 2:4], axis=0)
     pots = plant.parameters.potentiometers
     travel_m = platform_v / pots.volts_per_rad * pots.pulley - pots.platform_start
-    angle_rad = wheel_v / pots.volts_per_rad
+    angle_rad = wheel_v / pots.volts_per_rad - pots.wheel_start
     return bool(travel_m > plant.parameters.platform.stop or angle_rad > WHEEL_STOP_RAD)

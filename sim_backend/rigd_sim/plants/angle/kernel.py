@@ -43,7 +43,7 @@ def contact_closed(c: Row, s: Row, now: float) -> bool:
     """Return whether the relay conducts at ``now`` s, after the command of ``s.command_at``."""
     since = now - s.command_at
     if s.command < 0.5:
-        return since < c.drop_out and s.was_closed > 0.5
+        return bool(since < c.drop_out and s.was_closed > 0.5)
     if since < c.pick_up:
         return bool(s.was_closed > 0.5)
     if s.was_closed > 0.5 or since >= c.pick_up + c.bounce:
@@ -55,11 +55,12 @@ def contact_closed(c: Row, s: Row, now: float) -> bool:
 @kernel
 def shaft_torque(c: Row, twist: float, rate: float) -> float:
     """Return the torque in N m through backlash and shaft; an open gap carries none."""
+    torque = 0.0
     if twist > c.backlash:
-        return max(0.0, c.shaft_stiffness * (twist - c.backlash) + c.shaft_damping * rate)
-    if twist < -c.backlash:
-        return min(0.0, c.shaft_stiffness * (twist + c.backlash) + c.shaft_damping * rate)
-    return 0.0
+        torque = max(0.0, c.shaft_stiffness * (twist - c.backlash) + c.shaft_damping * rate)
+    elif twist < -c.backlash:
+        torque = min(0.0, c.shaft_stiffness * (twist + c.backlash) + c.shaft_damping * rate)
+    return torque
 
 
 @kernel
@@ -114,7 +115,8 @@ def drag(c: Row, w: float, n: float) -> float:
     """Return the moment in N m downstream of the gauges: bearings, rolling and rubbing."""
     sign = math.tanh(w / TURNING)
     dry = c.bearing_constant + c.bearing_load * n + c.rolling_arm * n + c.rubbing
-    return dry * sign + c.bearing_viscous * w
+    moment: float = dry * sign + c.bearing_viscous * w
+    return moment
 
 
 @kernel
@@ -124,7 +126,7 @@ def platform_force(c: Row, x: float, v: float, rolling: float, n: float) -> floa
     axial = c.roller_drag * n * math.tanh(v * c.sine / SLIDING)
     across = rolling * c.sine + axial * c.cosine
     rails = (c.rail_constant + c.rail_load * (abs(n - c.weight) + abs(across))) * sign
-    force = rolling * c.cosine - axial * c.sine - rails - c.rail_viscous * v
+    force: float = rolling * c.cosine - axial * c.sine - rails - c.rail_viscous * v
     if x > c.bumper:
         force += min(0.0, -c.bumper_stiffness * (x - c.bumper) - c.bumper_damping * v)
     elif x < c.back:
@@ -135,13 +137,13 @@ def platform_force(c: Row, x: float, v: float, rolling: float, n: float) -> floa
 @kernel
 def current_rate(c: Row, closed: bool, current: float, w: float) -> float:
     """Return di/dt in A/s: on the regulator, shorted by the brake, or through the diode."""
+    across = 0.0
     if closed:
-        return (c.voltage - c.circuit_resistance * current - c.back_emf * w) / c.inductance
-    if c.brake > 0.5:
-        return (-c.resistance * current - c.back_emf * w) / c.inductance
-    if current <= 0.0:
-        return 0.0
-    return (-c.resistance * current - c.back_emf * w) / c.inductance
+        across = c.voltage - c.circuit_resistance * current - c.back_emf * w
+    elif c.brake > 0.5 or current > 0.0:
+        across = -c.resistance * current - c.back_emf * w
+    rate: float = across / c.inductance
+    return rate
 
 
 @kernel
@@ -207,19 +209,18 @@ def stepped(c: Row, closed: bool, relaxed: float, m: Moving, h: float) -> Moving
 def potentiometer(c: Row, turned: float, slope: float, phase: float) -> float:
     """Return the volts at ``turned`` rad from its end: a ten-turn one ends, it does not wrap."""
     at = min(max(turned, 0.0), c.pot_end)
-    return c.pot_volts_per_rad * (slope * at + c.pot_cyclic * math.sin(at + phase))
+    volts: float = c.pot_volts_per_rad * (slope * at + c.pot_cyclic * math.sin(at + phase))
+    return volts
 
 
 @kernel
 def show(c: Row, s: Row, m: Moving, out: Floats) -> None:
     """Fill a row of the history (layout.HISTORY): voltages before noise, and the truth."""
-    i, rotor, rotor_speed, wheel, w, z, slid, x, v, y, vy = m
+    _, rotor, rotor_speed, wheel, w, z, slid, x, v, y, vy = m
     mu, _, sliding, limit = friction(c, w, v, z, slid)
     n, _ = normal_force(c, s.relaxed, wheel, w, x, y, vy, mu)
-    if c.clamped > 0.5:
-        torque = c.arm_torque
-    else:
-        torque = shaft_torque(c, rotor - wheel, rotor_speed - w)
+    twisting = shaft_torque(c, rotor - wheel, rotor_speed - w)
+    torque = c.arm_torque if c.clamped > 0.5 else twisting
     shear = c.shear_per_torque * torque
     # The wheel's load bends the shaft upwards, a weight on the arm downwards.
     bending = c.bending_per_load * (n - c.arm_weight) * math.cos(wheel + c.gauge_phase)

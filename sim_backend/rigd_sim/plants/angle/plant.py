@@ -1,4 +1,4 @@
-"""The plant of the approach-angle rig: what is set up, its state, and the history of its signals."""
+"""The plant of the approach-angle rig: what is set up, its state, the history of its signals."""
 
 from __future__ import annotations
 
@@ -28,6 +28,11 @@ AGREEING: Final = 8
 AGREEMENT: Final = 5.0
 UNDER_DIVISIONS: Final = 20.0
 OVER_DIVISIONS: Final = 9.0
+#: What of the state begins anew with a run.
+_MOVING: Final = (
+    *("i", "rotor_speed", "wheel", "w", "x", "v", "vy"),
+    *("closed", "was_closed", "command_at", "started", "relaxed", "awake", "spike"),
+)
 
 
 class AngleConfig(PlantConfig):
@@ -93,7 +98,9 @@ class AnglePlant(Plant):
         )
         self._draws, self._kernel, self._records = draws, kernel, records
         self._loads = self._runs = 0
-        self._angle, self._wheel, self._load_kg = 0.0, config.wheel, config.load
+        self._angle = 0.0
+        self._wheel: str = config.wheel
+        self._load_kg = config.load
         self._state = np.zeros(1, records.STATE)
         self._scale = np.full(AGREEING, math.nan)
         #: What the sensors are given and the truth, a row (layout.HISTORY) per step, in a ring.
@@ -287,7 +294,7 @@ class AnglePlant(Plant):
             self._run = self._draws.run(self.parameters, self.seed, self._runs)
         self._runs += 1
         state = self._state
-        for name in ["i", "rotor_speed", "wheel", "w", "x", "v", "vy", "started", "relaxed", "awake", "spike"]:
+        for name in _MOVING:
             state[name] = 0.0
         state["rotor"] = self._run.gap * self.parameters.shaft.backlash
         self._set()

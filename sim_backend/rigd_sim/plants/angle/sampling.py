@@ -6,7 +6,7 @@ A sample is a function of the history, the seed and its number alone, whenever i
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,14 @@ from rigd_sim.plants.noise import normal_pair
 
 Row = Any
 Floats = NDArray[np.float64]
-SAMPLING = np.dtype(
+#: Constants of the card and of what disturbs its inputs, in volts.
+SAMPLING: Final = np.dtype(
     [
         (name, np.float64)
-        for name in ["steps_per_sample", "steps_per_scan", "rate_hz", "gauge_noise", "pot_noise", "cell_noise", "hum", "hum_correlation", "resolution", "range"]
+        for name in (
+            *("steps_per_sample", "steps_per_scan", "rate_hz", "gauge_noise", "pot_noise"),
+            *("cell_noise", "hum", "hum_correlation", "resolution", "range"),
+        )
     ]
 )
 
@@ -32,7 +36,8 @@ def converted(c: Row, volts: float) -> float:
     """Return ``volts`` as the converter gives them."""
     if c.resolution > 0.0:
         volts = math.floor(volts / c.resolution + 0.5) * c.resolution
-    return min(max(volts, -c.range), c.range)
+    limited: float = min(max(volts, -c.range), c.range)
+    return limited
 
 
 @kernel

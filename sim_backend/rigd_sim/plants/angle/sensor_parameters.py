@@ -120,7 +120,7 @@ class Card(_Part):
 
     def resolution(self, inputs: int) -> float:
         """Return the smallest step in V with so many inputs."""
-        return 2 * self.range / 2 ** (self.bits - (inputs > 4))
+        return float(2 * self.range / 2 ** (self.bits - (inputs > 4)))
 
 
 class Arm(_Part):
