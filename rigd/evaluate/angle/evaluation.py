@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rigd.evaluate.angle.known import Calibrated, angle_calibration, angle_rig, calibration_of
-from rigd.evaluate.angle.runs import find_signals, read_run, telling_attempts
+from rigd.evaluate.angle.runs import answers_in, find_signals, read_run, telling_attempts
 from rigd.evaluate.angle.shown import campaign_shown
 from rigd.evaluate.evaluation import Evaluation, Options
 from rigd.evaluate.provenance import provenance
@@ -94,9 +94,8 @@ def evaluate(
             parameter or constant.
     """
     calibrations = {sweep.path: calibration_of(sweep, options.calibration) for sweep in sweeps}
-    trials = telling_attempts(sweeps)
-    tell(f"{len(trials)} runs of {len(sweeps)} {'recording' if len(sweeps) == 1 else 'recordings'}")
     known = _known_runs(sweeps, calibrations)
+    tell(f"{len(known)} runs of {', '.join(sweep.path.name for sweep in sweeps)}")
     result = analyse_campaign(known, _reference(sweeps))
     result = replace(result, warnings=(*_unfinished(sweeps), *result.warnings))
     used = [
@@ -125,10 +124,10 @@ def _known_runs(
     for sweep in sweeps:
         used = calibrations[sweep.path].used
         calibration, signals = angle_calibration(sweep, used), find_signals(sweep)
-        known += [
-            KnownRun(read_run(sweep, trial, signals), calibration, angle_rig(sweep, trial, used))
-            for _, trial in telling_attempts([sweep])
-        ]
+        events = sorted(sweep.recording.events(), key=lambda event: event.t_ns)
+        for trial in telling_attempts(sweep.info.trials):
+            run = read_run(sweep, trial, signals, answers_in(events, trial))
+            known.append(KnownRun(run, calibration, angle_rig(sweep, trial, used)))
     return known
 
 
@@ -149,7 +148,8 @@ def _unfinished(sweeps: Sequence[RecordedSweep]) -> list[str]:
     return [
         f"{sweep.path.name}: the run did not come to its end ({sweep.info.state}"
         f"{f': {sweep.info.reason}' if sweep.info.reason else ''}); "
-        f"{sweep.info.trials_done} trials are complete. "
+        f"{sweep.info.trials_done} of {sweep.info.metadata['run'].get('trials', '?')} trials are "
+        "complete. "
         f"`rigd run --resume {sweep.path.name}` plays the others."
         for sweep in sweeps
         if sweep.info.state != COMPLETE

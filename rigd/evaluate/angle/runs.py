@@ -6,19 +6,21 @@ over rigd's clock once per trial, and zero at the relay COMMAND.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigd.evaluate.source import RecordedSweep
-from rigd.identify.angle.data import AngleRun, Flag, FloatArray
+from rigd.identify.angle.data import AngleRun, Flag, FloatArray, Severity
 from rigd.model.channels import STALE, STATUS_FIELD, Stream
 from rigd.model.errors import DataError
 from rigd.model.rows import TIME_FIELD
-from rigd.record import TrialInfo
+from rigd.model.units import format_quantity
+from rigd.record import Event, TrialInfo
 
 #: Samples of the card from so long before the relay command to so long after the stop are taken,
 #: where so much was recorded. The analyses want 0.1 s before and 50 ms after.
@@ -49,6 +51,14 @@ class Signals:
 
 
 @dataclass(frozen=True)
+class Answer:
+    """What a person at the rig answered, SI, and what the procedure expected."""
+
+    given: float
+    planned: float
+
+
+@dataclass(frozen=True)
 class _Drive:
     """When the relay was told to close and to open; None where it never was."""
 
@@ -56,25 +66,31 @@ class _Drive:
     stop_ns: int | None
 
 
-def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleRun:
+def read_run(
+    sweep: RecordedSweep, trial: TrialInfo, signals: Signals, answers: Mapping[str, Answer]
+) -> AngleRun:
     """Return ``trial`` as a run. What its recording lacks becomes a flag, not an error.
+
+    ``answers`` are those that held in the trial (:func:`answers_in`): the angle is the one that
+    was mounted, not the one that was planned.
 
     Raises:
         RecordingError: a chunk of the recording is damaged.
         DataError: the trial has no such parameter, or the plan lacks a constant.
     """
     drive = _drive(sweep, trial, signals)
-    flags = _unfinished(trial, drive)
+    flags = [*_unfinished(trial, drive), *_answered(answers)]
     card = _card_rows(sweep, trial, signals, drive)
     flags += _rails(signals, card)
     zero_ns = trial.start_ns if drive.start_ns is None else drive.start_ns
     t_s = _times_s(card, zero_ns)
     mass_kg, stable = _scale_kg(sweep, trial, signals, drive)
     volts = {name: np.ascontiguousarray(card[field]) for name, field in signals.fields.items()}
+    planned_rad = sweep.constant(trial, "angle")
     return AngleRun(
         label=_label(sweep, trial),
         set_name=_set_name(sweep, trial),
-        alpha_rad=sweep.constant(trial, "angle"),
+        alpha_rad=answers["angle"].given if "angle" in answers else planned_rad,
         announced_load_kg=_number(sweep, trial, "load"),
         voltage_v=_number(sweep, trial, "voltage"),
         repeat=trial.repeat or 1,
@@ -123,6 +139,40 @@ def find_signals(sweep: RecordedSweep) -> Signals:
         scale=scale.name,
         mass=mass,
     )
+
+
+def answers_in(events: Sequence[Event], trial: TrialInfo) -> dict[str, Answer]:
+    """Return the last number that was answered for each quantity until ``trial`` ended.
+
+    A prompt that names what a simulated rig would change names the quantity. It may have been
+    asked in an earlier trial: what was mounted stays.
+    """
+    found: dict[str, Answer] = {}
+    for event in events:
+        if event.kind != "answer" or (trial.end_ns is not None and event.t_ns >= trial.end_ns):
+            continue
+        given, planned = event.data.get("answer"), event.data.get("planned")
+        if _is_number(given) and _is_number(planned):
+            found[str(event.data.get("changes"))] = Answer(float(given), float(planned))
+    return found
+
+
+def _is_number(value: object) -> TypeGuard[int | float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _answered(answers: Mapping[str, Answer]) -> list[Flag]:
+    """Return a note where load or angle are not those that were planned."""
+    told = []
+    for name, unit in (("load", "kg"), ("angle", "deg")):
+        answer = answers.get(name)
+        if answer is not None and not math.isclose(answer.given, answer.planned, rel_tol=1e-6):
+            given, planned = (format_quantity(v, unit) for v in (answer.given, answer.planned))
+            told.append(f"{name} {given} (planned {planned})")
+    if not told:
+        return []
+    reason = f"Who stood at the rig announced another {' and '.join(told)}."
+    return [Flag("other_than_planned", reason, Severity.NOTE)]
 
 
 def _drive(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> _Drive:
@@ -237,7 +287,7 @@ def _label(sweep: RecordedSweep, trial: TrialInfo) -> str:
 
 def _number(sweep: RecordedSweep, trial: TrialInfo, name: str) -> float:
     value = trial.parameters.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if not _is_number(value):
         raise DataError(
             f"{sweep.path}: trial {trial.number} has no quantity {name!r}",
             hint="the sweep of an approach-angle campaign has set, load and voltage",
@@ -245,14 +295,11 @@ def _number(sweep: RecordedSweep, trial: TrialInfo, name: str) -> float:
     return float(value)
 
 
-def telling_attempts(sweeps: Sequence[RecordedSweep]) -> list[tuple[RecordedSweep, TrialInfo]]:
+def telling_attempts(trials: Sequence[TrialInfo]) -> list[TrialInfo]:
     """Return one attempt at each trial: the last complete one, else the last one."""
-    found: list[tuple[RecordedSweep, TrialInfo]] = []
-    for sweep in sweeps:
-        last: dict[int, TrialInfo] = {}
-        for trial in sweep.info.trials:
-            known = last.get(trial.number)
-            if known is None or trial.complete or not known.complete:
-                last[trial.number] = trial
-        found += [(sweep, last[number]) for number in sorted(last)]
-    return found
+    last: dict[int, TrialInfo] = {}
+    for trial in trials:
+        known = last.get(trial.number)
+        if known is None or trial.complete or not known.complete:
+            last[trial.number] = trial
+    return [last[number] for number in sorted(last)]
