@@ -1,0 +1,168 @@
+"""When rows are recorded is decided by the cycle in times, and looked up when the rows come."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rigd.engine.block_rows import PATIENCE_NS, BlockRecorder, BlockRows
+from rigd.engine.ring import BlockQueue
+from rigd.engine.windows import StepWindows, Windows
+from rigd.model.channels import Channel, Stream
+from rigd.model.errors import DeviceError
+from rigd.model.rows import row_dtype
+from rigd.procedure.program import Recorded
+from rigd.sdk import Block
+
+STREAM = Stream("daq", (Channel("number"),))
+
+
+def rows(*times_ns: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+    made = np.zeros(len(times_ns), row_dtype(STREAM))
+    made["t_ns"] = times_ns
+    return made
+
+
+def recorder(windows: Windows | None, every: int = 1) -> tuple[BlockRecorder, BlockQueue]:
+    queue = BlockQueue(STREAM)
+    return BlockRecorder(queue, every, windows), queue
+
+
+def times(queue: BlockQueue) -> list[int]:
+    drained: list[int] = queue.drain()["t_ns"].tolist()
+    return drained
+
+
+def test_a_window_holds_its_opening_and_not_its_closing() -> None:
+    windows = Windows.unshared()
+    windows.decide(10, is_open=True)
+    windows.decide(20, is_open=True)
+    windows.decide(30, is_open=False)
+    assert windows.covers(np.array([9, 10, 20, 29, 30, 31])).tolist() == [
+        False, True, True, True, False, False,
+    ]  # fmt: skip
+
+
+def test_rows_that_come_late_are_judged_by_when_they_were_taken() -> None:
+    """Also where two windows have passed since, one of them between two rows of a block."""
+    windows = Windows.unshared()
+    for t_ns, is_open in ((10, True), (12, False), (13, True), (20, False), (30, False)):
+        windows.decide(t_ns, is_open=is_open)
+    late, queue = recorder(windows)
+    late.take(rows(8, 9, 10, 11))
+    late.take(rows(12, 13, 19, 20))
+    assert times(queue) == [10, 11, 13, 19]
+
+
+def test_rows_wait_until_the_cycle_has_decided_about_them() -> None:
+    windows = Windows.unshared()
+    windows.decide(10, is_open=False)
+    ahead, queue = recorder(windows)
+    ahead.take(rows(9, 10, 11, 12))
+    ahead.take(rows(13, 14))
+    assert times(queue) == []
+    windows.decide(12, is_open=True)
+    ahead.settle()
+    assert times(queue) == [12]
+    windows.decide(14, is_open=False)
+    ahead.settle()
+    assert times(queue) == [13]
+
+
+def test_what_still_waits_in_the_end_goes_by_what_was_decided_last() -> None:
+    windows = Windows.unshared()
+    windows.decide(10, is_open=True)
+    ahead, queue = recorder(windows)
+    ahead.take(rows(9, 11, 12))
+    assert times(queue) == []
+    ahead.finish()
+    assert times(queue) == [11, 12]
+
+
+def test_rows_do_not_pile_up_while_no_cycle_runs() -> None:
+    """Devices stream while others are still being opened."""
+    ahead, queue = recorder(Windows.unshared())
+    for t_ns in range(0, 100 * PATIENCE_NS, PATIENCE_NS // 10):
+        ahead.take(rows(t_ns + 1))
+        assert len(ahead._waiting) <= 11
+    assert times(queue) == []
+
+
+def test_every_nth_row_is_counted_outside_of_windows_too() -> None:
+    windows = Windows.unshared()
+    windows.decide(10, is_open=True)
+    windows.decide(40, is_open=False)
+    third, queue = recorder(windows, 3)
+    for start in (0, 16, 32):
+        third.take(rows(*range(start, start + 16)))
+    assert times(queue) == list(range(12, 40, 3))
+
+
+def test_whatever_the_windows_and_however_late_each_row_is_recorded_once() -> None:
+    random = np.random.default_rng(3)
+    windows = Windows.unshared()
+    taken, queue = recorder(windows)
+    wanted, given, t_ns = [], 0, 0
+    is_open = False
+    for t_ns in range(1, 3000):
+        if random.random() < 0.2:
+            is_open = not is_open
+        windows.decide(t_ns, is_open=is_open)
+        if is_open:
+            wanted.append(t_ns)
+        if random.random() < 0.1:  # behind the cycle, or a little ahead of it
+            newest = t_ns + int(random.integers(-30, 3))
+            taken.take(rows(*range(given + 1, newest + 1)))
+            given = max(given, newest)
+    taken.take(rows(*range(given + 1, t_ns + 1)))
+    assert times(queue) == wanted
+
+
+def test_rows_that_come_too_late_are_no_silent_loss() -> None:
+    windows = Windows.unshared()
+    late, _ = recorder(windows)
+    for t_ns in range(100):
+        windows.decide(t_ns, is_open=t_ns % 2 == 0)
+    with pytest.raises(DeviceError, match="more than 31 recording windows late"):
+        late.take(rows(1))
+
+
+def test_one_process_decides_and_another_looks() -> None:
+    memory = memoryview(bytearray(Windows.BYTES))
+    cycle, helper = Windows(memory), Windows(memory)
+    assert helper.decided_ns == 0
+    cycle.decide(10, is_open=True)
+    assert helper.decided_ns == 10
+    assert helper.covers(np.array([9, 10])).tolist() == [False, True]
+
+
+def test_steps_open_the_windows_of_the_streams_that_name_them() -> None:
+    record = {
+        "always": Recorded(),
+        "drive": Recorded(1, frozenset({"drive"})),
+        "both": Recorded(1, frozenset({"ready", "drive"})),
+    }
+    shared = Windows.unshared()
+    steps = StepWindows(record, {"both": shared})
+    assert steps.of("always") is None
+    assert steps.of("both") is shared
+    seen = []
+    for t_ns, step in enumerate(["", "ready", "drive", "back", ""]):
+        steps.decide(t_ns, step)
+        own = steps.of("drive")
+        assert own is not None
+        seen.append((own.is_open, shared.is_open))
+    assert seen == [(False, False), (False, True), (True, True), (False, False), (False, False)]
+
+
+def test_blocks_become_rows_with_the_status_as_a_word() -> None:
+    stream = Stream("daq", (Channel("a"), Channel("b")), has_status=True)
+    maker = BlockRows(stream, offset_ns=100)
+    made = maker.make(
+        Block(np.array([1, 3]), np.array([[1.5, 2.5, 7.0], [3.5, 4.5, 4294967295.0]]))
+    )
+    assert made.tolist() == [(101, 1.5, 2.5, 7), (103, 3.5, 4.5, 0xFFFFFFFF)]
+    with pytest.raises(DeviceError, match="times that do not increase"):
+        maker.make(Block(np.array([3]), np.zeros((1, 3))))
+    with pytest.raises(DeviceError, match=r"shape \(1, 2\) for 1 times, expected \(1, 3\)"):
+        maker.make(Block(np.array([4]), np.zeros((1, 2))))

@@ -1,0 +1,106 @@
+"""Recording windows where cycle and block device are processes of their own."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.blocks import until
+from support.grid import Grid, PlantGrid, rig
+
+from rigd.config.rig import RigConfig
+from rigd.engine.control import Control
+from rigd.engine.player import Ending
+from rigd.engine.process_host import ProcessHost
+from rigd.engine.shared import Job, RunFolder, Word
+from rigd.engine.slow import Beside
+from rigd.engine.wiring import streams_of
+from rigd.procedure.program import CycleProgram, Recorded, Segment
+
+WINDOWED = {"grid": Recorded(1, frozenset({"drive", "again"})), "cycle": Recorded()}
+ROW_NS = 500_000
+
+
+@pytest.fixture(autouse=True)
+def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    state = tmp_path / "state"
+    state.mkdir(mode=0o700)
+    monkeypatch.setenv("RIGD_STATE", str(state))
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
+
+
+@contextmanager
+def host_of(
+    one: RigConfig, record: Mapping[str, Recorded]
+) -> Iterator[tuple[ProcessHost, RunFolder]]:
+    streams = tuple(streams_of(one))
+    folder = RunFolder.take(one.name, command="test")
+    start_ns, origin_ns = time.time_ns(), time.monotonic_ns()
+    job = Job(one.name, folder.path / "x.mcap", streams, start_ns)
+    folder.prepare(job, {stream.name: 100_000 for stream in streams})
+    board = folder.board()
+    board[Word.START_NS], board[Word.ORIGIN_NS] = start_ns, origin_ns
+    host = ProcessHost(
+        one,
+        record=record,
+        seed=1,
+        folder=folder,
+        control=Control(),
+        beside=Beside(one, folder, job, origin_ns=origin_ns, record=record),
+        finish=lambda: None,
+    )
+    try:
+        yield host, folder
+    finally:
+        host.make_safe()
+        host.close()
+        folder.clear()
+        folder.release()
+
+
+@pytest.mark.parametrize("driver", [Grid, PlantGrid])
+def test_each_row_of_the_windows_is_recorded_and_no_other(
+    tmp_path: Path, driver: type[Grid]
+) -> None:
+    """The device is 8 ms behind, and between two windows there is less than that."""
+    program = CycleProgram(
+        (
+            Segment("before", duration_s=0.2),
+            Segment("drive", duration_s=0.3),
+            Segment("gap", duration_s=0.004),
+            Segment("again", duration_s=0.006),
+            Segment("back", duration_s=0.3),
+        )
+    )
+    with host_of(rig(driver, tmp_path), WINDOWED) as (host, folder):
+        assert host.open() == ()
+        assert host.settle(20) is None
+        assert host.arm() is None
+        assert host.play(program).ending is Ending.DONE
+        grid = folder.row_rings(folder.job)["grid"]
+        events = [one for one in folder.event_ring("cycle").peek() if one.kind == "step"]
+        begun = {one.data["name"]: one.t_ns for one in events}
+        until(lambda: grid.head > 0 and int(grid.latest(1)["t_ns"][0]) >= begun["back"] - ROW_NS)
+        rows = grid.peek()
+    # All of the grid, on both sides of what was recorded.
+    recorded = rows["number"].astype(np.int64)
+    numbers = np.arange(recorded[0] - 1000, recorded[-1] + 1000)
+    taken = int(rows["t_ns"][0]) + (numbers - recorded[0]) * ROW_NS
+    inside = (taken >= begun["drive"]) & (taken < begun["gap"])
+    inside |= (taken >= begun["again"]) & (taken < begun["back"])
+    assert recorded.tolist() == numbers[inside].tolist()
+    assert rows["t_ns"].tolist() == taken[inside].tolist()
+
+
+@pytest.mark.parametrize("driver", [Grid, PlantGrid])
+def test_without_windows_all_rows_are_recorded(tmp_path: Path, driver: type[Grid]) -> None:
+    with host_of(rig(driver, tmp_path), {"grid": Recorded(3), "cycle": Recorded()}) as (host, folder):
+        assert host.open() == ()
+        assert host.settle(100) is None
+        rows = folder.row_rings(folder.job)["grid"].peek()
+    assert len(rows) > 10
+    assert np.array_equal(rows["number"], 3 * np.arange(len(rows)))
