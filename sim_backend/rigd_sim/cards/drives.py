@@ -25,6 +25,13 @@ class OneShot:
             self._edge_ns = self._clock_ns()
 
     @property
+    def drops_ns(self) -> int | None:
+        """When it drops, or has dropped, without another edge; None: never, 0: it never rose."""
+        if self.dead:
+            return None
+        return 0 if self._edge_ns is None else self._edge_ns + self._time_ns
+
+    @property
     def up(self) -> bool:
         """Whether it is up now."""
         if self.dead:

@@ -88,6 +88,7 @@ class SimNi(Part):
         await server.start()
         self._server = server
         self._pump = asyncio.create_task(self._run())
+        self._pump.add_done_callback(self._ended)
         host = self._address.rpartition(":")[0]
         return f"{self.name}: NI {PRODUCT} {self._card.device} at {host}:{self.port} (gRPC)"
 
@@ -155,6 +156,11 @@ class SimNi(Part):
         if channel not in INPUTS:
             raise ValueError(f"{self.name} has no input {channel!r}; it has {', '.join(INPUTS)}")
         return channel
+
+    def _ended(self, pump: asyncio.Task[None]) -> None:
+        if not pump.cancelled() and (error := pump.exception()) is not None:
+            context = {"message": f"{self.name} failed", "exception": error}
+            asyncio.get_running_loop().call_exception_handler(context)
 
     async def _run(self) -> None:
         while True:

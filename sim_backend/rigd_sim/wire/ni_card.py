@@ -106,6 +106,9 @@ class Sampler(Protocol):
         """Return the samples that fell due since the last call, shape (inputs, n), in V.
 
         ``drift`` is by which share the crystal runs fast.
+
+        Raises:
+            OverflowError: it was asked so late that samples are lost.
         """
         ...
 
@@ -200,7 +203,11 @@ class Acquisition:
 
     def advance(self, now_ns: int, drift: float, faults: Faults) -> None:
         """Convert what is due until ``now_ns``; ``drift`` as in :meth:`Sampler.due`."""
-        samples = self._sampler.due(now_ns, drift)
+        try:
+            samples = self._sampler.due(now_ns, drift)
+        except OverflowError:
+            self.overrun = True
+            return
         if samples.shape[1]:
             self._store(self._spoiled(samples, faults))
 

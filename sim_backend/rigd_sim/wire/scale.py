@@ -33,8 +33,8 @@ _WIRE: Final = ("garbage", "nul", "partial", "merged", "no_cr", "echo", "late", 
 class SimScale(Part):
     """A scale that speaks one of three dialects on a pty, under a name that stays.
 
-    ``mass()`` is the load on the pan in kg. The pty stands behind the symbolic link ``path``. A
-    client that opens it at another baud rate than ``baud`` gets bytes that mean nothing.
+    ``mass()`` is the load on the pan in kg, ``rests()`` whether it keeps still. The pty stands
+    behind the symbolic link ``path``. A client that opens it at another baud rate than ``baud`` gets bytes that mean nothing.
     """
 
     faults: ClassVar[Mapping[str, str]] = {
@@ -74,12 +74,13 @@ class SimScale(Part):
         settling_s: float = 0.1,
         serial: str = "B021002593",
         seed: int = 0,
+        rests: Callable[[], bool] | None = None,
     ) -> None:
         self.name = name
         self.path = path
         self.weighing = Weighing(
             capacity_kg=capacity_kg, division_kg=division_kg, noise_kg=noise_kg,
-            settling_s=settling_s, unit=unit, seed=seed,
+            settling_s=settling_s, unit=unit, seed=seed, rests=rests,
         )  # fmt: skip
         language = AndD if dialect == "and-d" else Sics
         self._language: Language = language(self.weighing, Nameplate("SIM60", serial), 0.1)

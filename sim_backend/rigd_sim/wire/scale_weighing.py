@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Callable
 from typing import Final
 
 #: Mass that one unit of the display stands for, in kg; newtons at standard gravity 9.80665 m/s²
@@ -22,12 +23,12 @@ class Weighing:
     """The weight as a scale sees it; times in s, masses in kg.
 
     The cell follows the load with the time constant ``settling_s``. The weight is stable once it
-    has stayed within one division for three of them.
+    has stayed within one division for three of them, and what lies on it keeps still (``rests``).
     """
 
     def __init__(
         self, *, capacity_kg: float, division_kg: float, noise_kg: float, settling_s: float,
-        unit: str, seed: int,
+        unit: str, seed: int, rests: Callable[[], bool] | None = None,
     ) -> None:  # fmt: skip
         self.capacity_kg = capacity_kg
         self.division_kg = division_kg
@@ -36,6 +37,7 @@ class Weighing:
         self.unit = unit
         self.tare_kg = 0.0
         self.never_stable = False
+        self._rests = rests
         self.beyond: int = 0  #: 1: shows overload whatever the load, -1: underload
         self._random = random.Random(seed)
         self._cell_kg: float | None = None
@@ -66,6 +68,8 @@ class Weighing:
     @property
     def stable(self) -> bool:
         """Whether the weight rests."""
+        if self._rests is not None and not self._rests():
+            return False
         return not self.never_stable and self._now_s - self._moved_s >= 3 * self.settling_s
 
     @property
