@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Final
 
 from rigd.sdk import Channel, DeviceError, Driver, DriverConfig, LinkError
@@ -43,6 +43,9 @@ class NiRelay(Driver):
     title: ClassVar[str] = "relay on a digital line of an NI card"
     second_link: ClassVar[bool] = True
     has_status: bool = True
+    status_bits: Mapping[str, int] = {
+        "armed": ARMED, "one_shot": ONE_SHOT, "pending": PENDING, "limited": LIMITED,
+    }  # fmt: skip
     silent_s: float = 2 * CALL_S
     setpoints = (Channel("closed", "1", "1 closes the relay, 0 opens it", 0, 1),)
     channels = (
