@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from support.grid import PlantGrid
 
 from rigd.config.loader import load_rig, parse_rig
 from rigd.model import ConfigError
@@ -149,6 +150,16 @@ def test_stale_after_below_two_cycles_is_refused(spoil: Spoil) -> None:
     )
     with pytest.raises(ConfigError, match="less than two cycles"):
         parse_rig(text, FILE)
+
+
+def test_a_block_device_of_a_plant_needs_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rigd.config.loader.find_driver", lambda name: PlantGrid)
+    text = (
+        "rig: bench\ntitle: Bench\ncycle: 1 kHz\ndevices: {grid: {driver: grid}}\ninterlocks: []\n"
+    )
+    with pytest.raises(ConfigError, match="grid stands on a plant, and this rig has none"):
+        parse_rig(text, FILE)
+    assert parse_rig(f"{text}plant: {{model: lugre}}\n", FILE).devices["grid"].has_status
 
 
 def test_options_of_the_wrong_axis_are_refused_by_the_driver(spoil: Spoil) -> None:

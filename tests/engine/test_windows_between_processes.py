@@ -98,7 +98,8 @@ def test_each_row_of_the_windows_is_recorded_and_no_other(
 
 @pytest.mark.parametrize("driver", [Grid, PlantGrid])
 def test_without_windows_all_rows_are_recorded(tmp_path: Path, driver: type[Grid]) -> None:
-    with host_of(rig(driver, tmp_path), {"grid": Recorded(3), "cycle": Recorded()}) as (host, folder):
+    thinned = {"grid": Recorded(3), "cycle": Recorded()}
+    with host_of(rig(driver, tmp_path), thinned) as (host, folder):
         assert host.open() == ()
         assert host.settle(100) is None
         rows = folder.row_rings(folder.job)["grid"].peek()

@@ -72,6 +72,17 @@ def test_small_procedure(compile_text: Compile, small: str) -> None:
     assert compiled.identify.group_by == ("floor",)
 
 
+def test_a_stream_may_be_recorded_during_some_steps_only(compile_text: Compile, small: str) -> None:
+    wanted = "wheel_servo: 1, truth: {every: 4, during: [drive, back]}, carriage: {during: hold}"
+    compiled = compile_text(small.replace("wheel_servo: 1, truth: 10", wanted))
+    assert compiled.record == {
+        "cycle": Recorded(),
+        "wheel_servo": Recorded(),
+        "truth": Recorded(4, frozenset({"drive", "back"})),
+        "carriage": Recorded(1, frozenset({"hold"})),
+    }
+
+
 def test_overrides(compile_text: Compile, small: str) -> None:
     compiled = compile_text(small, floor="pvc", speed="0.2 m/s", current="0.7 A")
     assert compiled.parameters == {
