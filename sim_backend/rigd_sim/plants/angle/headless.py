@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 from rigd_sim.plants.angle import layout
 from rigd_sim.plants.angle.acquisition import Acquisition, Samples
+from rigd_sim.plants.angle.files import find_parameters, load_parameters
+from rigd_sim.plants.angle.parameters import AngleParameters
 from rigd_sim.plants.angle.plant import AngleConfig, AnglePlant
 
 FloatArray = NDArray[np.float64]
@@ -80,17 +83,16 @@ def simulate(
     block: int = 96,
     latency_s: float = 8e-3,
     jitter_s: float = 3e-3,
-    parameters: str = "approach_angle.yaml",
+    parameters: AngleParameters | None = None,
 ) -> SimulatedRun:
     """Set up the rig, drive to the stop, and return what the card and the scale gave.
 
     The stop acts on the newest block: on the median of its last samples, at the time at which the
     block can be had. ``seed`` gives noise and the scatter of load and surface, ``individual`` the
-    rig.
+    rig; ``parameters`` are the shipped ones, where they are not given.
 
     Raises:
         ValueError: no such set or fault, or a load or voltage that cannot be.
-        ConfigError: the parameter file is wrong.
 
     """
     if set_name not in layout.SETS:
@@ -98,10 +100,12 @@ def simulate(
     degrees, wheel = layout.SETS[set_name]
     alpha_rad = math.radians(degrees)
     config = AngleConfig.model_construct(
-        parameters=parameters, individual=individual, noise=noise, drag=drag, angle=alpha_rad,
+        individual=individual, noise=noise, drag=drag, angle=alpha_rad,
         wheel=wheel, load=load_kg, voltage=voltage_v,
     )  # fmt: skip
-    plant = AnglePlant(config, period_ns=1_000_000, seed=seed)
+    plant = AnglePlant(
+        config, period_ns=1_000_000, seed=seed, parameters=parameters or _shipped_parameters()
+    )
     for quantity, value in (
         ("load", load_kg),
         ("voltage", voltage_v),
@@ -163,6 +167,11 @@ def simulate(
         normal_force_scale=1 / cell.sensitivity,
         normal_force_zero_v=plant.individual.load_cell_zero_v,
     )
+
+
+@cache
+def _shipped_parameters() -> AngleParameters:
+    return load_parameters(find_parameters("approach_angle"))
 
 
 def _at_stop(plant: AnglePlant, volts: FloatArray) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
@@ -17,6 +18,8 @@ from rigd_sim.plants.angle.files import find_parameters, load_parameters
 if TYPE_CHECKING:  # the physics (numpy, numba) loads when a plant is built, not when checked
     import numpy as np
     from numpy.typing import NDArray
+
+    from rigd_sim.plants.angle.parameters import AngleParameters
 
 #: What the bolts can set, in kg, and the regulator, in V.
 LIGHTEST_KG: Final = 1.0
@@ -83,13 +86,21 @@ class AnglePlant(Plant):
     Config: ClassVar[type[PlantConfig]] = AngleConfig
     config: AngleConfig
 
-    def __init__(self, config: AngleConfig, *, period_ns: int, seed: int) -> None:
+    def __init__(
+        self,
+        config: AngleConfig,
+        *,
+        period_ns: int,
+        seed: int,
+        parameters: AngleParameters | None = None,
+    ) -> None:
         super().__init__(config, period_ns=period_ns, seed=seed % 2**40)
         import numpy as np
 
         from rigd_sim.plants.angle import draws, kernel, records
 
-        self.parameters = load_parameters(find_parameters(config.parameters))
+        #: Those of the file that ``config`` names, where they are not given.
+        self.parameters = parameters or load_parameters(find_parameters(config.parameters))
         self.noise = config.noise
         self.individual = (
             draws.individual(self.parameters, config.individual)
@@ -220,9 +231,14 @@ class AnglePlant(Plant):
         return mass, status
 
     def change(self, quantity: str, value: float | str) -> None:
-        """Change what a person would: angle, wheel, load, voltage, platform, and for calibration.
+        """Change what a person would change at the bench, from now on.
 
-        See docs of the rig for the list; ``fault`` and ``rubbing`` spoil runs on purpose.
+        For a run: ``angle`` (rad: 0, 15, 30, 45 deg), ``wheel`` (clean, coated), ``load`` (kg),
+        ``voltage`` (V), ``platform`` (start: pushed back, and the wheel turned back). For a
+        calibration: ``shaft`` (free, clamped), ``arm_mass`` (kg, on the arm of the clamped shaft),
+        ``wheel_lift`` (lifted, down), ``push`` (m/s, given to the platform), ``scale_weight`` (kg,
+        laid on the scale). To spoil runs: ``rubbing`` (N m, downstream of the gauges) and
+        ``fault`` (``layout.FAULTS``).
 
         Raises:
             ValueError: no such quantity, or a value that cannot be.
@@ -333,8 +349,6 @@ class AnglePlant(Plant):
     # What follows from it.
 
     def _set(self, **changed: float | str) -> None:
-        from dataclasses import replace
-
         self._bench = replace(self._bench, **changed)  # type: ignore[arg-type] # by name
         self._constants = self._records.constants(
             self.parameters, self.individual, self._run, self._bench,
