@@ -289,7 +289,7 @@ def _potentiometer(
         start, end = standstill
         yield Flag(
             "pot_dead",
-            f"The {pot.name}'s potentiometer stands at {_level(pot.t_s, pot.volts, end):.2f} V "
+            f"The {pot.name}'s potentiometer stands at {_level(pot.t_s, pot.volts, end):z.2f} V "
             f"from {start:.2f} s to {end:.2f} s while the gauges show torque: broken wire, slack "
             "thread, at its end, or the wheel is blocked.",
         )
@@ -299,7 +299,7 @@ def _potentiometer(
         yield Flag(
             "pot_at_end",
             f"The {pot.name}'s potentiometer is at its end at {pot.t_s[np.argmax(at_end)]:.3f} s "
-            f"({pot.volts[np.argmax(at_end)]:.2f} V of 0 to {excitation_v:.2f} V): it has "
+            f"({pot.volts[np.argmax(at_end)]:z.2f} V of 0 to {excitation_v:.2f} V): it has "
             f"{limits.turns:g} turns and does not wrap; turn it back before a run.",
         )
         return

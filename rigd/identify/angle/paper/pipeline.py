@@ -1,6 +1,7 @@
 """One run through the paper's method, in the paper's order.
 
-What it says against a run of its own, beside :func:`~rigd.identify.angle.flags.raw_flags`:
+What it says against a run itself, if :func:`~rigd.identify.angle.flags.raw_flags` does not exclude
+it already (a negative torque has no peak either; to tell that too would only confuse):
 
 ===============  ========  =====================================================================
 code             severity  found when
@@ -11,7 +12,7 @@ steady_short     excluded  less than a tenth of the record lies behind p + 2 sig
 too_slow         excluded  sampled too slowly, or too few samples, for the smoothing
 no_speed         excluded  the platform's speed is nowhere above 0 in the steady segment
 no_sliding       note      the wheel rolled: T/(R N) is what the motion asked for, not a limit
-partly_sliding   note      the wheel slid for a part of the segment: T/(R N) is a mean of both
+partly_sliding   note      the wheel slid for a part of the segment: T/(R N) may be a mean of both
 ===============  ========  =====================================================================
 
 An excluded run keeps its curves, so that a report can show what is wrong, and none of its numbers.
@@ -66,20 +67,20 @@ def analyse_paper(
         return _nothing(flags + slow)
 
     curves, peak = _curves(run, calibration, rig, settings)
+    if _excluded(flags):
+        return _nothing(flags, curves)
     t_steady_s = peak.time_s + settings.steady_sigmas * peak.sigma_s
-    torque = curves.torque_nm[curves.t_s >= t_steady_s]
     moving = (curves.speed_t_s >= t_steady_s) & (curves.platform_speed_m_s > 0.0)
-    own = tuple(_peak_flags(curves, peak, t_steady_s, settings))
-    if not own and not np.any(moving):
-        own = (Flag("no_speed", "The platform never moves forwards in the steady segment."),)
-    flags += own
-    if any(flag.severity is Severity.EXCLUDED for flag in flags):
+    flags += tuple(_peak_flags(curves, peak, t_steady_s, settings))
+    if not _excluded(flags) and not np.any(moving):
+        flags += (Flag("no_speed", "The platform never moves forwards in the steady segment."),)
+    if _excluded(flags):
         return _nothing(flags, curves)
 
     rim, platform = curves.rim_speed_m_s[moving], curves.platform_speed_m_s[moving]
     slip = mean_slip(rim, platform, run.alpha_rad)
     regime = regime_of(rim / (platform * np.cos(run.alpha_rad)) - 1.0)
-    mean_nm = float(np.mean(torque))
+    mean_nm = float(np.mean(curves.torque_nm[curves.t_s >= t_steady_s]))
     return PaperRun(
         torque_nm=mean_nm,
         mu=mean_nm / (rig.wheel_radius_m * calibration.load.value * run.load_n),
@@ -186,9 +187,13 @@ def _regime_flags(regime: Regime, slip: float) -> Iterator[Flag]:
         yield Flag(
             "partly_sliding",
             f"The wheel slid for a part of the steady segment only (mean corrected slip "
-            f"{slip:.2f}): T/(R N) lies below the friction limit.",
+            f"{slip:.2f}): T/(R N) may lie below the friction limit.",
             Severity.NOTE,
         )
+
+
+def _excluded(flags: tuple[Flag, ...]) -> bool:
+    return any(flag.severity is Severity.EXCLUDED for flag in flags)
 
 
 def _nothing(flags: tuple[Flag, ...], curves: PaperCurves | None = None) -> PaperRun:
