@@ -12,7 +12,10 @@ from rigd.sdk import Block, BlockDriver, Channel, DeviceError, DriverConfig, In
 from rigd_sim.plants.angle import layout
 from rigd_sim.plants.angle.plant import AnglePlant
 
-if TYPE_CHECKING:  # a rig file is checked without the physics
+if TYPE_CHECKING:  # a rig file is checked without numpy and the physics
+    import numpy as np
+    from numpy.typing import NDArray
+
     from rigd_sim.plants.angle.acquisition import Acquisition, Samples
 
 #: (unit, what it is) of the inputs, in the order of ``layout.SIGNALS``.
@@ -96,17 +99,20 @@ class AngleDaq(BlockDriver):
             Channel("clock_rate", "Hz", "rate of the card's clock"),
         )
         self._card: Acquisition | None = None
-        self._scale: Sequence[float] = ()
-        self._zero: Sequence[float] = ()
+        self._scale: NDArray[np.float64]
+        self._zero: NDArray[np.float64]
 
     def open(self) -> None:
         """Take the nominal scales from the rig's drawing; nothing is sampled yet."""
+        import numpy as np
+
         p = self.link.parameters
         gauge, slope = 1 / p.gauges.sensitivity, 1 / p.potentiometers.volts_per_rad
         pulley = p.potentiometers.pulley
-        self._scale = (gauge, gauge, slope, slope * pulley, 1 / p.load_cell.sensitivity)
+        scale = (gauge, gauge, slope, slope * pulley, 1 / p.load_cell.sensitivity)
         wheel, platform = p.potentiometers.wheel_start, p.potentiometers.platform_start
-        self._zero = (0.0, 0.0, wheel / slope, platform / (slope * pulley), 0.0)
+        zero = (0.0, 0.0, wheel / slope, platform / (slope * pulley), 0.0)
+        self._scale, self._zero = np.array(scale[: self._inputs]), np.array(zero[: self._inputs])
         self.identity = f"simulated card of individual {self.link.config.individual}"
 
     def start(self) -> None:
@@ -144,25 +150,28 @@ class AngleDaq(BlockDriver):
     def _block(self, card: Acquisition, samples: Samples) -> Block:
         import numpy as np
 
-        count, inputs = samples.volts.shape
-        rows = np.empty((count, 2 * inputs + 3))
-        scale, zero = np.array(self._scale[:inputs]), np.array(self._zero[:inputs])
-        rows[:, 0 : 2 * inputs : 2] = (samples.volts - zero) * scale
-        rows[:, 1 : 2 * inputs : 2] = samples.volts
-        rows[:, -3] = (samples.first + np.arange(count)) / self.rate_hz
+        volts = samples.volts
+        count, inputs = volts.shape
+        rows = np.zeros((count, 2 * inputs + 3))
+        quantities = rows[:, 0 : 2 * inputs : 2]
+        np.subtract(volts, self._zero, out=quantities)
+        quantities *= self._scale
+        rows[:, 1 : 2 * inputs : 2] = volts
+        rows[:, -3] = np.arange(samples.first, samples.first + count) / self.rate_hz
         rows[:, -2] = self.rate_hz
-        railed = np.abs(samples.volts) >= RAIL * self.link.parameters.card.range
-        rows[:, -1] = railed @ (1 << np.arange(inputs))
+        rail_v = RAIL * self.link.parameters.card.range
+        if volts.max() >= rail_v or volts.min() <= -rail_v:
+            rows[:, -1] = (np.abs(volts) >= rail_v) @ (1 << np.arange(inputs))
         return Block(card.times_ns(samples), rows)
 
     def newest_row(self, block: Block) -> Sequence[float]:
         """Return the last row, with the median of the last ``median`` samples for every input."""
-        import numpy as np
-
-        row = super().newest_row(block)
-        width = 2 * self._inputs
-        last = block.values[-self.config.median :, :width]
-        return [*np.median(last, axis=0).tolist(), *row[width:]]
+        row = list(super().newest_row(block))
+        count, width = self.config.median, 2 * self._inputs
+        last = block.values[-count:, :width].copy()
+        last.sort(axis=0)
+        row[:width] = (0.5 * (last[(count - 1) // 2] + last[count // 2])).tolist()
+        return row
 
     def close(self) -> None:
         """Stop sampling; closing twice is silent."""
