@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -48,6 +49,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Identify, report, print."""
+    # Before numpy is loaded: the systems to solve are small, and threads of the linear algebra
+    # that wait for one another cost twenty times what one alone does.
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+
     from rigd.cli.evaluation_view import print_shown
     from rigd.evaluate.evaluation import Options, evaluate
     from rigd.model.errors import ConfigError, RecordingError
