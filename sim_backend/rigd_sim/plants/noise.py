@@ -1,4 +1,4 @@
-"""Noise as a function of seed and time alone, so that nobody carries a generator along."""
+"""Noise that every plant draws, compiled into its kernel."""
 
 from __future__ import annotations
 
@@ -19,7 +19,11 @@ def mixed(word: np.uint64) -> np.uint64:
 
 @kernel
 def normal_pair(seed: int, index: int) -> tuple[float, float]:
-    """Return two standard normal numbers for a place in a series (Box-Muller)."""
+    """Return two standard normal numbers, a function of seed and index alone (Box-Muller).
+
+    No generator is carried along, so the noise of an instant does not depend on how often it was
+    asked for before.
+    """
     golden = np.uint64(0x9E3779B97F4A7C15)
     first = mixed(mixed(np.uint64(seed) + golden) + np.uint64(index) * golden)
     second = mixed(first + golden)

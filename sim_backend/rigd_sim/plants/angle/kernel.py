@@ -1,7 +1,7 @@
 """The physics of the approach-angle rig, compiled: steps of 1/19200 s by Runge-Kutta (4th order).
 
 Everything compiled with the integrator stands in this file, because numba's cache follows changes
-of the file of the entry point alone; noise.py, which it calls too, is not meant to change.
+of the file of the entry point alone; only the noise, which does not change, is shared.
 
 The sign of a speed in a dry friction is tanh(speed / small): a body at rest creeps by the small
 speed times its load over its friction. Directions: e_r is the rolling direction of the wheel, at

@@ -14,7 +14,7 @@ Each step of 125 us is a Strang splitting, of second order:
 
 The second half drift of a step and the first of the next share their speeds and are taken as one.
 Everything compiled with the integrator stands in this file, because numba's cache follows
-changes of the file of the entry point alone.
+changes of the file of the entry point alone; only the noise, which does not change, is shared.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.model.kernel import kernel
+from rigd_sim.plants.noise import normal_pair
 
 #: One row of what records.py lays out, and the array of one that holds it.
 Row = Any
@@ -289,29 +290,6 @@ def integrate(constants: Rows, state: Rows, commands: Rows, step: float, steps: 
         else:
             duration, keep = step, keep_step
     s.v, s.w = v, w
-
-
-@kernel
-def mixed(word: np.uint64) -> np.uint64:
-    """Return the splitmix64 finaliser of ``word`` (Steele, Lea, Flood 2014)."""
-    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return word ^ (word >> np.uint64(31))
-
-
-@kernel
-def normal_pair(seed: int, t_ns: int) -> tuple[float, float]:
-    """Return two standard normal numbers, a function of seed and time alone (Box-Muller).
-
-    No generator is carried along, so the noise of an instant does not depend on how often the
-    plant was asked before it.
-    """
-    golden = np.uint64(0x9E3779B97F4A7C15)
-    first = mixed(mixed(np.uint64(seed) + golden) + np.uint64(t_ns) * golden)
-    second = mixed(first + golden)
-    radius = math.sqrt(-2.0 * math.log((float(first >> np.uint64(11)) + 0.5) * 2.0**-53))
-    angle = 2.0 * math.pi * float(second >> np.uint64(11)) * 2.0**-53
-    return radius * math.cos(angle), radius * math.sin(angle)
 
 
 @kernel
