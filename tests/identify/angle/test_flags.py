@@ -68,6 +68,11 @@ FAULTS: dict[str, tuple[Fault, str, str]] = {
         "no_pre_trigger",
         r"begins 30 ms after",
     ),
+    "record begins far too late": (
+        lambda r: cut(r, r.t_s >= 0.15),
+        "no_pre_trigger",
+        r"begins 150 ms after",
+    ),
     "stopped at once": (lambda r: replace(r, stop_s=0.15), "too_short", r"0\.150 s .* need 0\.2 s"),
     "stop never given": (lambda r: replace(r, stop_s=float("nan")), "too_short", r"nan s"),
     "record ends early": (

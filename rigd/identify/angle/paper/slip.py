@@ -24,18 +24,11 @@ class Slip:
     relative_speed_m_s: float
 
 
-NOT_MOVING = Slip(float("nan"), float("nan"), float("nan"))
-
-
 def mean_slip(rim_m_s: FloatArray, platform_m_s: FloatArray, alpha_rad: float) -> Slip:
-    """Return the means where V > 0; NaN all of them where it never is. Both arrays (n,) in m/s."""
-    moving = platform_m_s > 0.0
-    if not np.any(moving):
-        return NOT_MOVING
-    rim, platform = rim_m_s[moving], platform_m_s[moving]
-    relative = rim - platform
+    """Return the means of samples (n,) that all have V = ``platform_m_s`` > 0; n > 0."""
+    relative = rim_m_s - platform_m_s
     return Slip(
-        paper=float(np.mean(relative / platform)),
-        corrected=float(np.mean(rim) / (np.mean(platform) * np.cos(alpha_rad)) - 1.0),
+        paper=float(np.mean(relative / platform_m_s)),
+        corrected=float(np.mean(rim_m_s) / (np.mean(platform_m_s) * np.cos(alpha_rad)) - 1.0),
         relative_speed_m_s=float(np.mean(relative)),
     )
