@@ -15,7 +15,7 @@ from rigd.config.problems import Problems, suggest
 from rigd.config.rig import RigConfig
 from rigd.procedure.expression import Number, Reference, Scope, Value
 from rigd.procedure.loader import Procedure
-from rigd.procedure.parameters import Parameters, read_parameters, read_tables
+from rigd.procedure.parameters import Parameters, read_parameters, read_tables, read_unit
 from rigd.procedure.program import (
     CompiledProcedure,
     CycleProgram,
@@ -58,6 +58,8 @@ def compile_procedure(
     scopes = [_scope(reader, source, parameters.scope, point) for point in points]
 
     units = _units(rig, parameters, [base, *scopes[:1]])
+    units |= {name: read_unit(reader, ("tables", name, "unit"), table.unit)
+              for name, table in source.tables.items() if table.unit}  # fmt: skip
     compiler = StepCompiler(replace(reader, units=units), rig, source.parameters)
     prepare = compiler.compile(("prepare",), source.prepare, base)
     trials = _trials(compiler, source, scopes, done)

@@ -139,28 +139,38 @@ def read_tables(reader: Reader, source: ProcedureSource, scope: Scope) -> dict[s
                 message = f"{choice!r} is not a choice of {table.by}"
                 hint = suggest(choice, parameter.choices)
                 reader.note_key((*path, "values", choice), message, hint)
+        unit = None if table.unit is None else read_unit(reader, (*path, "unit"), table.unit)
         choice_now = scope.get(table.by)
         if isinstance(choice_now, str) and choice_now in table.values:
             where = (*path, "values", choice_now)
-            value = _table_value(reader, where, table.values[choice_now], scope)
+            value = _table_value(reader, where, table.values[choice_now], unit, scope)
             values[name] = Number(math.nan) if value is None else value
     return values
 
 
-def _table_value(reader: Reader, path: Path_, text: str, scope: Scope) -> Value | None:
+def _table_value(
+    reader: Reader, path: Path_, text: str, unit: str | None, scope: Scope
+) -> Value | None:
+    if unit is not None:
+        return Number(reader.number(path, text, unit, scope), parse_unit(unit).dimension)
     if text[:1].isalpha():
         return text
     return reader.value(path, text, scope)
 
 
+def read_unit(reader: Reader, path: Path_, text: str) -> str:
+    """Return the unit ``text``, or 1 with the problem noted."""
+    try:
+        parse_unit(text)
+    except ValueError as error:
+        reader.note(path, str(error), "such as A, m/s, N m")
+        return "1"
+    return text
+
+
 def _declare(reader: Reader, name: str, source: ParameterSource, scope: Scope) -> Parameter:
     path: Path_ = ("parameters", name)
-    unit = source.unit or "1"
-    try:
-        parse_unit(unit)
-    except ValueError as error:
-        reader.note((*path, "unit"), str(error), "such as A, m/s, N m")
-        unit = "1"
+    unit = read_unit(reader, (*path, "unit"), source.unit or "1")
     low, high = -math.inf, math.inf
     for key in ("unit", "min", "max"):
         if source.choices is not None and getattr(source, key) is not None:

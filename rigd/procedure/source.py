@@ -81,6 +81,8 @@ class TableSource(Source):
     """One value for each choice."""
     doc: str | None = None
     """What it is, for the person at the rig."""
+    unit: str | None = None
+    """Unit that people read it in; left out for plain numbers or words."""
 
 
 class RangeSource(Source):

@@ -135,3 +135,19 @@ def test_problem_at_its_place(
     assert place in shown
     for part in parts:
         assert part in shown
+
+
+def test_a_table_is_read_in_its_unit(rig: RigConfig) -> None:
+    table = (
+        "  floor: {doc: Floor, choices: [even, steep], default: steep}\n"
+        "tables:\n"
+        "  slope: {by: floor, unit: deg, values: {even: 0 deg, steep: 15 deg}}\n"
+        "trial:"
+    )
+    text = TEXT.replace("trial:", table, 1).replace("Put ${load} on.", "Tilt it by ${slope}.")
+    assert prompt_of(text, rig).text == "Tilt it by 15 deg."
+    assert compile_procedure(parse_procedure(text, Path("p.yaml")), rig).units["slope"] == "deg"
+    with pytest.raises(ConfigError, match="'15 m' is in m, expected deg"):
+        prompt_of(text.replace("15 deg}", "15 m}"), rig)
+    with pytest.raises(ConfigError, match="unknown unit 'dag'"):
+        prompt_of(text.replace("unit: deg", "unit: dag"), rig)
