@@ -98,69 +98,87 @@ def simulate(
     if set_name not in layout.SETS:
         raise ValueError(f"no set {set_name!r}; one of {', '.join(layout.SETS)}")
     degrees, wheel = layout.SETS[set_name]
-    alpha_rad = math.radians(degrees)
-    config = AngleConfig.model_construct(
-        individual=individual, noise=noise, drag=drag, angle=alpha_rad,
-        wheel=wheel, load=load_kg, voltage=voltage_v,
-    )  # fmt: skip
+    config = AngleConfig.model_construct(individual=individual, noise=noise, drag=drag)
     plant = AnglePlant(
         config, period_ns=1_000_000, seed=seed, parameters=parameters or _shipped_parameters()
     )
-    for quantity, value in (
-        ("load", load_kg),
-        ("voltage", voltage_v),
-        ("rubbing", rubbing_nm),
-        ("fault", fault),
-    ):
-        plant.change(quantity, value)
+    plant.change("angle", math.radians(degrees))
+    plant.change("wheel", wheel)
+    plant.change("load", load_kg)
+    plant.change("voltage", voltage_v)
+    plant.change("rubbing", rubbing_nm)
+    plant.change("fault", fault)
+
     plant.advance(0)
-    command_ns = round(SETTLE_S * 1e9)
-    first_ns = command_ns - round(PRE_S * 1e9)
-    plant.advance(command_ns)
-    mass, status = plant.scale()
-    plant.command(True)
+    plant.advance(round((SETTLE_S - PRE_S) * 1e9))
     card = Acquisition(
-        plant, start_ns=first_ns, block=block, load_cell=load_cell,
+        plant, start_ns=plant.now_ns, block=block, load_cell=load_cell,
         latency_s=latency_s, jitter_s=jitter_s,
     )  # fmt: skip
-    samples = [card.read_due()]
-    first = samples[0].first
+    plant.advance(round(SETTLE_S * 1e9))
+    drive = _drive(plant, card)
+    return _recorded(plant, drive, set_name, load_kg, voltage_v)
+
+
+@dataclass(frozen=True)
+class _Drive:
+    """What was seen of a run, and when the relay was commanded, on the plant's clock."""
+
+    times_ns: NDArray[np.int64]
+    volts: FloatArray
+    command_ns: int
+    stop_ns: int
+    watchdog: bool
+    scale: tuple[float, int]
+
+
+def _drive(plant: AnglePlant, card: Acquisition) -> _Drive:
+    """Close the relay now, open it at the stop, and go on until the record is complete."""
+    scale, command_ns = plant.scale(), plant.now_ns
     watchdog_ns = command_ns + round(WATCHDOG_S * 1e9)
-    while not _at_stop(plant, samples[-1].volts) and card.due_ns < watchdog_ns:
-        samples.append(card.read_due())
-    watchdog = not _at_stop(plant, samples[-1].volts)
-    if watchdog:
+    plant.command(True)
+    blocks = [card.read_due()]
+    while not (arrived := _at_stop(plant, blocks[-1].volts)) and card.due_ns < watchdog_ns:
+        blocks.append(card.read_due())
+    if not arrived:
         plant.advance(watchdog_ns)
     stop_ns = plant.now_ns
     plant.command(False)
     end_ns = stop_ns + round(POST_S * 1e9)
-    while card.times_ns(samples[-1])[-1] < end_ns:
-        samples.append(card.read_due())
+    while card.times_ns(blocks[-1])[-1] < end_ns:
+        blocks.append(card.read_due())
+    whole = Samples(blocks[0].first, np.concatenate([one.volts for one in blocks]))
+    times_ns = card.times_ns(whole)
+    count = int(np.searchsorted(times_ns, end_ns, side="right"))
+    return _Drive(times_ns[:count], whole.volts[:count], command_ns, stop_ns, not arrived, scale)
 
-    volts = np.concatenate([one.volts for one in samples])
-    since_ns = card.times_ns(Samples(first, volts)) - command_ns
-    t_s = since_ns.astype(np.float64) * 1e-9
-    kept = t_s <= (end_ns - command_ns) * 1e-9
-    volts, t_s = volts[kept], t_s[kept]
-    steps = (first + np.arange(len(volts))) * round(layout.STEPS_PER_S / card.rate_hz)
-    rows = plant.history[steps % layout.HISTORY_ROWS, layout.FIRST_TRUTH :]
+
+def _recorded(
+    plant: AnglePlant, drive: _Drive, set_name: str, load_kg: float, voltage_v: float
+) -> SimulatedRun:
+    """Return the run with the truth at its samples, which the plant still remembers."""
+    volts = drive.volts
+    steps = (drive.times_ns - plant.origin_ns) * layout.STEPS_PER_S / 1e9
+    rows = np.rint(steps).astype(np.int64) % layout.HISTORY_ROWS
+    truth = plant.history[rows, layout.FIRST_TRUTH :]
     pots, cell = plant.parameters.potentiometers, plant.parameters.load_cell
+    mass_kg, status = drive.scale
     return SimulatedRun(
         set_name=set_name,
-        alpha_rad=alpha_rad,
+        alpha_rad=math.radians(layout.SETS[set_name][0]),
         announced_load_kg=load_kg,
         voltage_v=voltage_v,
-        t_s=t_s,
+        t_s=(drive.times_ns - drive.command_ns).astype(np.float64) * 1e-9,
         gauge_a_v=volts[:, 0].copy(),
         gauge_b_v=volts[:, 1].copy(),
         wheel_v=volts[:, 2].copy(),
         platform_v=volts[:, 3].copy(),
-        normal_force_v=volts[:, 4].copy() if load_cell else None,
-        stop_s=(stop_ns - command_ns) * 1e-9,
-        watchdog=watchdog,
-        scale_kg=mass,
+        normal_force_v=volts[:, 4].copy() if volts.shape[1] > 4 else None,
+        stop_s=(drive.stop_ns - drive.command_ns) * 1e-9,
+        watchdog=drive.watchdog,
+        scale_kg=mass_kg,
         scale_stable=status == layout.STABLE,
-        truth={name: rows[:, k].copy() for k, (name, _, _) in enumerate(layout.TRUTH)},
+        truth={name: truth[:, k].copy() for k, (name, _, _) in enumerate(layout.TRUTH)},
         torque_scale=plant.torque_scale,
         wheel_scale=1 / pots.volts_per_rad,
         platform_scale=pots.pulley / pots.volts_per_rad,

@@ -223,7 +223,7 @@ class AnglePlant(Plant):
         scale, shown = self.parameters.scale, self._scale
         spread = float(shown.max() - shown.min())  # NaN until there are enough
         status = layout.STABLE if spread <= (AGREEMENT + 1e-6) * scale.division else 0
-        mass = float(shown[0])
+        mass = round(float(shown[0]), 9)  # a display shows 5.02, not 5.0200000000000005
         if mass > scale.capacity + OVER_DIVISIONS * scale.division:
             status = layout.OVERLOAD
         elif mass < -UNDER_DIVISIONS * scale.division:
