@@ -69,6 +69,39 @@ MODELS: Final = {
         ),
         calibrated_with={"normal_force": ("normal_force_scale", "normal_force_zero")},
     ),
+    "torque-calibration": ModelNeeds(
+        module="rigd.evaluate.calibration",
+        signals=("gauge_a", "gauge_b"),
+        constants=(
+            "arm",
+            "arm_uncertainty",
+            "mass_uncertainty",
+            "gravity",
+            "gravity_uncertainty",
+            "alignment_uncertainty",
+            "poisson",
+        ),
+        parameters=(),
+        trial_parameters=("mass",),
+        measures=("torque_scale",),
+    ),
+    "scale-calibration": ModelNeeds(
+        module="rigd.evaluate.calibration",
+        signals=("load",),
+        constants=("weight_uncertainty", "division"),
+        parameters=(),
+        trial_parameters=("weight",),
+        measures=("load_scale",),
+    ),
+    "friction-calibration": ModelNeeds(
+        module="rigd.evaluate.calibration",
+        signals=("gauge_a", "gauge_b", "wheel_angle", "platform_position"),
+        constants=("platform_mass", "platform_mass_uncertainty", "gravity", "wheel_inertia"),
+        parameters=(),
+        trial_parameters=("test",),
+        calibrated=("torque_scale", "wheel_scale", "platform_scale", "rail_load"),
+        measures=("bearing_constant", "bearing_viscous", "rail_constant", "rail_viscous"),
+    ),
 }
 
 

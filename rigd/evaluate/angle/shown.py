@@ -26,8 +26,8 @@ def campaign_shown(result: CampaignResult, calibrations: Sequence[str]) -> Shown
     shown: list[Table | str] = [_table_1(set_rows(result)), _legend()]
     if result.trends:
         shown.append(_trends(result))
-        better = [row.sentence for row in trend_rows(result) if row.sentence]
-        shown.append("\n".join(dict.fromkeys(better)))
+        best = result.trends.get("better") or next(iter(result.trends.values()))
+        shown.append(best.sentence)
     if result.warnings:
         shown.append("\n".join(["warnings:", *(f"  {warning}" for warning in result.warnings)]))
     shown.append(_flagged(result))
@@ -112,7 +112,11 @@ def _flagged(result: CampaignResult) -> str:
 
 
 def _reason(row: FlaggedRow) -> str:
-    named = "; ".join(f"trial {run.run.number} ({run.run.label})" for run in row.runs[:NAMED])
+    """Return a reason with its first run at length and the next few by name."""
+    names = [f"trial {run.run.number} ({run.run.label})" for run in row.runs[:NAMED]]
+    others = f"; also {', '.join(names[1:])}" if len(names) > 1 else ""
     more = f" and {row.count - NAMED} more" if row.count > NAMED else ""
     used = "" if row.excluded else ", used"
-    return f"{row.code} ({row.count}{used}): {named}{more}. {row.reasons[0]}"
+    return (
+        f"{row.code} ({row.count}{used}): {names[0]}: {row.reasons[0].rstrip('.')}{others}{more}."
+    )

@@ -29,7 +29,7 @@ def one_run(run: RunResult) -> Figure | None:
     _speeds(axes[3], run, curves)
     _blocks(axes[4], run)
     _smoothed_speeds(axes[5], run)
-    for ax in axes:
+    for ax in axes[:-1]:
         ax.set_xlim(float(curves.t_s[0]), float(curves.t_s[-1]))
     return figure
 
@@ -112,17 +112,17 @@ def _blocks(ax: Axes, run: RunResult) -> None:
 
 
 def _smoothed_speeds(ax: Axes, run: RunResult) -> None:
-    """Draw the speeds of the better method; what is shaded lies outside of the drive."""
+    """Draw the speeds of the better method over the whole record; shaded: before and after."""
     curves = run.better.curves
     if curves is None:
         ax.remove()
         return
     blocks = run.better.blocks
     ax.plot(*thin(curves.t_s, curves.platform_speed_m_s), color=series(0), label="platform V")
-    dot = Mark(".", True, "sliding speed v_r")
+    dot = Mark(".", True, "sliding speed")
     dots(ax, blocks.t_s, blocks.sliding_speed_m_s, series(2), dot, label=dot.label)
-    outside = (curves.t_s < 0.0) | (curves.t_s > run.run.stop_s)
-    shade_unused(ax, curves.t_s, outside)
+    driven = (curves.t_s >= 0.0) & (curves.t_s <= run.run.stop_s)
+    shade_unused(ax, curves.t_s, driven)
     label(ax, "time", "s", "speed", "m/s")
     ax.legend(loc="best")
     ax.set_title("Speeds (better method)")

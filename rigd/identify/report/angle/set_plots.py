@@ -94,7 +94,7 @@ def pooled_curves(sets: Sequence[SetResult], colours: Sequence[int]) -> Figure:
     for one, colour in zip(sets, colours, strict=True):
         if one.curve is not None:
             _curve(ax, one.curve, colour, set_label(one))
-    label(ax, "sliding speed v_r", "m/s", "F_r/N", "1")
+    label(ax, "sliding speed", "m/s", "F_r/N", "1")
     ax.set_ylim(bottom=0.0)
     ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     return figure
@@ -110,7 +110,7 @@ def pooled_blocks(one: SetResult, curve: FrictionCurve, colour: int) -> Figure:
     _curve(ax, curve, colour, "pooled")
     if one.published is not None:
         ax.axhline(one.published, color=FITTED, linestyle=(0, (4, 2)), label="published")
-    label(ax, "sliding speed v_r", "m/s", "F_r/N", "1")
+    label(ax, "sliding speed", "m/s", "F_r/N", "1")
     ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     return figure
 
@@ -128,13 +128,15 @@ def maximum_over_angle(result: CampaignResult) -> Figure:
     for source, trend in result.trends.items():
         colour = SOURCE_COLOURS.get(source, INK)
         error = None if trend.u is None else 2.0 * trend.u
+        published = source == "published"
         ax.errorbar(
             trend.angle_deg,
             trend.mu,
             yerr=error,
             linestyle="none",
             marker=SOURCE_SHAPES.get(source, "o"),
-            markersize=5.0,
+            markersize=8.0 if published else 4.5,
+            markerfacecolor="none" if published else colour,
             color=colour,
             capsize=2.5,
             label=SOURCES.get(source, source),
