@@ -1,0 +1,137 @@
+"""The recording of a calibration to its values, as a terminal, a program and a report show them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime
+from pathlib import Path
+from typing import Final
+
+from rigd.config.calibration import load_calibration
+from rigd.evaluate.calibration.friction import friction_result
+from rigd.evaluate.calibration.reading import Steps
+from rigd.evaluate.calibration.scale import scale_result
+from rigd.evaluate.calibration.torque import torque_result
+from rigd.evaluate.evaluation import Evaluation, Options
+from rigd.evaluate.provenance import provenance
+from rigd.evaluate.shown import Column, Row, Shown, Table
+from rigd.evaluate.source import RecordedSweep
+from rigd.identify.calibration.result import CalibrationResult, Measured
+from rigd.identify.report import Provenance
+from rigd.identify.report.calibration import render_calibration
+from rigd.identify.report.rounding import number, places_for
+from rigd.model.errors import DataError
+
+_METHODS: Final[Mapping[str, Callable[[Steps], CalibrationResult]]] = {
+    "torque-calibration": torque_result,
+    "scale-calibration": scale_result,
+    "friction-calibration": friction_result,
+}
+#: What the mode of a run in virtual time says; its dates are not the operator's.
+_VIRTUAL: Final = "virtual time"
+
+
+@dataclass(frozen=True)
+class CalibrationEvaluation(Evaluation):
+    """What one recording calibrates: nothing is written; ``rigd calibrate`` does."""
+
+    title: str
+    result: CalibrationResult
+    recording: Path
+    rig: str
+    instruments: Mapping[str, str]  #: what each device that was used said it is
+    made: date | None  #: the day it was recorded; None where that was in virtual time
+    provenance: Provenance
+
+    def report(self) -> str:
+        """Return the report as a self-contained HTML page."""
+        return render_calibration(self.result, self.provenance, title=self.title)
+
+    def to_json(self) -> dict[str, object]:
+        """Return values in SI with their uncertainty (k = 1) and its terms, or the refusals."""
+        result = self.result
+        return {
+            "title": self.title,
+            "recording": str(self.recording),
+            "rig": self.rig,
+            "instruments": dict(self.instruments),
+            "refusals": list(result.refusals),
+            "values": {
+                name: {
+                    "value": one.value,
+                    "u": one.u,
+                    "unit": one.unit,
+                    "budget": {term.name: term.u for term in one.budget},
+                }
+                for name, one in result.measured.items()
+            },
+            "kept": dict(result.kept),
+            "facts": list(result.facts),
+        }
+
+    def shown(self) -> Shown:
+        """Return the values with their budgets, what stays as it was, and the facts."""
+        result = self.result
+        if result.refusals:
+            refused = [f"{result.title}: this is no calibration", *_listed(result.refusals)]
+            return ("\n".join(refused), *_paragraph("what was seen:", result.facts))
+        return (
+            _values(result.measured),
+            *_paragraph("", result.facts),
+            *_paragraph("not measured:", [f"{k}: {why}" for k, why in result.kept.items()]),
+        )
+
+
+def evaluate(
+    sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+) -> CalibrationEvaluation:
+    """Return what the recording of a calibration gives; refused results say why.
+
+    Raises:
+        RecordingError: the recording is damaged.
+        ConfigError: a calibration is wrong.
+        DataError: there are several recordings, or a step, signal, constant or an earlier
+            calibrated value is missing.
+    """
+    if len(sweeps) > 1:
+        raise DataError(
+            f"{len(sweeps)} recordings of calibrations", hint="evaluate them one at a time"
+        )
+    (sweep,) = sweeps
+    given = None if options.calibration is None else load_calibration(options.calibration)
+    steps = Steps(sweep, given)
+    tell(f"{sweep.plan.model} of {sweep.path.name}")
+    result = _METHODS[sweep.plan.model](steps)
+    run = sweep.info.metadata["run"]
+    return CalibrationEvaluation(
+        title=f"{result.title} of {sweep.info.rig}",
+        result=result,
+        recording=sweep.path,
+        rig=sweep.info.rig,
+        instruments=steps.instruments(),
+        made=None
+        if _VIRTUAL in run.get("mode", "")
+        else datetime.fromisoformat(run["started"]).date(),
+        provenance=provenance([sweep], [len(sweep.trials)], {"method": sweep.plan.model}),
+    )
+
+
+def _values(measured: Mapping[str, Measured]) -> Table:
+    rows = []
+    for name, one in measured.items():
+        places = places_for(one.u)
+        rows.append(
+            Row((name, f"{number(one.value, places)} ± {number(one.u, places)}", one.unit, ""))
+        )
+        rows += [Row(("", number(term.u, places), "", term.name), True) for term in one.budget]
+    columns = (Column("value"), Column("± u (k=1)", right=True), Column("unit"), Column("from"))
+    return Table(columns, tuple(rows))
+
+
+def _paragraph(title: str, lines: Sequence[str]) -> list[str]:
+    return ["\n".join([*([title] if title else []), *_listed(lines)])] if lines else []
+
+
+def _listed(lines: Sequence[str]) -> list[str]:
+    return [f"  {line}" for line in lines]

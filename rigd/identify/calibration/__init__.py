@@ -1,0 +1,1 @@
+"""Calibration measurements to calibrated values with standard uncertainties, or to a refusal."""
