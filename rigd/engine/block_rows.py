@@ -36,7 +36,7 @@ class BlockRows:
         self._width = len(stream.channels) + stream.has_status
         self._layout = _layout(stream)
         self._dtype = row_dtype(stream)
-        self._last_ns = 0
+        self._last_ns = -1  # of the row before; virtual time may begin at 0
 
     def make(self, block: Block) -> Rows:
         """Return the rows of ``block``, shape (n,).

@@ -60,10 +60,10 @@ class Kept:
 
 
 def host_of(
-    one: RigConfig, record: Mapping[str, Recorded] = ALL
+    one: RigConfig, record: Mapping[str, Recorded] = ALL, start_ns: int = START_NS
 ) -> tuple[InProcessHost, Kept, Control]:
     control, kept = Control(), Kept()
-    clock = VirtualClock(one.period_ns, START_NS)
+    clock = VirtualClock(one.period_ns, start_ns)
     cycle = wire(one, clock, control, 1).cycle
     host = InProcessHost(cycle, clock, virtual=True, sink=kept, record=record)
     assert host.open() == []
@@ -91,6 +91,15 @@ def test_every_row_is_recorded_once_at_its_own_time(tmp_path: Path) -> None:
     assert np.array_equal(rows["t_ns"], START_NS + np.arange(len(rows)) * ROW_NS)
     last_ns = kept.all("cycle")["t_ns"][-1]
     assert last_ns - LATENCY_NS - 10 * ROW_NS < rows["t_ns"][-1] <= last_ns - LATENCY_NS
+
+
+def test_time_may_begin_at_zero(tmp_path: Path) -> None:
+    """As it does in a dry run."""
+    host, kept, _ = host_of(rig(PlantGrid, tmp_path), start_ns=0)
+    assert host.play(waits("go")).ending is Ending.DONE
+    end(host)
+    rows = kept.all("grid")
+    assert np.array_equal(rows["t_ns"], np.arange(len(rows)) * ROW_NS)
 
 
 def test_blocks_shorter_than_a_cycle_do_not_pile_up(tmp_path: Path) -> None:
