@@ -3,75 +3,17 @@
 from __future__ import annotations
 
 import os
-import pty
 import re
 import signal
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from support.command import rigd
+from support.terminal import Terminal
 from support.wire import write_rig
 
 from rigd.record import Recording
-
-
-@dataclass
-class Terminal:
-    """A command on a pty of its own."""
-
-    process: subprocess.Popen[bytes]
-    master: int
-    seen: str = ""
-    folder: Path = field(default_factory=Path)
-
-    def expect(self, text: str) -> None:
-        """Read until the screen shows ``text`` (each only once)."""
-        while text not in self.seen:
-            try:
-                piece = os.read(self.master, 4096)
-            except OSError:  # Linux reports the end of a pty so
-                piece = b""
-            if not piece:
-                raise AssertionError(f"never showed {text!r}, only: {self.seen}")
-            self.seen += piece.decode(errors="replace")
-        self.seen = self.seen.partition(text)[2]
-
-    def type(self, line: str) -> None:
-        os.write(self.master, f"{line}\n".encode())
-
-    def end(self) -> int:
-        try:
-            while os.read(self.master, 4096):
-                pass
-        except OSError:
-            pass
-        return self.process.wait(timeout=60)
-
-
-@pytest.fixture
-def open_terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
-    """Return what starts ``rigd run`` on a terminal of its own; it records to run.mcap."""
-    opened: list[Terminal] = []
-
-    def open_it(*arguments: str) -> Terminal:
-        master, slave = pty.openpty()
-        process = subprocess.Popen(
-            [sys.executable, "-m", "rigd", "run", *arguments, "--output", "run.mcap"],
-            cwd=tmp_path, stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
-        )  # fmt: skip
-        os.close(slave)
-        opened.append(Terminal(process, master, folder=tmp_path))
-        return opened[-1]
-
-    yield open_it
-    for one in opened:
-        one.process.kill()
-        one.process.wait()
-        os.close(one.master)
 
 
 @pytest.fixture
