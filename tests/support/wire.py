@@ -1,4 +1,4 @@
-"""The shipped rig at the wire in a folder of its own, with its devices served by `rigd sim`."""
+"""A shipped rig at the wire in a folder of its own, with its devices served by `rigd sim`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -70,24 +70,56 @@ class WireRig:
             self.process = None
 
 
-def write_rig(folder: Path, name: str, replaced: Mapping[str, str] | None = None) -> WireRig:
-    """Write the shipped rig into ``folder``, with sockets and ports of its own.
+@dataclass(frozen=True)
+class Shipped:
+    """A shipped rig at the wire: what in its file must be each copy's own."""
+
+    file: str
+    name: str
+    folder: str
+    plant: str
+    ports: tuple[str, ...]  #: texts that hold a port, at their end
+
+
+LUGRE = Shipped(
+    "wire_lugre.yaml", "wire-1", "/tmp/rigd-wire-lugre", "lugre.yaml",
+    ("127.0.0.1:31763", "port: 15020"),
+)  # fmt: skip
+ANGLE = Shipped(
+    "wire_approach_angle.yaml", "angle-wire-1", "/tmp/rigd-wire-angle", "approach_angle.yaml",
+    ("127.0.0.1:31764",),
+)  # fmt: skip
+
+
+def free_ports(count: int) -> list[int]:
+    """Return ports of this machine that nobody has at present."""
+    with ExitStack() as stack:
+        sockets = [stack.enter_context(socket.socket()) for _ in range(count)]
+        for one in sockets:
+            one.bind(("127.0.0.1", 0))
+        return [one.getsockname()[1] for one in sockets]
+
+
+def write_rig(
+    folder: Path,
+    name: str,
+    replaced: Mapping[str, str] | None = None,
+    shipped: Shipped = LUGRE,
+) -> WireRig:
+    """Write a shipped rig into ``folder``, with sockets and ports of its own.
 
     ``name`` is the name of the rig; ``replaced`` maps texts of the file to others.
     """
-    with socket.socket() as free, socket.socket() as also_free:
-        free.bind(("127.0.0.1", 0))
-        also_free.bind(("127.0.0.1", 0))
-        port, modbus = free.getsockname()[1], also_free.getsockname()[1]
-    text = (ROOT / "configs" / "wire_lugre.yaml").read_text()
+    text = (ROOT / "configs" / shipped.file).read_text()
     served = Path(tempfile.mkdtemp(prefix="rigd-", dir="/tmp"))  # names of sockets are short
+    ports = zip(shipped.ports, free_ports(len(shipped.ports)), strict=True)
+    parameters = "parameters: plants/"
     known = {
-        "/tmp/rigd-wire-lugre": str(served),
-        "127.0.0.1:31763": f"127.0.0.1:{port}",
-        "rig: wire-1": f"rig: {name}",
-        "port: 15020": f"port: {modbus}",
+        shipped.folder: str(served),
+        f"rig: {shipped.name}": f"rig: {name}",
         "$schema=../": f"$schema={ROOT}/",
-        "parameters: plants/lugre.yaml": f"parameters: {ROOT}/configs/plants/lugre.yaml",
+        parameters + shipped.plant: f"parameters: {ROOT}/configs/plants/{shipped.plant}",
+        **{old: f"{old.rstrip('0123456789')}{port}" for old, port in ports},
     }
     for old, new in {**known, **(replaced or {})}.items():
         assert old in text, old
@@ -99,10 +131,13 @@ def write_rig(folder: Path, name: str, replaced: Mapping[str, str] | None = None
 
 @contextmanager
 def wire_rig(
-    folder: Path, name: str = "wire-test", replaced: Mapping[str, str] | None = None
+    folder: Path,
+    name: str = "wire-test",
+    replaced: Mapping[str, str] | None = None,
+    shipped: Shipped = LUGRE,
 ) -> Iterator[WireRig]:
     """The rig of :func:`write_rig`, its devices served as long as this lasts."""
-    rig = write_rig(folder, name, replaced)
+    rig = write_rig(folder, name, replaced, shipped)
     rig.start()
     try:
         yield rig

@@ -14,6 +14,8 @@ from rigd_drivers.ni_relay.lines import RelayLines
 
 #: The one-shot gets no more pulses once the cycle has said nothing for so long, in s.
 CYCLE_SILENCE_S: Final = 0.1
+#: While the one-shot is to drop it is looked at this often, in s.
+_DROPPING_S: Final = 0.005
 #: A thread that ends waits for one call to the card at most.
 _JOIN_S: Final = 1.0
 
@@ -125,8 +127,9 @@ class Keeper:
 
     def _rung(self) -> bool:
         """Wait for the bell, a period at most; return whether it rang."""
+        dropping = not self._feeding and self.seen is not None and self.seen.up
         try:
-            self._bell.get(timeout=self._period_s)
+            self._bell.get(timeout=_DROPPING_S if dropping else self._period_s)
         except Empty:
             return False
         with suppress(Empty):
@@ -160,7 +163,8 @@ class Keeper:
         """Run as urgently as the cycle that feeds us.
 
         Threads of one interpreter wait for each other: were this one kept from the processor by
-        others while it holds the interpreter, the cycle would be too.
+        others while it holds the interpreter, the cycle would be too. On two busy processors 40 000
+        cycles at 1 kHz missed one slot with it, 60 000 missed 190 without.
         """
         caller = self._caller
         with suppress(OSError):  # the caller has ended, or the kernel does not grant it
