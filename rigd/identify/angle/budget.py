@@ -35,6 +35,7 @@ class Conditions:
     normal_force_n: float
     wheel_speed_rad_s: float
     wheel_acceleration_rad_s2: float
+    travel_m: float  #: of the platform since the start, mean
     turns: float  #: of the wheel, over the evaluated part
     samples: float  #: at 9600 Hz, in the evaluated part
 
@@ -59,7 +60,7 @@ class Sizes:
     scatter_kind: str  #: "A" where the campaign gave it
     inertia: float  #: relative
     load_reading_n: float
-    load_change: float  #: relative, of N in a run; unseen without the high-rate load cell
+    load_change: float  #: relative, of N in a run beside its rise with the travel
     load_cell: bool  #: whether that one was used
     vibration: float  #: relative
 
@@ -259,7 +260,8 @@ def _load_terms(
     cell = calibration.normal_force if sizes.load_cell else None
     span = scale if cell is None else cell.u / cell.value
     reading = 0.0 if cell else sizes.load_reading_n
-    change = 0.0 if cell else sizes.load_change
+    unseen = math.hypot(sizes.load_change, rig.load_rise.u * at.travel_m)
+    change = 0.0 if cell else unseen
     return (
         _term("span of the normal force", span * at.normal_force_n, "N", to_load,
               "calibration of the scale, or of the high-rate load cell where it was used",
@@ -267,8 +269,9 @@ def _load_terms(
         _term("reading of the scale", reading, "N", to_load, "resolution and noise",
               paper=sizes.load_reading_n / at.normal_force_n, systematic=False),
         _term("change of the normal force in a run", change, "1", 1.0,
-              "assumed; seen by the high-rate load cell where it was used",
-              paper=sizes.load_change, uncorrected=True),
+              "rise along the rails (calibration) and tilting, setting of the ground (assumed); "
+              "seen by the high-rate load cell where it was used",
+              paper=math.hypot(unseen, rig.load_rise.value * at.travel_m), uncorrected=True),
         _term("roller vibration of the normal force", sizes.vibration, "1", 1.0,
               "assumed: it averages out over a run", systematic=False),
         _term("surface, and all that varies from run to run", sizes.scatter, "1", 1.0,

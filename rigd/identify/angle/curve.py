@@ -29,7 +29,7 @@ ITERATIONS = 30
 PARAMETERS = 3
 GRID = 60
 #: Share of the points left out at either end of the range on which the curve is quoted.
-ENDS = 0.02
+ENDS = 0.05
 #: How far beyond the edge a maximum that was not reached may lie: a factor of 2 in speed.
 BEYOND = math.log10(2.0)
 

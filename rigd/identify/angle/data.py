@@ -66,6 +66,9 @@ class AngleRig:
     rail_constant: Known  #: c0 of F_rail = c0 + c_N (|N - m g| + |F_y|) + c_v V, N
     rail_load: Known  #: c_N
     rail_viscous: Known  #: c_v, N s/m
+    #: Rise of N per metre of travel, relative, on rails that are not parallel; 1/m. By default
+    #: unknown: 3 % over 0.3 m is common, either way. The scale at both ends of the travel shows it.
+    load_rise: Known = Known(0.0, 0.05)
 
 
 class Severity(Enum):

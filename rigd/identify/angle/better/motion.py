@@ -25,6 +25,7 @@ class Means:
     normal_force_n: FloatArray
     wheel_speed_rad_s: FloatArray
     wheel_acceleration_rad_s2: FloatArray
+    platform_travel_m: FloatArray  #: since the start
     platform_speed_m_s: FloatArray
     platform_acceleration_m_s2: FloatArray
     sliding_speed_m_s: FloatArray  #: R_eff w - V cos(alpha)
@@ -80,7 +81,8 @@ def motion(
     gauges = run.gauge_a_v - run.gauge_b_v
     noise = float(np.std(np.diff(gauges))) / np.sqrt(2.0)
     tare, tare_u = _tare(run, gauges, period, noise, settings)
-    normal = normal_force(run, calibration)
+    travel = np.interp(run.t_s, t, platform.position - platform.position[0])
+    normal = normal_force(run, calibration, rig, travel)
     steady = (t >= settings.start_s) & (t <= run.stop_s)
     return Motion(
         run=run,
@@ -111,12 +113,18 @@ def motion(
     )
 
 
-def normal_force(run: AngleRun, calibration: AngleCalibration) -> FloatArray:
-    """Return N in newtons at each sample, (n,): by the load cell, else the scale's one reading."""
+def normal_force(
+    run: AngleRun, calibration: AngleCalibration, rig: AngleRig, travel_m: FloatArray
+) -> FloatArray:
+    """Return N in newtons at each sample, (n,), where the platform has gone ``travel_m`` (n,).
+
+    By the high-rate load cell; without one the scale's reading before the start, and its known
+    rise along the travel.
+    """
     if run.normal_force_v is not None and calibration.normal_force is not None:
         volts = run.normal_force_v - calibration.normal_force_zero.value
         return np.asarray(calibration.normal_force.value * volts, dtype=np.float64)
-    return np.full(run.t_s.size, calibration.load.value * run.load_n)
+    return calibration.load.value * run.load_n * (1.0 + rig.load_rise.value * travel_m)
 
 
 def _decimated(values: FloatArray, factor: int) -> FloatArray:
@@ -171,6 +179,7 @@ def _means(
         normal_force_n=mean(normal, raw),
         wheel_speed_rad_s=mean(wheel.speed, fine),
         wheel_acceleration_rad_s2=mean(wheel.acceleration, fine),
+        platform_travel_m=mean(platform.position - platform.position[0], fine),
         platform_speed_m_s=mean(platform.speed, fine),
         platform_acceleration_m_s2=mean(platform.acceleration, fine),
         sliding_speed_m_s=mean(speed, fine),

@@ -230,6 +230,7 @@ def _uncertainty(
         normal_force_n=float(np.mean(means.normal_force_n[used])),
         wheel_speed_rad_s=speed,
         wheel_acceleration_rad_s2=float(np.mean(means.wheel_acceleration_rad_s2[used])),
+        travel_m=float(np.mean(means.platform_travel_m[used])),
         turns=abs(speed) * seconds / (2.0 * math.pi),
         samples=round(seconds / motion.period_s),
     )
