@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 from support.blocks import Counter, CounterConfig, device_of, until
 
+from rigd.engine.shared import RowRing
 from rigd.engine.slow import Latest, LatestTable, Slot
+from rigd.engine.slow.beside import SlowRows
 from rigd.engine.windows import Windows
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import RecordingError
@@ -147,3 +149,25 @@ def test_what_an_earlier_run_left_is_no_news(tmp_path: Path, clock: Clock) -> No
     _, slot = stand_in(tmp_path)
     slot.write(clock.ns, [1.0, 0.5, 3.0])
     assert Latest(device_of("daq", Counter, CounterConfig()), slot).read(0) is None
+
+
+def test_a_row_is_as_old_as_it_was_when_it_was_taken(tmp_path: Path, clock: Clock) -> None:
+    latest, slot = stand_in(tmp_path)
+    slot.write(clock.ns - 12_000_000, [1.0, 0.5, 3.0])
+    assert latest.read(5_000_000_000) is not None
+    assert latest.taken_ns == 5_000_000_000 - 12_000_000
+    slot.write(clock.ns + 1, [2.0, 1.0, 3.0])  # never from the future
+    assert latest.read(6_000_000_000) is not None
+    assert latest.taken_ns == 6_000_000_000
+
+
+def test_rows_of_a_slow_device_are_recorded_while_the_window_is_open(tmp_path: Path) -> None:
+    table = LatestTable.create(tmp_path / "windowed", [NARROW])
+    cycle = table.windows("scale")
+    ring = RowRing.create(tmp_path / "rows", NARROW, 100)
+    scale = SlowRows(ring, 2, table.windows("scale"))
+    for t_ns in range(1, 40):
+        if t_ns % 10 == 0:
+            cycle.decide(t_ns, is_open=t_ns == 20)
+        scale.push(t_ns, [float(t_ns)])
+    assert ring.drain()["mass"].tolist() == [21.0, 23.0, 25.0, 27.0, 29.0]
