@@ -35,6 +35,10 @@ class Known:
     u: float = 0.0
 
 
+#: Rise of N per metre of travel where nobody has measured it: about 3 % over 0.5 m, either way.
+UNKNOWN_RISE = Known(0.0, 0.05)
+
+
 @dataclass(frozen=True)
 class AngleCalibration:
     """What turns volts into quantities; from the calibration that the recording carries."""
@@ -66,9 +70,9 @@ class AngleRig:
     rail_constant: Known  #: c0 of F_rail = c0 + c_N (|N - m g| + |F_y|) + c_v V, N
     rail_load: Known  #: c_N
     rail_viscous: Known  #: c_v, N s/m
-    #: Rise of N per metre of travel, relative, on rails that are not parallel; 1/m. By default
-    #: unknown: 3 % over 0.3 m is common, either way. The scale at both ends of the travel shows it.
-    load_rise: Known = Known(0.0, 0.05)
+    #: Rise of N per metre of travel, relative, on rails that are not parallel; 1/m. The scale at
+    #: both ends of the travel shows it.
+    load_rise: Known = UNKNOWN_RISE
 
 
 class Severity(Enum):
