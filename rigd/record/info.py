@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,7 +29,11 @@ class StreamInfo:
 
 @dataclass(frozen=True)
 class TrialInfo:
-    """One attempt at a trial; ``end_ns`` is None where the recording ends within it."""
+    """One attempt at a trial; ``end_ns`` is None where the recording ends within it.
+
+    ``answers`` holds what was last said of each quantity that prompts set up (``load``, in SI),
+    in this trial or one before; a person may have said something else than ``parameters`` planned.
+    """
 
     number: int
     start_ns: int
@@ -39,6 +43,7 @@ class TrialInfo:
     units: Mapping[str, str] = field(default_factory=dict)
     complete: bool = False
     reason: str = ""
+    answers: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -119,10 +124,17 @@ def trials(events: Sequence[Event]) -> tuple[TrialInfo, ...]:
     """
     done: list[TrialInfo] = []
     current: TrialInfo | None = None
+    answers: dict[str, Any] = {}
     for event in sorted(events, key=lambda event: event.t_ns):
         if current is not None and event.kind in ("trial_start", "run_start"):
             done.append(_ended(current, event.t_ns, {"reason": INTERRUPTED}))
             current = None
+        if event.kind == "run_start":
+            answers = {}  # whoever resumes is asked again
+        if event.kind == "answer" and event.data.get("changes"):
+            answers = {**answers, event.data["changes"]: event.data.get("answer")}
+            if current is not None:
+                current = replace(current, answers=answers)
         if event.kind == "trial_start":
             current = TrialInfo(
                 number=event.trial,
@@ -130,6 +142,7 @@ def trials(events: Sequence[Event]) -> tuple[TrialInfo, ...]:
                 repeat=event.data.get("repeat"),
                 parameters=event.data.get("parameters") or {},
                 units=event.data.get("units") or {},
+                answers=answers,
             )
         elif event.kind == "trial_end" and current is not None and event.trial == current.number:
             done.append(_ended(current, event.t_ns, event.data))
@@ -138,13 +151,9 @@ def trials(events: Sequence[Event]) -> tuple[TrialInfo, ...]:
 
 
 def _ended(trial: TrialInfo, end_ns: int, data: Mapping[str, Any]) -> TrialInfo:
-    return TrialInfo(
-        number=trial.number,
-        start_ns=trial.start_ns,
+    return replace(
+        trial,
         end_ns=end_ns,
-        repeat=trial.repeat,
-        parameters=trial.parameters,
-        units=trial.units,
         complete=bool(data.get("complete", False)),
         reason=str(data.get("reason") or ""),
     )

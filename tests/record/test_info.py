@@ -53,6 +53,29 @@ def test_a_run_is_summed_up(create: Create, rows: MakeRows, servo: Stream, tmp_p
     assert info.size == (tmp_path / "run.mcap").stat().st_size
 
 
+def test_a_trial_knows_what_was_last_said_of_each_quantity() -> None:
+    def said(t_ns: int, answer: object, changes: str = "load") -> Event:
+        return Event(t_ns, "answer", data={"name": "q", "answer": answer, "changes": changes})
+
+    found = trials(
+        [
+            Event(1, "run_start"),
+            said(2, 4.0),
+            Event(3, "trial_start", 1),
+            said(4, 5.0),
+            said(5, 5.02),  # asked again
+            said(6, "nothing unusual", changes=""),
+            Event(7, "trial_end", 1, {"complete": True}),
+            Event(8, "trial_start", 2),
+            said(9, 0.5, changes="angle"),
+            Event(10, "trial_end", 2, {"complete": False}),
+            Event(11, "run_start"),
+            Event(12, "trial_start", 2),
+        ]
+    )
+    assert [one.answers for one in found] == [{"load": 5.02}, {"load": 5.02, "angle": 0.5}, {}]
+
+
 def test_a_run_without_its_end_was_interrupted() -> None:
     started, ended = Event(1, "run_start"), Event(2, "run_end", data={"state": "done"})
     assert run_state([]) == ("interrupted", "")
