@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rigd.daemon.execute import Recorded
 from rigd.daemon.provenance import format_parameter
 from rigd.engine.result import Progress as RunProgress
+from rigd.evaluate.models import needs_of
 from rigd.model.errors import Exit, ProcedureError
 from rigd.model.states import RunState
 from rigd.model.units import parse_quantity, parse_unit
@@ -96,32 +97,37 @@ class RunDisplay:
         """Show a line for the operator, also when quiet: it answers what they just did."""
         self._console.print(f"[yellow]{escape(line)}[/]")
 
-    def conclude(self, recorded: Recorded) -> None:
-        """Say how the run ended and what to do next."""
-        result = recorded.result
-        colour = "green" if result.exit_code is Exit.OK else "red"
-        console = Console(highlight=False)
+
+def conclude(procedure: CompiledProcedure, recorded: Recorded) -> None:
+    """Say how the run ended and what to do next."""
+    result = recorded.result
+    colour = "green" if result.exit_code is Exit.OK else "red"
+    console = Console(highlight=False)
+    console.print(
+        f"[{colour}]{result.ending}[/]: {escape(result.reason)}; "
+        f"{result.trials_done} of {result.trials_total} trials, "
+        f"{result.run_s:.1f} s of rig time"
+    )
+    for number, why in result.incomplete:
+        console.print(f"  trial {number} ended early: {escape(why)}")
+    for line in (*result.trips, *result.problems):
+        console.print(f"  [red]{escape(line)}[/]")
+    if result.missed_cycles:
         console.print(
-            f"[{colour}]{result.ending}[/]: {escape(result.reason)}; "
-            f"{result.trials_done} of {result.trials_total} trials, "
-            f"{result.run_s:.1f} s of rig time"
+            f"  {result.missed_cycles} of {result.cycles + result.missed_cycles} cycles were missed"
         )
-        for number, why in result.incomplete:
-            console.print(f"  trial {number} ended early: {escape(why)}")
-        for line in (*result.trips, *result.problems):
-            console.print(f"  [red]{escape(line)}[/]")
-        if result.missed_cycles:
+    path = escape(str(recorded.path))
+    if result.trials_done < result.trials_total:
+        console.print(f"go on with:  rigd run --resume {path}", soft_wrap=True)
+    elif result.exit_code is Exit.OK and procedure.identify is not None:
+        if needs_of(procedure.identify).measures:
             console.print(
-                f"  {result.missed_cycles} of {result.cycles + result.missed_cycles} cycles "
-                "were missed"
+                f"calibrate:   rigd calibrate --from {path} --operator NAME", soft_wrap=True
             )
-        path = escape(str(recorded.path))
-        if result.trials_done < result.trials_total:
-            console.print(f"go on with:  rigd run --resume {path}", soft_wrap=True)
-        elif result.exit_code is Exit.OK and self._procedure.identify is not None:
-            console.print(f"identify:    rigd identify {path}", soft_wrap=True)
         else:
-            console.print(f"recording:   {path}", soft_wrap=True)
+            console.print(f"identify:    rigd identify {path}", soft_wrap=True)
+    else:
+        console.print(f"recording:   {path}", soft_wrap=True)
 
 
 def _count(number: int, noun: str) -> str:

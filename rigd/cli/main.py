@@ -10,6 +10,7 @@ from types import ModuleType
 
 from rigd import __version__
 from rigd.cli import (
+    calibrate,
     check,
     completion,
     doctor,
@@ -36,6 +37,7 @@ COMMANDS: tuple[ModuleType, ...] = (
     read,
     tare,
     identify,
+    calibrate,
     check,
     runs,
     info,

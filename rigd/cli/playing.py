@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 
-from rigd.cli.console import ConsoleAnswers, RunDisplay
+from rigd.cli.console import ConsoleAnswers, RunDisplay, conclude
 from rigd.daemon.execute import Recorded, RunRequest, execute
 from rigd.engine.answers import Answers, OwnAnswers
 
@@ -15,23 +15,27 @@ def play(request: RunRequest, *, as_json: bool, quiet: bool, by_person: bool) ->
 
     ``by_person``: prompts are answered at this terminal, otherwise by the procedure itself.
     """
-    procedure = request.procedure
-    with RunDisplay(procedure, request.rig.name, quiet=quiet or as_json) as display:
+    recorded = record(request, quiet=quiet or as_json, by_person=by_person)
+    if as_json:
+        print(json.dumps(_result(recorded), indent=2))
+    else:
+        conclude(request.procedure, recorded)
+    return int(recorded.result.exit_code)
+
+
+def record(request: RunRequest, *, quiet: bool, by_person: bool) -> Recorded:
+    """Execute ``request`` and show its progress; see :func:`play`."""
+    with RunDisplay(request.procedure, request.rig.name, quiet=quiet) as display:
         answers: Answers = OwnAnswers()
         if by_person:
             answers = ConsoleAnswers(sys.stdin, sys.stderr, display.quiet)
-        recorded = execute(
+        return execute(
             request,
             answers=answers,
             watch=display.watch,
             tell=display.tell,
             announce=display.announce,
         )
-    if as_json:
-        print(json.dumps(_result(recorded), indent=2))
-    else:
-        display.conclude(recorded)
-    return int(recorded.result.exit_code)
 
 
 def _result(recorded: Recorded) -> dict[str, object]:

@@ -99,7 +99,7 @@ class ValueSource(Source):
     """Who answers for it."""
     valid_until: Day | None = None
     """Last day it may be used; what is measured must have one."""
-    instruments: dict[Name, ShortText] = {}
+    instruments: dict[Name, ShortText] = Field(default_factory=dict)
     """What each device said it was when this was measured; another one blocks a run."""
 
 
@@ -121,5 +121,5 @@ class CalibrationSource(Source):
     """The rigs it belongs to; several only where they are rig files of the same bench."""
     values: dict[Name, ValueSource]
     """The values by name."""
-    history: list[ReplacedSource] = []
+    history: list[ReplacedSource] = Field(default_factory=list)
     """What was replaced, the newest first; `rigd calibrate` keeps it."""

@@ -71,6 +71,12 @@ class CalibrationEvaluation(Evaluation):
         }
 
     def shown(self) -> Shown:
+        """Return what was found, and how it is put into the calibration."""
+        command = f"rigd calibrate --from {self.recording} --operator NAME"
+        write = "" if self.result.refusals else f"Nothing is written yet: {command}"
+        return (*self.findings(), *([write] if write else []))
+
+    def findings(self) -> Shown:
         """Return the values with their budgets, what stays as it was, and the facts."""
         result = self.result
         if result.refusals:

@@ -76,7 +76,7 @@ def calibrate_torque(
     )
     facts = (
         f"{len(torque)} points up to {np.max(torque):.3f} N m; worst {1e3 * line.worst:.2f} mV off "
-        f"the line, {line.worst / span:.2%} of the span; up and down differ by at most "
+        f"the line, {line.worst / span:.3%} of the span; up and down differ by at most "
         f"{1e3 * returns:.2f} mV",
         f"without a weight V_a - V_b is {1e3 * line.offset:.1f} mV",
         f"bending: the mean of the gauges moves by {abs(bending.slope) / line.slope:.2%} of their "

@@ -1,0 +1,217 @@
+"""``rigd calibrate``: measures what is known of a rig, and writes it into its calibration."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rigd.config.rig import RigConfig
+    from rigd.daemon.calibrate import Renewal
+    from rigd.evaluate.calibration import CalibrationEvaluation
+
+HELP = "calibrate a rig: run a procedure, evaluate it, renew the calibration file"
+EXAMPLES = """\
+examples:
+  rigd calibrate procedures/calibrate_torque.yaml --rig angle-1 --operator "A. Miller"
+  rigd calibrate procedures/calibrate_scale.yaml --rig angle-1 --operator "A. Miller" --valid 180d
+  rigd calibrate --from runs/20261121-080000-calibrate_torque.mcap --operator "A. Miller"
+                                    evaluate once more, without running
+
+The run is as `rigd run`: prompts, limits, interlocks, a recording. What it measured is shown beside
+the old values, and written only after you have agreed. Values that it did not measure keep their
+own dates; those that it replaces go to the history of the file.
+
+exit code: 7 where the data are no calibration; nothing is written then
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("procedure", nargs="?", help="procedure file, or the name of a shipped one")
+    parser.add_argument("--rig", metavar="RIG", help="rig file, or the name in it (angle-1)")
+    parser.add_argument(
+        "--operator", required=True, type=_person, metavar="NAME", help="who answers for it"
+    )
+    parser.add_argument(
+        "--from",
+        dest="recording",
+        type=Path,
+        metavar="RECORDING",
+        help="evaluate this recording instead of running; the rig defaults to its own",
+    )
+    parser.add_argument(
+        "--valid",
+        type=_days,
+        default=365,
+        metavar="365d",
+        help="for how many days the values may be used (default 365d)",
+    )
+    parser.add_argument(
+        "--write", type=Path, metavar="FILE", help="calibration file to renew instead of the rig's"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="give a parameter of the procedure another value, with its unit",
+    )
+    asked = parser.add_mutually_exclusive_group()
+    asked.add_argument(
+        "--yes",
+        action="store_true",
+        help="ask nothing: prompts are answered by the procedure, the file is written",
+    )
+    asked.add_argument(
+        "--ask", action="store_true", help="ask at this terminal, also on a simulated rig"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=1, metavar="N", help="seed of the simulation (default 1)"
+    )
+    parser.add_argument(
+        "--runs", type=Path, default=Path("runs"), metavar="FOLDER", help="folder of recordings"
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run or take a recording, evaluate, show, ask, write."""
+    from rigd.cli.calibration_view import print_renewal, renewal_json
+    from rigd.daemon.calibrate import Signature, place_of, renewal
+    from rigd.model.errors import Exit
+
+    if args.recording is None:
+        rig, recording, code = _run(args)
+        if code is not Exit.OK:
+            print("rigd: the run did not come to its end: nothing is calibrated", file=sys.stderr)
+            return int(code)
+    else:
+        rig, recording = _rig_of(args), args.recording
+    place = place_of(rig, args.write)
+    evaluation = _evaluate(recording, None if place.old is None else place.old.path)
+    made = evaluation.made or datetime.now(UTC).date()
+    planned = renewal(rig, place, evaluation, Signature(args.operator, made, args.valid))
+    if not args.json:
+        print_renewal(evaluation, planned)
+    if not _agreed(planned, yes=args.yes):
+        return int(Exit.BLOCKED)
+    planned.write()
+    if args.json:
+        print(json.dumps(renewal_json(evaluation, planned), indent=2, allow_nan=False))
+    else:
+        _conclude(planned)
+    return int(Exit.OK)
+
+
+def _run(args: argparse.Namespace) -> tuple[RigConfig, Path, int]:
+    """Run the procedure; return the rig, the recording, and how it ended."""
+    from rigd.cli.console import conclude
+    from rigd.cli.playing import record
+    from rigd.cli.run import split_assignment
+    from rigd.config.loader import load_rig
+    from rigd.daemon.execute import RunRequest
+    from rigd.evaluate.models import MODELS, needs_of
+    from rigd.model.errors import ConfigError
+    from rigd.procedure.compile import compile_procedure
+    from rigd.procedure.loader import load_procedure
+
+    if args.procedure is None or args.rig is None:
+        raise ConfigError(
+            "which procedure, on which rig?",
+            hint="rigd calibrate procedures/calibrate_torque.yaml --rig angle-1 --operator NAME",
+        )
+    rig, source = load_rig(args.rig), load_procedure(args.procedure)
+    overrides = dict(split_assignment(one) for one in args.set)
+    procedure = compile_procedure(source, rig, overrides)
+    plan, place = procedure.identify, source.document.key_place(("identify",))
+    if plan is None or not needs_of(plan, place, procedure.trials[0].parameters).measures:
+        known = ", ".join(name for name, model in MODELS.items() if model.measures)
+        raise ConfigError(
+            f"procedure {procedure.name} calibrates nothing",
+            place=place,
+            hint=f"its `identify:` names no model that does: {known}",
+        )
+    request = RunRequest(
+        procedure, source.file.text, rig, args.seed, folder=args.runs, overrides=overrides
+    )
+    by_person = args.ask or (rig.plant is None and rig.simulation is None and not args.yes)
+    done = record(request, quiet=args.quiet or args.json, by_person=by_person)
+    if done.result.exit_code and not args.json:
+        conclude(procedure, done)
+    return rig, done.path, done.result.exit_code
+
+
+def _rig_of(args: argparse.Namespace) -> RigConfig:
+    """Return the rig whose calibration a recording renews: the one given, or its own."""
+    from rigd.config.loader import load_rig
+    from rigd.model.errors import ConfigError
+    from rigd.record import Recording
+
+    if args.procedure is not None:
+        raise ConfigError("--from evaluates a recording; leave the procedure out")
+    recorded = Recording.open(args.recording).metadata.get("run", {}).get("rig", "")
+    rig = load_rig(args.rig or recorded)
+    if rig.name != recorded:
+        raise ConfigError(
+            f"{args.recording} was recorded on rig {recorded}, not on {rig.name}",
+            hint="a calibration belongs to the rig that it was measured on",
+        )
+    return rig
+
+
+def _evaluate(recording: Path, known: Path | None) -> CalibrationEvaluation:
+    """Return what the recording calibrates; ``known`` is the calibration as it stands now."""
+    from rigd.evaluate.calibration import CalibrationEvaluation
+    from rigd.evaluate.evaluation import Options, evaluate
+    from rigd.model.errors import DataError
+
+    evaluation = evaluate([recording], Options(calibration=known))
+    if not isinstance(evaluation, CalibrationEvaluation):
+        raise DataError(
+            f"{recording} is a measurement of {evaluation.title}, it calibrates nothing",
+            hint=f"rigd identify {recording}",
+        )
+    return evaluation
+
+
+def _agreed(planned: Renewal, *, yes: bool) -> bool:
+    """Return whether the file may be written; without a terminal and without --yes it may not."""
+    if yes:
+        return True
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        print("rigd: not written: nobody can be asked here; give --yes", file=sys.stderr)
+        return False
+    sys.stderr.write(f"\nWrite this to {planned.new.path}? [yes/no]: ")
+    sys.stderr.flush()
+    if sys.stdin.readline().strip().lower() in ("y", "yes"):
+        return True
+    print("not written", file=sys.stderr)
+    return False
+
+
+def _conclude(planned: Renewal) -> None:
+    print(f"\nwrote {planned.new.path}")
+    if planned.place.shipped is not None:
+        print(
+            f"  in place of {planned.place.shipped}: what is shipped with rigd stays as it is.\n"
+            "  A copy of the rig file in this folder uses it: its `calibration:` counts from there"
+        )
+
+
+def _person(text: str) -> str:
+    if 1 <= len(text.strip()) <= 100:
+        return text.strip()
+    raise argparse.ArgumentTypeError("give the name of who answers for the calibration")
+
+
+def _days(text: str) -> int:
+    number = text.strip().removesuffix("d")
+    if number.isdecimal() and 1 <= int(number) <= 36500:
+        return int(number)
+    raise argparse.ArgumentTypeError(f"{text!r} is no number of days such as 365d")

@@ -1,0 +1,75 @@
+"""A calibration renewed, as a terminal and a program see it."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from rigd.cli.evaluation_view import print_shown
+from rigd.daemon.calibrate import Renewal
+from rigd.evaluate.calibration import CalibrationEvaluation
+from rigd.evaluate.shown import Column, Row, Table
+from rigd.identify.report.rounding import number, percent, places_for
+
+#: Beyond so many standard uncertainties a change is no chance: something has changed.
+_FAR: Final = 3.0
+
+
+def print_renewal(evaluation: CalibrationEvaluation, planned: Renewal) -> None:
+    """Print what was measured and its budget, then new beside old."""
+    print_shown((*evaluation.findings(), _table(planned), *_remarks(planned)))
+
+
+def renewal_json(evaluation: CalibrationEvaluation, planned: Renewal) -> dict[str, object]:
+    """Return the evaluation, and what was written where, as an object for ``json.dumps``."""
+    deviations = {name: planned.deviation(name) for name in planned.measured}
+    return {
+        **evaluation.to_json(),
+        "written": str(planned.new.path),
+        "sha256": planned.new.sha256,
+        "deviation": {k: v for k, v in deviations.items() if not math.isnan(v)},
+    }
+
+
+def _table(planned: Renewal) -> Table:
+    rows = []
+    for name in planned.measured:
+        now = planned.new.values[name]
+        was = planned.was(name)
+        cells = [name, _spread(now.value, now.u), now.unit]
+        if was is None:
+            cells += ["none", "", "", ""]
+        else:
+            change = percent(now.value / was.value - 1.0) if was.value else ""
+            cells += [
+                _spread(was.value, was.u),
+                was.source,
+                change,
+                f"{planned.deviation(name):+.1f}",
+            ]
+        rows.append(Row(tuple(cells)))
+    columns = (
+        Column("value"),
+        Column("new ± u", right=True),
+        Column("unit"),
+        Column("old ± u", right=True),
+        Column(""),
+        Column("change", right=True),
+        Column("(new - old)/u", right=True),
+    )
+    return Table(columns, tuple(rows), "new beside old")
+
+
+def _remarks(planned: Renewal) -> list[str]:
+    far = [name for name in planned.measured if abs(planned.deviation(name)) > _FAR]
+    if not far:
+        return []
+    return [
+        f"{', '.join(far)}: more than {_FAR:g} u from the old value. Something has changed, or one "
+        "of the two is wrong."
+    ]
+
+
+def _spread(value: float, u: float) -> str:
+    places = places_for(u)
+    return f"{number(value, places)} ± {number(u, places)}"

@@ -1,0 +1,158 @@
+"""What a calibration measured, put into the calibration file of its rig."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import date, timedelta
+from pathlib import Path
+
+from rigd.config.calibration import CalibratedValue, Calibration, load_calibration
+from rigd.config.calibration_file import renewed, write_calibration
+from rigd.config.rig import RigConfig
+from rigd.config.shipped import shipped_folder
+from rigd.evaluate.calibration import CalibrationEvaluation
+from rigd.model.errors import ConfigError, DataError
+
+
+@dataclass(frozen=True)
+class Signature:
+    """Who answers for a calibration, since when, and for how many days it may be used."""
+
+    operator: str
+    made: date
+    days: int
+
+    @property
+    def valid_until(self) -> date:
+        """The last day."""
+        return self.made + timedelta(days=self.days)
+
+
+@dataclass(frozen=True)
+class Place:
+    """The file that a calibration is written to, and the one that it begins from.
+
+    ``old`` is what it begins from; ``before`` the text of the file that is overwritten, None where
+    there is none; ``shipped`` the shipped file that a copy is written instead of.
+    """
+
+    path: Path
+    old: Calibration | None
+    before: str | None
+    shipped: Path | None = None
+
+
+@dataclass(frozen=True)
+class Renewal:
+    """A calibration file as it will stand at its place."""
+
+    new: Calibration
+    place: Place
+    measured: tuple[str, ...]
+
+    def was(self, name: str) -> CalibratedValue | None:
+        """Return the value that is replaced, None where there was none."""
+        return None if self.place.old is None else self.place.old.values.get(name)
+
+    def deviation(self, name: str) -> float:
+        """Return (new - old)/u of a value, u of both together; NaN without an old one."""
+        now, was = self.new.values[name], self.was(name)
+        if was is None:
+            return math.nan
+        u = math.hypot(now.u, was.u)
+        return (now.value - was.value) / u if u else math.nan
+
+    def write(self) -> None:
+        """Write the file, whole or not at all.
+
+        Raises:
+            ConfigError: it has been changed since, or cannot be written.
+        """
+        write_calibration(self.new, self.place.before)
+
+
+def place_of(rig: RigConfig, write: Path | None = None) -> Place:
+    """Return where the calibration of ``rig`` is renewed; ``write`` names another file.
+
+    A shipped file is never changed: a copy is.
+
+    Raises:
+        ConfigError: there is no file to write to, it is wrong, or that of another rig.
+    """
+    path, shipped = (write, None) if write is not None else _target(rig)
+    if not path.is_file():
+        held = None if rig.calibration is None else rig.calibration.held
+        # What is known of another rig is not known of this one.
+        return Place(path, held if held and rig.name in held.rigs else None, None, shipped)
+    old = load_calibration(path)
+    if rig.name not in old.rigs:
+        raise ConfigError(
+            f"{path} is the calibration of {', '.join(old.rigs)}, not of {rig.name}",
+            hint="give --write another FILE; where it is the same bench, add it to `rigs:` there",
+        )
+    return Place(path, old, old.text, shipped)
+
+
+def renewal(
+    rig: RigConfig, place: Place, evaluation: CalibrationEvaluation, signature: Signature
+) -> Renewal:
+    """Return what the calibration of ``rig`` becomes; nothing is written yet.
+
+    Values that were not measured are kept with their own dates.
+
+    Raises:
+        DataError: the evaluation refuses its data.
+        ConfigError: a value cannot stand in a calibration.
+    """
+    if evaluation.result.refusals:
+        raise DataError(
+            f"{evaluation.recording} is no calibration: {'; '.join(evaluation.result.refusals)}",
+            hint="nothing is written",
+        )
+    values = _measured(evaluation, signature)
+    new = renewed(
+        place.old,
+        values,
+        name=rig.name,
+        rigs=[rig.name],
+        path=place.path,
+        on=signature.made,
+    )
+    return Renewal(new, place, tuple(values))
+
+
+def _target(rig: RigConfig) -> tuple[Path, Path | None]:
+    """Return the file to write, and the shipped one that it is a copy of."""
+    if rig.calibration is None:
+        raise ConfigError(
+            f"rig {rig.name} names no calibration file",
+            hint=f"add `calibration: calibrations/{rig.name}.yaml` to {rig.source.path}, or give "
+            "--write FILE",
+        )
+    path, folder = rig.calibration.path, shipped_folder("configs").resolve()
+    if not path.resolve().is_relative_to(folder):
+        return path, None
+    own = rig.source.path.resolve()
+    beside = Path() if own.is_relative_to(folder) else rig.source.path.parent
+    return beside / path.resolve().relative_to(folder), path
+
+
+def _measured(
+    evaluation: CalibrationEvaluation, signature: Signature
+) -> Mapping[str, CalibratedValue]:
+    return {
+        name: CalibratedValue(
+            value=one.value,
+            u=one.u,
+            unit=one.unit,
+            source="measured",
+            origin=evaluation.recording.name,
+            made=signature.made,
+            operator=signature.operator,
+            valid_until=signature.valid_until,
+            instruments=evaluation.instruments,
+        )
+        for name, one in evaluation.result.measured.items()
+    }
