@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rigd.evaluate.angle.known import Calibrated, angle_calibration, angle_rig, calibration_of
-from rigd.evaluate.angle.runs import answers_in, find_signals, read_run, telling_attempts
+from rigd.evaluate.angle.runs import find_signals, read_run, telling_attempts
 from rigd.evaluate.angle.shown import campaign_shown
 from rigd.evaluate.evaluation import Evaluation, Options
 from rigd.evaluate.provenance import provenance
@@ -124,9 +124,8 @@ def _known_runs(
     for sweep in sweeps:
         used = calibrations[sweep.path].used
         calibration, signals = angle_calibration(sweep, used), find_signals(sweep)
-        events = sorted(sweep.recording.events(), key=lambda event: event.t_ns)
         for trial in telling_attempts(sweep.info.trials):
-            run = read_run(sweep, trial, signals, answers_in(events, trial))
+            run = read_run(sweep, trial, signals)
             known.append(KnownRun(run, calibration, angle_rig(sweep, trial, used)))
     return known
 

@@ -15,7 +15,7 @@ from rigd.config.calibration import (
 )
 from rigd.evaluate.models import needs_of
 from rigd.evaluate.source import RecordedSweep
-from rigd.identify.angle.data import AngleCalibration, AngleRig, Known
+from rigd.identify.angle.data import UNKNOWN_RISE, AngleCalibration, AngleRig, Known
 from rigd.identify.report.rounding import percent
 from rigd.model.errors import DataError
 from rigd.model.units import format_quantity
@@ -32,10 +32,10 @@ class Calibrated:
 
     @property
     def told(self) -> str:
-        """Which calibration it is, in words."""
+        """Which calibration it is, in words; the hash tells two of one name and day apart."""
         made = "" if self.used.made is None else f" of {self.used.made.isoformat()}"
         origin = "given with --calibration" if self.replayed else "as recorded"
-        return f"{self.used.name}{made}, {origin}"
+        return f"{self.used.name}{made} (sha256 {self.used.sha256[:8]}), {origin}"
 
 
 def calibration_of(sweep: RecordedSweep, other: Path | None) -> Calibrated:
@@ -124,7 +124,13 @@ def angle_rig(sweep: RecordedSweep, trial: TrialInfo, calibration: Calibration) 
         rail_constant=known["rail_constant"],
         rail_load=known["rail_load"],
         rail_viscous=known["rail_viscous"],
+        load_rise=_optional(calibration, "load_rise", UNKNOWN_RISE),
     )
+
+
+def _optional(calibration: Calibration, name: str, default: Known) -> Known:
+    value = calibration.values.get(name)
+    return default if value is None else Known(value.value, value.u)
 
 
 def _needed(sweep: RecordedSweep, calibration: Calibration) -> dict[str, Known]:

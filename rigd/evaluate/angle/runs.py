@@ -20,7 +20,7 @@ from rigd.model.channels import STALE, STATUS_FIELD, Stream
 from rigd.model.errors import DataError
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import format_quantity
-from rigd.record import Event, TrialInfo
+from rigd.record import TrialInfo
 
 #: Samples of the card from so long before the relay command to so long after the stop are taken,
 #: where so much was recorded. The analyses want 0.1 s before and 50 ms after.
@@ -51,14 +51,6 @@ class Signals:
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What a person at the rig answered, SI, and what the procedure expected."""
-
-    given: float
-    planned: float
-
-
-@dataclass(frozen=True)
 class _Drive:
     """When the relay was told to close and to open; None where it never was."""
 
@@ -66,32 +58,31 @@ class _Drive:
     stop_ns: int | None
 
 
-def read_run(
-    sweep: RecordedSweep, trial: TrialInfo, signals: Signals, answers: Mapping[str, Answer]
-) -> AngleRun:
+def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleRun:
     """Return ``trial`` as a run. What its recording lacks becomes a flag, not an error.
 
-    ``answers`` are those that held in the trial (:func:`answers_in`): the angle is the one that
-    was mounted, not the one that was planned.
+    The angle is the one that was mounted, where a prompt asked, not the one that was planned.
 
     Raises:
         RecordingError: a chunk of the recording is damaged.
         DataError: the trial has no such parameter, or the plan lacks a constant.
     """
     drive = _drive(sweep, trial, signals)
-    flags = [*_unfinished(trial, drive), *_answered(answers)]
+    load_kg, planned_rad = _number(sweep, trial, "load"), sweep.constant(trial, "angle")
+    mounted_rad = trial.answers.get("angle")
+    planned = {"load": (load_kg, "kg"), "angle": (planned_rad, "deg")}
+    flags = [*_unfinished(trial, drive), *_answered(trial, planned)]
     card = _card_rows(sweep, trial, signals, drive)
     flags += _rails(signals, card)
     zero_ns = trial.start_ns if drive.start_ns is None else drive.start_ns
     t_s = _times_s(card, zero_ns)
     mass_kg, stable = _scale_kg(sweep, trial, signals, drive)
     volts = {name: np.ascontiguousarray(card[field]) for name, field in signals.fields.items()}
-    planned_rad = sweep.constant(trial, "angle")
     return AngleRun(
         label=_label(sweep, trial),
         set_name=_set_name(sweep, trial),
-        alpha_rad=answers["angle"].given if "angle" in answers else planned_rad,
-        announced_load_kg=_number(sweep, trial, "load"),
+        alpha_rad=mounted_rad if _is_number(mounted_rad) else planned_rad,
+        announced_load_kg=load_kg,
         voltage_v=_number(sweep, trial, "voltage"),
         repeat=trial.repeat or 1,
         t_s=t_s,
@@ -141,34 +132,18 @@ def find_signals(sweep: RecordedSweep) -> Signals:
     )
 
 
-def answers_in(events: Sequence[Event], trial: TrialInfo) -> dict[str, Answer]:
-    """Return the last number that was answered for each quantity until ``trial`` ended.
-
-    A prompt that names what a simulated rig would change names the quantity. It may have been
-    asked in an earlier trial: what was mounted stays.
-    """
-    found: dict[str, Answer] = {}
-    for event in events:
-        if event.kind != "answer" or (trial.end_ns is not None and event.t_ns >= trial.end_ns):
-            continue
-        given, planned = event.data.get("answer"), event.data.get("planned")
-        if _is_number(given) and _is_number(planned):
-            found[str(event.data.get("changes"))] = Answer(float(given), float(planned))
-    return found
-
-
 def _is_number(value: object) -> TypeGuard[int | float]:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _answered(answers: Mapping[str, Answer]) -> list[Flag]:
-    """Return a note where load or angle are not those that were planned."""
+def _answered(trial: TrialInfo, planned: Mapping[str, tuple[float, str]]) -> list[Flag]:
+    """Return a note where load or angle, as answered, are not those that were planned."""
     told = []
-    for name, unit in (("load", "kg"), ("angle", "deg")):
-        answer = answers.get(name)
-        if answer is not None and not math.isclose(answer.given, answer.planned, rel_tol=1e-6):
-            given, planned = (format_quantity(v, unit) for v in (answer.given, answer.planned))
-            told.append(f"{name} {given} (planned {planned})")
+    for name, (value, unit) in planned.items():
+        answer = trial.answers.get(name)
+        if _is_number(answer) and not math.isclose(answer, value, rel_tol=1e-6):
+            given, expected = (format_quantity(v, unit) for v in (answer, value))
+            told.append(f"{name} {given} (planned {expected})")
     if not told:
         return []
     reason = f"Who stood at the rig announced another {' and '.join(told)}."
