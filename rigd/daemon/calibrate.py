@@ -12,6 +12,7 @@ from rigd.config.calibration import CalibratedValue, Calibration, load_calibrati
 from rigd.config.calibration_file import renewed, write_calibration
 from rigd.config.rig import RigConfig
 from rigd.config.shipped import shipped_folder
+from rigd.daemon.calibration import instrument_of
 from rigd.evaluate.calibration import CalibrationEvaluation
 from rigd.model.errors import ConfigError, DataError
 
@@ -152,7 +153,7 @@ def _measured(
             made=signature.made,
             operator=signature.operator,
             valid_until=signature.valid_until,
-            instruments=evaluation.instruments,
+            instruments={name: instrument_of(one) for name, one in evaluation.instruments.items()},
         )
         for name, one in evaluation.result.measured.items()
     }

@@ -50,7 +50,7 @@ def exchanged(rig: RigConfig, names: Iterable[str], identities: Mapping[str, str
     for name in names:
         value = setup.held.values.get(name)
         for device, instrument in ({} if value is None else value.instruments).items():
-            if instrument not in identities.get(device, ""):
+            if not _is(identities.get(device, ""), instrument):
                 found.setdefault((device, instrument), []).append(name)
     for (device, instrument), theirs in found.items():
         said = identities.get(device, "")
@@ -61,6 +61,15 @@ def exchanged(rig: RigConfig, names: Iterable[str], identities: Mapping[str, str
             f"{device} {now}, but {_list(theirs)} in {setup.path} was measured with "
             f"{instrument!r}\n  {_remedy(rig, theirs)}"
         )
+
+
+def instrument_of(identity: str) -> str:
+    """Return what of ``identity`` names the exemplar: its serial number, or all of it.
+
+    Versions of software, which stand there too, may change.
+    """
+    pieces = identity.split(", ")
+    return next((one for one in pieces if one.startswith("serial number ")), identity)
 
 
 def calibration_metadata(rig: RigConfig) -> dict[str, dict[str, str]]:
@@ -119,6 +128,10 @@ def _remedy(rig: RigConfig, names: Iterable[str]) -> str:
 
 def _list(names: Sequence[str]) -> str:
     return ", ".join(names)
+
+
+def _is(identity: str, instrument: str) -> bool:
+    return instrument == identity or instrument in identity.split(", ")
 
 
 def _rig_given(rig: RigConfig) -> str:

@@ -113,7 +113,7 @@ class AngleDaq(BlockDriver):
         wheel, platform = p.potentiometers.wheel_start, p.potentiometers.platform_start
         zero = (0.0, 0.0, wheel / slope, platform / (slope * pulley), 0.0)
         self._scale, self._zero = np.array(scale[: self._inputs]), np.array(zero[: self._inputs])
-        self.identity = f"simulated card of individual {self.link.config.individual}"
+        self.identity = f"simulated card, serial number {self.link.config.individual:08X}"
 
     def start(self) -> None:
         """Sample from the plant's present on."""

@@ -141,7 +141,7 @@ class WireAngle(WireSimulation):
         card = SimNi(
             "daq", {name: _volts(world, number) for name, number in wired.items()},
             address=config.daq.address, device=config.daq.device, drift_ppm=0.0,
-            lines=Lines(inputs, outputs), sample=sample,
+            lines=Lines(inputs, outputs), sample=sample, serial=config.plant.individual,
         )  # fmt: skip
         where = f"{relay.line} of {config.daq.device}"
         return world, [card, SimRelay("relay", world, where), self._scale(folder, world)]
