@@ -31,7 +31,7 @@ def analyse_campaign(
     """
     paper, better = paper or PaperSettings(), better or BetterSettings()
     moved = [_moved(known, better) for known in runs]
-    bending = _bending(runs, moved, better)
+    bending = _bending(moved, better)
     results = [
         _both(known, flags, moves, paper, better, bending)
         for known, (flags, moves) in zip(runs, moved, strict=True)
@@ -65,20 +65,14 @@ def _moved(known: KnownRun, settings: BetterSettings) -> tuple[tuple[Flag, ...],
     flags = raw_flags(known.run, known.calibration, known.rig, settings.limits)
     if not usable(known.run, flags):
         return flags, None
-    return flags, motion(known.run, known.calibration, known.rig, settings)
+    return flags, motion(known, settings)
 
 
 def _bending(
-    runs: Sequence[KnownRun],
-    moved: Sequence[tuple[tuple[Flag, ...], Motion | None]],
-    settings: BetterSettings,
+    moved: Sequence[tuple[tuple[Flag, ...], Motion | None]], settings: BetterSettings
 ) -> Bending | None:
     return fit_bending(
-        [
-            Sample(moves, sliding_blocks(moves, known.rig, settings), known.calibration, known.rig)
-            for known, (_, moves) in zip(runs, moved, strict=True)
-            if moves is not None
-        ]
+        [Sample(moves, sliding_blocks(moves, settings)) for _, moves in moved if moves is not None]
     )
 
 
@@ -95,7 +89,7 @@ def _both(
     if moves is None:
         ours: BetterRun = no_numbers(flags)
     else:
-        ours = evaluate(moves, calibration, rig, better, flags=flags, bending=bending)
+        ours = evaluate(moves, better, flags=flags, bending=bending)
     told = {flag.code: flag for flag in (*by_paper.flags, *ours.flags)}
     return RunResult(run, by_paper, ours, tuple(told.values()))
 

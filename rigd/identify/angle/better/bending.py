@@ -23,7 +23,8 @@ import numpy as np
 
 from rigd.identify.angle.better.forces import drag_torque
 from rigd.identify.angle.better.motion import Means, Motion
-from rigd.identify.angle.data import AngleCalibration, AngleRig, FloatArray
+from rigd.identify.angle.better.result import BoolArray
+from rigd.identify.angle.data import FloatArray
 
 NUISANCE = 3  #: smooth terms of each run
 MIN_RUNS = 8  #: fewer do not tell crosstalk from chance
@@ -57,12 +58,10 @@ class Bending:
 
 @dataclass(frozen=True)
 class Sample:
-    """The sliding blocks of one run, for the fit."""
+    """One run, and in which of its blocks the wheel slides, (n,)."""
 
     motion: Motion
-    sliding: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    calibration: AngleCalibration
-    rig: AngleRig
+    sliding: BoolArray
 
 
 def fit_bending(samples: Sequence[Sample]) -> Bending | None:
@@ -91,7 +90,7 @@ def fit_bending(samples: Sequence[Sample]) -> Bending | None:
 def _spread_of_zeros(samples: Sequence[Sample], bending: Bending) -> float:
     zeros = np.array(
         [
-            s.calibration.torque.value * s.motion.tare_v
+            s.motion.known.calibration.torque.value * s.motion.tare_v
             - bending.torque(s.motion.start_turn, s.motion.start_normal_n)
             for s in samples
             if np.isfinite(s.motion.tare_v)
@@ -108,7 +107,8 @@ def _projected(sample: Sample) -> tuple[FloatArray, FloatArray] | None:
     if np.count_nonzero(at) < NUISANCE + 3:
         return None
     means = sample.motion.means
-    torque = sample.calibration.torque.value * means.gauges_v - drag_torque(means, sample.rig)
+    known = sample.motion.known
+    torque = known.calibration.torque.value * means.gauges_v - drag_torque(means, known.rig)
     basis = _smooth_terms(means)[at]
     both = np.column_stack([means.turn * means.normal_force_n[:, None], torque])[at]
     left = both - basis @ np.linalg.lstsq(basis, both, rcond=None)[0]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rigd.identify.angle.better.result import Smoothed
 from rigd.identify.angle.better.settings import BetterSettings
 from rigd.identify.angle.better.smoother import Track, smooth
-from rigd.identify.angle.data import AngleCalibration, AngleRig, AngleRun, FloatArray
+from rigd.identify.angle.data import AngleRun, FloatArray, KnownRun
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Motion:
     mean of cos and sin of the wheel's angle then, ``start_normal_n`` the normal force.
     """
 
-    run: AngleRun
+    known: KnownRun
     period_s: float  #: between samples
     means: Means
     steady_t_s: FloatArray  #: the smoothed samples of the steady part, (m,)
@@ -57,14 +57,14 @@ class Motion:
     smoothed: Smoothed
 
 
-def motion(
-    run: AngleRun, calibration: AngleCalibration, rig: AngleRig, settings: BetterSettings
-) -> Motion:
+def motion(known: KnownRun, settings: BetterSettings) -> Motion:
     """Return speeds and block means of a run whose signals are whole.
 
     Samples before the trigger and after the stop are used where there are any, so that the ends
     of the smoother lie outside of the driven part.
     """
+    known = replace(known, run=_readable(known.run))
+    run, calibration = known.run, known.calibration
     period = float(run.t_s[-1] - run.t_s[0]) / (run.t_s.size - 1)
     factor = settings.decimation
     t = _decimated(run.t_s, factor)
@@ -82,18 +82,18 @@ def motion(
     noise = float(np.std(np.diff(gauges))) / np.sqrt(2.0)
     tare, tare_u = _tare(run, gauges, period, noise, settings)
     travel = np.interp(run.t_s, t, platform.position - platform.position[0])
-    normal = normal_force(run, calibration, rig, travel)
+    normal = normal_force(known, travel)
     steady = (t >= settings.start_s) & (t <= run.stop_s)
     return Motion(
-        run=run,
+        known=known,
         period_s=period,
-        means=_means(run, gauges, normal, t, wheel, platform, calibration, rig, settings),
+        means=_means(known, gauges, normal, t, wheel, platform, settings),
         steady_t_s=t[steady],
         wheel_speed_rad_s=wheel.speed[steady],
         platform_speed_m_s=platform.speed[steady],
         speed_u_m_s=max(
             float(np.median(platform.speed_u)),
-            rig.wheel_radius_m * float(np.median(wheel.speed_u)),
+            known.rig.wheel_radius_m * float(np.median(wheel.speed_u)),
         ),
         tare_v=tare,
         tare_u_v=tare_u,
@@ -113,18 +113,36 @@ def motion(
     )
 
 
-def normal_force(
-    run: AngleRun, calibration: AngleCalibration, rig: AngleRig, travel_m: FloatArray
-) -> FloatArray:
+def _readable(run: AngleRun) -> AngleRun:
+    """Return ``run`` up to the first sample after the stop that is no number; all if there is none.
+
+    What lies behind the stop only helps the smoother, so its faults do not speak against the run.
+    """
+    signals = [run.gauge_a_v, run.gauge_b_v, run.wheel_v, run.platform_v]
+    bad = np.any([~np.isfinite(s) for s in signals], axis=0) & (run.t_s > run.stop_s)
+    if not np.any(bad):
+        return run
+    end = int(np.argmax(bad))
+    cell = run.normal_force_v
+    return replace(
+        run, t_s=run.t_s[:end], gauge_a_v=run.gauge_a_v[:end], gauge_b_v=run.gauge_b_v[:end],
+        wheel_v=run.wheel_v[:end], platform_v=run.platform_v[:end],
+        normal_force_v=None if cell is None else cell[:end],
+    )  # fmt: skip
+
+
+def normal_force(known: KnownRun, travel_m: FloatArray) -> FloatArray:
     """Return N in newtons at each sample, (n,), where the platform has gone ``travel_m`` (n,).
 
     By the high-rate load cell; without one the scale's reading before the start, and its known
     rise along the travel.
     """
+    run, calibration = known.run, known.calibration
     if run.normal_force_v is not None and calibration.normal_force is not None:
         volts = run.normal_force_v - calibration.normal_force_zero.value
         return np.asarray(calibration.normal_force.value * volts, dtype=np.float64)
-    return calibration.load.value * run.load_n * (1.0 + rig.load_rise.value * travel_m)
+    rise = 1.0 + known.rig.load_rise.value * travel_m
+    return np.asarray(calibration.load.value * run.load_n * rise, dtype=np.float64)
 
 
 def _decimated(values: FloatArray, factor: int) -> FloatArray:
@@ -150,17 +168,16 @@ def _tare(
 
 
 def _means(
-    run: AngleRun,
+    known: KnownRun,
     gauges: FloatArray,
     normal: FloatArray,
     t: FloatArray,
     wheel: Track,
     platform: Track,
-    calibration: AngleCalibration,
-    rig: AngleRig,
     settings: BetterSettings,
 ) -> Means:
     """Return the block means; blocks begin at ``start_s``, the last ends before the stop."""
+    run, rig = known.run, known.rig
     count = max(int((run.stop_s - settings.start_s) / settings.block_s), 0)
     edges = settings.start_s + settings.block_s * np.arange(count + 1)
     raw, fine = np.searchsorted(run.t_s, edges), np.searchsorted(t, edges)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from rigd.identify.angle.better.bending import Bending
 from rigd.identify.angle.better.forces import demanded_force, rolling_force
-from rigd.identify.angle.better.motion import Means, Motion, motion
+from rigd.identify.angle.better.motion import Motion, motion
 from rigd.identify.angle.better.result import BetterRun, Blocks, BoolArray
 from rigd.identify.angle.better.settings import BetterSettings
+from rigd.identify.angle.better.slip import mean_slip
 from rigd.identify.angle.budget import Budget, Conditions, Sizes, budget
 from rigd.identify.angle.data import (
     AngleCalibration,
@@ -20,11 +20,11 @@ from rigd.identify.angle.data import (
     AngleRun,
     Flag,
     FloatArray,
-    Regime,
+    KnownRun,
     Severity,
 )
 from rigd.identify.angle.flags import raw_flags, whole
-from rigd.identify.angle.regime import SLIDING_SLIP, regime_of
+from rigd.identify.angle.regime import SLIDING_SLIP
 
 NAN = float("nan")
 
@@ -46,8 +46,8 @@ def analyse_better(
     flags = raw_flags(run, calibration, rig, settings.limits)
     if not usable(run, flags):
         return no_numbers(flags)
-    return evaluate(motion(run, calibration, rig, settings), calibration, rig, settings,
-                    flags=flags, bending=bending)  # fmt: skip
+    moves = motion(KnownRun(run, calibration, rig), settings)
+    return evaluate(moves, settings, flags=flags, bending=bending)
 
 
 def usable(run: AngleRun, flags: tuple[Flag, ...]) -> bool:
@@ -64,56 +64,60 @@ def no_numbers(flags: tuple[Flag, ...]) -> BetterRun:
     )  # fmt: skip
 
 
-def sliding_blocks(motion: Motion, rig: AngleRig, settings: BetterSettings) -> BoolArray:
+def sliding_blocks(motion: Motion, settings: BetterSettings) -> BoolArray:
     """Return in which blocks all of the contact slides steadily, (n,); see BetterSettings."""
     means = motion.means
-    along = means.platform_speed_m_s * math.cos(motion.run.alpha_rad)
+    along = means.platform_speed_m_s * math.cos(motion.known.run.alpha_rad)
     return np.asarray(
         (means.sliding_speed_m_s >= np.maximum(settings.sliding_speed_m_s, SLIDING_SLIP * along))
         & (means.slid_m >= settings.sliding_distance_m)
     )
 
 
-def torque_at_gauges(
-    motion: Motion, calibration: AngleCalibration, bending: Bending | None
-) -> FloatArray:
+def torque_at_gauges(motion: Motion, bending: Bending | None) -> FloatArray:
     """Return the torque in N m of each block, less zero and crosstalk where both are known."""
-    torque = calibration.torque.value * motion.means.gauges_v
+    scale = motion.known.calibration.torque.value
+    torque = scale * motion.means.gauges_v
     if bending is None:
         return torque
     crosstalk = bending.torque(motion.means.turn, motion.means.normal_force_n)
     if not math.isfinite(motion.tare_v):
         return np.asarray(torque - crosstalk)
     start = bending.torque(motion.start_turn, motion.start_normal_n)
-    return np.asarray(torque - crosstalk - (calibration.torque.value * motion.tare_v - start))
+    return np.asarray(torque - crosstalk - (scale * motion.tare_v - start))
 
 
 def evaluate(
     motion: Motion,
-    calibration: AngleCalibration,
-    rig: AngleRig,
     settings: BetterSettings,
     *,
     flags: tuple[Flag, ...] = (),
     bending: Bending | None = None,
 ) -> BetterRun:
-    """Return the result of a run whose speeds are known already; ``flags`` are handed on."""
-    means, alpha = motion.means, motion.run.alpha_rad
-    torque = torque_at_gauges(motion, calibration, bending)
+    """Return the result of a run whose speeds are known already; ``flags`` are handed on.
+
+    A run that the force balance speaks against keeps its residual and its slip, and no coefficient.
+    """
+    flags += tuple(_load_flags(motion, settings))
+    if any(f.severity is Severity.EXCLUDED for f in flags) or motion.means.t_s.size == 0:
+        return no_numbers(flags)
+    means, normal, rig = motion.means, motion.means.normal_force_n, motion.known.rig
+    torque = torque_at_gauges(motion, bending)
     force = rolling_force(torque, means, rig)
-    normal = means.normal_force_n
-    sliding = sliding_blocks(motion, rig, settings)
+    sliding = sliding_blocks(motion, settings)
     slides = int(np.count_nonzero(sliding)) >= settings.min_sliding_blocks
     used = sliding if slides else np.ones_like(sliding)
     share = float(np.sum(force[used]) / np.sum(normal[used]))
-    residual, limit = _balance(force, means, rig, alpha, settings)
-    terms = _uncertainty(motion, torque, share, used, calibration, rig, settings, bending)
-    slip = _slip(motion, calibration, rig, settings)
-    found = [*flags, *_flags(sliding, residual, limit, slip, settings)]
+    residual, limit = _balance(force, motion, settings)
+    rubs = residual > limit
+    terms = _uncertainty(motion, torque, share, used, settings, bending) if slides else None
+    counts = terms is not None and not rubs
+    slip = mean_slip(motion, settings)
+    found = [*flags, *_flags(sliding, residual, limit, settings)]
     return BetterRun(
-        mu=share if slides else NAN,
-        mu_u=abs(share) * terms.measurement if slides else NAN,
-        demand=float(np.sum(force) / np.sum(normal)),
+        mu=share if counts else NAN,
+        mu_u=abs(share) * terms.measurement if terms and counts else NAN,
+        demand=NAN if rubs else float(np.sum(force) / np.sum(normal)),
         torque_nm=float(np.mean(torque[used])),
         normal_force_n=float(np.mean(normal[used])),
         sliding_speed_m_s=float(np.mean(means.sliding_speed_m_s[used])),
@@ -128,68 +132,45 @@ def evaluate(
         tare_v=motion.tare_v,
         flags=tuple(found),
         curves=motion.smoothed,
-        budget=terms if slides else None,
+        budget=terms if counts else None,
     )
 
 
-def _balance(
-    force: FloatArray, means: Means, rig: AngleRig, alpha: float, settings: BetterSettings
-) -> tuple[float, float]:
+def _balance(force: FloatArray, motion: Motion, settings: BetterSettings) -> tuple[float, float]:
     """Return residual and limit of the force balance, relative to N, over all steady blocks.
 
     Torque that is lost between gauges and wheel (bad clamping) shows as a force which does not
     move the platform.
     """
+    known, means = motion.known, motion.means
     normal = float(np.mean(means.normal_force_n))
-    excess = float(np.mean(force - demanded_force(force, means, rig, alpha))) / normal
+    needed = demanded_force(force, means, known.rig, known.run.alpha_rad)
+    excess = float(np.mean(force - needed)) / normal
     share = abs(float(np.mean(force))) / normal
     return abs(excess), settings.balance_constant + settings.balance_share * share
 
 
-@dataclass(frozen=True)
-class _Slip:
-    paper: float
-    corrected: float
-    corrected_u: float
-    relative_speed_m_s: float
-    regime: Regime
-
-
-def _slip(
-    motion: Motion, calibration: AngleCalibration, rig: AngleRig, settings: BetterSettings
-) -> _Slip:
-    """Return both slips as ratios of means over the steady part, and the regime there."""
-    rim = rig.wheel_radius_m * motion.wheel_speed_rad_s
-    rolling = rig.effective_radius.value * rim
-    along = motion.platform_speed_m_s * math.cos(motion.run.alpha_rad)
-    moving = along > settings.sliding_speed_m_s
-    if not np.any(moving):
-        return _Slip(NAN, NAN, NAN, float(np.mean(rim - motion.platform_speed_m_s)), Regime.SLIDING)
-    rim, rolling, along = rim[moving], rolling[moving], along[moving]
-    speed = motion.platform_speed_m_s[moving]
-    ratio = float(np.mean(rolling) / np.mean(along))
-    # Neighbouring samples of a smoothed speed repeat each other over half a period of its cut-off.
-    seconds = float(np.count_nonzero(moving)) * float(np.median(np.diff(motion.steady_t_s)))
-    independent = max(1.0, 2.0 * settings.wheel_cutoff_hz * seconds)
-    parts = (
-        rig.effective_radius.u / rig.effective_radius.value,
-        calibration.wheel.u / calibration.wheel.value,
-        calibration.platform.u / calibration.platform.value,
-        settings.angle_u_rad * math.tan(motion.run.alpha_rad),
-        motion.speed_u_m_s / (float(np.mean(speed)) * math.sqrt(independent)),
-        motion.speed_u_m_s / (float(np.mean(rim)) * math.sqrt(independent)),
+def _load_flags(motion: Motion, settings: BetterSettings) -> Iterator[Flag]:
+    """Tell a high-rate load cell that is dead, or does not show what the scale shows."""
+    run, calibration = motion.known.run, motion.known.calibration
+    if run.normal_force_v is None or calibration.normal_force is None:
+        return
+    scale, cell = calibration.load.value * run.load_n, motion.start_normal_n
+    lowest = float(np.min(motion.means.normal_force_n, initial=math.inf))
+    agrees = abs(cell - scale) <= settings.limits.load * scale + 2.0 * abs(
+        calibration.normal_force.value * calibration.normal_force_zero.u
     )
-    return _Slip(
-        paper=float(np.mean(rim) / np.mean(speed) - 1.0),
-        corrected=ratio - 1.0,
-        corrected_u=ratio * math.hypot(*parts),
-        relative_speed_m_s=float(np.mean(rim - speed)),
-        regime=regime_of(rolling / along - 1.0),
-    )
+    if not (agrees and lowest > 0.0):
+        yield Flag(
+            "load_cell_disagrees",
+            f"Before the start the load cell shows {cell:.1f} N and the scale {scale:.1f} N; in "
+            f"the run it shows {lowest:.1f} N at the least: its zero, its calibration, or its "
+            "cable is wrong.",
+        )
 
 
 def _flags(
-    sliding: BoolArray, residual: float, limit: float, slip: _Slip, settings: BetterSettings
+    sliding: BoolArray, residual: float, limit: float, settings: BetterSettings
 ) -> Iterator[Flag]:
     count = int(np.count_nonzero(sliding))
     if count < settings.min_sliding_blocks:
@@ -214,13 +195,12 @@ def _uncertainty(
     torque: FloatArray,
     mu: float,
     used: BoolArray,
-    calibration: AngleCalibration,
-    rig: AngleRig,
     settings: BetterSettings,
     bending: Bending | None,
 ) -> Budget:
     """Return the budget of this run's F_r/N."""
-    means, scale = motion.means, calibration.torque.value
+    means, calibration = motion.means, motion.known.calibration
+    scale = calibration.torque.value
     speed = float(np.mean(means.wheel_speed_rad_s[used]))
     seconds = settings.block_s * float(np.count_nonzero(used))
     learnt = bending is not None and math.isfinite(bending.zero_u_nm)
@@ -246,7 +226,8 @@ def _uncertainty(
         inertia=settings.inertia_u,
         load_reading_n=settings.load_reading_u_n,
         load_change=settings.load_change_u,
-        load_cell=motion.run.normal_force_v is not None and calibration.normal_force is not None,
+        load_cell=motion.known.run.normal_force_v is not None
+        and calibration.normal_force is not None,
         vibration=settings.vibration_u,
     )
-    return budget(at, calibration, rig, sizes)
+    return budget(at, calibration, motion.known.rig, sizes)

@@ -42,7 +42,7 @@ class BetterSettings:
     zero_u_v: float = 0.006  #: of (gauge a - gauge b), until a campaign shows its spread
     crosstalk_m: float = 0.0005  #: N m per N of load, likewise: two gauges a degree off
     inertia_u: float = 0.05  #: relative, of the wheel's moment of inertia (a drawing's)
-    load_change_u: float = 0.010  #: relative change of N in a run beside its rise with the travel
+    load_change_u: float = 0.013  #: relative change of N in a run beside its rise with the travel
     load_reading_u_n: float = 0.1  #: of one reading of the scale: resolution and noise, 10 g
     vibration_u: float = 0.001  #: relative, what the rollers' vibration of N leaves in a mean
     angle_u_rad: float = math.radians(0.2)  #: of the mounted approach angle
