@@ -1,0 +1,105 @@
+"""What a calibration does to the plant: clamped shaft with an arm, lifted wheel, push, weights."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from support.angle_plant import history, make_plant, mean_volts, pass_time, shipped, truth
+
+from rigd_sim.plants.angle.plant import AnglePlant
+
+
+def on_the_bench(**options: object) -> AnglePlant:
+    plant = make_plant(**options)  # type: ignore[arg-type] # by name
+    plant.change("wheel_lift", "lifted")
+    return plant
+
+
+def test_a_weight_on_the_arm_of_the_clamped_shaft_gives_the_torque_scale() -> None:
+    """K_T = m g L / d(V_a - V_b), and what the arm's bending adds to a misaligned pair."""
+    plant = on_the_bench()
+    plant.change("shaft", "clamped")
+    zero = mean_volts(plant, 2.0)
+    plant.change("arm_mass", 3.0)
+    loaded = mean_volts(plant, 2.0)
+    assert truth(plant, "torque") == pytest.approx(6.0, rel=0.01)
+    gained = (loaded - zero)[0] - (loaded - zero)[1]
+    found = 3 * 9.81 * shipped().calibration_arm.length / gained
+    assert found == pytest.approx(plant.torque_scale, rel=3e-3)
+    assert found == pytest.approx(2.0416, rel=0.04)  # N m/V as drawn
+    plant.change("arm_mass", 0.0)
+    np.testing.assert_allclose(mean_volts(plant, 2.0)[:2], zero[:2], atol=1e-3)
+
+
+def test_the_weight_bends_the_shaft_downwards() -> None:
+    """Common to both gauges: eps_x (1 - nu)/2, opposite to the wheel's load."""
+    plant = on_the_bench(noise=False)
+    plant.change("shaft", "clamped")
+    common = []
+    for mass in (0.0, 3.0):
+        plant.change("arm_mass", mass)
+        pass_time(plant, 1e-3)
+        common.append(mean_volts(plant, 0.1)[:2].mean())
+    p = shipped()
+    eps = 3 * 9.81 * p.shaft.bend_arm * p.shaft.radius / p.shaft.bending_stiffness
+    expected = -p.gauges.sensitivity * eps * (1 - p.shaft.poisson) / 2
+    assert common[1] - common[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_clamped_shaft_does_not_turn_and_freeing_it_takes_the_weight_off() -> None:
+    plant = on_the_bench()
+    plant.change("shaft", "clamped")
+    plant.change("arm_mass", 3.0)
+    plant.command(True)
+    pass_time(plant, 0.5)
+    assert truth(plant, "wheel_speed") == truth(plant, "wheel_angle") == 0.0
+    assert truth(plant, "torque") == pytest.approx(6.0, rel=0.01)
+    plant.command(False)
+    plant.change("shaft", "free")
+    pass_time(plant, 0.5)
+    assert truth(plant, "torque") == 0.0
+    assert plant._bench.arm_mass == 0.0
+
+
+def test_a_lifted_wheel_shows_the_friction_of_its_bearings() -> None:
+    plant = on_the_bench(voltage_v=4.0)
+    plant.command(True)
+    pass_time(plant, 2.0)
+    wheel, speed = shipped().wheel, truth(plant, "wheel_speed")
+    assert speed > 15.0
+    expected = wheel.bearing_constant + wheel.bearing_viscous * speed
+    assert truth(plant, "torque") == pytest.approx(expected, rel=1e-3)
+    assert truth(plant, "normal_force") == truth(plant, "rolling_force") == 0.0
+
+
+def test_a_pushed_platform_is_slowed_by_its_rails() -> None:
+    """m dV/dt = -(c0 + c_N |0 - m g| + c_v V) with the wheel lifted."""
+    plant = on_the_bench()
+    plant.change("push", 0.5)
+    pass_time(plant, 0.6)
+    known = history(plant)
+    x, v = known["platform_position"][1:], known["platform_speed"][1:]
+    rails, mass = shipped().platform, shipped().platform.mass
+    drag = rails.rail_constant + rails.rail_load * mass * 9.81 + rails.rail_viscous * v
+    lost = np.trapezoid(drag, dx=1 / 19_200)
+    assert v[0] == pytest.approx(0.5, rel=1e-3)
+    assert mass * (v[0] - v[-1]) == pytest.approx(lost, rel=1e-3)
+    assert x[-1] < rails.bumper
+
+
+def test_known_weights_show_the_gain_of_the_scale() -> None:
+    plant = on_the_bench()
+    shown = []
+    for mass in (0.0, 5.0, 10.0):
+        plant.change("scale_weight", mass)
+        pass_time(plant, 6.0)
+        taken = []
+        for _ in range(40):
+            pass_time(plant, 0.25)
+            taken.append(plant.scale()[0])
+        shown.append(float(np.mean(taken)))
+    gain = plant.individual.scale_gain
+    expected = [0.0, 5.0 * gain, 10.0 * gain]
+    assert shown == pytest.approx(expected, abs=4 * math.hypot(8e-3, 3e-3) / math.sqrt(40))
