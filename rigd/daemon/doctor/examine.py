@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 from rigd.config.rig import RigConfig
+from rigd.daemon.doctor.calibration import examine_calibration
 from rigd.daemon.doctor.check import Tell
 from rigd.daemon.doctor.machine import examine_machine
 from rigd.daemon.doctor.rig import examine_rig
@@ -42,6 +44,8 @@ def examine(what: Examination, tell: Tell) -> bool:
         tell(check)
     if rig is None:
         return True
+    for check in examine_calibration(rig, datetime.now(UTC).date()):
+        tell(check)
     control = Control()
     with heed_signals(control):
         examine_rig(rig, what.seconds, control, tell)

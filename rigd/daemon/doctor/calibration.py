@@ -1,0 +1,55 @@
+"""The calibration of a rig: is it there, of this rig, and for how long may it be used?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import date
+from typing import Final
+
+from rigd.config.rig import RigConfig
+from rigd.daemon.calibration import unusable
+from rigd.daemon.doctor.check import Check, Verdict
+
+_NAME: Final = "calibration"
+#: From so many days before its end it is time to think of the next one.
+_SOON_DAYS: Final = 30
+
+
+def examine_calibration(rig: RigConfig, on: date) -> Iterator[Check]:
+    """Yield a check of the calibration that ``rig`` names, as it is on that day; none without."""
+    setup = rig.calibration
+    if setup is None:
+        return
+    group = f"rig {rig.name}"
+    if setup.held is None:
+        advice = "`rigd calibrate` makes it: a run that rests on it does not begin"
+        yield Check(group, _NAME, Verdict.FAIL, f"there is no file {setup.path}", advice)
+        return
+    names = tuple(setup.held.values)
+    reasons = unusable(rig, names, on)
+    for reason in reasons:
+        found, _, advice = reason.partition("\n")
+        yield Check(group, _NAME, Verdict.FAIL, found, advice.strip())
+    if reasons:
+        return
+    count = f"{len(names)} values"
+    ends = {
+        name: one.valid_until
+        for name, one in setup.held.values.items()
+        if one.valid_until is not None
+    }
+    if not ends:
+        yield Check(group, _NAME, Verdict.OK, f"{setup.held.name}: {count}, none expires")
+        return
+    first = min(ends, key=ends.__getitem__)
+    days = (ends[first] - on).days
+    found = f"{setup.held.name}: {count}; {first} expires first, in {days} days ({ends[first]})"
+    soon = days <= _SOON_DAYS
+    yield Check(
+        group,
+        _NAME,
+        Verdict.WARN if soon else Verdict.OK,
+        found,
+        "calibrate again in time: then no run that needs it begins" if soon else "",
+        {"days_left": days},
+    )
