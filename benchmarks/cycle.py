@@ -45,7 +45,7 @@ from figures import at_most, noted
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.killing import PROCEDURE
+from support.killing import SHAKING
 from support.wire import ROOT, wire_rig
 
 from rigd.config.loader import load_rig
@@ -259,7 +259,7 @@ def measure(rig_file: Path, witness: Path, seconds: float, recording: Path) -> t
     """
     rig = load_rig(str(rig_file))
     file = rig_file.with_name("shake.yaml")
-    file.write_text(PROCEDURE)
+    file.write_text(SHAKING.procedure)
     source = load_procedure(str(file))
     procedure = compile_procedure(source, rig, {})
     request = RunRequest(procedure, source.file.text, rig, 1, pace=1, output=recording)

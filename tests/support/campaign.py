@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from support.fault_table import SECOND, Case, Must
-from support.killing import DRIVES, END_S, PATIENT, PROCEDURE, Victim, own_state
+from support.killing import END_S, PATIENT, SHAKING, Victim, own_state
 from support.wire import ROOT, WireRig
 
 from rigd.engine.shared import Word
@@ -124,7 +124,7 @@ class Campaign:
             if process.poll() is not None:
                 return True
             time.sleep(0.01)
-        return any(self._rig.parts()[name]["safe_since_ns"] for name in DRIVES)
+        return any(self._rig.parts()[name]["safe_since_ns"] for name in SHAKING.drives)
 
     def _begin(self) -> None:
         self._place = Path(tempfile.mkdtemp(dir=self._folder))
@@ -225,7 +225,7 @@ class Campaign:
 def started(rig: Path, place: Path, state: Path) -> Iterator[subprocess.Popen[str]]:
     """A run of the shaking procedure on ``rig``, which may well be refused."""
     procedure = place / "shake.yaml"
-    procedure.write_text(PROCEDURE)
+    procedure.write_text(SHAKING.procedure)
     process = subprocess.Popen(
         [
             *(sys.executable, "-m", "rigd", "run", str(procedure), "--yes"),
@@ -286,7 +286,7 @@ def _safe_since(rig: WireRig) -> int:
     deadline = time.monotonic() + END_S
     while time.monotonic() < deadline:
         parts = rig.parts()
-        since = [parts[name]["safe_since_ns"] for name in DRIVES]
+        since = [parts[name]["safe_since_ns"] for name in SHAKING.drives]
         if all(since):
             return int(max(since))
         time.sleep(0.005)
@@ -296,7 +296,7 @@ def _safe_since(rig: WireRig) -> int:
 def _drives(rig: WireRig) -> bool:
     """Return whether a drive gives its motor anything: the watchdog is proven at zero."""
     parts = rig.parts()
-    return any(parts[name].get("current") or parts[name].get("speed") for name in DRIVES)
+    return any(parts[name].get("current") or parts[name].get("speed") for name in SHAKING.drives)
 
 
 def _sentence(told: str) -> str:

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,6 @@ from rigd.config.loader import load_rig
 from rigd.engine.shared import RunFolder, Word, state_folder
 from rigd.record import Recording
 
-#: Devices with torque, and how the simulation says that they have none.
-DRIVES = ("wheel_servo", "longitudinal_belt", "lateral_belt")
 #: Who can be hit, and with what.
 VICTIMS = ("daemon", "cycle", "recorder", "all")
 SIGNALS = (signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
@@ -32,7 +30,20 @@ END_S = 60.0
 #: A host that stalls for 20 ms would end a run before it is killed.
 PATIENT = {"stale_after: 20 ms": "stale_after: 150 ms"}
 
-PROCEDURE = """\
+
+@dataclass(frozen=True)
+class Movement:
+    """What a rig is to be killed at, and how the simulation says that nothing drives any more."""
+
+    procedure: str
+    drives: tuple[str, ...]  #: parts whose ``safe_since_ns`` is not 0 once they are safe
+    moves: Callable[[Mapping[str, Any]], bool]  #: by the state of all parts
+    stream: str  #: has a row in every cycle
+    watchdog_s: float  #: longest of the drives
+
+
+SHAKING = Movement(
+    """\
 procedure: shake
 title: Moves for as long as it is left alone
 doc: The wheel turns to and fro while the belt holds the carriage.
@@ -42,7 +53,31 @@ trial:
       set: {wheel_servo.current: {sine: {amplitude: 0.3 A, frequency: 2 Hz}}}
       for: 7200 s
 record: all
-"""
+""",
+    drives=("wheel_servo", "longitudinal_belt", "lateral_belt"),
+    moves=lambda parts: (
+        parts["wheel_servo"]["enabled"] and abs(parts["wheel_servo"]["current"]) > 0.01
+    ),
+    stream="wheel_servo",
+    watchdog_s=0.1,
+)
+DRIVING = Movement(
+    """\
+procedure: drive
+title: Drives for as long as it is left alone
+doc: The platform runs against its bumper, and the wheel slides on.
+trial:
+  steps:
+    - step: drive
+      set: {relay.closed: 1}
+      for: 7200 s
+record: {relay: 1, daq: 1}
+""",
+    drives=("relay",),
+    moves=lambda parts: bool(parts["relay"]["contact"]),
+    stream="relay",
+    watchdog_s=0.2,
+)
 
 
 @dataclass(frozen=True)
@@ -61,13 +96,16 @@ class Killed:
 class Victim:
     """A run under way: started, moving, and every process of it known."""
 
-    def __init__(self, rig: WireRig, folder: Path, state: Path) -> None:
+    def __init__(
+        self, rig: WireRig, folder: Path, state: Path, movement: Movement = SHAKING
+    ) -> None:
         self.rig = rig
+        self._movement = movement
         self.recording = folder / "run.mcap"
         self._state = state
         self._offset_ns = 0
-        procedure = folder / "shake.yaml"
-        procedure.write_text(PROCEDURE)
+        procedure = folder / "procedure.yaml"
+        procedure.write_text(movement.procedure)
         self._log = (folder / "run.log").open("w+b")
         self.process = subprocess.Popen(
             [
@@ -86,8 +124,7 @@ class Victim:
     def _wait_until_moving(self) -> None:
         deadline = time.monotonic() + START_S
         while self.process.poll() is None and time.monotonic() < deadline:
-            servo = self.rig.parts()["wheel_servo"]
-            if servo["enabled"] and abs(servo["current"]) > 0.01:
+            if self._movement.moves(self.rig.parts()):
                 return
             time.sleep(0.02)
         told = self.told()
@@ -146,7 +183,7 @@ class Victim:
         deadline = time.monotonic() + END_S
         while time.monotonic() < deadline:
             parts: Mapping[str, Any] = self.rig.parts()
-            since = [parts[name]["safe_since_ns"] for name in DRIVES]
+            since = [parts[name]["safe_since_ns"] for name in self._movement.drives]
             if all(since):
                 return int(max(since))
             time.sleep(0.005)
@@ -190,7 +227,7 @@ class Victim:
             capture_output=True,
         )
         recording = Recording.open(self.recording)
-        cycles, servo = recording.read("cycle"), recording.read("wheel_servo")
+        cycles, servo = recording.read("cycle"), recording.read(self._movement.stream)
         slots = np.rint(cycles["scheduled"] * 1e3).astype(np.int64)
         events = list(recording.events())
         late = sum(int(e.data["missed_slots"]) for e in events if e.kind == "late")
@@ -215,10 +252,12 @@ def own_state(folder: Path) -> Path:
     return path
 
 
-def bound_s(rig: WireRig, victim: str, number: signal.Signals) -> float:
+def bound_s(
+    rig: WireRig, victim: str, number: signal.Signals, movement: Movement = SHAKING
+) -> float:
     """Return after how long the drives must be without torque, by what the rig file says."""
     config = load_rig(rig.rig)
-    watchdog = 0.1  # of the drives
+    watchdog = movement.watchdog_s
     stalled = 0.15  # what a host may be away for on top, and the telling of it
     if victim == "recorder":
         return END_S  # the run goes on, and is ended by its operator

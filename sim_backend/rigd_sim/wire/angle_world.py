@@ -47,6 +47,7 @@ class AngleWorld:
         self.opened = Opened()
         self.safe_since_ns = clock_ns()  #: since when the coil has no current; 0: it has
         self.closings = 0  #: how often it got current
+        self.furthest = -math.inf  #: where the platform has been since, m
         self._clock_ns = clock_ns
         self._asked = False
         self._welded = self._broken = False
@@ -111,6 +112,7 @@ class AngleWorld:
     def _advance(self, t_ns: int) -> None:
         if t_ns > self.plant.now_ns:
             self.plant.advance(t_ns)
+            self.furthest = max(self.furthest, self.plant.truth[0])
 
     def _switch(self) -> None:
         """Hand the plant what the coil and the contact do at the moment it stands at."""
@@ -119,6 +121,7 @@ class AngleWorld:
         if current and self.safe_since_ns:
             self.safe_since_ns = 0
             self.closings += 1
+            self.furthest = self.plant.truth[0]
         elif not current and not self.safe_since_ns:
             self.safe_since_ns = at_ns
             self._note(at_ns)

@@ -34,7 +34,8 @@ class SimRelay(Part):
     def state(self) -> State:
         """Return what coil, contact and one-shot do; times are CLOCK_MONOTONIC, in ns.
 
-        ``opened_...`` is where the platform was when the coil lost its current.
+        ``opened_...`` is where the platform was when the coil lost its current, and
+        ``furthest_position`` where it has been since the coil last got any.
         """
         world = self._world
         world.now()
@@ -49,6 +50,7 @@ class SimRelay(Part):
             "opened_position": opened.position,
             "opened_speed": opened.speed,
             "opened_volts": opened.volts,
+            "furthest_position": world.furthest,
             "refused": world.refused,
         }
 

@@ -34,7 +34,8 @@ class SimScale(Part):
     """A scale that speaks one of three dialects on a pty, under a name that stays.
 
     ``mass()`` is the load on the pan in kg, ``rests()`` whether it keeps still. The pty stands
-    behind the symbolic link ``path``. A client that opens it at another baud rate than ``baud`` gets bytes that mean nothing.
+    behind the symbolic link ``path``. A client that opens it at another baud rate than ``baud``
+    gets bytes that mean nothing.
     """
 
     faults: ClassVar[Mapping[str, str]] = {

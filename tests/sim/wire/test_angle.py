@@ -1,0 +1,225 @@
+"""The approach-angle rig at the wire, part by part: world, relay, sampling, scale."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from rigd_sim.plants.angle import layout
+from rigd_sim.plants.angle.plant import AngleConfig, AnglePlant
+from rigd_sim.wire.angle import Sampled, WireAngle, WireAngleConfig
+from rigd_sim.wire.angle_world import AngleWorld
+from rigd_sim.wire.folder import Folder
+from rigd_sim.wire.relay import SimRelay
+from rigd_sim.wire.scale import SimScale
+
+MS = 1_000_000
+ONE_SHOT_S = 0.18
+
+
+class Clock:
+    """Time that passes when told to."""
+
+    def __init__(self) -> None:
+        self.ns = 1_000_000_000_000
+
+    def __call__(self) -> int:
+        return self.ns
+
+    def pass_ms(self, ms: float) -> None:
+        self.ns += round(ms * MS)
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+def plant(**options: Any) -> AnglePlant:
+    given = {"voltage": "10 V", **options}
+    return AnglePlant(AngleConfig.model_validate(given), period_ns=MS, seed=1)
+
+
+def world(clock: Clock, one_shot_s: float | None = ONE_SHOT_S, **options: Any) -> AngleWorld:
+    return AngleWorld(plant(**options), one_shot_s, clock)
+
+
+def test_the_relay_needs_its_line_and_the_one_shot(clock: Clock) -> None:
+    one = world(clock)
+    one.ask(closed=True)
+    clock.pass_ms(50)
+    assert one.state()["platform_position"] == pytest.approx(0, abs=1e-6)
+    assert one.safe_since_ns
+    one.trigger(level=True)
+    clock.pass_ms(100)
+    assert float(one.state()["platform_speed"]) > 0.05
+    assert not one.safe_since_ns
+    one.ask(closed=False)
+    assert one.safe_since_ns == clock.ns
+
+
+def test_the_one_shot_drops_when_it_should_and_not_when_somebody_looks(clock: Clock) -> None:
+    one = world(clock)
+    one.ask(closed=True)
+    one.trigger(level=True)
+    edge_ns = clock.ns
+    clock.pass_ms(150)
+    one.trigger(level=False)  # either edge keeps it up
+    clock.pass_ms(400)  # nobody has looked
+    one.now()
+    assert one.safe_since_ns == edge_ns + 150 * MS + ONE_SHOT_S * 1e9
+    assert one.opened.at_ns == one.safe_since_ns
+    assert 0 < one.opened.position < one.furthest
+    assert not one.one_shot_up()
+
+
+def test_what_stood_where_when_it_opened(clock: Clock) -> None:
+    one = world(clock, one_shot_s=None, noise=False)
+    one.ask(closed=True)
+    while float(one.state()["platform_position"]) < 0.1:
+        clock.pass_ms(5)
+    one.ask(closed=False)
+    state = one.state()
+    opened = one.opened
+    assert opened.position == state["platform_position"]
+    assert opened.speed == state["platform_speed"]
+    pots = one.plant.parameters.potentiometers
+    thread = (opened.position + pots.platform_start) / pots.pulley
+    assert opened.volts == pytest.approx(thread * pots.volts_per_rad, rel=1e-9)
+    clock.pass_ms(2000)
+    one.now()
+    assert one.furthest > 0.45  # the relay does not stop it, the bumper does
+
+
+def test_what_no_friction_is_known_of_is_not_driven(clock: Clock) -> None:
+    one = world(clock, one_shot_s=None)
+    one.change("wheel", "coated")
+    one.change("angle", math.radians(30))
+    one.ask(closed=True)
+    assert "no friction is published for the coated wheel at 30 deg" in one.refused
+    clock.pass_ms(500)
+    assert not one.plant.closed
+    one.change("wheel", "clean")
+    clock.pass_ms(100)
+    one.now()
+    assert one.refused == ""
+    clock.pass_ms(20)
+    one.now()
+    assert one.plant.closed
+
+
+def test_a_welded_contact_and_a_broken_one(clock: Clock) -> None:
+    one = world(clock)
+    relay = SimRelay("relay", one, "a line")
+    relay.inject("welded")
+    clock.pass_ms(100)
+    state = relay.state()
+    assert (state["coil"], state["contact"]) == (False, True)
+    relay.clear("welded")
+    clock.pass_ms(100)
+    assert not relay.state()["contact"]
+    relay.inject("broken")
+    one.trigger(level=True)
+    one.ask(closed=True)
+    clock.pass_ms(100)
+    state = relay.state()
+    assert (state["coil"], state["contact"]) == (True, False)
+    relay.clear()
+    clock.pass_ms(20)
+    assert relay.state()["contact"]
+
+
+def test_a_one_shot_that_stays_up_keeps_the_relay(clock: Clock) -> None:
+    one = world(clock)
+    relay = SimRelay("relay", one, "a line")
+    relay.inject("one_shot_dead")
+    one.ask(closed=True)
+    clock.pass_ms(1000)
+    assert relay.state()["coil"]
+    relay.clear("one_shot_dead")
+    assert not relay.state()["coil"]
+
+
+def test_faults_of_a_relay_that_it_does_not_know(clock: Clock) -> None:
+    relay = SimRelay("relay", world(clock, one_shot_s=None), "a line")
+    for fault, options in (("fire", {}), ("welded", {"side": "left"})):
+        with pytest.raises(ValueError, match="it knows welded: "):
+            relay.inject(fault, **options)
+    with pytest.raises(ValueError, match="stands behind no one-shot"):
+        relay.inject("one_shot_dead")
+
+
+def test_the_card_samples_the_plant_at_its_own_rate(clock: Clock) -> None:
+    one = world(clock, noise=False)
+    inputs: list[int | None] = [3, None, 0]  # platform, nothing, gauge a: as the task has them
+    sampler = Sampled(one, inputs, 9600.0, clock.ns)
+    found = []
+    for _ in range(500):
+        clock.pass_ms(2)
+        found.append(sampler.due(clock.ns, 40e-6))
+    volts = np.hstack(found)
+    assert volts.shape[0] == 3
+    assert 9600 - 16 <= volts.shape[1] <= 9600
+    pots = one.plant.parameters.potentiometers
+    at_start = pots.platform_start / pots.pulley * pots.volts_per_rad
+    assert volts[0] == pytest.approx(at_start, abs=1e-6)
+
+
+def test_samples_nobody_fetched_for_long_are_lost(clock: Clock) -> None:
+    one = world(clock)
+    sampler = Sampled(one, [0], 9600.0, clock.ns)
+    clock.pass_ms(1e3 * (layout.HISTORY_ROWS / layout.STEPS_PER_S + 1))
+    with pytest.raises(OverflowError, match="are lost"):
+        sampler.due(clock.ns, 0.0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Folder]:
+    with Folder(tmp_path) as one:
+        yield one
+
+
+def config(**options: Any) -> WireAngleConfig:
+    return WireAngleConfig.model_validate({"folder": "/tmp/none", **options})
+
+
+def test_the_parts_are_those_of_the_rig(folder: Folder) -> None:
+    _, parts = WireAngle(config()).build(folder)
+    assert [part.name for part in parts] == ["daq", "relay", "scale"]
+    state = parts[0].state()
+    assert state["ai3_v"] == pytest.approx(0.4775, abs=0.02)
+    assert state["ai2_v"] == pytest.approx(0.46, abs=0.1)
+
+
+def test_the_scale_is_the_plants_and_stable_when_that_is(folder: Folder) -> None:
+    simulation = WireAngle(config(plant={"noise": False, "load": "5 kg"}))
+    found, parts = simulation.build(folder)
+    assert isinstance(found, AngleWorld)
+    scale = parts[2]
+    assert isinstance(scale, SimScale)
+    assert not scale.weighing.stable  # it has just been switched on
+    start_ns = found.plant.now_ns
+    found.plant.advance(start_ns + 5_000 * MS)
+    for t_s in (1.0, 1.1, 1.2):
+        scale.weighing.advance(t_s, found.plant.scale()[0])
+    assert scale.weighing.stable
+    assert scale.weighing.gross_kg == pytest.approx(5.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"daq": {"gauge_b": "ai0"}}, "two sensors are wired to the same input"),
+        ({"relay": {"active": "up"}}, "'high' or 'low'"),
+        ({"relay": {"one_shot": {"time": "2 s"}}}, "less than or equal to 1"),
+    ],
+)
+def test_benches_that_cannot_be(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValidationError, match=words):
+        config(**options)
