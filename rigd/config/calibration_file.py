@@ -18,6 +18,7 @@ from typing import Any, Final
 from ruamel.yaml import YAML
 
 from rigd.config.calibration import CalibratedValue, Calibration, parse_calibration
+from rigd.config.calibration_source import CALIBRATABLE
 from rigd.config.document import parse_document
 from rigd.model.errors import ConfigError
 from rigd.model.units import parse_unit
@@ -25,6 +26,7 @@ from rigd.model.units import parse_unit
 #: A value is written with so many digits more than its uncertainty has, which has two.
 _GUARD_DIGITS: Final = 1
 _DAYS: Final = ("made", "valid_until", "replaced")
+_NUMBERS: Final = ("value", "u")
 _NEW_HEAD: Final = """\
 # What was measured of this rig. Written by `rigd calibrate`, which keeps this comment and no other.
 """
@@ -50,22 +52,24 @@ def renewed(
     data: dict[str, Any] = {"calibration": name, "rigs": list(rigs), "values": {}, "history": []}
     head = _NEW_HEAD
     if old is not None:
-        data |= _plain(parse_document(old.text, old.path).data)
+        written: Any = parse_document(old.text, old.path).data
+        data |= written
         head = _head(old.text)
     history = [
-        {"name": one, **data["values"][one], "replaced": on}
+        {"name": one, **data["values"][one], "replaced": on.isoformat()}
         for one in values
         if one in data["values"]
     ]
     data["history"] = [*history, *data["history"]]
-    data["values"] = {**data["values"], **{one: _block(value) for one, value in values.items()}}
+    merged = data["values"] | {one: _block(value) for one, value in values.items()}
+    data["values"] = {one: merged[one] for one in CALIBRATABLE if one in merged}
     if not data["history"]:
         del data["history"]
     text = StringIO()
     yaml = YAML()
     yaml.width = 100
     yaml.representer.ignore_aliases = lambda _: True  # one day may stand in several places
-    yaml.dump(data, text)
+    yaml.dump(_plain(data), text)
     return parse_calibration(head + text.getvalue(), str(path))
 
 
@@ -132,11 +136,11 @@ def _block(value: CalibratedValue) -> dict[str, Any]:
         "u": _quantity(value.u, value.unit, places),
         "source": value.source,
         "from": value.origin,
-        "made": value.made,
+        "made": value.made.isoformat(),
         "operator": value.operator,
     }
     if value.valid_until is not None:
-        block["valid_until"] = value.valid_until
+        block["valid_until"] = value.valid_until.isoformat()
     if value.instruments:
         block["instruments"] = dict(value.instruments)
     return block
@@ -155,17 +159,15 @@ def _quantity(value: float, unit: str, places: int) -> str:
     return f"{value / parse_unit(unit).factor:.{places}f}{symbol}"
 
 
-def _plain(data: Any) -> Any:
-    """Return ``data`` with its days as days, which YAML writes without quotation marks."""
+def _plain(data: Any, key: str = "") -> Any:
+    """Return ``data`` with days and numbers as such: YAML writes them without quotation marks."""
     if isinstance(data, list):
         return [_plain(one) for one in data]
-    if not isinstance(data, dict):
-        return data
-    return {
-        key: date.fromisoformat(value)
-        if key in _DAYS and isinstance(value, str)
-        else value
-        if key == "instruments"  # devices may be called as they like
-        else _plain(value)
-        for key, value in data.items()
-    }
+    if isinstance(data, dict) and key != "instruments":  # whose devices are called as they like
+        return {name: _plain(one, name) for name, one in data.items()}
+    if isinstance(data, str) and key in _DAYS:
+        return date.fromisoformat(data)
+    if isinstance(data, str) and key in _NUMBERS:
+        number = YAML().load(data)  # which remembers how it was written: 0.990, 1.5e-4
+        return number if isinstance(number, int | float) else data
+    return data
