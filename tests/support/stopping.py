@@ -103,7 +103,15 @@ class Stop:
 def angle_rig(
     folder: Path, name: str = "angle-wire-test", replaced: Mapping[str, str] | None = None
 ) -> Iterator[WireRig]:
-    """The shipped approach-angle rig at the wire, in a folder of its own, served."""
+    """The shipped approach-angle rig at the wire, in a folder of its own, served.
+
+    It is the individual that the shipped calibration is of, under another name.
+    """
+    calibration = Path("calibrations") / "approach_angle.yaml"
+    text = (ROOT / "configs" / calibration).read_text()
+    assert ANGLE.name in text
+    (folder / calibration.parent).mkdir(exist_ok=True)
+    (folder / calibration).write_text(text.replace(ANGLE.name, name))
     with wire_rig(folder, name, replaced, ANGLE) as rig:
         yield rig
 
