@@ -9,17 +9,18 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from rigd_sim.plants.angle.headless import SimulatedRun
 
 from rigd.model.channels import Channel, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import RecordingWriter
 from rigd.record.prefix import Attachment
+from rigd_sim.plants.angle.headless import SimulatedRun, simulate
 
 START_NS: Final = 1_790_000_000_000_000_000
 RATE_HZ: Final = 9600.0
@@ -105,26 +106,47 @@ def calibration_text(run: SimulatedRun, *, torque: float = 1.0) -> str:
     return f"calibration: bench\nrigs: [angle-1]\nvalues:\n{values}"
 
 
+@cache
+def small_campaign() -> tuple[Recorded, ...]:
+    """Return 24 runs: four sets at 4 kg, three voltages at which all of them slide."""
+    points = [
+        (name, voltage, repeat)
+        for name in ("clean_0", "clean_15", "clean_45", "coated_0")
+        for voltage in (7.0, 8.5, 10.0)
+        for repeat in (1, 2)
+    ]
+    return tuple(
+        Recorded(simulate(name, 4.0, voltage, seed=seed), repeat)
+        for seed, (name, voltage, repeat) in enumerate(points, start=1)
+    )
+
+
 def write_campaign(
     path: Path,
     trials: Sequence[Recorded],
     *,
     calibration: str | None,
     state: str = "complete",
-    first: int = 1,
+    numbers: Sequence[int] | None = None,
+    signals: Mapping[str, str] = SIGNALS,
 ) -> Path:
-    """Write ``trials`` as the recording of a run that played them one after the other."""
+    """Write ``trials`` as the recording of a run that played them one after the other.
+
+    Without ``state`` the run has no end. ``numbers`` are those of the trials, from 1 by default.
+    """
     plan = {
         "model": "approach-angle",
-        "signals": json.dumps(SIGNALS),
+        "signals": json.dumps(dict(signals)),
         "constants": json.dumps(CONSTANTS),
         "group_by": json.dumps(["set"]),
         "reference": json.dumps({f"{name}.maximum": mu for name, mu in REFERENCE.items()}),
         "reference_label": "Table 1 of the paper",
     }
     run = {"procedure": "approach_angles", "rig": "angle-1", "seed": "1", "trials": "200"}
-    attached = () if calibration is None else (
-        Attachment("calibration.yaml", "application/yaml", calibration.encode()),
+    attached = (
+        ()
+        if calibration is None
+        else (Attachment("calibration.yaml", "application/yaml", calibration.encode()),)
     )
     with RecordingWriter.create(
         path,
@@ -135,8 +157,9 @@ def write_campaign(
         sync_interval_s=None,
     ) as writer:
         writer.event(START_NS, "run_start", -1, {"procedure": "approach_angles"})
-        for index, one in enumerate(trials):
-            _write_trial(writer, first + index, START_NS + round(index * TRIAL_S * 1e9), one)
+        numbered = numbers or range(1, len(trials) + 1)
+        for index, (number, one) in enumerate(zip(numbered, trials, strict=True)):
+            _write_trial(writer, number, START_NS + round(index * TRIAL_S * 1e9), one)
         end = START_NS + round(len(trials) * TRIAL_S * 1e9)
         if state:
             writer.event(end, "run_end", -1, {"state": state, "reason": "all trials played"})

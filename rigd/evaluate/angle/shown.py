@@ -40,7 +40,7 @@ def _table_1(rows: Sequence[SetRow]) -> Table:
     columns = (
         Column("set"),
         Column("published", right=True),
-        Column("paper's method", right=True),
+        Column("paper's ± U", right=True),
         Column("(runs)"),
         Column("better ± U (k=2)", right=True),
         Column("coefficient"),

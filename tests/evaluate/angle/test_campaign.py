@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.angle_recording import Recorded, calibration_text
+from support.angle_recording import Recorded, calibration_text, write_campaign
 from support.command import rigd
 from support.html import outline
 
 from rigd.evaluate.angle import CampaignEvaluation
+from rigd.evaluate.evaluation import evaluate
 from rigd.evaluate.shown import Shown, Table
 from rigd.model.errors import ConfigError, DataError
 from rigd_sim.plants.angle.headless import SimulatedRun, simulate
@@ -94,10 +95,6 @@ def good(
     campaign: Sequence[Recorded], calibration: str, tmp_path_factory: pytest.TempPathFactory
 ) -> CampaignEvaluation:
     """The good campaign, evaluated once."""
-    from support.angle_recording import write_campaign
-
-    from rigd.evaluate.evaluation import evaluate
-
     path = tmp_path_factory.mktemp("good") / "campaign.mcap"
     write_campaign(path, campaign, calibration=calibration)
     found = evaluate([path])
@@ -117,7 +114,7 @@ def test_the_first_table_names_the_coefficient_of_every_number(good: CampaignEva
     table = good.shown()[0]
     assert isinstance(table, Table)
     assert [column.title for column in table.columns] == [
-        "set", "published", "paper's method", "(runs)", "better ± U (k=2)", "coefficient",
+        "set", "published", "paper's ± U", "(runs)", "better ± U (k=2)", "coefficient",
         "usable ± U",
     ]  # fmt: skip
     for row, one in zip(table.rows, good.result.sets, strict=True):

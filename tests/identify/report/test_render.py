@@ -4,10 +4,10 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from html import escape, unescape
-from html.parser import HTMLParser
 
 import matplotlib as mpl
 import pytest
+from support.html import outline
 
 from rigd.identify.report import (
     Attachment,
@@ -20,55 +20,7 @@ from rigd.identify.report import (
 from rigd.identify.report.palette import VARIABLES
 from rigd.identify.result import Verdict
 
-VOID = {"meta", "link", "br", "hr", "img", "input"}
 HOSTILE = "<script>alert(1)</script> & \"x\" 'y' $\\alpha$ ]]> --> {{ 7*7 }} fill: #1c2024 0.123456"
-
-
-class Outline(HTMLParser):
-    """Checks that tags nest, and collects identifiers, references and the text of cells."""
-
-    def __init__(self) -> None:
-        super().__init__(convert_charrefs=True)
-        self.open: list[str] = []
-        self.faults: list[str] = []
-        self.ids: list[str] = []
-        self.targets: set[str] = set()
-        self.tags: list[str] = []
-        self.labels: list[str] = []
-        self.text: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self._note(tag, attrs)
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self._note(tag, attrs)
-
-    def handle_endtag(self, tag: str) -> None:
-        if not self.open or self.open.pop() != tag:
-            self.faults.append(f"</{tag}> at {self.getpos()}")
-
-    def handle_data(self, data: str) -> None:
-        self.text.append(data)
-
-    def _note(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        for name, value in attrs:
-            if name == "id" and value:
-                self.ids.append(value)
-            if name == "aria-label" and tag == "svg":
-                self.labels.append(value or "")
-            self.targets.update(re.findall(r"url\(#([^)]+)\)", value or ""))
-            if name == "href" and (value or "").startswith("#"):
-                self.targets.add((value or "")[1:])
-
-
-def outline(html: str) -> Outline:
-    parser = Outline()
-    parser.feed(html)
-    parser.close()
-    return parser
 
 
 def test_tags_nest_and_references_resolve(page: str) -> None:

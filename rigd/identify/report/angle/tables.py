@@ -87,7 +87,7 @@ def _set_row(one: SetResult) -> SetRow:
         name=one.name,
         label=label(one),
         published=coefficient(one.published),
-        paper=coefficient(paper.value),
+        paper=_paper(one),
         paper_regime="" if slid or paper.regime is None else paper.regime.value,
         counts=f"{paper.used} used, {paper.flagged} flagged",
         maximum=estimate(one.maximum),
@@ -97,6 +97,16 @@ def _set_row(one: SetResult) -> SetRow:
         coefficient=paper.coefficient.value,
         notes=one.warnings,
     )
+
+
+def _paper(one: SetResult) -> str:
+    """Return the paper's maximum with the U of its budget, where there is one."""
+    value = one.paper.value
+    if value is None or one.budget is None:
+        return coefficient(value)
+    expanded = 2.0 * one.budget.paper * value
+    places = places_for(expanded)
+    return f"{number(value, places)} ± {number(expanded, places)}"
 
 
 def _deviation(one: SetResult) -> str:

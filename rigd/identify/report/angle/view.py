@@ -223,6 +223,8 @@ def _facts(one: SetResult) -> tuple[tuple[str, str], ...]:
     ]
     if paper.value_raw is not None and paper.value_raw != paper.value:
         facts.insert(4, ("Paper's maximum, had nothing been left out", number(paper.value_raw, 4)))
+    if one.missing:
+        facts.append(("Missing", "; ".join(one.missing)))
     if one.statistical_u is not None:
         facts.append(("Standard uncertainty from the spread", number(one.statistical_u, digits=2)))
     return tuple(facts)
