@@ -171,6 +171,8 @@ def test_a_rig_file_names_angle_wheel_load_voltage_with_units() -> None:
     assert plant._bench.limit == shipped().limits.clean_45
     with pytest.raises(ValueError, match="has no unit"):
         AngleConfig.model_validate({"load": "8"})
+    with pytest.raises(ValueError, match="can be mounted at 0, 15, 30, 45 deg"):
+        AngleConfig.model_validate({"angle": "20 deg"})
 
 
 def test_the_parameter_file_is_attached_to_recordings() -> None:

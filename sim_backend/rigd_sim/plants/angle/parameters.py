@@ -238,7 +238,7 @@ class Limits(_Part):
     def of(self, angle_deg: float, wheel: str) -> float | None:
         """Return the limit of ``wheel`` at an angle, or None where none is published."""
         for name, known in SETS.items():
-            if known == (round(angle_deg), wheel) and abs(angle_deg - known[0]) < 1e-6:
+            if known == (angle_deg, wheel):
                 return float(getattr(self, name))
         return None
 

@@ -60,6 +60,11 @@ class AngleConfig(PlantConfig):
     """Whether bearings, rollers, rolling and rails resist and the rolling radius differs from the
     nominal one; false: only the contact, the motor and its gearbox do."""
 
+    @field_validator("angle")
+    @classmethod
+    def _angle_can_be_mounted(cls, angle: float) -> float:
+        return math.radians(_mounted_deg(angle))
+
     @field_validator("parameters")
     @classmethod
     def _parameters_exist(cls, name: str, info: ValidationInfo) -> str:
@@ -111,7 +116,6 @@ class AnglePlant(Plant):
         self._loads = self._runs = 0
         self._angle = 0.0
         self._wheel: str = config.wheel
-        self._load_kg = config.load
         self._state = np.zeros(1, records.STATE)
         self._scale = np.full(AGREEING, math.nan)
         #: What the sensors are given and the truth, a row (layout.HISTORY) per step, in a ring.
@@ -266,14 +270,7 @@ class AnglePlant(Plant):
     # What people do at the bench.
 
     def _set_angle(self, value: float | str) -> None:
-        known = sorted({angle for angle, _ in layout.SETS.values()})
-        degrees = math.degrees(_number("angle", value, "rad", -math.pi, math.pi))
-        if not any(abs(degrees - angle) < 0.01 for angle in known):
-            raise ValueError(
-                f"angle {degrees:g} deg: the bearings can be mounted at "
-                f"{', '.join(map(str, known))} deg"
-            )
-        self._angle = float(round(degrees))
+        self._angle = _mounted_deg(_number("angle", value, "rad", -math.pi, math.pi))
         self._surface()
 
     def _fit_wheel(self, value: float | str) -> None:
@@ -286,12 +283,12 @@ class AnglePlant(Plant):
         self._touch_anew()
 
     def _set_load(self, value: float | str) -> None:
-        self._load_kg = _number("load", value, "kg", LIGHTEST_KG, HEAVIEST_KG)
+        mass = _number("load", value, "kg", LIGHTEST_KG, HEAVIEST_KG)
         scatter = (
             self._draws.load_scatter(self.parameters, self.seed, self._loads) if self.noise else 1.0
         )
         self._loads += 1
-        self._set(load_n=self._load_kg * self.parameters.gravity * scatter)
+        self._set(load_n=mass * self.parameters.gravity * scatter)
 
     def _set_voltage(self, value: float | str) -> None:
         self._set(voltage=_number("voltage", value, "V", 0.0, HIGHEST_V))
@@ -370,6 +367,18 @@ class AnglePlant(Plant):
                 f"no friction is published for the {self._wheel} wheel at {self._angle:g} deg; "
                 f"known are {', '.join(layout.SETS)}"
             )
+
+
+def _mounted_deg(angle: float) -> float:
+    """Return in degrees at which of the known angles the bearings are mounted."""
+    known = sorted({degrees for degrees, _ in layout.SETS.values()})
+    degrees = math.degrees(angle)
+    for one in known:
+        if abs(degrees - one) < 0.01:
+            return float(one)
+    raise ValueError(
+        f"angle {degrees:g} deg: the bearings can be mounted at {', '.join(map(str, known))} deg"
+    )
 
 
 def _number(name: str, value: float | str, unit: str, low: float, high: float) -> float:
