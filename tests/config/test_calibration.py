@@ -42,7 +42,7 @@ values:
     operator: A. Miller
     valid_until: 2027-01-02
     instruments: {daq: serial number 01AB, made: by hand}
-  roller_drag: {value: 0.0450, u: 1.2 %, source: assumed, from: a guess, made: 2025-05-06, operator: B}
+  roller_drag: {value: 0.0450, u: 1.2 %, source: assumed, from: old, made: 2025-05-06, operator: B}
 """
 
 
@@ -63,7 +63,11 @@ def test_values_are_in_si_with_who_vouches_for_them() -> None:
     calibration = parse_calibration(TEXT, "bench.yaml")
     torque = calibration.values["torque_scale"]
     assert (torque.value, torque.u) == (2.04, pytest.approx(0.005))
-    assert (torque.source, torque.origin, torque.operator) == ("measured", "torque.mcap", "A. Miller")
+    assert (torque.source, torque.origin, torque.operator) == (
+        "measured",
+        "torque.mcap",
+        "A. Miller",
+    )
     assert torque.instruments == {"daq": "serial number 01AB", "made": "by hand"}
     assert calibration.values["roller_drag"].u == pytest.approx(0.012)
     assert (calibration.made, calibration.valid_until) == (date(2026, 1, 2), date(2027, 1, 2))

@@ -22,8 +22,11 @@ LEAST_SPINS = 6
 LEAST_RATIO = 2.0
 #: Share of the speed that may be gained or lost over the window; more is no steady turning.
 MOST_CHANGE = 0.1
-#: Torque that a spin may lie off the line, in standard deviations of all of them.
-OUTLIER = 4.0
+#: Torque that a spin may lie off the line, in standard deviations as the median of all gives them:
+#: one spin far off widens those of a mean so much that it passes.
+OUTLIER = 6.0
+#: Standard deviation over median magnitude, of a normal distribution.
+NORMAL = 1.4826
 #: A value known to no better than half of itself is not known.
 KNOWN_AT = 2.0
 
@@ -72,16 +75,17 @@ def calibrate_bearings(spins: Sequence[Spin], bench: BearingBench) -> Calibratio
         "Torque of the lifted wheel", "speed, rad/s", "torque, N m", speed, torque, line.fitted
     )
     scatter = float(np.sqrt(line.residuals @ line.residuals / (len(spins) - 2)))
-    if line.offset < KNOWN_AT * line.u_offset:
+    typical = NORMAL * float(np.median(np.abs(line.residuals)))
+    if line.worst > OUTLIER * typical:
+        refusals = (
+            f"a spin lies {1e3 * line.worst:.1f} mN m off the straight line, more than {OUTLIER:g} "
+            "times the scatter of the others: the wheel touched something",
+        )
+    elif line.offset < KNOWN_AT * line.u_offset:
         refusals = (
             f"the bearings seem to brake with {1e3 * line.offset:.1f} ± "
             f"{1e3 * line.u_offset:.1f} mN m at rest, which is nothing or drives the wheel: is it "
             "lifted, are the gauges swapped, did their zero drift?",
-        )
-    elif line.worst > OUTLIER * scatter:
-        refusals = (
-            f"a spin lies {1e3 * line.worst:.1f} mN m off the straight line, {OUTLIER:g} times the "
-            "scatter of the others: the wheel touched something",
         )
     if refusals:
         return CalibrationResult(title, {}, series=(series,), refusals=refusals)

@@ -25,6 +25,8 @@ LEAST_PUSHES = 4
 LET_GO_S = 0.05
 #: ... to this share of it, before the friction at rest begins.
 LAST_SHARE = 0.2
+#: Slower than this nobody has pushed.
+LEAST_SPEED_M_S = 0.1
 #: A coast shorter than this tells nothing about its curvature.
 LEAST_COAST_S = 0.25
 #: Position that the straight answer may leave unexplained, rms. A potentiometer's error once per
@@ -67,6 +69,8 @@ def coast_of(push: Push) -> Push | None:
         return None
     speed = (push.x_m[2 * half :] - push.x_m[: -2 * half]) / (2 * half * step_s)
     fastest = int(np.argmax(np.abs(speed)))
+    if abs(speed[fastest]) < LEAST_SPEED_M_S:
+        return None
     speed = speed * np.sign(speed[fastest])
     first = fastest + half + round(LET_GO_S / step_s)
     slow = np.flatnonzero(speed[fastest:] < LAST_SHARE * speed[fastest])

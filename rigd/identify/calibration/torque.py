@@ -24,8 +24,9 @@ LEAST_MASSES = 3
 #: Share of the span that a point may lie off the line. The gauges are linear to 0.1 %; a weight
 #: that touches the frame or hangs on another hole of the arm shows as more.
 WORST_RESIDUAL = 0.01
-#: Share of the span by which the bending may exceed the torque's own signal, as mean of the gauges.
-MOST_BENDING = 0.5
+#: What the mean of the gauges may move by, as a share of their difference. The arm bends the shaft
+#: by 2 % at most; a gauge that is dead leaves half.
+MOST_BENDING = 0.25
 
 
 @dataclass(frozen=True)
