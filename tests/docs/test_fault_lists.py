@@ -17,6 +17,7 @@ from rigd_sim.wire.modbus.part import LINE_FAULTS
 from rigd_sim.wire.modbus.servo import SimModbusServo
 from rigd_sim.wire.modbus.transmitter import SimModbusTransmitter
 from rigd_sim.wire.ni import SimNi
+from rigd_sim.wire.relay import SimRelay
 from rigd_sim.wire.scale import SimScale
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
@@ -32,6 +33,7 @@ LISTS: Mapping[str, Mapping[str, str]] = {
     "CiA 402 servo": beyond(Cia402Drive.faults, FAULTS),
     "CiA 406 encoder": beyond(Cia406Encoder.faults, FAULTS),
     "NI card": SimNi.faults,
+    "Relay": SimRelay.faults,
     "Scale": SimScale.faults,
     "Modbus line": LINE_FAULTS,
     "Modbus transmitter": beyond(SimModbusTransmitter.faults, LINE_FAULTS),

@@ -17,7 +17,7 @@ ONE_SHOT: Final = 2  #: the one-shot lets the relay close; set where there is no
 PENDING: Final = 4  #: the card has not confirmed the last setpoint yet
 LIMITED: Final = 8  #: the last setpoint lay beyond 0 to 1
 
-#: The card hears of us this often, in s; with a one-shot so often within its time.
+#: The card hears of us this often, in s; within the time of a one-shot so often at least.
 PERIOD_S: Final = 0.05
 _PULSES_PER_TIME: Final = 5
 #: What the card said so long ago, in s, is no row of this cycle any more.
@@ -60,7 +60,7 @@ class NiRelay(Driver):
         self._period_s = PERIOD_S
         if watchdog is not None:
             self.watchdog_s = CYCLE_SILENCE_S + watchdog.time
-            self._period_s = watchdog.time / _PULSES_PER_TIME
+            self._period_s = min(PERIOD_S, watchdog.time / _PULSES_PER_TIME)
         self._lines = RelayLines(config)
         self._keeper: Keeper | None = None
         self._armed_ns = 0  # 0: it is not

@@ -222,6 +222,17 @@ def test_a_cycle_that_falls_silent_starves_the_one_shot(rig: Rig) -> None:
         cycles(driver, 1.0, lambda: False)
 
 
+def test_a_slow_one_shot_makes_no_stale_rows(rig: Rig) -> None:
+    driver = rig.opened(watchdog={**WATCHDOG, "time": "1 s"})
+    row(driver)
+    given = []
+    end = time.monotonic() + 1.0
+    while time.monotonic() < end:
+        given.append(driver.read(time.monotonic_ns()) is not None)
+        time.sleep(0.002)
+    assert sum(given) > 0.9 * len(given)
+
+
 def test_make_safe_opens_and_lets_the_one_shot_drop(rig: Rig) -> None:
     driver = armed(rig.opened())
     cycles(driver, 1.0, lambda: rig.bench.closed)
