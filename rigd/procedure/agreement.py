@@ -15,7 +15,7 @@ from rigd.procedure.program import (
     Segment,
     StatusCondition,
 )
-from rigd.procedure.standing import describe_standing
+from rigd.procedure.standing import describe_standing, describe_until
 
 
 def check_of(prompt: Prompt, answer: Answer) -> CycleProgram | None:
@@ -41,14 +41,17 @@ def objection_to(prompt: Prompt, answer: Answer, stood: Mapping[str, float]) -> 
     check = check_of(prompt, answer)
     if check is None:
         raise ValueError(f"nothing speaks against an answer to {prompt.name!r}: it has no check")
-    where = describe_standing(check.segments[0].until, stood)
-    if prompt.agrees is None:
-        return f"prompt {prompt.name!r}: {where} (looked at for {prompt.timeout_s:g} s)"
-    low, high = band(prompt.agrees, float(answer))
+    where, said, expected = describe_standing(check.segments[0].until, stood), "", []
+    if prompt.agrees is not None:
+        number = float(answer)
+        said = f"the answer was {format_quantity(number, prompt.unit)}, but "
+        low, high = (format_quantity(one, prompt.unit) for one in band(prompt.agrees, number))
+        expected.append(f"{low} to {high}")
+    if prompt.until:
+        expected.append(describe_until(prompt.until))
     return (
-        f"prompt {prompt.name!r}: the answer was {format_quantity(float(answer), prompt.unit)}, "
-        f"but {where} (looked at for {prompt.timeout_s:g} s, expected "
-        f"{format_quantity(low, prompt.unit)} to {format_quantity(high, prompt.unit)})"
+        f"prompt {prompt.name!r}: {said}{where} "
+        f"(looked at for {prompt.timeout_s:g} s, expected {' and '.join(expected)})"
     )
 
 

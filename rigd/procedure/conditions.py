@@ -10,12 +10,12 @@ from rigd.config.document import Path_
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
-from rigd.model.channels import Channel
 from rigd.model.limits import Action
 from rigd.model.units import format_quantity
 from rigd.procedure.expression import Scope
 from rigd.procedure.program import Comparison, Condition, StatusCondition, TrialLimit, Until
 from rigd.procedure.reader import Reader
+from rigd.procedure.standing import describe_condition
 
 _CLAUSE = re.compile(
     r"\s*(?P<open>\|)?\s*(?P<channel>[A-Za-z_]\w*(?:\.\w+)?)\s*(?P<close>\|)?\s*"
@@ -155,7 +155,7 @@ def check_reachable(
         if _precedes(condition, low, high):
             reader.problems.add(
                 reader.document.inside(path, start),
-                f"{_describe(condition, channel)} can never be reached: {owner} "
+                f"{describe_condition(condition)} can never be reached: {owner} "
                 f"{_between(low, high, channel.unit)}",
                 hint,
             )
@@ -175,9 +175,3 @@ def _precedes(condition: Condition, low: float, high: float) -> bool:
     if condition.comparison is Comparison.ABOVE:
         return threshold >= (max(abs(low), abs(high)) if condition.magnitude else high)
     return threshold <= (0.0 if condition.magnitude else low)
-
-
-def _describe(condition: Condition, channel: Channel) -> str:
-    name = f"|{condition.channel}|" if condition.magnitude else condition.channel
-    threshold = format_quantity(condition.threshold, channel.unit)
-    return f"{name} {condition.comparison.value} {threshold}"

@@ -1,4 +1,4 @@
-"""Where channels stood, in words: what a condition that was not met waited for."""
+"""Conditions in words, and where the channels stood that they wait for."""
 
 from __future__ import annotations
 
@@ -6,6 +6,24 @@ from collections.abc import Mapping
 
 from rigd.model.units import format_quantity
 from rigd.procedure.program import Condition, StatusCondition, Until
+
+
+def describe_condition(condition: Condition | StatusCondition, threshold: str | None = None) -> str:
+    """Return ``condition`` as procedures write it, such as ``|belt.speed| < 0.003 m/s for 0.2 s``.
+
+    ``threshold`` replaces its own, where several conditions are told as one.
+    """
+    held = f" for {condition.for_s:g} s" if condition.for_s else ""
+    if isinstance(condition, StatusCondition):
+        return f"{condition.device} {'is' if condition.wanted else 'is not'} {condition.word}{held}"
+    channel = f"|{condition.channel}|" if condition.magnitude else condition.channel
+    bound = threshold or format_quantity(condition.threshold, condition.unit)
+    return f"{channel} {condition.comparison.value} {bound}{held}"
+
+
+def describe_until(until: Until) -> str:
+    """Return what ends a segment, as procedures write it."""
+    return ", or ".join(" and ".join(map(describe_condition, row)) for row in until)
 
 
 def describe_standing(until: Until, stood: Mapping[str, float]) -> str:

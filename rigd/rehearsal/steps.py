@@ -17,6 +17,7 @@ from rigd.procedure.program import (
     Segment,
     StatusCondition,
 )
+from rigd.procedure.standing import describe_condition
 
 
 @dataclass(frozen=True)
@@ -118,12 +119,10 @@ def _ends(variants: Sequence[Segment]) -> Iterator[str]:
 def _condition(
     condition: Condition | StatusCondition, variants: Sequence[Condition | StatusCondition]
 ) -> str:
-    held = f" for {condition.for_s:g} s" if condition.for_s else ""
     if isinstance(condition, StatusCondition):
-        return f"{condition.device} {'is' if condition.wanted else 'is not'} {condition.word}{held}"
+        return describe_condition(condition)
     thresholds = [one.threshold for one in variants if isinstance(one, Condition)]
-    source = f"|{condition.channel}|" if condition.magnitude else condition.channel
-    return f"{source} {condition.comparison.value} {_range(thresholds, condition.unit)}{held}"
+    return describe_condition(condition, _range(thresholds, condition.unit))
 
 
 def _range(values: Sequence[float], unit: str) -> str:

@@ -190,7 +190,8 @@ def test_what_must_hold_is_looked_at_once_a_person_says_it_is_done() -> None:
     at_start = Condition("axis.position", Comparison.BELOW, 0.02, magnitude=True, unit="m")
     run(bench, Prompt("push_back", "Push it back.", until=((at_start,),), timeout_s=0.2), person)
     assert person.objections[1] == (
-        "prompt 'push_back': axis.position is 0.3 m (looked at for 0.2 s)"
+        "prompt 'push_back': axis.position is 0.3 m "
+        "(looked at for 0.2 s, expected |axis.position| < 0.02 m)"
     )
     assert bench.sink.steps() == ["push_back", "push_back", "drive", "home"]
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from rigd.engine.player import Ending, Outcome, Player
 from rigd.procedure.profiles import Constant, Ramp
 from rigd.procedure.program import (
@@ -12,11 +14,12 @@ from rigd.procedure.program import (
     CycleProgram,
     OnTimeout,
     Segment,
+    StatusCondition,
     TrialLimit,
 )
 
 MS = 1_000_000
-READINGS = {"a.x": 0, "a.y": 1}
+READINGS = {"a.x": 0, "a.y": 1, "a.status": 1}
 SETPOINTS = {"a.u": 0, "a.v": 1}
 
 
@@ -110,3 +113,26 @@ def test_a_trial_limit_ends_the_trial_and_so_does_nan() -> None:
 
 def test_an_empty_program_is_done_at_once() -> None:
     assert play(CycleProgram(()), [(0, 0)]) == ([], Outcome(Ending.DONE))
+
+
+@pytest.mark.parametrize(("wanted", "ends_after"), [(True, 3), (False, 1)])
+def test_a_word_of_a_status_counts_once_the_device_has_given_one(
+    wanted: bool, ends_after: int
+) -> None:
+    stable = StatusCondition("a", "stable", 2, wanted)
+    program = CycleProgram((Segment("settle", until=((stable,),), timeout_s=1.0),))
+    rows = [(0.0, float("nan")), (0.0, 1.0), (0.0, 5.0), (0.0, 3.0)]
+    history, outcome = play(program, rows)
+    assert (len(history), outcome) == (ends_after, Outcome(Ending.DONE))
+
+
+def test_an_outcome_says_where_the_channels_stood_that_were_waited_for() -> None:
+    stable = StatusCondition("a", "stable", 2)
+    waiting = Segment("settle", until=((above(0.5), stable),), timeout_s=0.002)
+    _, ended = play(CycleProgram((Segment("first", duration_s=0.001), waiting)), [(0.6, 1)] * 5)
+    assert ended is not None
+    assert ended.stood == {"a.x": 0.6, "a.status": 1}
+    assert ended.reason == ("step 'settle' did not end within 0.002 s: a.x is 0.6, a is not stable")
+    _, done = play(CycleProgram((waiting,)), [(0.6, 2)])
+    assert done is not None
+    assert done.stood == {"a.x": 0.6, "a.status": 2}
