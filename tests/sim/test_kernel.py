@@ -151,4 +151,4 @@ def test_noise_is_standard_normal_and_white() -> None:
     for series in (pairs[:, 0], pairs[:, 1], values):
         lagged = np.corrcoef(series[:-1], series[1:])[0, 1]
         assert lagged == pytest.approx(0.0, abs=4 / np.sqrt(series.size))
-    assert normal_pair(7, 5) != kernel.normal_pair(8, 5)
+    assert normal_pair(7, 5) != normal_pair(8, 5)
