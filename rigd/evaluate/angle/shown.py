@@ -23,7 +23,8 @@ NAMED: Final = 3
 
 def campaign_shown(result: CampaignResult, calibrations: Sequence[str]) -> Shown:
     """Return tables and paragraphs on ``result``; ``calibrations`` says which were used."""
-    shown: list[Table | str] = [_table_1(set_rows(result)), _legend()]
+    rows = set_rows(result)
+    shown: list[Table | str] = [_table_1(rows), _legend(rows)]
     if result.trends:
         shown.append(_trends(result))
         best = result.trends.get("better") or next(iter(result.trends.values()))
@@ -66,12 +67,18 @@ def _table_1(rows: Sequence[SetRow]) -> Table:
     )
 
 
-def _legend() -> str:
-    return (
+def _legend(rows: Sequence[SetRow]) -> str:
+    lines = [
         f"{Coefficient.ROLLING.value}: F_r/N, of the published values, the paper's method and the "
         f"better one alike. {Coefficient.USABLE.value}: what is left of it along the travel, once "
         "the drag of the free rollers is taken off."
-    )
+    ]
+    if any(row.paper_regime for row in rows):
+        lines.append(
+            "(mixed), (rolling): what the wheel did in the run of the paper's maximum; not a limit "
+            "of friction."
+        )
+    return "\n".join(lines)
 
 
 def _trends(result: CampaignResult) -> Table:
