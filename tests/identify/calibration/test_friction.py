@@ -37,7 +37,7 @@ def push(speed: float, random: np.random.Generator, phase: float = 1.0) -> Push:
     x = (speed + limit) * -np.expm1(-rate * since) / rate - limit * since
     turned = (x + 0.09 + 5e-4 * random.normal()) / 0.015
     seen = 0.015 * (turned + 8e-3 * np.sin(turned + phase)) + 3e-5 * random.normal(size=len(t))
-    return Push(t, seen)
+    return Push(t, np.asarray(seen, np.float64))
 
 
 def pushes(seed: int, sign: float = 1.0) -> list[Push]:

@@ -1,0 +1,247 @@
+"""`rigd calibrate` as a user meets it: measured, shown, written; and what a run asks of it."""
+
+from __future__ import annotations
+
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from support.command import TIMEOUT_S, Ended, rigd
+
+from rigd.config.calibration import load_calibration, parse_calibration
+from rigd.config.shipped import shipped_folder
+from rigd.record import Recording
+
+CONFIGS = shipped_folder("configs")
+FILE = Path("calibrations/approach_angle.yaml")
+SHIPPED = CONFIGS / FILE
+CAMPAIGN = ("run", "approach_angles", "--set", "set=clean_0", "--set", "load=4 kg")
+OPERATOR = ("--operator", "A. Miller")
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    """Return a folder with a rig file of one's own and its calibration beside it."""
+    text = (CONFIGS / "sim_approach_angle.yaml").read_text()
+    (tmp_path / "bench.yaml").write_text(text)
+    (tmp_path / FILE).parent.mkdir()
+    (tmp_path / FILE).write_text(SHIPPED.read_text())
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def torque(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the recording of a calibration of torque on the shipped rig."""
+    folder = tmp_path_factory.mktemp("torque")
+    done = rigd(
+        "run", "calibrate_torque", "--rig", "angle-1", "--output", "torque.mcap", cwd=folder
+    )
+    assert done.code == 0, done.err
+    assert "rigd calibrate --from torque.mcap" in done.out
+    return folder / "torque.mcap"
+
+
+def edit(file: Path, old: str, new: str) -> None:
+    text = file.read_text()
+    assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times"
+    file.write_text(text.replace(old, new))
+
+
+def campaign(folder: Path) -> Ended:
+    """Run one trial's worth of the campaign on the bench of ``folder``."""
+    return rigd(
+        *CAMPAIGN, "--set", "voltage=10 V", "--rig", "bench.yaml", "--output", "run.mcap",
+        cwd=folder,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("procedure", ["calibrate_torque", "calibrate_scale", "calibrate_friction"])
+def test_the_shipped_calibration_is_what_its_procedures_give(procedure: str, bench: Path) -> None:
+    """Virtual time and the same seed: to the last digit that is written."""
+    shipped = load_calibration(SHIPPED)
+    done = rigd(
+        "calibrate", procedure, "--rig", "bench.yaml", *OPERATOR, "--yes", "--json", cwd=bench
+    )
+    assert done.code == 0, done.err
+    new = load_calibration(bench / FILE)
+    measured = list(done.json["values"])
+    assert measured
+    for name in measured:
+        assert (new.values[name].value, new.values[name].u) == (
+            shipped.values[name].value,
+            shipped.values[name].u,
+        )
+        assert new.values[name].operator == "A. Miller"
+    kept = {name: one for name, one in new.values.items() if name not in measured}
+    assert kept == {name: one for name, one in shipped.values.items() if name not in measured}
+    assert {one.name for one in new.history} == set(measured)
+    assert {k: round(v, 9) for k, v in done.json["deviation"].items()} == dict.fromkeys(measured, 0)
+
+
+def test_a_shipped_calibration_stays_and_a_copy_is_written(torque: Path, tmp_path: Path) -> None:
+    before = SHIPPED.read_text()
+    done = rigd("calibrate", "--from", torque, *OPERATOR, "--valid", "30d", "--yes", cwd=tmp_path)
+    assert done.code == 0, done.err
+    assert "new beside old" in done.out
+    assert f"wrote {FILE}" in done.out
+    assert "what is shipped with rigd stays as it is" in " ".join(done.out.split())
+    assert SHIPPED.read_text() == before
+    value = load_calibration(tmp_path / FILE).values["torque_scale"]
+    assert value.valid_until is not None
+    assert (value.valid_until - value.made).days == 30
+    assert value.origin == "torque.mcap"
+    assert value.instruments == {"daq": "serial number 00000001"}
+    # Once more begins from the copy.
+    assert rigd("calibrate", "--from", torque, *OPERATOR, "--yes", cwd=tmp_path).code == 0
+    assert len(load_calibration(tmp_path / FILE).history) == 2
+
+
+def test_without_a_terminal_and_without_yes_nothing_is_written(
+    torque: Path, tmp_path: Path
+) -> None:
+    done = rigd("calibrate", "--from", torque, *OPERATOR, cwd=tmp_path)
+    assert done.code == 3
+    assert "nobody can be asked here; give --yes" in done.err
+    assert not (tmp_path / FILE).exists()
+
+
+@pytest.mark.parametrize(("answer", "code", "written"), [("yes", 0, True), ("no", 3, False)])
+def test_a_person_is_asked_before_anything_is_replaced(
+    torque: Path, bench: Path, answer: str, code: int, written: bool
+) -> None:
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "rigd", "calibrate", "--from", str(torque), *OPERATOR,
+               "--rig", "bench.yaml"]  # fmt: skip
+    with subprocess.Popen(
+        command, cwd=bench, stdin=theirs, stderr=theirs, stdout=subprocess.DEVNULL
+    ) as process:
+        os.close(theirs)
+        os.write(ours, f"{answer}\n".encode())
+        assert process.wait(TIMEOUT_S) == code
+    os.close(ours)
+    assert (load_calibration(bench / FILE).history != ()) == written
+
+
+def test_a_bad_fit_is_refused_and_nothing_is_written(bench: Path) -> None:
+    """Two gauges swapped: the torque falls as the weights grow."""
+    procedure = (shipped_folder("procedures") / "calibrate_torque.yaml").read_text()
+    (bench / "swapped.yaml").write_text(
+        procedure.replace("gauge_a: daq.gauge_a_raw", "gauge_a: daq.gauge_b_raw").replace(
+            "gauge_b: daq.gauge_b_raw", "gauge_b: daq.gauge_a_raw"
+        )
+    )
+    before = (bench / FILE).read_text()
+    done = rigd("calibrate", "swapped.yaml", "--rig", "bench.yaml", *OPERATOR, "--yes", cwd=bench)
+    assert done.code == 7
+    assert "the gauges are swapped" in done.err
+    assert "nothing is written" in done.err
+    assert (bench / FILE).read_text() == before
+
+
+def test_a_run_records_which_calibration_it_had(bench: Path) -> None:
+    assert campaign(bench).code == 0
+    recording = Recording.open(bench / "run.mcap")
+    attached = recording.attachments["calibration.yaml"].data.decode()
+    assert attached == (bench / FILE).read_text()
+    calibration = parse_calibration(attached, "calibration.yaml")
+    told = recording.metadata["calibration"]
+    assert told["name"] == calibration.name
+    assert told["sha256"] == calibration.sha256
+    shown = rigd("info", "run.mcap", cwd=bench)
+    assert f"calibration {calibration.name} of {calibration.made}" in shown.out
+    assert rigd("info", "run.mcap", "--json", cwd=bench).json["calibration"] == dict(told)
+
+
+def test_an_expired_value_blocks_the_run_that_needs_it(bench: Path) -> None:
+    text = (bench / FILE).read_text()
+    (bench / FILE).write_text(
+        text.replace("made: 2026-11-21", "made: 2020-01-01", 1).replace(
+            "valid_until: 2126-10-28", "valid_until: 2021-01-01", 1
+        )
+    )
+    done = campaign(bench)
+    assert done.code == 3
+    assert f"torque_scale in {FILE} expired on 2021-01-01" in done.err
+    assert "rigd calibrate procedures/calibrate_torque.yaml --rig angle-1" in done.err
+    assert not (bench / "run.mcap").exists()
+    dated = rigd(
+        *CAMPAIGN, "--set", "voltage=10 V", "--rig", "bench.yaml", "--start", "2020-06-01",
+        "--output", "then.mcap", cwd=bench,
+    )  # fmt: skip
+    assert dated.code == 0, dated.err  # it was valid on the day that the run is said to be
+
+
+def test_a_missing_file_blocks_what_needs_it_and_not_what_makes_it(bench: Path) -> None:
+    edit(bench / "bench.yaml", "calibration: calibrations/approach_angle.yaml",
+         "calibration: mine.yaml")  # fmt: skip
+    assert "its calibration file is missing" in rigd("check", "bench.yaml", cwd=bench).out
+    done = campaign(bench)
+    assert done.code == 3
+    assert "there is no calibration file mine.yaml" in done.err
+    made = rigd(
+        "calibrate", "calibrate_scale", "--rig", "bench.yaml", *OPERATOR, "--yes", cwd=bench
+    )
+    assert made.code == 0, made.err
+    assert set(load_calibration(bench / "mine.yaml").values) == {"load_scale"}
+    assert "mine.yaml has no torque_scale" in campaign(bench).err
+
+
+def test_another_instrument_blocks_the_run(bench: Path) -> None:
+    edit(bench / "bench.yaml", "individual: 1 ", "individual: 12 ")
+    done = campaign(bench)
+    assert done.code == 3
+    assert "serial number 0000000C" in done.err
+    assert "was measured with 'serial number 00000001'" in done.err
+    calibrated = rigd(
+        "calibrate", "calibrate_torque", "--rig", "bench.yaml", *OPERATOR, "--yes", cwd=bench
+    )
+    assert calibrated.code == 0, calibrated.err  # is exempt, and heals its part
+    after = campaign(bench).err
+    assert "torque_scale" not in after
+    assert "rail_constant" in after
+
+
+def test_the_calibration_of_another_rig_blocks_and_is_not_taken_over(bench: Path) -> None:
+    edit(bench / "bench.yaml", "rig: angle-1", "rig: my-bench")
+    assert "is the calibration of angle-1, angle-wire-1, not of my-bench" in campaign(bench).err
+    done = rigd(
+        "calibrate", "calibrate_scale", "--rig", "bench.yaml", *OPERATOR, "--yes", cwd=bench
+    )
+    assert done.code == 2
+    assert "not of my-bench" in done.err
+    assert (bench / FILE).read_text() == SHIPPED.read_text()
+
+
+def test_a_recording_that_calibrates_nothing_is_refused(bench: Path) -> None:
+    assert campaign(bench).code == 0
+    done = rigd("calibrate", "--from", "run.mcap", "--rig", "bench.yaml", *OPERATOR, cwd=bench)
+    assert done.code == 7
+    assert "it calibrates nothing" in done.err
+    run = rigd("calibrate", "quick", "--rig", "lugre-1", *OPERATOR, cwd=bench)
+    assert run.code == 2
+    assert "procedure quick calibrates nothing" in run.err
+
+
+def test_identify_shows_a_calibration_and_writes_only_a_report(torque: Path) -> None:
+    done = rigd("identify", torque, cwd=torque.parent)
+    assert done.code == 0, done.err
+    assert "torque_scale" in done.out
+    assert "Nothing is written yet: rigd calibrate --from" in " ".join(done.out.split())
+    report = torque.with_suffix(".html").read_text()
+    assert "length of the arm" in report
+    assert "<svg" in report
+    assert not (torque.parent / FILE).exists()
+
+
+def test_the_doctor_tells_the_days_that_are_left(bench: Path) -> None:
+    done = rigd("doctor", "--rig", "bench.yaml", "--seconds", "0.5", "--json", cwd=bench)
+    (check,) = [one for one in done.json["checks"] if one["name"] == "calibration"]
+    assert check["verdict"] == "ok"
+    assert check["figures"]["days_left"] > 30_000
+    edit(bench / "bench.yaml", "calibration: calibrations/", "calibration: nowhere/")
+    done = rigd("doctor", "--rig", "bench.yaml", "--seconds", "0.5", "--json", cwd=bench)
+    (check,) = [one for one in done.json["checks"] if one["name"] == "calibration"]
+    assert (done.code, check["verdict"]) == (3, "fail")
