@@ -1,4 +1,4 @@
-"""``rigd identify``: recordings to friction parameters with honest uncertainties, and a report."""
+"""``rigd identify``: recordings to friction with honest uncertainties, and a report."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ EXAMPLES = """\
 examples:
   rigd identify runs/20261121-080000-constant_current-pvc.mcap
   rigd identify runs/*constant_current*.mcap       one report on all floors
-  rigd identify FILE --json                        for a program; `parameters` and `friction_curve`
+  rigd identify FILE --json                        for a program
+  rigd identify runs/*approach_angles*.mcap        one campaign, whatever files it is in
+  rigd identify FILE --calibration new.yaml        raw volts under another calibration
 
   A parameter that the data do not determine is called that, with the excitation that would help.
 """

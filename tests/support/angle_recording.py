@@ -39,7 +39,7 @@ SIGNALS: Final = {
     "relay": "relay.closed",
     "load": "scale.mass",
 }
-CONSTANTS: Final = {
+CONSTANTS: Final[dict[str, float | str]] = {
     "angle": "angle", "wheel_radius": 0.05, "wheel_inertia": 4e-4, "platform_mass": 3.0,
     "gravity": 9.81,
 }  # fmt: skip
