@@ -1,0 +1,99 @@
+"""A campaign that is run, spoilt at the rig, and identified: what was wrong is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rigd.config.loader import load_rig
+from rigd.config.shipped import shipped_folder
+from rigd.daemon.execute import RunRequest, execute
+from rigd.evaluate.angle import CampaignEvaluation
+from rigd.evaluate.evaluation import evaluate
+from rigd.identify.angle.data import Regime
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import parse_procedure
+
+SHIPPED = shipped_folder("procedures") / "approach_angles.yaml"
+
+
+def played(folder: Path, text: str, **chosen: str) -> CampaignEvaluation:
+    """Run the procedure ``text`` on the shipped rig, and identify its recording."""
+    rig = load_rig("angle-1")
+    source = parse_procedure(text, folder / "changed.yaml")
+    procedure = compile_procedure(source, rig, chosen)
+    path = folder / "campaign.mcap"
+    execute(RunRequest(procedure, text, rig, 1, output=path))
+    found = evaluate([path])
+    assert isinstance(found, CampaignEvaluation)
+    return found
+
+
+def spoilt_by(fault: str) -> str:
+    """Return the shipped procedure with somebody who spoils the rig once it is set up."""
+    text = SHIPPED.read_text("utf-8")
+    prompt = (
+        f"    - prompt: spoil\n      text: Spoil it.\n      choices: [{fault}]\n"
+        f"      answer: {fault}\n      changes: fault\n"
+    )
+    assert text.count("    - step: ready\n") == 1
+    return text.replace("    - step: ready\n", f"{prompt}    - step: ready\n")
+
+
+@pytest.mark.parametrize(
+    ("fault", "codes"),
+    [
+        ("gauges_swapped", {"negative_torque"}),
+        ("platform_pot_dead", {"pot_dead", "incomplete"}),
+    ],
+)
+def test_a_fault_at_the_rig_is_told_and_no_number_comes_of_it(
+    tmp_path: Path, fault: str, codes: set[str]
+) -> None:
+    found = played(tmp_path, spoilt_by(fault), set="clean_0", load="4 kg", voltage="5.5 V")
+    assert len(found.result.runs) == 2
+    for one in found.result.runs:
+        assert one.excluded
+        assert codes & {flag.code for flag in one.flags}, one.flags
+        assert one.paper.mu != one.paper.mu
+        assert one.better.mu != one.better.mu
+    (only,) = found.result.sets
+    assert only.maximum is None
+    assert only.paper.value is None
+    assert (only.paper.raw, only.paper.flagged, only.paper.used) == (2, 2, 0)
+
+
+def test_what_an_interlock_ended_is_told_with_its_reason(tmp_path: Path) -> None:
+    text = spoilt_by("wheel_pot_at_end")
+    found = played(tmp_path, text, set="clean_0", load="4 kg", voltage="5.5 V")
+    (one,) = found.result.runs
+    incomplete = next(flag for flag in one.flags if flag.code == "incomplete")
+    assert "wheel_angle" in incomplete.reason, incomplete
+    assert one.excluded
+    assert "wheel_near_end" in found.result.warnings[0]
+    assert "0 of 2 trials are complete" in found.result.warnings[0]
+
+
+def test_a_run_that_never_slides_is_no_friction_coefficient(tmp_path: Path) -> None:
+    text = SHIPPED.read_text("utf-8")
+    found = played(tmp_path, text, set="coated_0", load="8 kg", voltage="4 V")
+    for one in found.result.runs:
+        assert one.paper.regime is Regime.ROLLING
+        assert one.better.mu != one.better.mu
+        assert one.better.demand == pytest.approx(one.paper.mu, abs=0.03)
+        assert "no_sliding" in {flag.code for flag in one.flags}
+    assert found.result.sets[0].maximum is None
+
+
+def test_one_load_of_one_set_gives_its_maximum(tmp_path: Path) -> None:
+    """Ten good runs: none is flagged away, and both maxima are where they were measured to be."""
+    found = played(tmp_path, SHIPPED.read_text("utf-8"), set="clean_15", load="4 kg")
+    assert [run.run.label for run in found.result.runs if run.excluded] == []
+    (only,) = found.result.sets
+    assert only.published == 0.2475
+    assert only.paper.value is not None
+    assert 1.03 < only.paper.value / 0.2475 < 1.25
+    assert only.maximum is not None
+    assert only.maximum.value == pytest.approx(0.2475, rel=0.05)
+    assert only.maximum.low < 0.2475 < only.maximum.high
