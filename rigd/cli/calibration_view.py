@@ -61,13 +61,15 @@ def _table(planned: Renewal) -> Table:
 
 
 def _remarks(planned: Renewal) -> list[str]:
-    far = [name for name in planned.measured if abs(planned.deviation(name)) > _FAR]
-    if not far:
-        return []
-    return [
-        f"{', '.join(far)}: more than {_FAR:g} u from the old value. Something has changed, or one "
-        "of the two is wrong."
-    ]
+    remarks = []
+    if far := [name for name in planned.measured if abs(planned.deviation(name)) > _FAR]:
+        remarks.append(
+            f"{', '.join(far)}: more than {_FAR:g} u from the old value. Something has changed, or "
+            "one of the two is wrong."
+        )
+    if late := [name for name in planned.measured if planned.is_older(name)]:
+        remarks.append(f"{', '.join(late)}: this was measured before the value that it replaces.")
+    return remarks
 
 
 def _spread(value: float, u: float) -> str:

@@ -65,6 +65,11 @@ class Renewal:
         u = math.hypot(now.u, was.u)
         return (now.value - was.value) / u if u else math.nan
 
+    def is_older(self, name: str) -> bool:
+        """Return whether a value was measured on an earlier day than the one it replaces."""
+        was = self.was(name)
+        return was is not None and self.new.values[name].made < was.made
+
     def write(self) -> None:
         """Write the file, whole or not at all.
 

@@ -125,6 +125,17 @@ def test_a_person_is_asked_before_anything_is_replaced(
     assert (load_calibration(bench / FILE).history != ()) == written
 
 
+def test_a_value_that_is_far_off_or_newer_than_what_replaces_it_is_remarked_on(
+    torque: Path, bench: Path
+) -> None:
+    text = (bench / FILE).read_text().replace("2.03539 N m/V", "2.10 N m/V")
+    (bench / FILE).write_text(text.replace("made: 2026-11-21", "made: 2100-01-01", 1))
+    done = rigd("calibrate", "--from", torque, "--rig", "bench.yaml", *OPERATOR, cwd=bench)
+    told = " ".join(done.out.split())
+    assert "torque_scale: more than 3 u from the old value" in told
+    assert "torque_scale: this was measured before the value that it replaces" in told
+
+
 def test_a_bad_fit_is_refused_and_nothing_is_written(bench: Path) -> None:
     """Two gauges swapped: the torque falls as the weights grow."""
     procedure = (shipped_folder("procedures") / "calibrate_torque.yaml").read_text()
@@ -202,6 +213,15 @@ def test_another_instrument_blocks_the_run(bench: Path) -> None:
     after = campaign(bench).err
     assert "torque_scale" not in after
     assert "rail_constant" in after
+
+
+def test_the_instrument_is_looked_at_where_devices_have_processes_of_their_own(
+    bench: Path,
+) -> None:
+    edit(bench / "bench.yaml", "individual: 1 ", "individual: 12 ")
+    done = rigd(*CAMPAIGN, "--rig", "bench.yaml", "--pace", "1", cwd=bench)
+    assert done.code == 3
+    assert "was measured with 'serial number 00000001'" in done.err
 
 
 def test_the_calibration_of_another_rig_blocks_and_is_not_taken_over(bench: Path) -> None:

@@ -30,7 +30,7 @@ BRAKE = CONSTANT + LOAD * 3.0 * 9.81
 def push(speed: float, random: np.random.Generator, phase: float = 1.0) -> Push:
     """Return 0.3 s at rest, then the exact answer of m dv/dt = -A - B v, as a pot sees it."""
     step, rate = 0.01, VISCOUS / 3.0
-    t = step * np.arange(300)
+    t = step * np.arange(300, dtype=np.float64)
     end = np.log1p(speed * VISCOUS / BRAKE) / rate
     since = np.clip(t - 0.3, 0.0, end)
     limit = BRAKE / VISCOUS
