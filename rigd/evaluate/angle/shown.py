@@ -15,6 +15,7 @@ from rigd.identify.report.angle.tables import (
     flagged_rows,
     set_rows,
     trend_rows,
+    trend_sentence,
 )
 
 #: Runs of one reason that are named; the report names all.
@@ -27,8 +28,7 @@ def campaign_shown(result: CampaignResult, calibrations: Sequence[str]) -> Shown
     shown: list[Table | str] = [_table_1(rows), _legend(rows)]
     if result.trends:
         shown.append(_trends(result))
-        best = result.trends.get("better") or next(iter(result.trends.values()))
-        shown.append(best.sentence)
+        shown.append(trend_sentence(result))
     if result.warnings:
         shown.append("\n".join(["warnings:", *(f"  {warning}" for warning in result.warnings)]))
     shown.append(_flagged(result))

@@ -29,7 +29,7 @@ HUM_NS: Final = 100_000_000
 class Steps:
     """One recording of a calibration, read by the names of its steps.
 
-    ``calibration`` is what was known before, where something else was given than the recording's.
+    ``given`` is what was known before, instead of the calibration that the recording carries.
     """
 
     sweep: RecordedSweep

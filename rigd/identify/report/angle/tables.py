@@ -128,12 +128,19 @@ class TrendRow:
     demand: str
     demand_rms: str
     dof: int
-    sentence: str
 
 
 def trend_rows(result: CampaignResult) -> tuple[TrendRow, ...]:
     """Return the trend over the angle by each source."""
     return tuple(_trend_row(trend) for trend in result.trends.values())
+
+
+def trend_sentence(result: CampaignResult) -> str:
+    """Return what may be concluded from the best trend there is; empty without any."""
+    trends = [
+        result.trends[one] for one in ("better", "paper", "published") if one in result.trends
+    ]
+    return trends[0].sentence if trends else ""
 
 
 def _trend_row(trend: Trend) -> TrendRow:
@@ -150,7 +157,6 @@ def _trend_row(trend: Trend) -> TrendRow:
         demand=f"({number(demand.a, 3)} + {number(demand.b, 3)} sin α)/cos α",
         demand_rms=quantity(demand.rms, 3),
         dof=line.dof,
-        sentence=trend.sentence,
     )
 
 

@@ -28,6 +28,7 @@ from rigd.identify.report.angle.tables import (
     set_rows,
     share,
     trend_rows,
+    trend_sentence,
 )
 from rigd.identify.report.rounding import number
 from rigd.identify.report.svg import Drawing, draw
@@ -66,6 +67,7 @@ class CampaignView:
     reference: str
     coefficients: tuple[tuple[str, str], ...]
     trends: tuple[TrendRow, ...]
+    trend_sentence: str
     maximum: Drawing | None
     friction: Drawing | None
     coated: Drawing | None
@@ -102,6 +104,7 @@ def build_campaign_view(result: CampaignResult, calibrations: Sequence[str]) -> 
         reference=result.reference,
         coefficients=tuple((one.value, MEANING[one]) for one in Coefficient),
         trends=trend_rows(result),
+        trend_sentence=trend_sentence(result),
         maximum=_maximum(result),
         friction=_friction(result, colours),
         coated=_coated(result, colours),
