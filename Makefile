@@ -10,7 +10,7 @@ setup: $(VENV)/.ready ## make .venv with everything
 $(VENV)/.ready: pyproject.toml scripts/setup
 	scripts/setup $(VENV)
 
-demo: setup ## three floors on the simulated LuGre rig: run, record, identify, report
+demo: setup ## the campaigns of two published rigs, simulated: run, record, identify, report
 	scripts/demo $(BIN)
 
 test: setup ## the whole test suite
