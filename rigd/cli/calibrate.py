@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rigd.config.rig import RigConfig
     from rigd.daemon.calibrate import Renewal
     from rigd.evaluate.calibration import CalibrationEvaluation
+    from rigd.model.errors import Exit
 
 HELP = "calibrate a rig: run a procedure, evaluate it, renew the calibration file"
 EXAMPLES = """\
@@ -86,14 +87,12 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.daemon.calibrate import Signature, place_of, renewal
     from rigd.model.errors import Exit
 
-    if args.recording is None:
-        rig, recording, code = _run(args)
-        if code is not Exit.OK:
-            print("rigd: the run did not come to its end: nothing is calibrated", file=sys.stderr)
-            return int(code)
-    else:
-        rig, recording = _rig_of(args), args.recording
-    place = place_of(rig, args.write)
+    rig = _rig_of(args)
+    place = place_of(rig, args.write)  # before hours are spent on what could not be written
+    recording, code = (args.recording, Exit.OK) if args.recording else _run(args, rig)
+    if code is not Exit.OK:
+        print("rigd: the run did not come to its end: nothing is calibrated", file=sys.stderr)
+        return int(code)
     evaluation = _evaluate(recording, None if place.old is None else place.old.path)
     made = evaluation.made or datetime.now(UTC).date()
     planned = renewal(rig, place, evaluation, Signature(args.operator, made, args.valid))
@@ -109,24 +108,44 @@ def execute(args: argparse.Namespace) -> int:
     return int(Exit.OK)
 
 
-def _run(args: argparse.Namespace) -> tuple[RigConfig, Path, int]:
-    """Run the procedure; return the rig, the recording, and how it ended."""
+def _rig_of(args: argparse.Namespace) -> RigConfig:
+    """Return the rig to calibrate: the one given, or that of the recording."""
+    from rigd.config.loader import load_rig
+    from rigd.model.errors import ConfigError
+    from rigd.record import Recording
+
+    if args.recording is None:
+        if args.procedure is None or args.rig is None:
+            raise ConfigError(
+                "which procedure, on which rig?",
+                hint="rigd calibrate procedures/calibrate_torque.yaml --rig angle-1 "
+                "--operator NAME",
+            )
+        return load_rig(args.rig)
+    if args.procedure is not None:
+        raise ConfigError("--from evaluates a recording; leave the procedure out")
+    recorded = Recording.open(args.recording).metadata.get("run", {}).get("rig", "")
+    rig = load_rig(args.rig or recorded)
+    if rig.name != recorded:
+        raise ConfigError(
+            f"{args.recording} was recorded on rig {recorded}, not on {rig.name}",
+            hint="a calibration belongs to the rig that it was measured on",
+        )
+    return rig
+
+
+def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
+    """Run the procedure; return the recording, and how it ended."""
     from rigd.cli.console import conclude
     from rigd.cli.playing import record
     from rigd.cli.run import split_assignment
-    from rigd.config.loader import load_rig
     from rigd.daemon.execute import RunRequest
     from rigd.evaluate.models import MODELS, needs_of
     from rigd.model.errors import ConfigError
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import load_procedure
 
-    if args.procedure is None or args.rig is None:
-        raise ConfigError(
-            "which procedure, on which rig?",
-            hint="rigd calibrate procedures/calibrate_torque.yaml --rig angle-1 --operator NAME",
-        )
-    rig, source = load_rig(args.rig), load_procedure(args.procedure)
+    source = load_procedure(args.procedure)
     overrides = dict(split_assignment(one) for one in args.set)
     procedure = compile_procedure(source, rig, overrides)
     plan, place = procedure.identify, source.document.key_place(("identify",))
@@ -144,25 +163,7 @@ def _run(args: argparse.Namespace) -> tuple[RigConfig, Path, int]:
     done = record(request, quiet=args.quiet or args.json, by_person=by_person)
     if done.result.exit_code and not args.json:
         conclude(procedure, done)
-    return rig, done.path, done.result.exit_code
-
-
-def _rig_of(args: argparse.Namespace) -> RigConfig:
-    """Return the rig whose calibration a recording renews: the one given, or its own."""
-    from rigd.config.loader import load_rig
-    from rigd.model.errors import ConfigError
-    from rigd.record import Recording
-
-    if args.procedure is not None:
-        raise ConfigError("--from evaluates a recording; leave the procedure out")
-    recorded = Recording.open(args.recording).metadata.get("run", {}).get("rig", "")
-    rig = load_rig(args.rig or recorded)
-    if rig.name != recorded:
-        raise ConfigError(
-            f"{args.recording} was recorded on rig {recorded}, not on {rig.name}",
-            hint="a calibration belongs to the rig that it was measured on",
-        )
-    return rig
+    return done.path, done.result.exit_code
 
 
 def _evaluate(recording: Path, known: Path | None) -> CalibrationEvaluation:

@@ -240,9 +240,12 @@ def test_a_recording_that_calibrates_nothing_is_refused(bench: Path) -> None:
     done = rigd("calibrate", "--from", "run.mcap", "--rig", "bench.yaml", *OPERATOR, cwd=bench)
     assert done.code == 7
     assert "it calibrates nothing" in done.err
-    run = rigd("calibrate", "quick", "--rig", "lugre-1", *OPERATOR, cwd=bench)
+    run = rigd("calibrate", "approach_angles", "--rig", "bench.yaml", *OPERATOR, cwd=bench)
     assert run.code == 2
-    assert "procedure quick calibrates nothing" in run.err
+    assert "procedure approach_angles calibrates nothing" in run.err
+    bare = rigd("calibrate", "calibrate_torque", "--rig", "lugre-1", *OPERATOR, cwd=bench)
+    assert bare.code == 2
+    assert "rig lugre-1 names no calibration file" in bare.err
 
 
 def test_identify_shows_a_calibration_and_writes_only_a_report(torque: Path) -> None:

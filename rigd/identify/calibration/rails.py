@@ -109,9 +109,12 @@ def calibrate_rails(pushes: Sequence[Push], bench: RailBench) -> CalibrationResu
             "rail_load of the calibration gives for the platform's own weight: is the wheel lifted?"
         )
     series = tuple(
-        Series(f"Coast {number}", "time, s", "travel, m", one.t_s, one.x_m, one.x_m - residual)
+        Series(
+            f"Coast {number}", "travel, m", "measured - fitted, mm",
+            one.x_m, 1e3 * residual, np.zeros_like(residual),
+        )
         for number, (one, residual) in enumerate(zip(coasts, residuals, strict=True), 1)
-    )
+    )  # fmt: skip
     if refusals:
         return CalibrationResult(title, {}, series=series, refusals=tuple(refusals))
     common = (  # a longer scale or a heavier platform makes every force larger
