@@ -174,8 +174,10 @@ def _fitted(coasts: Sequence[Push]) -> tuple[FloatArray, list[FloatArray]]:
 def _scatter(coasts: Sequence[Push]) -> FloatArray:
     """Return the standard uncertainties of (A/m, B/m): jackknife over whole pushes.
 
-    Residuals within a push hang together (the potentiometer's error once per turn), those of
-    different pushes do not: Efron and Tibshirani, An Introduction to the Bootstrap, Eq. 11.5.
+    Residuals within a push hang together (the potentiometer's error once per turn); those of
+    pushes of different speed, which end elsewhere on the turn, hardly do. Efron and Tibshirani, An
+    Introduction to the Bootstrap, Eq. 11.5. On simulated potentiometers it is 1 to 1.5 times the
+    true scatter for four speeds pushed four times.
     """
     without = np.array([_fitted([*coasts[:k], *coasts[k + 1 :]])[0] for k in range(len(coasts))])
     count = len(coasts)
