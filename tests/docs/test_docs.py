@@ -50,8 +50,8 @@ UNCHECKED = {
     "recordings.md": 0,
     "identification.md": 2,
     "drivers.md": 3,
-    "simulation.md": 4,
-    "devices.md": 3,
+    "simulation.md": 5,
+    "devices.md": 4,
     "faults.md": 1,
     "calibration.md": 0,
 }
