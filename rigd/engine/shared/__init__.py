@@ -5,7 +5,7 @@ put there is never lost because it, or any other, was killed.
 """
 
 from rigd.engine.shared.board import Board, CycleState, Phase, RecorderState, Word
-from rigd.engine.shared.eventring import EventRing
+from rigd.engine.shared.eventring import EventRing, EventView
 from rigd.engine.shared.folder import EVENT_SOURCES, RunFolder, leftovers, state_folder
 from rigd.engine.shared.job import Job
 from rigd.engine.shared.rowring import RowRing, View
@@ -15,6 +15,7 @@ __all__ = [
     "Board",
     "CycleState",
     "EventRing",
+    "EventView",
     "Job",
     "Phase",
     "RecorderState",

@@ -1,10 +1,13 @@
-"""The ring between processes for events: one writer, one reader, records of any length."""
+"""The ring between processes for events: one writer, one reader, records of any length.
+
+Any number of viewers may look on (:class:`EventView`); they hinder nobody.
+"""
 
 from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -16,6 +19,7 @@ _MAGIC: Final = b"rigdevt1"
 _CAPACITY: Final = FIRST_FREE_WORD
 _HEAD: Final = 8  #: bytes pushed since the beginning
 _OVERRUNS: Final = 9
+_CLAIM: Final = 10  #: bytes that the writer may have written, announced or not; before it does
 _TAIL: Final = 16  #: bytes released since the beginning
 _RELEASED: Final = 17  #: events released since the beginning; written before the tail
 _TAKEN: Final = 18  #: events taken since the beginning
@@ -33,7 +37,7 @@ class EventRing:
         self.path = file.path
         self._words = file.words
         self._payload = file.payload
-        self._capacity = file.words[_CAPACITY]
+        self.capacity = file.words[_CAPACITY]
         self._pushed = self.released + len(self.peek())
 
     @classmethod
@@ -57,6 +61,21 @@ class EventRing:
         return cls(SharedFile.attach(path, _MAGIC, 0))
 
     @property
+    def head(self) -> int:
+        """Bytes pushed since the beginning."""
+        return self._words[_HEAD]
+
+    @property
+    def claimed(self) -> int:
+        """Bytes pushed since the beginning, with those of a record that is being written."""
+        return self._words[_CLAIM]
+
+    @property
+    def tail(self) -> int:
+        """Bytes released since the beginning."""
+        return self._words[_TAIL]
+
+    @property
     def overruns(self) -> int:
         """Events lost because the ring was full."""
         return self._words[_OVERRUNS]
@@ -64,7 +83,7 @@ class EventRing:
     @property
     def fill(self) -> float:
         """Share of the ring that waits to be released, 0 to 1."""
-        return (self._words[_HEAD] - self._words[_TAIL]) / self._capacity
+        return (self._words[_HEAD] - self._words[_TAIL]) / self.capacity
 
     @property
     def released(self) -> int:
@@ -73,7 +92,7 @@ class EventRing:
         if tail == self._words[_HEAD]:
             return self._words[_RELEASED]
         # The reader may have been killed between the two words: the event at the tail knows.
-        return int(_RECORD.unpack(self._bytes(tail, _RECORD.size))[2])
+        return int(_RECORD.unpack(self.bytes_at(tail, _RECORD.size))[2])
 
     @property
     def taken(self) -> int:
@@ -93,12 +112,13 @@ class EventRing:
         name = kind.encode()
         size = _RECORD.size + len(name) + len(text)
         head = self._words[_HEAD]
-        if head + size - self._words[_TAIL] > self._capacity:
+        if head + size - self._words[_TAIL] > self.capacity:
             self._words[_OVERRUNS] = self._words[_OVERRUNS] + 1
             return
         record = _RECORD.pack(size, len(name), self._pushed, t_ns, trial) + name + text
-        start = head % self._capacity
-        first = min(size, self._capacity - start)
+        self._words[_CLAIM] = head + size
+        start = head % self.capacity
+        first = min(size, self.capacity - start)
         self._payload[start : start + first] = record[:first]
         self._payload[: size - first] = record[first:]
         self._pushed += 1
@@ -106,15 +126,8 @@ class EventRing:
 
     def peek(self) -> list[Event]:
         """Return all events that were pushed and not released."""
-        at, head = self._words[_TAIL], self._words[_HEAD]
-        events: list[Event] = []
-        while at < head:
-            size, name_size, _, t_ns, trial = _RECORD.unpack(self._bytes(at, _RECORD.size))
-            body = self._bytes(at + _RECORD.size, size - _RECORD.size)
-            kind = body[:name_size].decode()
-            events.append(Event(t_ns, kind, trial, json.loads(body[name_size:])))
-            at += size
-        return events
+        tail = self.tail
+        return [event for _, event in _parsed(self.bytes_at(tail, self.head - tail))]
 
     def take(self) -> list[Event]:
         """Peek, and note how many there were: whoever reads after a kill can then tell."""
@@ -126,7 +139,7 @@ class EventRing:
         """Give the room of the ``count`` oldest events back to the writer."""
         released, at = self.released + count, self._words[_TAIL]
         for _ in range(count):
-            at += _RECORD.unpack(self._bytes(at, _RECORD.size))[0]
+            at += _RECORD.unpack(self.bytes_at(at, _RECORD.size))[0]
         self._words[_RELEASED] = released
         self._words[_TAIL] = at
 
@@ -136,7 +149,51 @@ class EventRing:
         self.release(len(events))
         return events
 
-    def _bytes(self, at: int, size: int) -> bytes:
-        start = at % self._capacity
-        first = min(size, self._capacity - start)
+    def bytes_at(self, at: int, size: int) -> bytes:
+        """Return a copy of ``size`` bytes from ``at``, counted since the beginning.
+
+        The caller makes sure that they are still there.
+        """
+        start = at % self.capacity
+        first = min(size, self.capacity - start)
         return bytes(self._payload[start : start + first]) + bytes(self._payload[: size - first])
+
+
+class EventView:
+    """A second reader, for the eye: it releases nothing, and skips what it was too slow for."""
+
+    def __init__(self, ring: EventRing) -> None:
+        """Begin with the oldest event of the ring that is known to be whole."""
+        self._ring = ring
+        self._position = 0 if ring.claimed <= ring.capacity else ring.tail
+        self._next = 0  #: number of the event expected next
+        self.skipped = 0  #: events overwritten before they were read
+
+    def read(self) -> list[Event]:
+        """Return the events pushed since the last call, without those overwritten."""
+        ring = self._ring
+        while True:
+            head = ring.head
+            raw = ring.bytes_at(self._position, head - self._position)
+            # Meanwhile the writer went on: where it may have come round to what was copied, begin
+            # anew with the oldest event that the ring still has to keep.
+            if ring.claimed <= self._position + ring.capacity:
+                break
+            self._position = ring.tail
+        self._position = head
+        events: list[Event] = []
+        for number, event in _parsed(raw):
+            self.skipped += number - self._next
+            self._next = number + 1
+            events.append(event)
+        return events
+
+
+def _parsed(raw: bytes) -> Iterator[tuple[int, Event]]:
+    """Yield number and event of the records in ``raw``."""
+    at = 0
+    while at < len(raw):
+        size, name_size, number, t_ns, trial = _RECORD.unpack_from(raw, at)
+        body = raw[at + _RECORD.size : at + size]
+        yield number, Event(t_ns, body[:name_size].decode(), trial, json.loads(body[name_size:]))
+        at += size

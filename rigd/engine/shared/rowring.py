@@ -24,6 +24,7 @@ _CAPACITY: Final = FIRST_FREE_WORD
 # The writer's words and the reader's on cache lines of their own (64 bytes).
 _HEAD: Final = 8  #: rows pushed since the beginning
 _OVERRUNS: Final = 9
+_CLAIM: Final = 10  #: rows up to which a block may be written, announced or not; before it is
 _TAIL: Final = 16  #: rows released since the beginning
 
 
@@ -76,6 +77,11 @@ class RowRing:
         return self._words[_HEAD]
 
     @property
+    def claimed(self) -> int:
+        """Rows pushed since the beginning, with those that may be being written."""
+        return max(self._words[_HEAD] + 1, self._words[_CLAIM])
+
+    @property
     def tail(self) -> int:
         """Rows released since the beginning."""
         return self._words[_TAIL]
@@ -106,6 +112,7 @@ class RowRing:
         count = min(len(rows), self._room())
         start = self._head % self.capacity
         first = min(count, self.capacity - start)
+        self._words[_CLAIM] = self._head + count
         self._rows[start : start + first] = rows[:first]
         self._rows[: count - first] = rows[first:count]
         self._head += count
@@ -168,8 +175,8 @@ class View:
         head = self._ring.head
         start = max(self.position, head - self._ring.capacity)
         rows = self._ring.between(start, head)
-        # Meanwhile the writer went on: what it has overwritten, and the row it may be at, is torn.
-        sound = max(start, min(self._ring.head - self._ring.capacity + 1, head))
+        # Meanwhile the writer went on: what it has overwritten, or may be at, is torn.
+        sound = max(start, min(self._ring.claimed - self._ring.capacity, head))
         self.skipped += sound - self.position
         self.position = head
         return rows[sound - start :]

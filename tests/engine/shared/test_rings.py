@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rigd.engine.shared import EventRing, RowRing, View
+from rigd.engine.shared import EventRing, EventView, RowRing, View
 from rigd.model import Channel, RecordingError, Stream
 from rigd.model.rows import row_dtype
 from rigd.record.events import Event
@@ -98,6 +98,31 @@ def test_a_view_drops_what_was_overwritten_while_it_copied(tmp_path: Path) -> No
     assert view.skipped == 4
 
 
+def test_a_view_trusts_no_row_that_a_block_may_be_overwriting(tmp_path: Path) -> None:
+    ring = RowRing.create(tmp_path / "ring", STREAM, 8)
+    rows = np.zeros(3, row_dtype(STREAM))
+    ring.push_block(rows)
+    ring.release(3)
+    ring.push_block(np.zeros(5, row_dtype(STREAM)))
+    assert ring.claimed == 9  # all is announced; the next single row may be under way
+    view = View(ring)
+    view.position = 0
+    halted = HaltedInBlock.attach(ring.path, STREAM)
+    halted.push_block(rows)
+    assert (ring.head, ring.claimed) == (8, 11)
+    assert len(view.read()) == 5
+    assert view.skipped == 3
+
+
+class HaltedInBlock(RowRing):
+    """A ring whose writer is killed when the rows of a block stand in it, not yet announced."""
+
+    def push_block(self, rows: np.ndarray[tuple[int], np.dtype[np.void]]) -> None:
+        self._rows = None  # type: ignore[assignment]
+        with pytest.raises(TypeError):
+            super().push_block(rows)
+
+
 def test_a_ring_of_other_columns_is_refused(tmp_path: Path) -> None:
     ring, _ = ring_of(tmp_path, 4)
     swapped = Stream("s", tuple(reversed(STREAM.channels)), has_status=True)
@@ -142,6 +167,58 @@ def test_events_that_do_not_fit_are_counted(tmp_path: Path) -> None:
     again.push(12, "trip", -1, {"value": math.nan})
     assert again.drain() == [Event(12, "trip", -1, {"value": "nan"})]
     assert again.released == kept + 1
+
+
+def test_an_event_view_hinders_nobody_and_sees_what_is_still_there(tmp_path: Path) -> None:
+    writer = EventRing.create(tmp_path / "events", 600)
+    reader = EventRing.attach(writer.path)
+    early = EventView(EventRing.attach(writer.path))
+    told: list[Event] = []
+    for number in range(50):
+        writer.push(number, f"kind{number}", 0, {"text": "µ" * (number % 20)})
+        reader.drain()  # released, and still to be seen until it is overwritten
+        told += early.read() if number % 3 == 2 else []
+    told += early.read()
+    assert [event.t_ns for event in told] == list(range(50))
+    assert early.skipped == 0
+    late = EventView(EventRing.attach(writer.path))
+    assert late.read() == []  # the ring has come round: nobody knows where its oldest begins
+    writer.push(50, "last", 0, {})
+    assert [event.t_ns for event in late.read()] == [50]
+    assert late.skipped == 50
+
+
+def test_an_event_view_attached_late_begins_with_the_first(tmp_path: Path) -> None:
+    writer = EventRing.create(tmp_path / "events", 600)
+    for number in range(3):
+        writer.push(number, "trip", 0, {})
+    writer.drain()
+    assert [event.t_ns for event in EventView(writer).read()] == [0, 1, 2]
+
+
+class RacingEvents(EventRing):
+    """A ring whose writer overtakes a reader in the middle of its copy, once."""
+
+    raced = False
+
+    def bytes_at(self, at: int, size: int) -> bytes:
+        copied = super().bytes_at(at, size)
+        if size > 300 and not self.raced:
+            self.raced = True
+            for number in range(100, 120):
+                self.drain()
+                self.push(number, "later", 0, {})
+        return copied
+
+
+def test_an_event_view_drops_what_was_overwritten_while_it_copied(tmp_path: Path) -> None:
+    ring = RacingEvents.create(tmp_path / "events", 600)
+    view = EventView(ring)
+    for number in range(10):
+        ring.push(number, "early", 0, {"number": number})
+    # Of those that came meanwhile, only the last was not released.
+    assert [event.t_ns for event in view.read()] == [119]
+    assert view.skipped == 29
 
 
 def test_an_event_that_json_has_no_form_for_is_refused(tmp_path: Path) -> None:
