@@ -52,6 +52,7 @@ class Look:
         self, rig: RigConfig, host: ManualHost, folder: RunFolder, control: Control
     ) -> None:
         self.rig = rig
+        self.folder = folder  #: where its rings stand, for whoever looks over our shoulder
         self.on_rows: Callable[[str, Rows], None] = lambda _, __: None
         self.events: list[Event] = []  #: what was told so far, watchdogs and faults among it
         self._host = host
@@ -162,16 +163,19 @@ class Look:
 
 
 @contextmanager
-def look_at(rig: RigConfig, control: Control, *, command: str) -> Iterator[Look]:
+def look_at(
+    rig: RigConfig, control: Control, *, command: str, held: RunFolder | None = None
+) -> Iterator[Look]:
     """Take ``rig`` and make it ready to be opened; on every way out it is safe, closed and free.
 
-    ``command`` is told to whoever wants the rig meanwhile.
+    ``command`` is told to whoever wants the rig meanwhile. ``held`` is the rig's folder where the
+    caller has taken it, and keeps it.
 
     Raises:
         Blocked: the rig is in use.
         RecordingError: there is no room for its rings.
     """
-    lock = RunFolder.take(rig.name, command=command)
+    lock = held or RunFolder.take(rig.name, command=command)
     path = state_folder() / FOLDER / folder_name(rig.name)
     shutil.rmtree(path, ignore_errors=True)  # what a look that was killed has left
     try:
@@ -185,7 +189,8 @@ def look_at(rig: RigConfig, control: Control, *, command: str) -> Iterator[Look]
             host.close()
     finally:
         shutil.rmtree(path, ignore_errors=True)
-        lock.release()
+        if held is None:
+            lock.release()
 
 
 def _harmless(rig: RigConfig) -> RigConfig:

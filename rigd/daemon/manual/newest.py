@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from rigd.config.rig import RigConfig
 from rigd.engine.sink import Rows
@@ -45,14 +47,13 @@ class Newest:
             name: device.driver_class(device.config, None).silent_s
             for name, device in rig.devices.items()
         }
-        self._rows: dict[str, Mapping[str, float]] = {}
+        self._rows: dict[str, np.void] = {}
         self._fresh_ns: dict[str, int] = {}
 
     def take(self, stream: str, rows: Rows) -> None:
         """Take rows of a stream, the newest last."""
         names = rows.dtype.names or ()
-        last = rows[-1]
-        self._rows[stream] = {name: last[name].item() for name in names}
+        self._rows[stream] = rows[-1]
         if STATUS_FIELD in names:
             rows = rows[rows[STATUS_FIELD] & STALE == 0]
         if len(rows):
@@ -62,22 +63,22 @@ class Newest:
         """Yield every channel as it stands at ``now_ns`` (Unix)."""
         for device, channel in self._shown:
             row = self._rows.get(device)
-            value = math.nan if row is None else row[channel.name]
+            value = math.nan if row is None else float(row[channel.name])
             fresh_ns = self._fresh_ns.get(device)
             age_s = math.inf if fresh_ns is None else max(now_ns - fresh_ns, 0) * 1e-9
-            status = None if row is None else row.get(STATUS_FIELD)
+            status = None
+            if row is not None and STATUS_FIELD in (row.dtype.names or ()):
+                status = int(row[STATUS_FIELD]) & ~STALE
             yield Reading(
                 f"{device}.{channel.name}",
                 value,
                 channel.unit,
                 age_s,
-                None if status is None else int(status) & ~STALE,
+                status,
                 self._state(device, row, value, age_s),
             )
 
-    def _state(
-        self, device: str, row: Mapping[str, float] | None, value: float, age_s: float
-    ) -> str:
+    def _state(self, device: str, row: np.void | None, value: float, age_s: float) -> str:
         if row is None:
             return "no row"
         if age_s > self._silent_s[device]:
