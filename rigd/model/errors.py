@@ -9,7 +9,8 @@ RigdError
 ├── InterlockTrip    the operator: an interlock acted
 ├── ProcedureError   the operator: a step did not end as the procedure demands
 ├── RecordingError   whoever keeps the files: a recording cannot be written or read
-└── DataError        the analyst: a recording reads well but cannot answer the question
+├── DataError        the analyst: a recording reads well but cannot answer the question
+└── Refusal          whoever asks a daemon: it does not do so, and nothing has changed (rigd.remote)
 """
 
 from __future__ import annotations

@@ -1,0 +1,53 @@
+"""The protocol by which a rig is controlled from elsewhere: keys, verbs, messages, limits."""
+
+from rigd.remote.protocol.frame import Frame, decode_frame, encode_frame
+from rigd.remote.protocol.keys import EVERY_ALIVE, Address, Keys, Kind, check_name
+from rigd.remote.protocol.limits import VERSION
+from rigd.remote.protocol.message import Message, decode, encode
+from rigd.remote.protocol.refusal import Code, Refusal
+from rigd.remote.protocol.request import (
+    Reply,
+    Request,
+    decode_refusal,
+    encode_refusal,
+    encode_reply,
+    encode_request,
+    new_request,
+    request_kind,
+)
+from rigd.remote.protocol.status import Event, LeaseView, Status, as_json
+from rigd.remote.protocol.verbs import VERBS, Role, Verb, check_role, find_verb
+
+__all__ = [
+    "EVERY_ALIVE",
+    "VERBS",
+    "VERSION",
+    "Address",
+    "Code",
+    "Event",
+    "Frame",
+    "Keys",
+    "Kind",
+    "LeaseView",
+    "Message",
+    "Refusal",
+    "Reply",
+    "Request",
+    "Role",
+    "Status",
+    "Verb",
+    "as_json",
+    "check_name",
+    "check_role",
+    "decode",
+    "decode_frame",
+    "decode_refusal",
+    "encode",
+    "encode_frame",
+    "encode_refusal",
+    "encode_reply",
+    "encode_request",
+    "find_verb",
+    "new_request",
+    "request_kind",
+]

@@ -1,0 +1,120 @@
+"""What requests ask with: one model for each verb that has arguments."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints
+
+from rigd.remote.protocol.limits import MAX_PIECE_BYTES
+from rigd.remote.protocol.message import Message, Name, Text
+
+#: File name of a recording: never a path.
+RunName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,199}$")]
+#: Of a procedure, an interlock, a device, a parameter.
+FileWord = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,59}$")]
+#: What `--set NAME=VALUE` says, by name: quantities and words as a person writes them.
+Settings = dict[FileWord, Annotated[str, StringConstraints(max_length=200)]]
+Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+
+
+class NoArguments(Message):
+    """For verbs that say it all."""
+
+
+class ProcedureFile(Message):
+    """A procedure, which travels by value."""
+
+    name: FileWord
+    text: Annotated[str, StringConstraints(min_length=1)]
+    """The file, as its author wrote it."""
+    sha256: Sha256
+    """Of the text in UTF-8: what was read is what runs."""
+
+
+class ProcedureName(Message):
+    """A procedure that the daemon has."""
+
+    name: FileWord
+
+
+class Checked(Message):
+    """A procedure with the values it is to have."""
+
+    procedure: ProcedureFile
+    set: Settings = Field(default_factory=dict)
+
+
+class Start(Checked):
+    """A run to start."""
+
+    seed: Annotated[int, Field(ge=0, lt=2**32)] | None = None
+    answers: Literal["ask", "procedure"] = "ask"
+    """Whether its prompts wait for a person, or take the procedure's own answers."""
+    on_client_loss: Literal["continue", "finish_trial", "stop"] | None = None
+    """What happens when the client vanishes; None: what the procedure says."""
+
+
+class Answered(Message):
+    """The answer to a prompt."""
+
+    prompt_id: Annotated[int, Field(ge=0)]
+    value: Annotated[float, Field()] | Text | bool
+    """A quantity in SI, a word or text, or whether it is confirmed."""
+
+
+class InterlockName(Message):
+    """The interlock that a person has looked at."""
+
+    interlock: FileWord
+
+
+class Run(Message):
+    """A recording."""
+
+    run: RunName
+
+
+class Runs(Message):
+    """Which recordings."""
+
+    limit: Annotated[int, Field(ge=1, le=500)] = 100
+    """How many, the newest first."""
+    before: RunName | None = None
+    """Only those older than this one."""
+
+
+class Piece(Message):
+    """A piece of a file."""
+
+    run: RunName
+    offset: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    """In bytes."""
+    length: Annotated[int, Field(ge=1, le=MAX_PIECE_BYTES)] = MAX_PIECE_BYTES
+    """In bytes; the reply is shorter at the end of the file."""
+
+
+class Since(Message):
+    """Which events."""
+
+    seq: Annotated[int, Field(ge=0)] = 0
+    """Those numbered from here."""
+
+
+class Receiver(Message):
+    """Whom the lease goes to."""
+
+    to: Name
+
+
+class Act(Message):
+    """An action of a device, such as a tare."""
+
+    device: FileWord
+    action: FileWord
+
+
+class Reason(Message):
+    """Why a person stops the rig; shown, and recorded."""
+
+    reason: Annotated[str, StringConstraints(max_length=300)] = ""

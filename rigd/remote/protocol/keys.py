@@ -1,0 +1,130 @@
+"""The keys of a rig: what stands where in zenoh's name space.
+
+Under ``rigd/<rig>/``: ``alive`` (liveliness), ``status``, ``event`` and ``live/<stream>``
+(publications), ``ask/<identity>/<what>``, ``cmd/<identity>/<verb>`` and ``stop/<identity>/<verb>``
+(queryables). The identity is part of the key because access-control rules see keys, not payloads.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from rigd.remote.protocol.limits import MAX_NAME
+from rigd.remote.protocol.refusal import Code, Refusal
+
+#: The first part of every key.
+ROOT: Final = "rigd"
+#: Where the liveliness tokens of all rigs stand.
+EVERY_ALIVE: Final = f"{ROOT}/*/alive"
+
+_NAME: Final = re.compile(rf"[A-Za-z0-9._-]{{1,{MAX_NAME}}}")
+#: Of names each at its longest: no key is longer, and zenoh never comes near its limit of 64 KiB,
+#: beyond which the sender's session dies (eclipse-zenoh 1.10.2).
+MAX_KEY: Final = len(f"{ROOT}///stop/") + 3 * MAX_NAME
+
+
+class Kind(Enum):
+    """What a request wants; a part of its key."""
+
+    ASK = "ask"  #: to know: changes nothing, open to every role
+    COMMAND = "cmd"  #: to change something: needs a role, and mostly the lease
+    STOP = "stop"  #: to end what the rig does: open to everyone who may connect
+
+
+def check_name(name: str, what: str = "name") -> str:
+    """Return ``name`` if it may stand in a key.
+
+    Raises:
+        Refusal: it may not.
+    """
+    if _NAME.fullmatch(name) is None:
+        raise Refusal(
+            Code.BAD_REQUEST,
+            f"the {what} {name[:MAX_NAME]!r} cannot stand in a key",
+            hint=f"use 1 to {MAX_NAME} of A-Z a-z 0-9 . _ -",
+        )
+    return name
+
+
+@dataclass(frozen=True)
+class Address:
+    """Who asks for what, as the key says it."""
+
+    kind: Kind
+    identity: str
+    verb: str
+
+
+@dataclass(frozen=True)
+class Keys:
+    """The keys of one rig.
+
+    Raises:
+        Refusal: its name cannot stand in a key.
+    """
+
+    rig: str
+
+    def __post_init__(self) -> None:
+        check_name(self.rig, "rig name")
+
+    @property
+    def prefix(self) -> str:
+        """What every key of the rig begins with, without a slash at its end."""
+        return f"{ROOT}/{self.rig}"
+
+    @property
+    def alive(self) -> str:
+        """The liveliness token: there while the daemon's session lives."""
+        return f"{self.prefix}/alive"
+
+    @property
+    def status(self) -> str:
+        """Status messages; also a queryable that gives the newest."""
+        return f"{self.prefix}/status"
+
+    @property
+    def event(self) -> str:
+        """Event messages."""
+        return f"{self.prefix}/event"
+
+    def live(self, stream: str) -> str:
+        """Frames of one stream."""
+        return f"{self.prefix}/live/{check_name(stream, 'stream')}"
+
+    @property
+    def every_live(self) -> str:
+        """Frames of all streams."""
+        return f"{self.prefix}/live/*"
+
+    def request(self, kind: Kind, identity: str, verb: str) -> str:
+        """Where ``identity`` asks for ``verb``."""
+        return (
+            f"{self.prefix}/{kind.value}/{check_name(identity, 'identity')}/"
+            f"{check_name(verb, 'verb')}"
+        )
+
+    def every_request(self, kind: Kind, identity: str = "*") -> str:
+        """All requests of one kind, of everybody or of one identity."""
+        if identity != "*":
+            check_name(identity, "identity")
+        return f"{self.prefix}/{kind.value}/{identity}/*"
+
+    def address(self, key: str) -> Address:
+        """Return what the key of a request says.
+
+        Raises:
+            Refusal: it is not the key of one request to this rig.
+        """
+        parts = key.split("/") if len(key) <= MAX_KEY else []
+        kinds = {kind.value: kind for kind in Kind}
+        if len(parts) != 5 or parts[:2] != [ROOT, self.rig] or parts[2] not in kinds:
+            raise Refusal(
+                Code.BAD_REQUEST, f"{key[:MAX_KEY]!r} is not the key of a request to {self.rig}"
+            )
+        return Address(
+            kinds[parts[2]], check_name(parts[3], "identity"), check_name(parts[4], "verb")
+        )

@@ -1,0 +1,34 @@
+"""How large, how deep, how often and how old: the numbers both ends of the protocol keep to."""
+
+from __future__ import annotations
+
+from typing import Final
+
+#: Version of the protocol, in every message as ``v``. Any change of a message raises it.
+VERSION: Final = 1
+
+#: Bytes of a request: ten times the longest procedure we ship, which travels inside `start`.
+MAX_REQUEST_BYTES: Final = 64 * 1024
+#: Bytes of a reply, a publication or a frame; a piece of a file in base64 takes a third of it.
+MAX_MESSAGE_BYTES: Final = 1024 * 1024
+#: Bytes of a file that one piece of a transfer may hold.
+MAX_PIECE_BYTES: Final = 256 * 1024
+#: How deep objects and lists may nest; the deepest message needs 6.
+MAX_DEPTH: Final = 16
+#: Characters of a name in a key: of a rig, a stream, an identity or a verb.
+MAX_NAME: Final = 64
+#: Points and channels of a frame.
+MAX_FRAME_POINTS: Final = 4096
+MAX_FRAME_CHANNELS: Final = 256
+
+#: Status is published at every change, and at least this often: the heartbeat of the application.
+HEARTBEAT_S: Final = 0.5
+#: Frames of one stream per second, at most.
+LIVE_HZ: Final = 30.0
+
+#: How long the control lease holds without being renewed, and how often its holder renews it.
+LEASE_S: Final = 6.0
+RENEW_S: Final = 2.0
+
+#: A command sent longer ago than this, or as much in the future, is refused as replayed.
+FRESH_S: Final = 30.0

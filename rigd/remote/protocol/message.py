@@ -1,0 +1,134 @@
+"""Messages as frozen models, and JSON that is read as strictly as it is written.
+
+A message has the keys its model names, all of them known and none twice, every value of its exact
+type and finite, nested no deeper than ``MAX_DEPTH`` and no larger than its limit.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Annotated, Any, Final, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
+
+from rigd.remote.protocol.limits import (
+    MAX_DEPTH,
+    MAX_MESSAGE_BYTES,
+    MAX_NAME,
+    MAX_REQUEST_BYTES,
+    VERSION,
+)
+from rigd.remote.protocol.refusal import Code, Refusal
+
+#: A part of a key: no character that zenoh, a shell or a path reads as anything but itself.
+Name = Annotated[str, StringConstraints(pattern=rf"^[A-Za-z0-9._-]{{1,{MAX_NAME}}}$")]
+#: A line or a few for a person.
+Text = Annotated[str, StringConstraints(max_length=4000)]
+#: The version that a message of its own carries.
+Version = Literal[1]
+
+#: How much of what is wrong is told.
+_MAX_TOLD: Final = 300
+
+
+class Message(BaseModel):
+    """A message or a part of one."""
+
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
+    )
+
+
+M = TypeVar("M", bound=Message)
+
+
+def encode(message: Message, limit_bytes: int = MAX_MESSAGE_BYTES) -> bytes:
+    """Return ``message`` as JSON.
+
+    Raises:
+        Refusal: it is larger than ``limit_bytes``.
+    """
+    payload = message.model_dump_json().encode()
+    _check_size(payload, limit_bytes)
+    return payload
+
+
+def decode(kind: type[M], payload: bytes, limit_bytes: int = MAX_REQUEST_BYTES) -> M:
+    """Return the message of ``kind`` that ``payload`` holds.
+
+    Raises:
+        Refusal: too large, not such JSON, of another version, or not as ``kind`` says.
+    """
+    _check_size(payload, limit_bytes)
+    _check_json(payload)
+    try:
+        return kind.model_validate_json(payload)
+    except ValidationError as error:
+        raise _refusal(error) from error
+
+
+def _check_size(payload: bytes, limit_bytes: int) -> None:
+    if len(payload) > limit_bytes:
+        raise Refusal(
+            Code.TOO_LARGE, f"the message has {len(payload)} bytes, at most {limit_bytes} may be"
+        )
+
+
+def _check_json(payload: bytes) -> None:
+    """Refuse what a lenient parser would let pass: a key twice, NaN, infinities, deep nesting."""
+    try:
+        data = json.loads(
+            payload.decode(),  # of bytes, json would take UTF-16 and UTF-32 too
+            object_pairs_hook=_without_repeats,
+            parse_constant=_finite,
+            parse_float=_finite,
+        )
+    except RecursionError as error:
+        raise _too_deep() from error
+    except ValueError as error:
+        raise Refusal(Code.BAD_REQUEST, f"not JSON: {str(error)[:_MAX_TOLD]}") from error
+    level = [data]
+    for _ in range(MAX_DEPTH):
+        level = [
+            inner
+            for outer in level
+            if isinstance(outer, dict | list)
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+        ]
+    if any(isinstance(one, dict | list) for one in level):
+        raise _too_deep()
+
+
+def _too_deep() -> Refusal:
+    return Refusal(Code.BAD_REQUEST, f"nested deeper than {MAX_DEPTH} levels")
+
+
+def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key stands twice in one object")
+    return found
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text[:40]} is not a finite number")
+    return value
+
+
+def _refusal(error: ValidationError) -> Refusal:
+    found = error.errors(include_url=False, include_input=False, include_context=False)
+    if any(one["loc"] == ("v",) and one["type"] == "literal_error" for one in found):
+        return Refusal(
+            Code.VERSION,
+            f"the message is not of version {VERSION} of the protocol",
+            hint="install the same rigd at both ends",
+        )
+    told = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in found[:3])
+    return Refusal(Code.BAD_REQUEST, told[:_MAX_TOLD])

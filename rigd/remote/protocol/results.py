@@ -1,0 +1,284 @@
+"""What requests are answered with: one model for each result that has a shape of its own.
+
+Where a bound may be missing it is None: JSON has no infinity.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Base64Bytes, Field, JsonValue, StringConstraints
+
+from rigd.remote.protocol.arguments import FileWord, ProcedureFile, RunName, Sha256
+from rigd.remote.protocol.limits import (
+    HEARTBEAT_S,
+    LEASE_S,
+    LIVE_HZ,
+    MAX_MESSAGE_BYTES,
+    MAX_PIECE_BYTES,
+    MAX_REQUEST_BYTES,
+    RENEW_S,
+)
+from rigd.remote.protocol.message import Message, Name, Text
+from rigd.remote.protocol.status import Count, Event, Nanoseconds
+from rigd.remote.protocol.verbs import Role
+
+
+class ChannelView(Message):
+    """A channel of a stream."""
+
+    name: Text
+    unit: Text
+    """SI; values come in it."""
+    doc: Text = ""
+    low: float | None = None
+    """What the device can measure."""
+    high: float | None = None
+    raw_of: Text | None = None
+
+
+class StreamView(Message):
+    """A stream of live data."""
+
+    number: Count
+    """As in its frames."""
+    name: Name
+    channels: tuple[ChannelView, ...]
+    rate_hz: float
+
+
+class SetpointView(Message):
+    """A setpoint with the limits of the rig file."""
+
+    name: Text
+    """`device.setpoint`."""
+    unit: Text
+    low: float
+    high: float
+    rate: float | None = None
+    """Per second."""
+    rest: float = 0.0
+
+
+class InterlockView(Message):
+    """An interlock as the rig file has it; a bound is a value in SI or the name of a channel."""
+
+    name: Text
+    source: Text
+    low: float | str | None = None
+    high: float | str | None = None
+    action: Literal["warn", "end_trial", "stop", "abort", "estop"]
+    priority: Literal["low", "medium", "high", "critical"]
+    latch: bool
+    message: Text
+
+
+class ActionView(Message):
+    """An action that `act` can ask of a device."""
+
+    device: FileWord
+    action: FileWord
+    doc: Text = ""
+
+
+class Sizes(Message):
+    """The limits that this daemon keeps to."""
+
+    request_bytes: int = MAX_REQUEST_BYTES
+    message_bytes: int = MAX_MESSAGE_BYTES
+    piece_bytes: int = MAX_PIECE_BYTES
+    live_hz: float = LIVE_HZ
+    heartbeat_s: float = HEARTBEAT_S
+    lease_s: float = LEASE_S
+    renew_s: float = RENEW_S
+
+
+class Description(Message):
+    """`describe`: what does not change while the daemon lives."""
+
+    rig: Name
+    title: Text
+    simulated: bool
+    streams: tuple[StreamView, ...]
+    setpoints: tuple[SetpointView, ...] = ()
+    interlocks: tuple[InterlockView, ...] = ()
+    actions: tuple[ActionView, ...] = ()
+    role: Role
+    """Of whoever asked."""
+    roles: dict[Name, Role] = Field(default_factory=dict)
+    sizes: Sizes = Sizes()
+
+
+class ProcedureLine(Message):
+    """One procedure that the daemon has."""
+
+    name: FileWord
+    title: Text
+    sha256: Sha256
+    problem: Text | None = None
+    """Why it cannot run on this rig."""
+
+
+class Procedures(Message):
+    """`procedures`."""
+
+    procedures: tuple[ProcedureLine, ...]
+
+
+class ParameterView(Message):
+    """A parameter of a procedure: a word where it has choices, else a quantity."""
+
+    name: FileWord
+    doc: Text
+    unit: Text = "1"
+    """In which people read it."""
+    choices: tuple[Text, ...] = ()
+    default: Text | None = None
+    """As the author wrote it; None: the sweep gives it, or a person must."""
+    min: Text | None = None
+    max: Text | None = None
+    swept: bool = False
+    """Whether the sweep gives it; a value set by hand takes the place of the sweep."""
+
+
+class ProcedureView(Message):
+    """`procedure`: its file, and what its form needs."""
+
+    procedure: ProcedureFile
+    title: Text
+    doc: Text
+    parameters: tuple[ParameterView, ...]
+    on_client_loss: Literal["continue", "finish_trial", "stop"]
+
+
+class ProblemView(Message):
+    """What is wrong with a procedure, and where; line and column count from 1."""
+
+    message: Text
+    hint: Text | None = None
+    line: int | None = None
+    column: int | None = None
+
+
+class Check(Message):
+    """`check`: whether a procedure can run with these values."""
+
+    ok: bool
+    problems: tuple[ProblemView, ...] = ()
+    trials: Count = 0
+    prompts: Count = 0
+
+
+class StepView(Message):
+    """A step of a dry run."""
+
+    name: Text
+    start_s: float
+    duration_s: float
+
+
+class PeakView(Message):
+    """The predicted extremes of a channel beside its limits, in SI."""
+
+    channel: Text
+    unit: Text
+    lowest: float | None
+    highest: float | None
+    low: float | None
+    high: float | None
+    limit_by: Text
+    inside: bool
+
+
+class DryRun(Message):
+    """`dry_run`."""
+
+    ok: bool
+    duration_s: float
+    trials: Count
+    steps: tuple[StepView, ...] = ()
+    peaks: tuple[PeakView, ...] = ()
+    refusals: tuple[Text, ...] = ()
+
+
+class RunLine(Message):
+    """One recording."""
+
+    run: RunName
+    procedure: Text
+    state: Text
+    """How it ended."""
+    started_ns: Nanoseconds
+    duration_s: float
+    trials_done: Count
+    trials_total: Count
+    size: Count
+    """In bytes."""
+    has_report: bool
+    problem: Text | None = None
+    """Why it cannot be read."""
+
+
+class RunList(Message):
+    """`runs`: the newest first."""
+
+    runs: tuple[RunLine, ...]
+    more: bool
+    """Whether there are older ones."""
+
+
+class RunView(Message):
+    """`run`."""
+
+    line: RunLine
+    details: dict[str, JsonValue] = Field(default_factory=dict)
+    """What `rigd info --json` says."""
+
+
+class PieceView(Message):
+    """`fetch` and `report`: a piece of a file."""
+
+    size: Count
+    """Of the whole file, in bytes."""
+    sha256: Sha256
+    """Of the whole file."""
+    offset: Count
+    data: Annotated[Base64Bytes, Field(max_length=MAX_PIECE_BYTES)]
+    """Base64 in JSON and when made, bytes when read."""
+
+
+class Events(Message):
+    """`events`: from the number asked for, or from the oldest still known."""
+
+    events: tuple[Event, ...]
+    next: Count
+    """The number to ask from next."""
+
+
+class Latest(Message):
+    """The latest value of a channel."""
+
+    value: float | None
+    """In SI; None: not a number."""
+    age_s: float
+
+
+class LatestValues(Message):
+    """`latest`: by `device.channel`."""
+
+    t_ns: Nanoseconds
+    values: dict[Annotated[str, StringConstraints(max_length=130)], Latest]
+
+
+class Started(Message):
+    """`start` and `resume_run`."""
+
+    run: RunName | None
+    """The recording; None where its name is not yet known."""
+
+
+class Reported(Message):
+    """`identify`: the report, which `report` then gives."""
+
+    run: RunName
+    size: Count

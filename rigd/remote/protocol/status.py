@@ -1,0 +1,164 @@
+"""What a daemon says of itself: status, at every change and as a heartbeat, and events."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, JsonValue
+
+from rigd.remote.protocol.message import Message, Name, Text, Version
+
+Count = Annotated[int, Field(ge=0)]
+Nanoseconds = Annotated[int, Field(ge=0, lt=2**63)]
+
+#: The states of a run (:class:`rigd.model.states.RunState`).
+State = Literal[
+    "idle", "preflight", "blocked", "armed", "running", "pausing", "paused", "stopping",
+    "finishing", "aborting", "faulted", "estopped", "done",
+]  # fmt: skip
+
+
+class Daemon(Message):
+    """The process that speaks."""
+
+    version: Text
+    pid: Count
+    started_ns: Nanoseconds
+
+
+class Trial(Message):
+    """The trial under way."""
+
+    number: Count
+    repeat: Count
+    parameters: dict[str, float | str | bool]
+    """Quantities in SI."""
+
+
+class PromptView(Message):
+    """A question that waits for an answer."""
+
+    id: Count
+    """Each time a prompt is put, it has an id of its own."""
+    name: Text
+    text: Text
+    kind: Literal["confirm", "number", "choice", "text"]
+    unit: Text = "1"
+    """Of a number; the answer, `low` and `high` are in SI."""
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[Text, ...] = ()
+    answer: float | str | bool | None = None
+    """What the procedure itself would answer."""
+    objection: Text = ""
+    """What spoke against the answer given before."""
+
+
+class LeaseView(Message):
+    """Who may command the rig."""
+
+    holder: Name | None = None
+    until_ns: Nanoseconds = 0
+    """When the lease ends unless it is renewed, in ns since the Unix epoch; 0 if it is free."""
+    asked_by: tuple[Name, ...] = ()
+    """Who asks the holder to hand it over, the first first."""
+
+
+class TripView(Message):
+    """An interlock that has acted."""
+
+    interlock: Text
+    action: Literal["warn", "end_trial", "stop", "abort", "estop"]
+    message: Text
+    since_ns: Nanoseconds
+    latched: bool
+    """Whether it waits for a person to acknowledge it."""
+    acknowledged: bool
+
+
+class Interrupted(Message):
+    """A run that ended before its last trial; `resume_run` goes on with it."""
+
+    run: Text
+    reason: Text
+    trials_done: Count
+    trials_total: Count
+
+
+class LastRun(Message):
+    """How the last run ended."""
+
+    run: Text
+    ending: Text
+    reason: Text
+    exit_code: Count
+    """As `rigd run` would have exited."""
+
+
+class RefusedCounts(Message):
+    """How many messages were refused since the daemon started."""
+
+    malformed: Count = 0
+    oversized: Count = 0
+    replayed: Count = 0
+    forbidden: Count = 0
+
+
+class Notice(Message):
+    """A line for whoever looks after the rig."""
+
+    t_ns: Nanoseconds
+    level: Literal["info", "warning", "error"]
+    text: Text
+
+
+class Status(Message):
+    """Everything about a rig that is not a sample."""
+
+    v: Version
+    rig: Name
+    title: Text
+    t_ns: Nanoseconds
+    """When it was said, in ns since the Unix epoch."""
+    seq: Count
+    """Counts the status messages of this daemon."""
+    daemon: Daemon
+    state: State
+    procedure: Text | None = None
+    run: Text | None = None
+    """File name of the recording under way."""
+    step: Text | None = None
+    trial: Trial | None = None
+    trials_done: Count = 0
+    trials_total: Count = 0
+    run_s: Annotated[float, Field(ge=0)] = 0.0
+    """Since the run began."""
+    left_s: Annotated[float, Field(ge=0)] | None = None
+    """Until it ends, as far as that can be told."""
+    prompt: PromptView | None = None
+    lease: LeaseView = LeaseView()
+    trips: tuple[TripView, ...] = ()
+    interrupted: tuple[Interrupted, ...] = ()
+    last: LastRun | None = None
+    refused: RefusedCounts = RefusedCounts()
+    notices: tuple[Notice, ...] = ()
+    """The newest 20, the newest last."""
+
+
+class Event(Message):
+    """Something that happened; the same as in the recording."""
+
+    v: Version
+    seq: Count
+    """Counts the events of this daemon: a gap is one that was missed, and `events` has it."""
+    t_ns: Nanoseconds
+    kind: Text
+    trial: int = -1
+    """-1 outside of every trial."""
+    data: dict[str, JsonValue] = Field(default_factory=dict)
+    """What belongs to it; a NaN or an infinity as text, as in the recording."""
+
+
+def as_json(message: Message) -> dict[str, Any]:
+    """Return a message as plain data, such as the result of a request."""
+    return message.model_dump(mode="json")

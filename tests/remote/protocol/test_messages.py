@@ -1,0 +1,190 @@
+"""Messages are read as strictly as they are written."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, get_args
+
+import pytest
+from pydantic import ValidationError
+
+from rigd.model.states import RunState
+from rigd.remote.protocol import (
+    VERSION,
+    Code,
+    Event,
+    Refusal,
+    Request,
+    Status,
+    decode,
+    decode_refusal,
+    encode,
+    encode_refusal,
+    encode_reply,
+    encode_request,
+    new_request,
+)
+from rigd.remote.protocol.arguments import Answered, Piece, ProcedureFile, Run, Start
+from rigd.remote.protocol.limits import MAX_DEPTH, MAX_REQUEST_BYTES
+from rigd.remote.protocol.request import Reply
+from rigd.remote.protocol.results import PieceView
+from rigd.remote.protocol.status import Daemon, State, Trial
+
+START = Start(procedure=ProcedureFile(name="one", text="procedure: one", sha256="0" * 64))
+
+
+def request_bytes(**changes: Any) -> bytes:
+    """A request for `start`, with some of its keys replaced."""
+    data = json.loads(encode_request(new_request(START)))
+    return json.dumps(data | changes).encode()
+
+
+def refused(payload: bytes) -> Refusal:
+    with pytest.raises(Refusal) as caught:
+        decode(Request[Start], payload)
+    return caught.value
+
+
+def test_a_request_survives_the_wire() -> None:
+    request = new_request(START)
+    assert decode(Request[Start], encode_request(request)) == request
+
+
+def test_no_two_requests_have_the_same_id() -> None:
+    assert len({new_request(START).id for _ in range(100)}) == 100
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"{",
+        b"null",
+        b"[]",
+        b"\xff\xfe{\x00}\x00",
+        '{"v": 1}'.encode("utf-16"),
+        b'{"v": 1, "v": 1}',
+        request_bytes(extra=1),
+        request_bytes(id="0" * 31),
+        request_bytes(id="A" * 32),
+        request_bytes(id="0" * 32 + "\n"),
+        request_bytes(sent_ns=-1),
+        request_bytes(sent_ns=2**63),
+        request_bytes(sent_ns=1.0),
+        request_bytes(sent_ns="1"),
+        request_bytes(sent_ns=True),
+        request_bytes(args={}),
+        request_bytes(args=[]),
+        request_bytes().replace(b'"seed": null', b'"seed": NaN'),
+        request_bytes().replace(b'"seed": null', b'"seed": 1e999'),
+        request_bytes().replace(b'"seed": null', b'"seed": ' + b"9" * 5000),
+        request_bytes().replace(b'"set": {}', b'"set": {"../x": "1"}'),
+        request_bytes().replace(b'"set": {}', b'"set": {"a": 1}'),
+        request_bytes().replace(b'"set": {}', b'"set": {"a": "\\ud800"}'),
+    ],
+)
+def test_what_is_not_a_request_is_refused(payload: bytes) -> None:
+    assert refused(payload).code is Code.BAD_REQUEST
+
+
+def test_a_version_to_come_is_told_from_nonsense() -> None:
+    assert refused(request_bytes(v=2, new="key")).code is Code.VERSION
+
+
+def test_a_missing_version_is_not_taken_for_this_one() -> None:
+    data = json.loads(request_bytes())
+    del data["v"]
+    assert refused(json.dumps(data).encode()).code is Code.BAD_REQUEST
+
+
+def test_a_request_too_large_is_refused_on_both_sides() -> None:
+    large = START.model_copy(
+        update={"procedure": START.procedure.model_copy(update={"text": "x" * MAX_REQUEST_BYTES})}
+    )
+    with pytest.raises(Refusal, match="at most 65536"):
+        encode_request(new_request(large))
+    assert refused(b" " * (MAX_REQUEST_BYTES + 1)).code is Code.TOO_LARGE
+
+
+@pytest.mark.parametrize("depth", [MAX_DEPTH + 1, 1000, 30_000])
+@pytest.mark.parametrize(("left", "right"), [("[", "]"), ('{"a":', "}")])
+def test_deep_nesting_is_refused(depth: int, left: str, right: str) -> None:
+    depth = min(depth, MAX_REQUEST_BYTES // (len(left) + len(right)) - 10)
+    payload = f"{left * depth}1{right * depth}".encode()
+    assert "deep" in refused(payload).message
+    unclosed = f"{left * depth}".encode()
+    assert refused(unclosed).code is Code.BAD_REQUEST
+
+
+def test_nesting_up_to_the_limit_passes() -> None:
+    value: Any = 1
+    for _ in range(MAX_DEPTH - 2):
+        value = [value]
+    assert decode(Reply, encode_reply("0" * 32, {"a": value})).result == {"a": value}
+
+
+def test_what_is_told_of_a_bad_message_is_short() -> None:
+    assert len(refused(request_bytes(**{"k" * 5000: 1})).message) <= 300
+
+
+@pytest.mark.parametrize(
+    "name", ["../../etc/passwd", "a/b.mcap", ".hidden", "", "a b", "x" * 201, "a\n"]
+)
+def test_a_recording_is_named_never_a_path(name: str) -> None:
+    with pytest.raises(ValidationError):
+        Run(run=name)
+    with pytest.raises(ValidationError):
+        Piece(run=name)
+
+
+def test_an_answer_keeps_its_type() -> None:
+    for value in (True, False, 1.5, "soft"):
+        payload = encode_request(new_request(Answered(prompt_id=1, value=value)))
+        got = decode(Request[Answered], payload).args.value
+        assert (got, type(got)) == (value, type(value))
+
+
+def test_a_piece_travels_as_base64() -> None:
+    piece = PieceView(size=3, sha256="0" * 64, offset=0, data=b"AP8K")
+    assert piece.data == b"\x00\xff\n"
+    assert b'"data":"AP8K"' in encode(piece)
+
+
+def test_a_refusal_survives_the_wire() -> None:
+    refusal = Refusal(Code.NO_LEASE, "bob holds the lease", hint="ask bob")
+    got = decode_refusal(encode_refusal("0" * 32, refusal))
+    assert (got.code, got.message, got.hint) == (refusal.code, refusal.message, refusal.hint)
+
+
+def test_a_refusal_has_no_id_where_none_could_be_read() -> None:
+    assert json.loads(encode_refusal("", Refusal(Code.BAD_REQUEST, "no")))["id"] == ""
+
+
+def test_what_zenoh_itself_says_is_a_refusal_too() -> None:
+    assert decode_refusal(b"Timeout").code is Code.INTERNAL
+
+
+def test_a_status_says_every_state_of_a_run() -> None:
+    assert set(get_args(State)) == {state.name.lower() for state in RunState}
+
+
+def test_a_status_survives_the_wire() -> None:
+    status = Status(
+        v=VERSION,
+        rig="lugre-1",
+        title="A rig",
+        t_ns=1,
+        seq=2,
+        daemon=Daemon(version="0.1.0", pid=7, started_ns=0),
+        state="running",
+        trial=Trial(number=1, repeat=1, parameters={"floor": "pvc", "current": 0.15, "up": True}),
+    )
+    got = decode(Status, encode(status))
+    assert got == status
+    assert got.trial is not None
+    assert got.trial.parameters["up"] is True
+
+
+def test_an_event_refuses_what_json_cannot_say() -> None:
+    with pytest.raises(ValidationError):
+        Event(v=VERSION, seq=1, t_ns=1, kind="trip", data={"value": float("nan")})
