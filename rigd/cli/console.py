@@ -14,11 +14,11 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from rigd.daemon.execute import Recorded
 from rigd.daemon.provenance import format_parameter
+from rigd.engine.answers import read_answer
 from rigd.engine.result import Progress as RunProgress
 from rigd.evaluate.models import needs_of
 from rigd.model.errors import Exit, ProcedureError
 from rigd.model.states import RunState
-from rigd.model.units import parse_quantity, parse_unit
 from rigd.procedure.program import Answer, AnswerKind, CompiledProcedure, Prompt, TrialPlan
 
 
@@ -197,27 +197,3 @@ def _invitation(prompt: Prompt) -> str:
             return f"value with unit, such as '1 {prompt.unit}'"
         case AnswerKind.TEXT:
             return "text"
-
-
-def read_answer(prompt: Prompt, text: str) -> Answer:
-    """Return what the operator typed, as the prompt's type, numbers in SI.
-
-    Raises:
-        ValueError: cannot be read as an answer to this prompt.
-    """
-    match prompt.kind:
-        case AnswerKind.CONFIRM:
-            if text.lower() not in ("y", "yes", "n", "no"):
-                raise ValueError("please answer yes or no")
-            return text.lower().startswith("y")
-        case AnswerKind.NUMBER:
-            quantity = parse_quantity(text)
-            if not quantity.unit.same_kind(parse_unit(prompt.unit)):
-                raise ValueError(f"{text!r} is not in {prompt.unit}")
-            return quantity.value
-        case AnswerKind.CHOICE:
-            if text not in prompt.choices:
-                raise ValueError(f"{text!r} is not one of {', '.join(prompt.choices)}")
-            return text
-        case AnswerKind.TEXT:
-            return text

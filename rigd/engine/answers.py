@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from rigd.model.errors import ProcedureError
-from rigd.model.units import format_quantity
+from rigd.model.units import format_quantity, parse_quantity, parse_unit
 from rigd.procedure.program import Answer, AnswerKind, Prompt
 
 
@@ -48,6 +48,30 @@ class OwnAnswers:
         if prompt.kind is AnswerKind.CONFIRM:
             return True
         raise ProcedureError(f"prompt {prompt.name!r} has no answer of its own")
+
+
+def read_answer(prompt: Prompt, text: str) -> Answer:
+    """Return what a person typed, as the prompt's type, numbers in SI.
+
+    Raises:
+        ValueError: cannot be read as an answer to this prompt.
+    """
+    match prompt.kind:
+        case AnswerKind.CONFIRM:
+            if text.lower() not in ("y", "yes", "n", "no"):
+                raise ValueError("please answer yes or no")
+            return text.lower().startswith("y")
+        case AnswerKind.NUMBER:
+            quantity = parse_quantity(text)
+            if not quantity.unit.same_kind(parse_unit(prompt.unit)):
+                raise ValueError(f"{text!r} is not in {prompt.unit}")
+            return quantity.value
+        case AnswerKind.CHOICE:
+            if text not in prompt.choices:
+                raise ValueError(f"{text!r} is not one of {', '.join(prompt.choices)}")
+            return text
+        case AnswerKind.TEXT:
+            return text
 
 
 def check_answer(prompt: Prompt, answer: Answer) -> Answer:

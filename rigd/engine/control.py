@@ -21,7 +21,13 @@ class Control:
         self.verb: Verb | None = None
         self.reason = ""
         self.pause_wanted = False
+        self.last_trial = ""  #: why no trial follows the one under way, or ""
         self.notices: deque[str] = deque()  #: lines for the operator, shown by the run
+
+    @property
+    def pauses(self) -> bool:
+        """Whether the run is to wait between two trials."""
+        return self.pause_wanted and not self.last_trial
 
     def request(self, verb: Verb, reason: str) -> None:
         """Ask for ``verb``; a weaker request never replaces a stronger one."""
@@ -39,3 +45,12 @@ class Control:
         """Ask to pause after this trial, or to resume; return whether a pause is now wanted."""
         self.pause_wanted = not self.pause_wanted
         return self.pause_wanted
+
+    def end_after_trial(self, reason: str) -> None:
+        """Ask for a controlled stop once the trial under way has ended, paused or not."""
+        self.last_trial = reason
+
+    def resume(self) -> None:
+        """Take back a pause, and the wish to end after this trial."""
+        self.pause_wanted = False
+        self.last_trial = ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rigd.engine.interlocks import Trip
 from rigd.model.errors import Exit
 from rigd.model.states import RunState
 from rigd.procedure.program import TrialPlan
@@ -19,6 +20,7 @@ class Progress:
     trials_total: int
     trial: TrialPlan | None
     run_s: float  #: time of the run so far, in s
+    trips: tuple[Trip, ...] = ()  #: everything that tripped so far
 
 
 @dataclass(frozen=True)

@@ -86,6 +86,7 @@ class Run:
             len(self.procedure.trials),
             self._trial,
             self.host.run_s,
+            tuple(self.host.trips),
         )
 
     def execute(self) -> RunResult:
@@ -207,7 +208,7 @@ class Run:
         for trial in self.procedure.trials:
             if trial.number in self.done:
                 continue
-            self._pause_point()
+            self._between_trials()
             barred = self.host.ends_everything()
             if barred:
                 raise self._way_out(Outcome(Ending.FAULTED, barred))
@@ -223,22 +224,23 @@ class Run:
         else:
             self.watch(self.progress)
 
-    def _pause_point(self) -> None:
-        """Between two trials: wait here while a pause is wanted."""
-        if not self.control.pause_wanted:
-            return
-        if self.state is RunState.RUNNING:
-            self._to(RunEvent.PAUSE)
-        self._to(RunEvent.TRIAL_ENDED)
-        outcome = self.host.rest_while(self._still_paused)
-        if outcome is not None:
-            raise self._way_out(outcome)
-        self._to(RunEvent.RESUME)
+    def _between_trials(self) -> None:
+        """Wait here while a pause is wanted; end here where no trial is to follow."""
+        if self.control.pauses:
+            if self.state is RunState.RUNNING:
+                self._to(RunEvent.PAUSE)
+            self._to(RunEvent.TRIAL_ENDED)
+            outcome = self.host.rest_while(self._still_paused)
+            if outcome is not None:
+                raise self._way_out(outcome)
+            self._to(RunEvent.RESUME)
+        if self.control.last_trial:
+            raise self._way_out(Outcome(Ending.STOPPED, self.control.last_trial))
 
     def _still_paused(self) -> bool:
         if self.host.virtual:
             idle(0.05)
-        return self.control.pause_wanted
+        return self.control.pauses
 
     def _play_trial(self, trial: TrialPlan) -> None:
         self._trial = trial

@@ -281,6 +281,53 @@ def test_a_pause_waits_for_the_end_of_the_trial_and_keeps_the_rig_at_rest() -> N
     assert speeds_while_paused == [0.0]
 
 
+def test_a_run_may_be_asked_to_end_after_the_trial_under_way() -> None:
+    bench = Bench()
+    run = bench.run(procedure([move("one", 0.5, 1.0)], [move("two", 0.5)], after=[move("b", -0.5)]))
+
+    def vanish(progress: Progress) -> None:
+        if progress.trial is not None:
+            bench.control.end_after_trial("nobody is there")
+
+    run.watch = vanish
+    result = run.execute()
+    assert bench.sink.steps() == ["one", "b", "home"]
+    assert (result.ending, result.reason, result.trials_done) == ("stopped", "nobody is there", 1)
+
+
+def test_a_paused_run_that_is_to_end_after_its_trial_ends() -> None:
+    bench = Bench()
+    run = bench.run(procedure([move("one", 0.5, 1.0)], [move("two", 0.5)]))
+
+    def vanish(progress: Progress) -> None:
+        if progress.trial is not None:
+            bench.control.pause_wanted = True
+        if progress.state is RunState.PAUSED:
+            bench.control.end_after_trial("nobody is there")
+
+    run.watch = vanish
+    result = run.execute()
+    assert bench.sink.steps() == ["one", "home"]
+    assert result.ending == "stopped"
+
+
+def test_a_wish_to_end_after_the_trial_can_be_taken_back() -> None:
+    bench = Bench()
+    run = bench.run(procedure([move("one", 0.5, 1.0)], [move("two", 0.5)]))
+
+    def change_of_mind(progress: Progress) -> None:
+        if progress.trial is None or progress.trials_done:
+            return
+        if progress.run_s < 0.5:
+            bench.control.end_after_trial("nobody is there")
+        else:
+            bench.control.resume()
+
+    run.watch = change_of_mind
+    assert run.execute().ending != "stopped"
+    assert bench.sink.steps() == ["one", "two", "home"]
+
+
 def spike(bench: Bench, from_s: float, to_s: float) -> None:
     """The load reads 9 N from one time of the run to another, 1 N otherwise."""
     start_ns = 1_000_000_000_000

@@ -6,7 +6,7 @@ put there is never lost because it, or any other, was killed.
 
 from rigd.engine.shared.board import Board, CycleState, Phase, RecorderState, Word
 from rigd.engine.shared.eventring import EventRing, EventView
-from rigd.engine.shared.folder import EVENT_SOURCES, RunFolder, leftovers, state_folder
+from rigd.engine.shared.folder import EVENT_SOURCES, InUse, RunFolder, leftovers, state_folder
 from rigd.engine.shared.job import Job
 from rigd.engine.shared.rowring import RowRing, View
 
@@ -16,6 +16,7 @@ __all__ = [
     "CycleState",
     "EventRing",
     "EventView",
+    "InUse",
     "Job",
     "Phase",
     "RecorderState",

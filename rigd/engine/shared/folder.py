@@ -12,6 +12,7 @@ import json
 import os
 import stat
 import tempfile
+import time
 from collections.abc import Iterator, Mapping
 from hashlib import blake2b
 from pathlib import Path
@@ -34,6 +35,16 @@ EVENT_BYTES: Final = 1 << 20
 _LOCK, _JOB, _BOARD = "lock", "job.json", "board"
 #: Most bytes of a rig's name that its folder keeps; a file name has at most 255.
 _NAME_BYTES: Final = 150
+#: A rig that is about to be free is looked at this often.
+_LOOK_S: Final = 0.05
+
+
+class InUse(Blocked):
+    """The rig is held by another process; ``lives`` is whether the one that took it does."""
+
+    def __init__(self, reason: str, *, lives: bool = True) -> None:
+        super().__init__([reason])
+        self.lives = lives
 
 
 class RunFolder:
@@ -48,14 +59,25 @@ class RunFolder:
         self.lock_fd = lock_fd
 
     @classmethod
-    def take(cls, rig: str, *, command: str, recording: Path | None = None) -> Self:
+    def take(
+        cls, rig: str, *, command: str, recording: Path | None = None, patience_s: float = 0.0
+    ) -> Self:
         """Lock the rig for this process; ``command`` and ``recording`` are told to who comes next.
+
+        Processes of a run whose own process has died are waited for, at most ``patience_s``.
 
         Raises:
             Blocked: the rig is in use, or the state folder is not ours alone.
             RecordingError: the folder cannot be made.
         """
-        return cls.take_at(state_folder() / folder_name(rig), rig, command, recording)
+        until = time.monotonic() + patience_s
+        while True:
+            try:
+                return cls.take_at(state_folder() / folder_name(rig), rig, command, recording)
+            except InUse as error:
+                if error.lives or time.monotonic() > until:
+                    raise
+            time.sleep(_LOOK_S)
 
     @classmethod
     def take_at(cls, path: Path, rig: str, command: str, recording: Path | None = None) -> Self:
@@ -68,22 +90,28 @@ class RunFolder:
         try:
             fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            holder = _holder(fd)
+            in_use = _in_use(rig, fd)
             os.close(fd)
-            raise Blocked([f"rig {rig} is in use by {holder}"]) from error
-        mark = {
-            "pid": os.getpid(),
-            "command": command,
-            "recording": None if recording is None else str(recording.absolute()),
-        }
-        os.ftruncate(fd, 0)
-        os.pwrite(fd, json.dumps(mark).encode(), 0)
-        return cls(path, fd)
+            raise in_use from error
+        folder = cls(path, fd)
+        folder.mark(command, recording)
+        return folder
 
     @classmethod
     def at(cls, path: Path) -> Self:
         """Open the folder of a run for a process that its owner started."""
         return cls(path)
+
+    def mark(self, command: str, recording: Path | None = None, *, hint: str = "") -> None:
+        """Leave word for who wants the rig while we hold it; ``hint`` says what they can do."""
+        mark = {
+            "pid": os.getpid(),
+            "command": command,
+            "recording": None if recording is None else str(recording.absolute()),
+            "hint": hint,
+        }
+        os.ftruncate(self.lock_fd, 0)
+        os.pwrite(self.lock_fd, json.dumps(mark).encode(), 0)
 
     @property
     def has_job(self) -> bool:
@@ -237,18 +265,21 @@ def _state_path() -> Path:
     return Path(tempfile.gettempdir()) / f"rigd-{os.geteuid()}"
 
 
-def _holder(fd: int) -> str:
+def _in_use(rig: str, fd: int) -> InUse:
     """Return who holds the lock, in the words that it left there."""
     try:
         mark = json.loads(os.pread(fd, 4096, 0))
         pid, command, recording = int(mark["pid"]), mark["command"], mark["recording"]
+        hint = mark.get("hint", "")
     except (KeyError, TypeError, ValueError):
-        return "another process, which has only just begun"
+        return InUse(f"rig {rig} is in use by another process, which has only just begun")
     what = f"{command}, recording {recording}" if recording else command
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
-        return f"what process {pid} ({what}) started: it died, and they are still ending"
+        left = f"what process {pid} ({what}) started: it died, and they are still ending"
+        return InUse(f"rig {rig} is in use by {left}", lives=False)
     except PermissionError:
         pass  # it lives, as another user
-    return f"process {pid} ({what})"
+    told = f"rig {rig} is in use by process {pid} ({what})"
+    return InUse(f"{told}\n  {hint}" if hint else told)

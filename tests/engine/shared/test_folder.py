@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 
-from rigd.engine.shared import Job, Phase, RunFolder, Word, leftovers, state_folder
+from rigd.engine.shared import InUse, Job, Phase, RunFolder, Word, leftovers, state_folder
 from rigd.model import Channel, RecordingError, Stream
 from rigd.model.errors import Blocked
 from rigd.record import Attachment
@@ -86,6 +87,33 @@ def test_a_rig_in_use_is_refused_with_the_name_of_who_uses_it() -> None:
         RunFolder.take("another", command="test").release()
         other.kill()
     RunFolder.take("bench", command="test").release()
+
+
+def test_who_holds_a_rig_may_say_what_to_do_instead() -> None:
+    held = RunFolder.take("bench", command="rigd serve")
+    held.mark("rigd serve", hint="ask it: rigd remote start")
+    with pytest.raises(InUse, match=r"\(rigd serve\)\n  ask it: rigd remote start") as caught:
+        RunFolder.take("bench", command="test")
+    assert caught.value.lives
+    held.mark("rigd serve", Path("/data/run.mcap"))
+    with pytest.raises(InUse, match=r"\(rigd serve, recording /data/run.mcap\)$"):
+        RunFolder.take("bench", command="test")
+    held.release()
+
+
+def test_what_a_dead_process_has_started_is_waited_for() -> None:
+    command = [sys.executable, "-c", HOLD, "pass on"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
+        assert other.wait() == 0
+        with pytest.raises(InUse) as caught:
+            RunFolder.take("bench", command="test", patience_s=0.2)
+        assert not caught.value.lives
+        assert other.stdin is not None
+        ends = threading.Timer(0.2, other.stdin.close)
+        ends.start()
+        RunFolder.take("bench", command="test", patience_s=30.0).release()
+        ends.join()
 
 
 def test_a_rig_is_in_use_until_the_last_process_of_the_run_is_gone() -> None:
