@@ -20,6 +20,7 @@ from rigd.procedure.program import (
     CompiledProcedure,
     CycleProgram,
     IdentifyPlan,
+    OnClientLoss,
     Recorded,
     TrialPlan,
 )
@@ -78,6 +79,7 @@ def compile_procedure(
         finish=finish,
         record=record,
         identify=identify,
+        on_client_loss=OnClientLoss(source.on_client_loss),
     )
 
 

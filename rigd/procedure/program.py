@@ -106,6 +106,14 @@ class CycleProgram:
 Answer = float | str | bool
 
 
+class OnClientLoss(Enum):
+    """What becomes of a run that was started remotely once whoever steers it has vanished."""
+
+    CONTINUE = "continue"  #: it goes on; a prompt waits for somebody else
+    FINISH_TRIAL = "finish_trial"  #: it stops once the trial under way has ended
+    STOP = "stop"  #: it stops at once, controlled: to rest, then `finish`
+
+
 class AnswerKind(Enum):
     """What a prompt accepts."""
 
@@ -235,6 +243,7 @@ class CompiledProcedure:
     finish: tuple[Step, ...]
     record: Mapping[str, Recorded]
     identify: IdentifyPlan | None = None
+    on_client_loss: OnClientLoss = OnClientLoss.STOP
 
     def steps(self) -> Iterator[Step]:
         """Yield every step of every block, in no particular order."""

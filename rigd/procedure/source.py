@@ -341,3 +341,6 @@ class ProcedureSource(Source):
     it is recorded; streams not named are left out."""
     identify: IdentifySource | None = None
     """What the recording is for."""
+    on_client_loss: Literal["continue", "finish_trial", "stop"] = "stop"
+    """What the run does when the client that steers it remotely vanishes: go on, stop after the
+    trial under way, or stop at once (controlled, `finish` plays)."""

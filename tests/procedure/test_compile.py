@@ -18,6 +18,7 @@ from rigd.procedure.program import (
     CompiledProcedure,
     Condition,
     CycleProgram,
+    OnClientLoss,
     OnTimeout,
     Prompt,
     Recorded,
@@ -81,6 +82,15 @@ def test_a_stream_may_be_recorded_during_some_steps_only(compile_text: Compile, 
         "truth": Recorded(4, frozenset({"drive", "back"})),
         "carriage": Recorded(1, frozenset({"hold"})),
     }
+
+
+@pytest.mark.parametrize("choice", list(OnClientLoss))
+def test_what_a_client_that_vanishes_means_is_the_choice_of_the_procedure(
+    compile_text: Compile, small: str, choice: OnClientLoss
+) -> None:
+    assert compile_text(small).on_client_loss is OnClientLoss.STOP
+    chosen = compile_text(f"{small}\non_client_loss: {choice.value}\n")
+    assert chosen.on_client_loss is choice
 
 
 def test_overrides(compile_text: Compile, small: str) -> None:
