@@ -23,6 +23,7 @@ from rigd.engine.clock import Clock, VirtualClock, WallClock
 from rigd.engine.control import Control
 from rigd.engine.result import Progress, RunResult
 from rigd.engine.run import Run
+from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, RecordingError
 from rigd.procedure.program import CompiledProcedure
 from rigd.record import Attachment
@@ -79,17 +80,41 @@ def execute(
     control: Control | None = None,
     announce: Callable[[Path], None] = lambda _: None,
 ) -> Recorded:
+    """Run the procedure for a person at a terminal; see :func:`perform`.
+
+    Signals are heeded while it runs (:func:`rigd.daemon.signals.heed_signals`). ``tell`` gets
+    lines for the operator; like ``watch`` it may wait for the terminal.
+    """
+    control = control or Control()
+    display = _Display(watch, tell, control)
+    try:
+        with heed_signals(control):
+            return perform(
+                request, control, answers=answers, watch=display.watch, announce=announce
+            )
+    finally:
+        display.close()
+
+
+def perform(
+    request: RunRequest,
+    control: Control,
+    *,
+    answers: Answers | None = None,
+    watch: Callable[[Progress], None] = lambda _: None,
+    announce: Callable[[Path], None] = lambda _: None,
+    held: RunFolder | None = None,
+) -> Recorded:
     """Run the procedure and return how it ended, with the path of its recording.
 
-    Signals are heeded while it runs (:func:`rigd.daemon.signals.heed_signals`). ``announce`` gets
-    the path as soon as the file is there.
+    ``watch`` is called several times a second and must not wait. ``announce`` gets the path as
+    soon as the file is there. ``held`` is the rig's folder where the caller has taken it.
 
     Raises:
         Blocked: preflight refused; nothing moved.
         RecordingError: the recording cannot be written; the rig is safe.
         ConfigError: the recording to resume was made with another procedure or rig file.
     """
-    control = control or Control()
     rests_on = needed(request.procedure)
     resume = request.resume
     done = frozenset[int]() if resume is None else resume.done
@@ -99,10 +124,9 @@ def execute(
         path = resume.path
     else:
         path = request.output or _new_path(request)
-    with heed_signals(control):
-        form = _form(request, control, path, len(done))
+    form = _form(request, control, path, len(done), held)
+    try:
         announce(path)
-        display = _Display(watch, tell, control)
         run = Run(
             request.procedure,
             form.host,
@@ -111,25 +135,25 @@ def execute(
             change=form.change,
             faults=form.faults,
             done=done,
-            watch=display.watch,
+            watch=watch,
             extra_checks=(
                 lambda: _disk_check(path.parent),
                 lambda: unusable(request.rig, rests_on, _day(request)),
             ),
             identity_check=lambda said: list(exchanged(request.rig, rests_on, said)),
         )
-        try:
-            return Recorded(path, run.execute())
-        except Blocked:
-            if resume is None:
-                path.unlink(missing_ok=True)  # nothing moved: the file holds a few rows at rest
-            raise
-        finally:
-            form.release()
-            display.close()
+        return Recorded(path, run.execute())
+    except Blocked:
+        if resume is None:
+            path.unlink(missing_ok=True)  # nothing moved: the file holds a few rows at rest
+        raise
+    finally:
+        form.release()
 
 
-def _form(request: RunRequest, control: Control, path: Path, done: int) -> Form:
+def _form(
+    request: RunRequest, control: Control, path: Path, done: int, held: RunFolder | None
+) -> Form:
     """Return the host that the request asks for, recording to ``path``."""
     rig = request.rig
     apart = rig.plant is None or request.pace == 1
@@ -150,7 +174,15 @@ def _form(request: RunRequest, control: Control, path: Path, done: int) -> Form:
     )
     if apart:
         command = f"rigd run {request.procedure.name}"
-        return processes(rig, control, request.seed, start_ns=start_ns, kept=kept, command=command)
+        return processes(
+            rig,
+            control,
+            request.seed,
+            start_ns=start_ns,
+            kept=kept,
+            command=command,
+            held=held,
+        )
     clock: Clock = VirtualClock(rig.period_ns, start_ns)
     if request.pace is not None:
         clock = WallClock(rig.period_ns, request.pace, start_ns)

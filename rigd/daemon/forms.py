@@ -96,16 +96,21 @@ def processes(
     start_ns: int,
     kept: Kept,
     command: str,
+    held: RunFolder | None = None,
 ) -> Form:
     """Return a host whose cycle and recorder are processes of their own, and have begun.
 
     Samples that an earlier run on this rig left in its rings are put into their recording first.
+    ``held`` is the rig's folder where the caller has taken it, and keeps it.
 
     Raises:
         Blocked: the rig is in use.
         RecordingError: the recording cannot be written.
     """
-    folder = RunFolder.take(rig.name, command=command, recording=kept.path)
+    folder = held or RunFolder.take(rig.name, command=command, recording=kept.path)
+    release = ExitStack()
+    if held is None:
+        release.callback(folder.release)
     try:
         if folder.has_job:
             completed = drain_leftovers(folder)
@@ -148,10 +153,8 @@ def processes(
             folder.clear()  # nothing was sampled
             raise
     except BaseException:
-        folder.release()
+        release.close()
         raise
-    release = ExitStack()
-    release.callback(folder.release)
     if rig.simulation is None:
         return Form(host, host.change if rig.plant is not None else None, None, release.close)
     simulation = rig.simulation.simulation_class(rig.simulation.config)
