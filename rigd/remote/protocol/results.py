@@ -170,11 +170,17 @@ class Check(Message):
 
 
 class StepView(Message):
-    """A step of a dry run."""
+    """A step of a dry run, over all trials."""
 
+    block: Literal["prepare", "trial", "after", "finish"]
     name: Text
-    start_s: float
-    duration_s: float
+    setpoints: tuple[Text, ...] = ()
+    """A line each; what the sweep varies stands as a range."""
+    ends: tuple[Text, ...] = ()
+    """What ends it, a line each."""
+    played: Count
+    shortest_s: float
+    longest_s: float
 
 
 class PeakView(Message):
