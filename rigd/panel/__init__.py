@@ -1,0 +1,1 @@
+"""The operator's panel: a web page, served by a process that is a client like every other."""

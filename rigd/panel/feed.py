@@ -1,0 +1,82 @@
+"""The page's WebSocket: what the rig tells, as fast as the browser draws it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from rigd.panel.hub import Hub
+from rigd.panel.outbox import Outbox
+from rigd.panel.routes import Doors
+
+#: Close codes of our own (4000 to 4999 are free for applications, RFC 6455, section 7.4.2).
+NO_SESSION: Final = 4401
+TOO_MANY: Final = 4429
+#: Pages of one session, and of all.
+MOST_OF_ONE: Final = 8
+MOST_PAGES: Final = 64
+#: What the browser says when it has drawn a batch of frames.
+DRAWN: Final = "drawn"
+
+
+@dataclass
+class Feed:
+    """Serves every open page; ``changed`` is called when one has come or gone."""
+
+    hub: Hub
+    doors: Doors
+    changed: Callable[[], None]
+    pages: int = 0
+
+    async def serve(self, socket: WebSocket) -> None:
+        """Serve one page until it leaves."""
+        session = self.doors.find(socket.cookies)
+        await socket.accept()
+        if session is None:
+            await socket.close(NO_SESSION, "this page is not logged in")
+            return
+        if session.pages >= MOST_OF_ONE or self.pages >= MOST_PAGES:
+            await socket.close(TOO_MANY, "too many pages are open")
+            return
+        self.pages += 1
+        self.doors.sessions.open_page(session)
+        self.changed()
+        try:
+            with self.hub.join() as outbox:
+                sending = asyncio.create_task(_send(socket, outbox))
+                try:
+                    await _listen(socket, outbox)
+                finally:
+                    sending.cancel()
+                    await asyncio.gather(sending, return_exceptions=True)
+        finally:
+            self.pages -= 1
+            self.doors.sessions.close_page(session)
+            self.changed()
+
+
+async def _send(socket: WebSocket, outbox: Outbox) -> None:
+    """Send until the page is gone, which ends :func:`_listen` too."""
+    try:
+        while True:
+            for message in await outbox.take():
+                if isinstance(message, bytes):
+                    await socket.send_bytes(message)
+                else:
+                    await socket.send_text(message)
+    except WebSocketDisconnect:
+        return
+
+
+async def _listen(socket: WebSocket, outbox: Outbox) -> None:
+    """Hear what the page has drawn, until it leaves; anything else ends the connection."""
+    try:
+        while await socket.receive_text() == DRAWN:
+            outbox.drawn()
+    except (WebSocketDisconnect, KeyError):  # KeyError: a binary message
+        return
+    await socket.close(1008, "not understood")

@@ -1,0 +1,181 @@
+"""One connection to the rig, shared by all browsers."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import monotonic
+from typing import Final
+
+from rigd.model.errors import RigdError
+from rigd.panel.outbox import Outbox
+from rigd.panel.rig import Object, Rig
+from rigd.remote.protocol.frame import decode_frame
+from rigd.remote.protocol.refusal import Refusal
+
+log = logging.getLogger(__name__)
+
+#: A rig that says nothing for so long is shown as lost; it speaks every 0.5 s.
+SILENCE_S: Final = 2.0
+#: How often each browser hears from the panel, whatever the rig does.
+BEAT_S: Final = 0.5
+#: How often the newest values are asked for while no frames come, in s.
+LATEST_EVERY_S: Final = 1.0
+#: How often the description is asked for while there is none, in s.
+RETRY_S: Final = 1.0
+#: Events kept for a browser that joins late.
+KEPT_EVENTS: Final = 300
+
+
+class Hub:
+    """Follows the rig, and hands what it says to every browser that has joined.
+
+    ``decorate`` completes a status with what the panel itself knows (who of its users has
+    control).
+    """
+
+    def __init__(self, rig: Rig, decorate: Callable[[Object], Object]) -> None:
+        self._rig = rig
+        self._decorate = decorate
+        self._outboxes: set[Outbox] = set()
+        self._status: Object | None = None
+        self._description: Object | None = None
+        self._latest: Object | None = None
+        self._events: deque[Object] = deque(maxlen=KEPT_EVENTS)
+        self._last_seq = -1
+        self._heard_s = -SILENCE_S
+        self._frame_s = -LATEST_EVERY_S
+        self.malformed = 0  #: frames that were none
+
+    @property
+    def alive(self) -> bool:
+        """Whether the rig has spoken lately."""
+        return monotonic() - self._heard_s < SILENCE_S
+
+    @property
+    def status(self) -> Object | None:
+        """The newest status, however old."""
+        return self._status
+
+    @contextmanager
+    def join(self) -> Iterator[Outbox]:
+        """Give a browser an outbox, filled with what it missed."""
+        outbox = Outbox()
+        self._beat_to(outbox)
+        if self._description is not None:
+            outbox.tell("describe", self._description)
+        if self._status is not None:
+            outbox.tell("status", self._decorate(self._status))
+        if self._latest is not None:
+            outbox.tell("latest", self._latest)
+        for event in self._events:
+            outbox.event(event)
+        self._outboxes.add(outbox)
+        try:
+            yield outbox
+        finally:
+            self._outboxes.discard(outbox)
+
+    def refresh(self) -> None:
+        """Tell every browser the status again: what the panel itself knows has changed."""
+        if self._status is not None:
+            self._tell("status", self._decorate(self._status))
+
+    async def run(self) -> None:
+        """Follow the rig until cancelled."""
+        async with asyncio.TaskGroup() as group:
+            for task in (
+                self._follow_status, self._follow_events, self._follow_frames,
+                self._beat, self._keep_description, self._keep_latest,
+            ):  # fmt: skip
+                group.create_task(task(), name=task.__name__)
+
+    async def _follow_status(self) -> None:
+        async for status in self._rig.statuses():
+            was_alive = self.alive
+            self._heard_s = monotonic()
+            daemon_before = None if self._status is None else self._status.get("daemon")
+            if daemon_before is not None and daemon_before != status.get("daemon"):
+                self._description = None  # another daemon: its rig file may be another
+            self._status = status
+            if not was_alive:
+                self._beat_all()
+            self._tell("status", self._decorate(status))
+
+    async def _follow_events(self) -> None:
+        async for event in self._rig.events():
+            self._take_event(event)
+
+    async def _follow_frames(self) -> None:
+        async for data in self._rig.frames():
+            self._frame_s = monotonic()
+            if not self._outboxes:
+                continue
+            try:
+                frame = decode_frame(data)
+            except Refusal as error:
+                self.malformed += 1
+                log.warning("a live frame was left out: %s", error)
+                continue
+            for outbox in self._outboxes:
+                outbox.frame(frame)
+
+    async def _beat(self) -> None:
+        while True:
+            self._beat_all()
+            await asyncio.sleep(BEAT_S)
+
+    async def _keep_description(self) -> None:
+        while True:
+            if self._description is None and self.alive:
+                try:
+                    self._description = await self._rig.ask("describe", {})
+                    self._tell("describe", self._description)
+                    await self._catch_up()
+                except RigdError as error:
+                    log.warning("the rig does not describe itself: %s", error)
+            await asyncio.sleep(RETRY_S)
+
+    async def _catch_up(self) -> None:
+        """Take the events that were there before the panel was."""
+        answer = await self._rig.ask("events", {"seq": self._last_seq + 1})
+        for event in answer["events"][-KEPT_EVENTS:]:
+            self._take_event(event)
+
+    async def _keep_latest(self) -> None:
+        """Ask for the newest values while nothing plays and somebody looks."""
+        while True:
+            await asyncio.sleep(LATEST_EVERY_S)
+            if not self._outboxes or not self.alive:
+                continue
+            if monotonic() - self._frame_s < LATEST_EVERY_S:
+                continue
+            try:
+                self._latest = await self._rig.ask("latest", {})
+            except RigdError as error:
+                log.debug("no latest values: %s", error)
+                continue
+            self._tell("latest", self._latest)
+
+    def _take_event(self, event: Object) -> None:
+        if event["seq"] <= self._last_seq:
+            return
+        self._last_seq = event["seq"]
+        self._events.append(event)
+        for outbox in self._outboxes:
+            outbox.event(event)
+
+    def _tell(self, kind: str, told: Object) -> None:
+        for outbox in self._outboxes:
+            outbox.tell(kind, told)
+
+    def _beat_all(self) -> None:
+        for outbox in self._outboxes:
+            self._beat_to(outbox)
+
+    def _beat_to(self, outbox: Outbox) -> None:
+        silent_s = None if self._status is None else monotonic() - self._heard_s
+        outbox.tell("panel", {"alive": self.alive, "silent_s": silent_s})

@@ -1,0 +1,121 @@
+"""Who sits before the panel: one-time codes, and the sessions they open.
+
+A code travels in the fragment of a link, which browsers do not send, and opens one session; the
+session's key lives in an HttpOnly cookie. Both have 256 bits and are kept as hashes only, so that
+looking one up says nothing about it by the time it takes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from time import monotonic
+from typing import Final, Literal
+
+from rigd.panel.rates import Bucket
+
+Role = Literal["operator", "observer"]
+
+#: How long a code that was given to somebody opens a session.
+CODE_S: Final = 15 * 60.0
+#: How long a session lasts that no page uses: a working day, and the night after it.
+IDLE_S: Final = 24 * 3600.0
+#: Sessions at once; a laboratory has fewer screens.
+MOST_SESSIONS: Final = 64
+#: Codes that wait at once.
+MOST_CODES: Final = 16
+
+
+@dataclass(eq=False)
+class Session:
+    """One browser that was let in."""
+
+    name: str  #: what its user is called
+    role: Role
+    number: int
+    used_s: float
+    pages: int = 0  #: pages that are open now
+    left_s: float = 0.0  #: when the last page was closed
+    requests: Bucket = field(default_factory=lambda: Bucket(per_s=20.0, burst=60.0))
+    stops: Bucket = field(default_factory=lambda: Bucket(per_s=5.0, burst=20.0))
+
+
+@dataclass(frozen=True)
+class _Code:
+    role: Role
+    until_s: float
+
+
+class Sessions:
+    """All codes and sessions; nothing of them outlives the process."""
+
+    def __init__(self, now: Callable[[], float] = monotonic) -> None:
+        self._now = now
+        self._codes: dict[bytes, _Code] = {}
+        self._sessions: dict[bytes, Session] = {}
+        self._count = 0
+
+    def invite(self, role: Role, valid_s: float = CODE_S) -> str:
+        """Return a new code that opens one session."""
+        self._forget_old()
+        while len(self._codes) >= MOST_CODES:
+            del self._codes[next(iter(self._codes))]
+        code = secrets.token_urlsafe(32)
+        self._codes[_hash(code)] = _Code(role, self._now() + valid_s)
+        return code
+
+    def redeem(self, code: str, name: str) -> tuple[str, Session] | None:
+        """Return a session's key and the session that ``code`` opens; None if it opens none."""
+        self._forget_old()
+        found = self._codes.pop(_hash(code), None)
+        if found is None:
+            return None
+        while len(self._sessions) >= MOST_SESSIONS:
+            idle = min(self._sessions, key=lambda key: self._sessions[key].used_s)
+            del self._sessions[idle]
+        self._count += 1
+        key = secrets.token_urlsafe(32)
+        session = Session(name, found.role, self._count, self._now())
+        self._sessions[_hash(key)] = session
+        return key, session
+
+    def find(self, key: str) -> Session | None:
+        """Return the session that ``key`` belongs to, and note that it is in use."""
+        session = self._sessions.get(_hash(key))
+        if session is None or self._is_over(session):
+            return None
+        session.used_s = self._now()
+        return session
+
+    def end(self, key: str) -> None:
+        """Close a session."""
+        self._sessions.pop(_hash(key), None)
+
+    def open_page(self, session: Session) -> None:
+        """A page of the session has connected."""
+        session.pages += 1
+
+    def close_page(self, session: Session) -> None:
+        """A page of the session is gone."""
+        session.pages -= 1
+        session.used_s = session.left_s = self._now()
+
+    def is_gone(self, session: Session, grace_s: float) -> bool:
+        """Whether no page of the session has been open for ``grace_s``, or it was closed."""
+        if session not in self._sessions.values():
+            return True
+        return session.pages == 0 and self._now() - session.left_s > grace_s
+
+    def _is_over(self, session: Session) -> bool:
+        return session.pages == 0 and self._now() - session.used_s > IDLE_S
+
+    def _forget_old(self) -> None:
+        now = self._now()
+        self._codes = {key: one for key, one in self._codes.items() if one.until_s > now}
+        self._sessions = {key: one for key, one in self._sessions.items() if not self._is_over(one)}
+
+
+def _hash(secret: str) -> bytes:
+    return hashlib.sha256(secret.encode(errors="replace")).digest()
