@@ -16,7 +16,7 @@ from rigd.remote.protocol.request import (
     request_kind,
 )
 from rigd.remote.protocol.status import Event, LeaseView, Status, as_json
-from rigd.remote.protocol.verbs import VERBS, Role, Verb, check_role, find_verb
+from rigd.remote.protocol.verbs import VERBS, Lane, Role, Verb, check_role, find_verb
 
 __all__ = [
     "EVERY_ALIVE",
@@ -28,6 +28,7 @@ __all__ = [
     "Frame",
     "Keys",
     "Kind",
+    "Lane",
     "LeaseView",
     "Message",
     "Refusal",

@@ -40,62 +40,80 @@ class Role(Enum):
         return order.index(self) >= order.index(other)
 
 
+class Lane(Enum):
+    """Requests of one lane are carried out one after the other, beside those of other lanes.
+
+    The value is how long a client waits for a reply, in s, before it takes it for lost.
+    """
+
+    STOP = 2.0
+    ASK = 2.1  #: known at once
+    COMMAND = 10.0
+    FILES = 30.0  #: read from recordings and procedure files
+    LONG = 900.0  #: calculated: dry runs and reports
+
+
 @dataclass(frozen=True)
 class Verb:
-    """One verb: the least role it needs, whether it needs the lease, its arguments."""
+    """One verb: the least role it needs, whether it needs the lease, its lane, its arguments."""
 
-    role: Role = Role.OBSERVER
-    needs_lease: bool = False
+    role: Role
+    needs_lease: bool
+    lane: Lane
     arguments: type[Message] = NoArguments
 
 
-def _ask(arguments: type[Message] = NoArguments) -> Verb:
-    return Verb(arguments=arguments)
+def _ask(arguments: type[Message] = NoArguments, lane: Lane = Lane.ASK) -> Verb:
+    return Verb(Role.OBSERVER, False, lane, arguments)
 
 
-def _operate(arguments: type[Message] = NoArguments, *, needs_lease: bool = True) -> Verb:
-    return Verb(Role.OPERATOR, needs_lease, arguments)
+def _lead(arguments: type[Message] = NoArguments, lane: Lane = Lane.COMMAND) -> Verb:
+    return Verb(Role.OPERATOR, True, lane, arguments)
 
 
-def _maintain(arguments: type[Message] = NoArguments, *, needs_lease: bool = True) -> Verb:
-    return Verb(Role.MAINTAINER, needs_lease, arguments)
+def _free(arguments: type[Message] = NoArguments, lane: Lane = Lane.COMMAND) -> Verb:
+    return Verb(Role.OPERATOR, False, lane, arguments)
+
+
+def _stop() -> Verb:
+    return Verb(Role.OBSERVER, False, Lane.STOP, Reason)
 
 
 VERBS: Final[Mapping[Kind, Mapping[str, Verb]]] = {
     Kind.ASK: {
         "describe": _ask(),
-        "procedures": _ask(),
-        "procedure": _ask(ProcedureName),
-        "check": _ask(Checked),
-        "runs": _ask(Runs),
-        "run": _ask(Run),
-        "report": _ask(Piece),
-        "fetch": _ask(Piece),
         "events": _ask(Since),
         "latest": _ask(),
         "lease": _ask(),
+        "procedures": _ask(lane=Lane.FILES),
+        "procedure": _ask(ProcedureName, Lane.FILES),
+        "check": _ask(Checked, Lane.FILES),
+        "runs": _ask(Runs, Lane.FILES),
+        "run": _ask(Run, Lane.FILES),
+        "report": _ask(Piece, Lane.FILES),
+        "fetch": _ask(Piece, Lane.FILES),
     },
     Kind.COMMAND: {
-        "lease_take": _operate(needs_lease=False),
-        "lease_renew": _operate(needs_lease=False),
-        "lease_release": _operate(needs_lease=False),
-        "lease_request": _operate(needs_lease=False),
-        "lease_give": _operate(Receiver),
-        "lease_seize": _maintain(needs_lease=False),
-        "start": _operate(Start),
-        "pause": _operate(),
-        "resume": _operate(),
-        "answer": _operate(Answered),
-        "acknowledge": _operate(InterlockName),
-        "resume_run": _operate(Run),
-        "identify": _operate(Run),
-        "dry_run": _operate(Checked, needs_lease=False),
-        "act": _maintain(Act),
+        "lease_take": _free(),
+        "lease_renew": _free(),
+        "lease_release": _free(),
+        "lease_request": _free(),
+        "lease_give": _lead(Receiver),
+        "lease_seize": Verb(Role.MAINTAINER, False, Lane.COMMAND),
+        "start": _lead(Start),
+        "pause": _lead(),
+        "resume": _lead(),
+        "answer": _lead(Answered),
+        "acknowledge": _lead(InterlockName),
+        "resume_run": _lead(Run),
+        "identify": _lead(Run, Lane.LONG),
+        "dry_run": _free(Checked, Lane.LONG),
+        "act": Verb(Role.MAINTAINER, True, Lane.COMMAND, Act),
     },
     Kind.STOP: {
-        "stop": _ask(Reason),
-        "abort": _ask(Reason),
-        "estop": _ask(Reason),
+        "stop": _stop(),
+        "abort": _stop(),
+        "estop": _stop(),
     },
 }
 

@@ -1,0 +1,37 @@
+"""What stands behind a server: the rig, as far as the protocol knows it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from rigd.remote.protocol import Message, Role, Status
+
+#: What a request is answered with: a message, or plain data that JSON has a form for.
+Result = Message | Mapping[str, Any]
+
+
+class Service(Protocol):
+    """Carries out requests that the server found in order.
+
+    Called on the server's worker threads: one request of each :class:`rigd.remote.protocol.Lane`
+    at a time, so up to five at once. The role has been checked, and the lease where the verb needs it; ``args`` is of the type that the table of
+    verbs names. Any method may raise :class:`rigd.remote.protocol.Refusal`; whatever else it
+    raises is logged and told as ``internal``.
+    """
+
+    def status(self) -> Status:
+        """Return the state of everything; called every half second, so it must be quick."""
+        ...
+
+    def ask(self, identity: str, role: Role, what: str, args: Message) -> Result:
+        """Return what was asked for; changes nothing."""
+        ...
+
+    def command(self, identity: str, role: Role, verb: str, args: Message) -> Result:
+        """Do it, and return once it is done or under way."""
+        ...
+
+    def stop(self, identity: str, verb: str, reason: str) -> Result:
+        """Stop, abort or estop whatever runs; nothing may keep this waiting."""
+        ...

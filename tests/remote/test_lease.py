@@ -1,0 +1,142 @@
+"""The control lease: one at a time, handed over in sight of all, gone with its holder."""
+
+from __future__ import annotations
+
+import pytest
+
+from rigd.remote.lease import ASKING_S, MAX_ASKING, Lease
+from rigd.remote.protocol import Code, LeaseView, Refusal
+from rigd.remote.protocol.arguments import NoArguments, Receiver
+from rigd.remote.protocol.limits import LEASE_S
+
+#: Wall clock at the monotonic clock's zero, ns.
+WALL_NS = 1_700_000_000_000_000_000
+
+
+class Desk:
+    """A lease, and a clock that stands until it is moved."""
+
+    def __init__(self) -> None:
+        self.now_ns = 0
+        self.lease = Lease(
+            lambda name: name != "observer",
+            clock=lambda: self.now_ns,
+            wall=lambda: WALL_NS + self.now_ns,
+        )
+
+    def does(self, identity: str, verb: str) -> LeaseView:
+        return self.lease.obey(identity, f"lease_{verb}", NoArguments())
+
+    def give(self, identity: str, to: str) -> LeaseView:
+        return self.lease.obey(identity, "lease_give", Receiver(to=to))
+
+    def passes(self, seconds: float) -> None:
+        self.now_ns += round(seconds * 1e9)
+
+    def refuses(self, identity: str, verb: str) -> Code:
+        before = self.lease.view()
+        with pytest.raises(Refusal) as caught:
+            self.does(identity, verb)
+        assert self.lease.view() == before, "a refused command has changed the lease"
+        return caught.value.code
+
+
+@pytest.fixture
+def desk() -> Desk:
+    return Desk()
+
+
+def test_a_free_lease_is_taken(desk: Desk) -> None:
+    view = desk.does("alice", "take")
+    assert view == LeaseView(holder="alice", until_ns=WALL_NS + round(LEASE_S * 1e9))
+    desk.lease.check("alice")
+
+
+def test_the_second_is_refused_and_told_who_has_it(desk: Desk) -> None:
+    desk.does("alice", "take")
+    with pytest.raises(Refusal, match="alice has the control lease, for another 6.0 s"):
+        desk.does("bob", "take")
+    with pytest.raises(Refusal, match="which alice has") as caught:
+        desk.lease.check("bob")
+    assert caught.value.code is Code.NO_LEASE
+
+
+@pytest.mark.parametrize("verb", ["renew", "release"])
+def test_only_the_holder_renews_and_releases(desk: Desk, verb: str) -> None:
+    assert desk.refuses("bob", verb) is Code.NO_LEASE
+    desk.does("alice", "take")
+    assert desk.refuses("bob", verb) is Code.NO_LEASE
+
+
+def test_a_renewed_lease_lasts(desk: Desk) -> None:
+    desk.does("alice", "take")
+    for _ in range(10):
+        desk.passes(LEASE_S - 0.1)
+        desk.does("alice", "renew")
+    assert desk.lease.lost() == ()
+
+
+def test_a_lease_that_is_not_renewed_ends_and_says_whose_it_was(desk: Desk) -> None:
+    desk.does("alice", "take")
+    desk.passes(LEASE_S)
+    assert desk.lease.view() == LeaseView()
+    assert desk.lease.lost() == ("alice",)
+    assert desk.lease.lost() == ()
+    assert desk.refuses("alice", "renew") is Code.NO_LEASE
+    assert desk.does("bob", "take").holder == "bob"
+
+
+def test_who_lost_it_is_told_even_where_another_took_it_at_once(desk: Desk) -> None:
+    desk.does("alice", "take")
+    desk.passes(LEASE_S + 1)
+    desk.does("bob", "take")
+    assert desk.lease.lost() == ("alice",)
+
+
+def test_a_released_or_seized_lease_is_not_lost(desk: Desk) -> None:
+    desk.does("alice", "take")
+    desk.does("carol", "seize")
+    desk.does("carol", "release")
+    desk.passes(LEASE_S)
+    assert desk.lease.lost() == ()
+
+
+def test_who_asks_is_shown_until_they_have_it(desk: Desk) -> None:
+    desk.does("alice", "take")
+    desk.does("bob", "request")
+    assert desk.does("carol", "request").asked_by == ("bob", "carol")
+    view = desk.give("alice", "bob")
+    assert (view.holder, view.asked_by) == ("bob", ("carol",))
+
+
+def test_asking_is_forgotten_after_a_while(desk: Desk) -> None:
+    desk.does("alice", "take")
+    desk.does("bob", "request")
+    for _ in range(round(ASKING_S)):
+        desk.passes(1)
+        desk.does("alice", "renew")
+    assert desk.lease.view().asked_by == ()
+
+
+def test_asking_makes_no_sense_without_another_holder(desk: Desk) -> None:
+    assert desk.refuses("alice", "request") is Code.CONFLICT
+    desk.does("alice", "take")
+    assert desk.refuses("alice", "request") is Code.CONFLICT
+
+
+def test_the_list_of_those_who_ask_is_bounded(desk: Desk) -> None:
+    desk.does("alice", "take")
+    for number in range(MAX_ASKING):
+        desk.does(f"client-{number}", "request")
+    assert desk.refuses("one-more", "request") is Code.BUSY
+
+
+def test_only_the_holder_gives_and_only_to_who_may_command(desk: Desk) -> None:
+    desk.does("alice", "take")
+    with pytest.raises(Refusal) as caught:
+        desk.give("bob", "bob")
+    assert caught.value.code is Code.NO_LEASE
+    with pytest.raises(Refusal) as caught:
+        desk.give("alice", "observer")
+    assert caught.value.code is Code.REFUSED
+    assert desk.lease.view().holder == "alice"
