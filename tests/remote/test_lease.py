@@ -54,7 +54,7 @@ def test_a_free_lease_is_taken(desk: Desk) -> None:
 
 def test_the_second_is_refused_and_told_who_has_it(desk: Desk) -> None:
     desk.does("alice", "take")
-    with pytest.raises(Refusal, match="alice has the control lease, for another 6.0 s"):
+    with pytest.raises(Refusal, match=r"alice has the control lease, for another 6\.0 s"):
         desk.does("bob", "take")
     with pytest.raises(Refusal, match="which alice has") as caught:
         desk.lease.check("bob")

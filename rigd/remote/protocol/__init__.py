@@ -16,10 +16,11 @@ from rigd.remote.protocol.request import (
     request_kind,
 )
 from rigd.remote.protocol.status import Event, LeaseView, Status, as_json
-from rigd.remote.protocol.verbs import VERBS, Lane, Role, Verb, check_role, find_verb
+from rigd.remote.protocol.verbs import PATIENCE_S, VERBS, Lane, Role, Verb, check_role, find_verb
 
 __all__ = [
     "EVERY_ALIVE",
+    "PATIENCE_S",
     "VERBS",
     "VERSION",
     "Address",

@@ -41,16 +41,23 @@ class Role(Enum):
 
 
 class Lane(Enum):
-    """Requests of one lane are carried out one after the other, beside those of other lanes.
+    """Requests of one lane are carried out one after the other, beside those of other lanes."""
 
-    The value is how long a client waits for a reply, in s, before it takes it for lost.
-    """
+    STOP = "stop"
+    ASK = "ask"  #: known at once
+    COMMAND = "command"
+    FILES = "files"  #: read from recordings and procedure files
+    LONG = "long"  #: calculated: dry runs and reports
 
-    STOP = 2.0
-    ASK = 2.1  #: known at once
-    COMMAND = 10.0
-    FILES = 30.0  #: read from recordings and procedure files
-    LONG = 900.0  #: calculated: dry runs and reports
+
+#: How long a client waits for a reply before it takes it for lost, in s.
+PATIENCE_S: Final[Mapping[Lane, float]] = {
+    Lane.STOP: 2.0,
+    Lane.ASK: 2.0,
+    Lane.COMMAND: 10.0,
+    Lane.FILES: 30.0,
+    Lane.LONG: 900.0,
+}
 
 
 @dataclass(frozen=True)
