@@ -174,6 +174,9 @@ class ConsoleAnswers:
                 self._screen.write(f"\n  {objection}\n")
             return self._ask(prompt)
 
+    def withdraw(self) -> None:
+        """Leave the question on the screen: its thread waits for a line, and dies with us."""
+
     def _ask(self, prompt: Prompt) -> Answer:
         while True:
             self._screen.write(f"\n{prompt.text}\n{_invitation(prompt)}: ")

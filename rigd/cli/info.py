@@ -32,7 +32,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Print the summary; of a torn file, of what is sound."""
     from rigd.model.errors import RecordingError
-    from rigd.record import Recording, run_info
+    from rigd.record import Recording, info_json, run_info
 
     try:
         recording = Recording.open(args.file)
@@ -109,44 +109,3 @@ def _calibration(held: Mapping[str, str]) -> str:
     last = held.get("valid_until")
     valid = f", valid until {last}" if last else ""
     return f"{held['name']} of {held['made']}{valid}, sha256 {held['sha256'][:12]}"
-
-
-def info_json(info: RunInfo) -> dict[str, object]:
-    """Return the summary as an object for ``json.dumps``."""
-    return {
-        "recording": str(info.path),
-        "bytes": info.size,
-        "duration_s": info.duration_s,
-        "procedure": info.procedure,
-        "rig": info.rig,
-        "mode": info.mode,
-        "seed": info.seed,
-        "started": info.started,
-        "state": info.state,
-        "reason": info.reason,
-        "recovered": info.recovered,
-        "problem": info.problem,
-        "parameters": dict(info.parameters),
-        "calibration": dict(info.metadata.get("calibration", {})),
-        "trials": [
-            {
-                "number": trial.number,
-                "repeat": trial.repeat,
-                "parameters": dict(trial.parameters),
-                "units": dict(trial.units),
-                "complete": trial.complete,
-                "reason": trial.reason,
-            }
-            for trial in info.trials
-        ],
-        "streams": [
-            {
-                "name": one.stream.name,
-                "rows": one.rows,
-                "rate_hz": one.rate_hz,
-                "channels": {c.name: c.unit for c in one.stream.channels},
-            }
-            for one in info.streams
-        ],
-        "attachments": list(info.attachments),
-    }

@@ -42,9 +42,8 @@ def execute(args: argparse.Namespace) -> int:
     from rich.markup import escape
     from rich.table import Table
 
-    from rigd.cli.info import info_json
     from rigd.cli.run import split_assignment
-    from rigd.record import Filters, list_runs
+    from rigd.record import Filters, info_json, list_runs
 
     wanted = dict(split_assignment(one) for one in args.set)
     catalogue = list_runs(args.folder, Filters(args.procedure, args.rig, args.state, wanted))

@@ -47,7 +47,8 @@ class RunRequest:
     """What to run, and how.
 
     ``pace`` is None for virtual time, 1 for the wall clock. ``output`` None makes a name in
-    ``folder``. ``overrides`` are the ``--set`` values as given, for the record.
+    ``folder``. ``overrides`` are the ``--set`` values as given, and ``operator`` is who started
+    it from elsewhere, for the record.
     """
 
     procedure: CompiledProcedure
@@ -61,6 +62,7 @@ class RunRequest:
     start_ns: int | None = None
     compression: Compression = "zstd"
     overrides: Mapping[str, str] = field(default_factory=dict)
+    operator: str = ""
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,10 @@ def _form(
     start_ns = _start_ns(request, on_the_wall=request.pace is not None or apart)
     metadata = _metadata(request, start_ns)
     if request.resume is not None:
-        metadata = {"resumed": {"mode": metadata["run"]["mode"], "trials": str(done)}}
+        resumed = {"mode": metadata["run"]["mode"], "trials": str(done)}
+        if request.operator:
+            resumed["operator"] = request.operator
+        metadata = {"resumed": resumed}
     kept = Kept(
         path,
         request.procedure.record,
@@ -256,6 +261,8 @@ def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
         mode=mode,
         overrides=request.overrides,
     )
+    if request.operator:
+        records["run"]["operator"] = request.operator
     return records | calibration_metadata(request.rig)
 
 

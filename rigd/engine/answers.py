@@ -30,6 +30,13 @@ class Answers(Protocol):
         """
         ...
 
+    def withdraw(self) -> None:
+        """Put the question that waits no longer: something else has ended what plays.
+
+        Its :meth:`answer` may return whenever it likes; nobody takes what it gives.
+        """
+        ...
+
 
 class OwnAnswers:
     """The procedure file's own answers: in simulation, and with ``--yes``."""
@@ -48,6 +55,9 @@ class OwnAnswers:
         if prompt.kind is AnswerKind.CONFIRM:
             return True
         raise ProcedureError(f"prompt {prompt.name!r} has no answer of its own")
+
+    def withdraw(self) -> None:
+        """Do nothing: none ever waits."""
 
 
 def read_answer(prompt: Prompt, text: str) -> Answer:

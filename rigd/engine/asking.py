@@ -39,6 +39,7 @@ class Asking:
             try:
                 outcome = self.host.ask(partial(self._ask, prompt, objection, given))
                 if outcome is not None:
+                    self.answers.withdraw()
                     return outcome
                 return self._take(prompt, given[0])
             except AnswerRefused as refused:

@@ -22,6 +22,7 @@ class Control:
         self.reason = ""
         self.pause_wanted = False
         self.last_trial = ""  #: why no trial follows the one under way, or ""
+        self.acknowledged: deque[str] = deque()  #: interlocks that may clear; the run takes them
         self.notices: deque[str] = deque()  #: lines for the operator, shown by the run
 
     @property

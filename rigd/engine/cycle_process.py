@@ -172,6 +172,8 @@ class CycleProcess:
                 self._begin(serial, heard)
             case m.Request(_, verb, reason):
                 self._control.request(verb, reason)
+            case m.Acknowledge(_, interlock):
+                self._cycle.interlocks.acknowledge(interlock)
             case m.Arm(serial, heard):
                 self._cycle.load(None)
                 if self._begin(serial, heard):

@@ -126,6 +126,13 @@ class Request(Command):
 
 
 @dataclass(frozen=True)
+class Acknowledge(Command):
+    """Let a latched interlock clear; no reply of its own."""
+
+    interlock: str
+
+
+@dataclass(frozen=True)
 class MakeSafe(Command):
     """Make every device safe and stop the cycle; replied by Said with what went wrong."""
 

@@ -334,6 +334,8 @@ class ProcessHost:
         if verb is not None and verb != self._asked_for:
             self._asked_for = verb
             self._send(m.Request(0, verb, self._control.reason))
+        while self._control.acknowledged:
+            self._send(m.Acknowledge(0, self._control.acknowledged.popleft()))
         if not self._gone and (death := self._cycle.death()) is not None:
             self._lose(death)
         if recording:

@@ -5,7 +5,7 @@ To export one, import :mod:`rigd.record.export`.
 
 from rigd.record.catalogue import BrokenRun, Catalogue, Filters, list_runs
 from rigd.record.events import NO_TRIAL, Event
-from rigd.record.info import RunInfo, StreamInfo, TrialInfo, run_info, trials
+from rigd.record.info import RunInfo, StreamInfo, TrialInfo, info_json, run_info, trials
 from rigd.record.prefix import Attachment
 from rigd.record.reader import Recording
 from rigd.record.recover import RecoveryReport, recover
@@ -24,6 +24,7 @@ __all__ = [
     "RunInfo",
     "StreamInfo",
     "TrialInfo",
+    "info_json",
     "list_runs",
     "recover",
     "run_info",

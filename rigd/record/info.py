@@ -105,6 +105,47 @@ def run_info(recording: Recording) -> RunInfo:
     )
 
 
+def info_json(info: RunInfo) -> dict[str, object]:
+    """Return the summary as an object for ``json.dumps``."""
+    return {
+        "recording": str(info.path),
+        "bytes": info.size,
+        "duration_s": info.duration_s,
+        "procedure": info.procedure,
+        "rig": info.rig,
+        "mode": info.mode,
+        "seed": info.seed,
+        "started": info.started,
+        "state": info.state,
+        "reason": info.reason,
+        "recovered": info.recovered,
+        "problem": info.problem,
+        "parameters": dict(info.parameters),
+        "calibration": dict(info.metadata.get("calibration", {})),
+        "trials": [
+            {
+                "number": trial.number,
+                "repeat": trial.repeat,
+                "parameters": dict(trial.parameters),
+                "units": dict(trial.units),
+                "complete": trial.complete,
+                "reason": trial.reason,
+            }
+            for trial in info.trials
+        ],
+        "streams": [
+            {
+                "name": one.stream.name,
+                "rows": one.rows,
+                "rate_hz": one.rate_hz,
+                "channels": {c.name: c.unit for c in one.stream.channels},
+            }
+            for one in info.streams
+        ],
+        "attachments": list(info.attachments),
+    }
+
+
 def run_state(events: Sequence[Event]) -> tuple[str, str]:
     """Return state and reason of a run; a resumed one is judged by its last part."""
     for event in reversed(events):

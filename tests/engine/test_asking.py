@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -54,6 +55,7 @@ class Person:
     objections: list[str] = field(default_factory=list)
     by: str = "operator"
     asks_again: bool = True
+    withdrawn: int = 0  #: times that a question was put no longer
 
     def can_answer(self, prompt: Prompt) -> bool:
         return True
@@ -61,6 +63,9 @@ class Person:
     def answer(self, prompt: Prompt, objection: str = "") -> Answer:
         self.objections.append(objection)
         return next(self.replies)()
+
+    def withdraw(self) -> None:
+        self.withdrawn += 1
 
 
 def _same(answer: Answer) -> Answer:
@@ -218,6 +223,21 @@ def test_no_ends_the_run_without_a_second_question() -> None:
     assert "declined" in result.reason
     assert len(person.objections) == 1
     assert bench.sink.steps() == ["home"]
+
+
+def test_a_question_that_something_else_has_ended_is_withdrawn() -> None:
+    bench, asked = Bench(), threading.Event()
+
+    def wait() -> Answer:
+        bench.control.request(Verb.STOP, "button")
+        asked.wait(30)
+        return True
+
+    person = Person(iter([wait]))
+    result = run(bench, Prompt("clear", "Is it clear?"), person)
+    asked.set()
+    assert (result.ending, result.reason) == ("stopped", "button")
+    assert person.withdrawn == 1
 
 
 def test_a_person_can_stop_while_the_rig_is_looked_at() -> None:

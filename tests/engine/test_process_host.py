@@ -256,6 +256,17 @@ def test_a_trip_reaches_the_run_with_its_reason(tmp_path: Path) -> None:
         assert "far" in host.ends_everything()
 
 
+def test_what_was_acknowledged_trips_again_where_its_cause_still_stands(tmp_path: Path) -> None:
+    far = Interlock("far", "axis.position", high=0.01, action=Action.WARN, latch=True)
+    with host_of(file_axis.rig(tmp_path / "axis", interlocks=(far,))) as (host, _, control):
+        ready(host)
+        assert host.play(move(0.5, 0.3)).ending is Ending.DONE
+        assert len(host.trips) == 1
+        control.acknowledged.append("far")
+        assert host.play(move(0.5, 0.3)).ending is Ending.DONE
+        assert [trip.interlock.name for trip in host.trips] == ["far", "far"]
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_cycle_that_is_gone_or_hangs_is_ended_and_the_rig_rescued(
     tmp_path: Path, number: signal.Signals
