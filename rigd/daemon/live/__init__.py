@@ -1,0 +1,5 @@
+"""What a rig does, shown while it does it: live data and events for whoever looks on."""
+
+from rigd.daemon.live.feed import Feed, Outlet
+
+__all__ = ["Feed", "Outlet"]

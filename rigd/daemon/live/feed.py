@@ -1,0 +1,210 @@
+"""The feed: what the rig does, shown while it does it, to whoever looks on.
+
+A thread of the daemon looks at the rings of the run under way as a viewer: it releases nothing,
+hinders nobody, and skips what it was too slow for. The cycle never knows of it.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from types import TracebackType
+from typing import Any, Final, Protocol, Self
+
+from rigd.config.rig import RigConfig
+from rigd.daemon.live.eventlog import EventLog
+from rigd.daemon.live.stream import LiveStream
+from rigd.engine.shared import EVENT_SOURCES, EventView, RunFolder, Word
+from rigd.engine.sink import Rows
+from rigd.engine.wiring import streams_of
+from rigd.record.events import NO_TRIAL
+from rigd.record.events import Event as Recorded
+from rigd.remote.protocol import Event, Frame, encode_frame
+from rigd.remote.protocol.limits import LIVE_HZ
+from rigd.remote.protocol.results import Latest, LatestValues
+
+_LOG: Final = logging.getLogger(__name__)
+#: One failure to show is logged in so many seconds.
+QUIET_S: Final = 10.0
+
+
+class Outlet(Protocol):
+    """Where frames and events go; never waits long (:class:`rigd.remote.server.Publisher`)."""
+
+    def frame(self, stream: str, payload: bytes) -> None:
+        """Take a frame of ``stream``, encoded."""
+        ...
+
+    def event(self, event: Event) -> None:
+        """Take an event."""
+        ...
+
+
+class Feed:
+    """The live data and the events of one rig.
+
+    :meth:`start` it once, then :meth:`attach` it to each run, and :meth:`detach` it when that has
+    ended. Every method may be called from any thread.
+
+    Args:
+        rig: the rig; its streams are numbered in the order of its file, that of the cycle last.
+        outlet: gets a frame of each stream that has new rows, 30 times a second, and every event.
+        raw: gets the rows themselves, as the ring holds them (``t_ns`` Unix); never waits long.
+    """
+
+    def __init__(
+        self,
+        rig: RigConfig,
+        outlet: Outlet,
+        *,
+        raw: Callable[[str, Rows], None] = lambda _, __: None,
+    ) -> None:
+        self._streams = {
+            stream.name: LiveStream(number, stream) for number, stream in enumerate(streams_of(rig))
+        }
+        self._outlet, self._raw = outlet, raw
+        self._log = EventLog()
+        self._views: list[EventView] = []
+        #: Unix time less monotonic time, on the clock of the run shown last.
+        self._offset_ns = time.time_ns() - time.monotonic_ns()
+        self._quiet_until = 0.0  #: monotonic, s
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="live", daemon=True)
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    @property
+    def t_ns(self) -> int:
+        """Unix time now, in ns, on the clock of the rows."""
+        return self._offset_ns + time.monotonic_ns()
+
+    @property
+    def skipped(self) -> int:
+        """Rows that were overwritten before they could be shown."""
+        with self._lock:
+            return sum(one.skipped for one in self._streams.values())
+
+    def start(self) -> None:
+        """Begin to show; once."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Show nothing more; stopping twice is silent."""
+        self._stop.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def attach(self, folder: RunFolder, *, events: bool = True) -> None:
+        """Show the run in ``folder``, from its next rows on; ``events`` False leaves those out.
+
+        Events are shown from the beginning, as far as the rings still have them.
+
+        Raises:
+            RecordingError: the folder holds no run.
+        """
+        job = folder.job
+        board, rings = folder.board(), folder.row_rings(job)
+        views = [EventView(folder.event_ring(source)) for source in EVENT_SOURCES if events]
+        with self._lock:
+            self._offset_ns = board[Word.START_NS] - board[Word.ORIGIN_NS]
+            self._views = views
+            for name, live in self._streams.items():
+                live.attach(rings.get(name))
+
+    def detach(self) -> None:
+        """Show what is left in the rings, and let go of them; silent where there are none.
+
+        The rings may be gone from their folder already: what is mapped stays.
+        """
+        with self._lock:
+            self._show()
+            self._views = []
+            for live in self._streams.values():
+                live.attach(None)
+
+    def tell(self, kind: str, data: Mapping[str, Any]) -> None:
+        """Add an event of the daemon's own, which is in no recording.
+
+        Raises:
+            TypeError: the data has no form in JSON.
+        """
+        with self._lock:
+            self._outlet.event(self._log.add(Recorded(self.t_ns, kind, NO_TRIAL, data)))
+
+    def events(self, number: int) -> tuple[Sequence[Event], int]:
+        """Return events from ``number`` on, and the number to ask from next.
+
+        The newest 1000 are kept; one answer may hold fewer than there are.
+        """
+        with self._lock:
+            found = self._log.since(number)
+            return found, found[-1].seq + 1 if found else self._log.next
+
+    def latest(self) -> LatestValues:
+        """Return the newest value of every channel that ever gave one, with its age."""
+        with self._lock:
+            now_ns, values = self.t_ns, dict[str, Latest]()
+            for name, live in self._streams.items():
+                newest = live.newest()
+                if newest is None:
+                    continue
+                age_s = max(now_ns - newest[0], 0) * 1e-9
+                for channel, value in zip(live.stream.channels, newest[1], strict=True):
+                    finite = value if math.isfinite(value) else None
+                    values[f"{name}.{channel.name}"] = Latest(value=finite, age_s=age_s)
+        return LatestValues(t_ns=now_ns, values=values)
+
+    def history(self, stream: str) -> Frame | None:
+        """Return the last ten seconds of ``stream`` in at most 600 points; None: it gave no row.
+
+        Raises:
+            KeyError: the rig has no such stream.
+        """
+        with self._lock:
+            return self._streams[stream].history()
+
+    def tick(self) -> None:
+        """Show what has come since the last time; the thread does so 30 times a second."""
+        with self._lock:
+            self._show()
+
+    def _show(self) -> None:
+        try:
+            self._show_all()
+        except Exception:  # noqa: BLE001  # the boundary of the task: logged, tried again
+            now = time.monotonic()
+            if now > self._quiet_until:
+                _LOG.exception("live data could not be shown; trying on")
+                self._quiet_until = now + QUIET_S
+
+    def _show_all(self) -> None:
+        for name, live in self._streams.items():
+            rows = live.read()
+            if rows is not None:
+                self._outlet.frame(name, encode_frame(live.frame(rows)))
+                self._raw(name, rows)
+        came = [event for view in self._views for event in view.read()]
+        for event in sorted(came, key=lambda one: one.t_ns):
+            self._outlet.event(self._log.add(event))
+
+    def _work(self) -> None:
+        due = time.monotonic()
+        while not self._stop.is_set():
+            self.tick()
+            # On a grid; what was late is left out, never caught up.
+            due = max(due + 1.0 / LIVE_HZ, time.monotonic())
+            self._stop.wait(due - time.monotonic())

@@ -1,0 +1,118 @@
+"""The live streams for the Foxglove app and others that speak its protocol; read-only.
+
+Foxglove SDK 0.30.3, protocol ``foxglove.sdk.v1``. Its server asks nobody who they are and takes
+any ``Origin``: whoever reaches the port, a page in the browser of this machine among them, may
+look. It therefore offers nothing but looking (no capability is advertised), on loopback only.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from typing import TYPE_CHECKING, Final
+
+from rigd.config.rig import RigConfig
+from rigd.engine.rates import most_rows_hz
+from rigd.engine.sink import Rows
+from rigd.engine.wiring import streams_of
+from rigd.model.errors import ConfigError, LinkError
+from rigd.model.rows import TIME_FIELD
+from rigd.record.events import CDR_HEADER
+from rigd.record.schema import channel_metadata, schema_text, type_names
+
+if TYPE_CHECKING:  # the extra rigd[foxglove]
+    from foxglove import Channel
+
+#: The port that the Foxglove app offers by itself.
+DEFAULT_PORT: Final = 8765
+#: Rows of one stream per second, at most; of a faster one, some are left out.
+MOST_HZ: Final = 1000.0
+#: Messages that wait for a client that is slow; then the oldest are dropped. About a second of
+#: eight streams.
+BACKLOG: Final = 8192
+#: How long clients may take to let go at the end, in s.
+STOP_S: Final = 1.0
+_HOST: Final = "127.0.0.1"
+#: The time at the beginning of a row (:func:`rigd.model.rows.row_dtype`).
+_TIME_BYTES: Final = 8
+
+
+class FoxgloveServer:
+    """Serves the streams of a rig as topics named and laid out like those of a recording."""
+
+    def __init__(self, rig: RigConfig, port: int = DEFAULT_PORT) -> None:
+        """Listen on ``port`` of this machine, 0 for any that is free.
+
+        Raises:
+            ConfigError: the Foxglove SDK is not installed.
+            LinkError: the port is taken.
+        """
+        try:
+            import foxglove
+        except ImportError as error:
+            raise ConfigError(
+                "the Foxglove SDK is not installed", hint="pip install 'rigd[foxglove]'"
+            ) from error
+        context = foxglove.Context()
+        try:
+            self._server = foxglove.start_server(
+                name=f"rigd {rig.name}",
+                host=_HOST,
+                port=port,
+                capabilities=[],
+                context=context,
+                message_backlog_size=BACKLOG,
+            )
+        except RuntimeError as error:
+            raise LinkError(
+                f"cannot serve Foxglove on {_HOST}:{port}: {error}",
+                hint="--foxglove PORT takes another port",
+            ) from error
+        self.address = f"ws://{_HOST}:{self._server.port}"
+        streams = streams_of(rig)
+        self._topics = {
+            stream.name: _Topic(
+                foxglove.Channel(
+                    f"/{stream.name}",
+                    schema=foxglove.Schema(
+                        name=name, encoding="ros2msg", data=schema_text(stream).encode()
+                    ),
+                    message_encoding="cdr",
+                    metadata=channel_metadata(stream),
+                    context=context,
+                ),
+                math.ceil(most_rows_hz(rig, stream) / MOST_HZ),
+            )
+            for stream, name in zip(streams, type_names(streams), strict=True)
+        }
+
+    def show(self, stream: str, rows: Rows) -> None:
+        """Send rows to whoever subscribed to their stream; the slow miss some."""
+        self._topics[stream].send(rows)
+
+    def stop(self) -> None:
+        """Let go of all clients and of the port."""
+        # In a thread: the server waits for a client that reads nothing without end.
+        ending = threading.Thread(target=self._server.stop, name="foxglove end", daemon=True)
+        ending.start()
+        ending.join(STOP_S)
+
+
+class _Topic:
+    """One stream, of which one row of ``every`` is sent."""
+
+    def __init__(self, channel: Channel, every: int) -> None:
+        self._channel = channel
+        self._every = every
+        self._left_out = 0  #: rows to leave out before the next
+
+    def send(self, rows: Rows) -> None:
+        if not self._channel.has_sinks():
+            return
+        chosen = rows[self._left_out :: self._every]
+        self._left_out = (self._left_out - len(rows)) % self._every
+        # Behind its time, a row is what CDR makes of it: float64s in order, then the uint32.
+        size, payload = chosen.itemsize, chosen.tobytes()
+        for number, t_ns in enumerate(chosen[TIME_FIELD].tolist()):
+            body = payload[number * size + _TIME_BYTES : (number + 1) * size]
+            self._channel.log(CDR_HEADER + body, log_time=t_ns)
