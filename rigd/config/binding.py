@@ -74,7 +74,8 @@ def _note(
         place = document.key_place(where)
         problems.add(place, f"unknown key {where[-1]!r}", suggest(str(where[-1]), known))
         return
-    written = _written(document.get(where))
+    is_key = detail["loc"][-1:] == ("[key]",)  # pydantic's word for the key itself
+    written = _written(str(where[-1]) if is_key else document.get(where))
     message, hint = f"{written} is not accepted here", spot.doc
     if kind == "value_error":
         message = str(context["error"])
@@ -98,7 +99,8 @@ def _note(
         message = f"at most {context['max_length']} allowed, found {written}"
     elif kind in ("union_tag_invalid", "union_tag_not_found"):
         message = f"cannot tell what {written} is"
-    problems.add(document.place(where), message, hint)
+    place = document.key_place(where) if is_key else document.place(where)
+    problems.add(place, message, hint)
 
 
 @dataclass(frozen=True)

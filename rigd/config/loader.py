@@ -13,6 +13,7 @@ from rigd.config.links import check_link, read_links
 from rigd.config.problems import Problems, suggest
 from rigd.config.quantities import check_inside, rate_unit, read_quantity
 from rigd.config.registry import find_driver, find_plant, find_simulation
+from rigd.config.remote import read_remote
 from rigd.config.rig import (
     DeviceConfig,
     LinkSetup,
@@ -84,6 +85,7 @@ def _build(document: Document) -> RigConfig:
             source.supervision.cycle_silence, source.supervision.daemon_silence
         ),
         calibration=read_setup(source.calibration, document.path.parent, problems),
+        remote=read_remote(document, source.remote, problems),
     )
     if len(devices) < len(source.devices):
         problems.raise_any()  # channels of a device that failed would all seem unknown

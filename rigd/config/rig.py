@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rigd.config.calibration import CalibrationSetup
+from rigd.config.remote import RemoteSetup
 from rigd.model.channels import Channel, Stream
 from rigd.model.limits import Interlock, SetpointLimit
 from rigd.model.units import Quantity
@@ -122,6 +123,7 @@ class RigConfig:
     simulation: SimulationSetup | None = None
     supervision: Supervision = Supervision()
     calibration: CalibrationSetup | None = None
+    remote: RemoteSetup = field(default_factory=RemoteSetup)
 
     def channel(self, name: str) -> Channel | None:
         """Return the measured channel called ``device.channel``, or None."""

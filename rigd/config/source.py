@@ -17,6 +17,10 @@ FileName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_-]*$", max_l
 ChannelName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*$")]
 #: A quantity whose unit another part of the file decides.
 QuantityText = Annotated[str, Field(json_schema_extra={"type": ["string", "number"]})]
+#: Path of a file, relative to the one that names it.
+FilePath = Annotated[str, StringConstraints(min_length=1, max_length=300)]
+#: Name of a person or program in its certificate; part of zenoh keys.
+Identity = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9._-]{1,64}$")]
 
 
 def _nothing_is_empty(value: object) -> object:
@@ -69,6 +73,31 @@ class SupervisionSource(Source):
     """The cycle: its process is ended and the rig made safe over a second link."""
     daemon_silence: Annotated[float, In("s"), Ge(0.1), Le(60)] = 1.0
     """The daemon: the cycle makes the rig safe and ends."""
+
+
+class TlsSource(Source):
+    """What the daemon proves itself with, and whom it trusts; paths count from the rig file."""
+
+    ca: FilePath
+    """Certificate that signs everybody who is trusted."""
+    certificate: FilePath
+    """The daemon's own certificate."""
+    key: FilePath
+    """Its private key."""
+
+
+class RemoteSource(Source):
+    """Control from elsewhere: by default from this machine only, by anybody on it."""
+
+    listen: Annotated[list[str], Field(min_length=1, max_length=8)] = ["tcp/127.0.0.1:7447"]
+    """Where the daemon listens; beyond loopback only by `tls/...`."""
+    tls: TlsSource | None = None
+    """Certificates; `rigd remote setup-tls` makes them."""
+    roles: Annotated[
+        dict[Identity, Literal["observer", "operator", "maintainer"]], Field(max_length=64)
+    ] = {}
+    """Who may do what, by the names in their certificates; without certificates, by the names
+    that clients give themselves, where those not named are operators."""
 
 
 class DeviceSource(Source):
@@ -152,7 +181,9 @@ class RigSource(Source):
     """The devices by name."""
     interlocks: Annotated[list[InterlockSource], Field(max_length=256)]
     """Conditions that end what the rig does; `[]` says that there are none."""
-    calibration: Annotated[str, StringConstraints(min_length=1, max_length=300)] | None = None
+    remote: RemoteSource | None = None
+    """Control from elsewhere, where it is to be other than from this machine only."""
+    calibration: FilePath | None = None
     """File of what was measured of this rig, with its uncertainty; the path counts from here."""
     constants: dict[Name, QuantityText] = {}
     """Quantities of the rig that procedures use as `${rig.NAME}`."""
