@@ -1,0 +1,68 @@
+"""Shows the channels of a rig on which nothing runs: it is looked at, and never armed."""
+
+from __future__ import annotations
+
+import threading
+from typing import Final
+
+from rigd.config.rig import RigConfig
+from rigd.daemon.live.feed import Feed
+from rigd.daemon.manual import look_at
+from rigd.engine.control import Control, Verb
+from rigd.engine.shared import RunFolder
+from rigd.model.errors import Blocked, RigdError
+
+#: What a look was told is thrown away this often, in s: it may go on for days.
+_FORGET_S: Final = 1.0
+
+
+class Monitor:
+    """A look at ``rig`` (:func:`rigd.daemon.manual.look_at`) for ``feed``, in a thread.
+
+    Its cycle runs at rest with interlocks that only tell, which takes as much of a processor as a
+    run does. It must have been stopped before a run begins. ``held`` is the rig's folder where
+    the caller has taken it.
+    """
+
+    def __init__(self, rig: RigConfig, feed: Feed, held: RunFolder | None = None) -> None:
+        self.problem: RigdError | None = None  #: why it ended by itself
+        self._rig, self._feed, self._held = rig, feed, held
+        self._control = Control()
+        self._thread = threading.Thread(target=self._work, name="monitor", daemon=True)
+
+    @property
+    def running(self) -> bool:
+        """Whether it has the rig: no run can begin."""
+        return self._thread.is_alive()
+
+    def start(self) -> None:
+        """Begin to open the devices; once."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End, and return once every device is closed; stopping twice is silent."""
+        self._control.request(Verb.STOP, "the look is over")
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def _work(self) -> None:
+        try:
+            self._look()
+        except RigdError as error:
+            self.problem = error
+            self._feed.tell("monitor", {"problem": str(error)})
+
+    def _look(self) -> None:
+        with look_at(self._rig, self._control, command="rigd serve", held=self._held) as look:
+            reasons = look.open()
+            if look.stopped:
+                return
+            if reasons:
+                raise Blocked(reasons, f"rig {self._rig.name} cannot be looked at")
+            self._feed.attach(look.folder, events=False)
+            try:
+                while not look.stopped:
+                    look.rest(_FORGET_S)
+                    look.events.clear()
+            finally:
+                self._feed.detach()
