@@ -54,7 +54,7 @@ def encode(message: Message, limit_bytes: int = MAX_MESSAGE_BYTES) -> bytes:
         Refusal: it is larger than ``limit_bytes``.
     """
     payload = message.model_dump_json().encode()
-    _check_size(payload, limit_bytes)
+    check_size(payload, limit_bytes)
     return payload
 
 
@@ -64,7 +64,7 @@ def decode(kind: type[M], payload: bytes, limit_bytes: int = MAX_REQUEST_BYTES) 
     Raises:
         Refusal: too large, not such JSON, of another version, or not as ``kind`` says.
     """
-    _check_size(payload, limit_bytes)
+    check_size(payload, limit_bytes)
     _check_json(payload)
     try:
         return kind.model_validate_json(payload)
@@ -72,7 +72,12 @@ def decode(kind: type[M], payload: bytes, limit_bytes: int = MAX_REQUEST_BYTES) 
         raise _refusal(error) from error
 
 
-def _check_size(payload: bytes, limit_bytes: int) -> None:
+def check_size(payload: bytes, limit_bytes: int) -> None:
+    """Check that a message has at most ``limit_bytes``.
+
+    Raises:
+        Refusal: it has more.
+    """
     if len(payload) > limit_bytes:
         raise Refusal(
             Code.TOO_LARGE, f"the message has {len(payload)} bytes, at most {limit_bytes} may be"

@@ -1,0 +1,169 @@
+"""zenoh's configuration for both ends: what is listened to, who is let in, which keys they reach.
+
+Settled by trying (eclipse-zenoh 1.10.2): by default zenoh listens on every interface and joins a
+multicast group, lets every peer publish on any key and answer any query, and shares memory for
+payloads above 3 KiB. All of that is off here.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
+
+import zenoh
+
+from rigd.config.remote import RemoteSetup, TlsFiles
+from rigd.remote.protocol import EVERY_ALIVE, Keys, Kind
+from rigd.remote.protocol.limits import MAX_MESSAGE_BYTES, MAX_REQUEST_BYTES
+
+#: Silence after which a connection counts as broken: a client that hangs is seen within it.
+_LINK_LEASE_MS: Final = 2000
+#: Connections at once: ten watchers, a panel, and some to spare.
+_MAX_SESSIONS: Final = 32
+#: How long a client tries to connect; it is told nothing but that nobody let it in.
+CONNECT_TIMEOUT_S: Final = 3.0
+#: What is larger never reaches Python. A request a little too large does, and is told why.
+_DROPPED_BYTES: Final = 4 * MAX_REQUEST_BYTES
+
+
+def server_config(keys: Keys, setup: RemoteSetup) -> zenoh.Config:
+    """Return the configuration of a daemon's session."""
+    link: dict[str, Any] = {
+        "protocols": ["tcp" if setup.tls is None else "tls"],
+        "tx": {"lease": _LINK_LEASE_MS, "keep_alive": 4},
+        "rx": {"max_message_size": MAX_MESSAGE_BYTES},
+    }
+    if setup.tls is not None:
+        link["tls"] = {
+            "root_ca_certificate": str(setup.tls.ca),
+            "listen_certificate": str(setup.tls.certificate),
+            "listen_private_key": str(setup.tls.key),
+            "enable_mtls": True,
+            "close_link_on_expiration": True,
+        }
+    return _config(
+        {
+            **_quiet("peer"),
+            "listen": {"endpoints": list(setup.listen), "exit_on_failure": True},
+            "connect": {"endpoints": []},
+            "transport": {
+                "unicast": {
+                    "max_sessions": _MAX_SESSIONS,
+                    "accept_timeout": 3000,
+                    "accept_pending": 32,
+                },
+                "link": link,
+                "shared_memory": {"enabled": False},
+            },
+            "low_pass_filter": [
+                {
+                    "id": "size",
+                    "flows": ["ingress"],
+                    "messages": ["put", "query"],
+                    "key_exprs": ["**"],
+                    "size_limit": _DROPPED_BYTES,
+                }
+            ],
+            "access_control": _access_control(keys, setup),
+        }
+    )
+
+
+def client_config(endpoints: Sequence[str], tls: TlsFiles | None = None) -> zenoh.Config:
+    """Return the configuration of a client's session, such as to ``tls/rig.lab:7447``."""
+    link: dict[str, Any] = {"tx": {"lease": _LINK_LEASE_MS, "keep_alive": 4}}
+    if tls is not None:
+        link["tls"] = {
+            "root_ca_certificate": str(tls.ca),
+            "connect_certificate": str(tls.certificate),
+            "connect_private_key": str(tls.key),
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+        }
+    return _config(
+        {
+            **_quiet("client"),
+            "listen": {"endpoints": []},
+            "connect": {
+                "endpoints": list(endpoints),
+                "timeout_ms": round(1000 * CONNECT_TIMEOUT_S),
+                "exit_on_failure": True,
+            },
+            "transport": {"link": link, "shared_memory": {"enabled": False}},
+        }
+    )
+
+
+def _quiet(mode: str) -> dict[str, Any]:
+    """Return what makes a session find nobody, and be found by nobody."""
+    return {
+        "mode": mode,
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "adminspace": {"enabled": False},
+        "timestamping": {"enabled": False},
+    }
+
+
+def _config(content: dict[str, Any]) -> zenoh.Config:
+    return zenoh.Config.from_json5(json.dumps(content))
+
+
+def _access_control(keys: Keys, setup: RemoteSetup) -> dict[str, Any]:
+    """Return rules by which everybody reaches their own keys, and nothing else.
+
+    With TLS there is one subject for each name in the roles; without, one for everybody, who may
+    then take any name. Either way nobody else can publish, answer queries or listen beyond what
+    is there for all.
+    """
+    rules: list[dict[str, Any]] = []
+    subjects: list[dict[str, Any]] = []
+    policies: list[dict[str, Any]] = []
+
+    def allow(rule: str, flow: str, messages: Sequence[str], key_exprs: Iterable[str]) -> str:
+        rules.append(
+            {
+                "id": rule,
+                "permission": "allow",
+                "flows": [flow],
+                "messages": list(messages),
+                "key_exprs": list(key_exprs),
+            }
+        )
+        return rule
+
+    shown = [keys.status, keys.event, keys.every_live, keys.alive, EVERY_ALIVE]
+    answered = [keys.status, *(keys.every_request(kind) for kind in Kind)]
+    watching = [
+        allow("watch", "ingress", ["declare_subscriber", "declare_liveliness_subscriber",
+                                   "liveliness_query"], shown),
+        allow("shown", "egress", ["put", "delete", "liveliness_token"], shown),
+        allow("state", "ingress", ["query"], [keys.status]),
+        allow("answered", "egress", ["reply", "declare_queryable"], answered),
+    ]  # fmt: skip
+    if setup.tls is None:
+        anybody = [keys.every_request(kind) for kind in Kind]
+        subjects.append({"id": "anybody"})
+        policies.append(
+            {
+                "subjects": ["anybody"],
+                "rules": [*watching, allow("ask", "ingress", ["query"], anybody)],
+            }
+        )
+    else:
+        for name, role in setup.roles.items():
+            kinds = [kind for kind in Kind if kind is not Kind.COMMAND or role != "observer"]
+            own = allow(
+                f"ask-{name}", "ingress", ["query"],
+                (keys.every_request(kind, name) for kind in kinds),
+            )  # fmt: skip
+            subjects.append({"id": name, "cert_common_names": [name]})
+            policies.append({"subjects": [name], "rules": [*watching, own]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }

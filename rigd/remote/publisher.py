@@ -1,0 +1,55 @@
+"""Publishes what a rig shows; a receiver that is slow or frozen never holds it up."""
+
+from __future__ import annotations
+
+import threading
+
+import zenoh
+
+from rigd.remote.protocol import Event, Keys, Status, encode
+
+
+class Publisher:
+    """Publishes on the keys of one rig; any thread may publish.
+
+    Everything is dropped rather than waited for: a lost status is followed by the next within
+    half a second, a lost event is missed in its numbers and can be asked for, a lost frame too.
+    """
+
+    def __init__(self, session: zenoh.Session, keys: Keys) -> None:
+        self._session = session
+        self._keys = keys
+        self._lock = threading.Lock()
+        self._status = _declare(session, keys.status, zenoh.Priority.INTERACTIVE_HIGH)
+        self._event = _declare(session, keys.event, zenoh.Priority.DATA_HIGH)
+        self._live: dict[str, zenoh.Publisher] = {}
+        self._newest_status = b""
+
+    @property
+    def newest_status(self) -> bytes:
+        """The status published last, as bytes; empty before the first."""
+        return self._newest_status
+
+    def status(self, status: Status) -> None:
+        """Publish the state of everything."""
+        self._newest_status = encode(status)
+        self._status.put(self._newest_status)
+
+    def event(self, event: Event) -> None:
+        """Publish something that happened."""
+        self._event.put(encode(event))
+
+    def frame(self, stream: str, frame: bytes) -> None:
+        """Publish live data of a stream (:func:`rigd.remote.protocol.encode_frame`)."""
+        with self._lock:
+            live = self._live.get(stream)
+            if live is None:
+                key = self._keys.live(stream)
+                live = self._live[stream] = _declare(self._session, key, zenoh.Priority.DATA_LOW)
+        live.put(frame)
+
+
+def _declare(session: zenoh.Session, key: str, priority: zenoh.Priority) -> zenoh.Publisher:
+    return session.declare_publisher(
+        key, congestion_control=zenoh.CongestionControl.DROP, priority=priority
+    )

@@ -1,0 +1,118 @@
+"""Requests that were carried out, so that one sent again gets its reply and does not act twice.
+
+A client that heard no reply sends the same bytes again. Whoever recorded them and sends them
+later is refused: first by the memory, and once that has forgotten, by the request's age.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol.limits import FRESH_S
+
+#: How long a reply is remembered: a request may be FRESH_S old when it comes, and as much ahead.
+MEMORY_S: Final = 2 * FRESH_S + 1
+#: Requests of one identity, and identities, that are remembered; renewing a lease takes 31.
+MAX_REQUESTS: Final = 512
+MAX_SENDERS: Final = 64
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The bytes of a reply, or of an error reply."""
+
+    ok: bool
+    payload: bytes
+
+
+@dataclass(frozen=True)
+class _Done:
+    digest: bytes
+    answer: Answer
+    until_ns: int
+
+
+class Requests:
+    """The memory of one lane; used by its worker alone.
+
+    ``clock`` is monotonic, ns; ``wall`` is ns since the Unix epoch.
+    """
+
+    def __init__(
+        self,
+        *,
+        clock: Callable[[], int] = time.monotonic_ns,
+        wall: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._clock = clock
+        self._wall = wall
+        self._done: dict[str, OrderedDict[str, _Done]] = {}  # by identity and id, oldest first
+
+    def recall(self, identity: str, request_id: str, digest: bytes) -> Answer | None:
+        """Return the answer that this request was given before, or None where it is new.
+
+        ``digest`` is of its key and its bytes.
+
+        Raises:
+            Refusal: another request had that id.
+        """
+        mine = self._done.get(identity)
+        done = None if mine is None else mine.get(request_id)
+        if done is None:
+            return None
+        if done.digest != digest:
+            raise Refusal(
+                Code.REPLAYED,
+                f"the id {request_id} was another request's",
+                hint="make a new id for each request",
+            )
+        return done.answer
+
+    def admit(self, identity: str, sent_ns: int) -> None:
+        """Check that a new request is fresh, and that it can be remembered.
+
+        Raises:
+            Refusal: it is not, or it cannot.
+        """
+        age_s = (self._wall() - sent_ns) * 1e-9
+        if abs(age_s) > FRESH_S:
+            side = "old" if age_s > 0 else "ahead of the daemon's clock"
+            raise Refusal(
+                Code.REPLAYED,
+                f"the request is {abs(age_s):.0f} s {side}, at most {FRESH_S:.0f} s are allowed",
+                hint="set the clocks of both computers (NTP)",
+            )
+        self._forget()
+        mine = self._done.get(identity)
+        if mine is None and len(self._done) >= MAX_SENDERS:
+            raise Refusal(Code.BUSY, f"{MAX_SENDERS} others have commanded within a minute")
+        if mine is not None and len(mine) >= MAX_REQUESTS:
+            raise Refusal(
+                Code.BUSY,
+                f"{identity} has sent {MAX_REQUESTS} commands within {MEMORY_S:.0f} s",
+                hint="send fewer",
+            )
+
+    def remember(self, identity: str, request_id: str, digest: bytes, answer: Answer) -> None:
+        """Keep the answer to a request; one that was not admitted may push out the oldest."""
+        until_ns = self._clock() + round(MEMORY_S * 1e9)
+        mine = self._done.setdefault(identity, OrderedDict())
+        mine[request_id] = _Done(digest, answer, until_ns)
+        if len(mine) > MAX_REQUESTS:
+            mine.popitem(last=False)
+        if len(self._done) > MAX_SENDERS:
+            del self._done[next(iter(self._done))]
+
+    def _forget(self) -> None:
+        now_ns = self._clock()
+        for identity in list(self._done):
+            mine = self._done[identity]
+            while mine and next(iter(mine.values())).until_ns <= now_ns:
+                mine.popitem(last=False)
+            if not mine:
+                del self._done[identity]

@@ -1,0 +1,174 @@
+"""The server of a rig: a zenoh session that lets requests in, answers them, and shows the rig.
+
+zenoh calls back on a thread of its own for each queryable, which also serves the network: there,
+a request is only sorted by its key into the inbox of its lane. One thread per lane answers, so
+that a stop waits for no report.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from types import TracebackType
+from typing import Final, Self
+
+import zenoh
+
+from rigd.config.remote import RemoteSetup
+from rigd.model.errors import LinkError
+from rigd.remote.desk import Desk, Letter
+from rigd.remote.inbox import Inbox
+from rigd.remote.lease import Lease
+from rigd.remote.network import server_config
+from rigd.remote.protocol import Code, Keys, Kind, Lane, Refusal, encode_refusal
+from rigd.remote.protocol.limits import HEARTBEAT_S
+from rigd.remote.protocol.status import RefusedCounts
+from rigd.remote.publisher import Publisher
+from rigd.remote.refused import Refused
+from rigd.remote.requests import Answer
+from rigd.remote.service import Service
+
+_log = logging.getLogger(__name__)
+
+#: How long closing waits for a request under way; a dry run may take longer, and is left alone.
+_LAST_REQUEST_S: Final = 2.0
+
+#: What is said, without a look at the request, to who has too many of them waiting.
+_BUSY: Final = Answer(
+    False, encode_refusal("", Refusal(Code.BUSY, "too many of your requests are waiting"))
+)
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    letter: Letter
+    query: zenoh.Query
+
+
+class Server:
+    """One rig on the network: reachable once made, answering once started, gone once closed.
+
+    ``lease`` is checked here for the verbs that need it, and changed by the service. Making it
+    first takes the address: a second daemon of the rig fails before it touches a device.
+
+    Raises:
+        LinkError: an address cannot be listened on, or a certificate cannot be used.
+    """
+
+    def __init__(self, rig: str, setup: RemoteSetup, lease: Lease) -> None:
+        self._keys = Keys(rig)
+        self._setup = setup
+        self._lease = lease
+        self._refused = Refused()
+        self._inboxes = {lane: Inbox[_Waiting]() for lane in Lane}
+        self._closing = threading.Event()
+        self._threads: list[threading.Thread] = []
+        self._declared = ExitStack()  # undone in the reverse order
+        self._session = _open(self._keys, setup)
+        self.publisher = Publisher(self._session, self._keys)
+
+    def refused(self) -> RefusedCounts:
+        """Return how many messages were refused so far."""
+        return self._refused.counts()
+
+    def start(self, service: Service) -> None:
+        """Answer requests, publish the status as a heartbeat, and be seen to be alive."""
+        desk = Desk(self._keys, self._setup, service, self._lease, self._refused)
+        self.publisher.status(service.status())
+        for lane in Lane:
+            self._thread(f"remote-{lane.value}", partial(self._work, desk, self._inboxes[lane]))
+        self._thread("remote-beat", partial(self._beat, service))
+        self._answer(self._keys.status, self._show)
+        for kind in Kind:
+            self._answer(self._keys.every_request(kind), partial(self._receive, desk))
+        token = self._session.liveliness().declare_token(self._keys.alive)
+        self._declared.callback(token.undeclare)
+
+    def close(self) -> None:
+        """Let nobody in any more; what is under way is finished, what waits is not begun."""
+        self._closing.set()
+        self._declared.close()
+        for inbox in self._inboxes.values():
+            for waiting in inbox.close():
+                waiting.query.drop()
+        deadline_s = time.monotonic() + _LAST_REQUEST_S
+        for thread in self._threads:
+            thread.join(max(0.0, deadline_s - time.monotonic()))
+        self._session.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _thread(self, name: str, target: Callable[[], None]) -> None:
+        thread = threading.Thread(target=target, name=name, daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def _answer(self, key: str, callback: Callable[[zenoh.Query], None]) -> None:
+        queryable = self._session.declare_queryable(key, callback, complete=True)
+        self._declared.callback(queryable.undeclare)
+
+    def _receive(self, desk: Desk, query: zenoh.Query) -> None:
+        """Sort one request; on zenoh's thread, so it must be quick."""
+        key = str(query.key_expr)
+        payload = b"" if query.payload is None else query.payload.to_bytes()
+        try:
+            letter = desk.sort(key, payload)
+        except Refusal as refusal:
+            _reply(query, key, desk.refuse(key, refusal))
+            return
+        if not self._inboxes[letter.verb.lane].put(
+            letter.address.identity, _Waiting(letter, query)
+        ):
+            _reply(query, key, _BUSY)
+
+    def _show(self, query: zenoh.Query) -> None:
+        """Give the newest status to who comes late; on zenoh's thread."""
+        _reply(query, self._keys.status, Answer(True, self.publisher.newest_status))
+
+    def _work(self, desk: Desk, inbox: Inbox[_Waiting]) -> None:
+        while (waiting := inbox.take()) is not None:
+            _reply(waiting.query, waiting.letter.key, desk.answer(waiting.letter))
+
+    def _beat(self, service: Service) -> None:
+        while not self._closing.wait(HEARTBEAT_S):
+            try:
+                self.publisher.status(service.status())
+            except Exception:  # noqa: BLE001 - without the heartbeat, clients take it for dead
+                _log.exception("the status cannot be told")
+
+
+def _open(keys: Keys, setup: RemoteSetup) -> zenoh.Session:
+    try:
+        return zenoh.open(server_config(keys, setup))
+    except zenoh.ZError as error:
+        raise LinkError(
+            f"cannot listen on {', '.join(setup.listen)}: {error}",
+            hint="is another daemon running there? Otherwise look at 'remote' in the rig file: "
+            "the address, and whether the certificates can be read",
+        ) from error
+
+
+def _reply(query: zenoh.Query, key: str, answer: Answer) -> None:
+    """Send a reply; where the client has gone, nobody is there to be told."""
+    with query:
+        try:
+            if answer.ok:
+                query.reply(key, answer.payload)
+            else:
+                query.reply_err(answer.payload)
+        except zenoh.ZError as error:
+            _log.info("no reply to %s: %s", key, error)
