@@ -1,0 +1,135 @@
+// Every channel: value, unit, age, and where it stands within its limits.
+
+import { el, fill, flag, icon, mark, say } from "./dom.js";
+import { age, number, steady, unit } from "./format.js";
+import { histories } from "./histories.js";
+import { chosen, colourOf, toggle, watchChosen } from "./choice.js";
+import { known, rigNow, watch } from "./store.js";
+
+const EVERY_MS = 200; // values that change faster cannot be read
+const STALE_S = 1.5;
+
+/** The channel `device.name` of the description, with the limits that hold for it. */
+export function channelInfo(name) {
+  return infos.get(name);
+}
+
+const infos = new Map();
+
+export function mountChannels(root) {
+  const body = el("div", { class: "channel-list" });
+  root.append(el("div", { class: "panel-head" }, el("h2", {}, "Channels")), body);
+  let rows = [];
+  watch("describe", () => {
+    index(known.describe);
+    rows = [];
+    fill(body, known.describe.streams.map((stream) =>
+      el("table", { class: "channel-table" },
+        el("caption", {}, stream.name.replaceAll("_", " ")),
+        el("thead", { class: "unseen" }, el("tr", {},
+          ...["Trace", "Channel", "Value", "Unit", "Age", "Limits"].map((text) => el("th", { scope: "col" }, text)))),
+        el("tbody", {}, stream.channels.map((channel) => {
+          const row = makeRow(`${stream.name}.${channel.name}`);
+          rows.push(row);
+          return row.element;
+        })))));
+    update();
+  });
+  watchChosen(() => rows.forEach(showChoice));
+  setInterval(update, EVERY_MS);
+
+  function update() {
+    if (!root.offsetParent) return; // another page is open
+    for (const row of rows) show(row);
+  }
+}
+
+/** Know every channel by name, with the tightest limits of setpoints and interlocks. */
+function index({ streams, setpoints, interlocks }) {
+  infos.clear();
+  for (const stream of streams) {
+    stream.channels.forEach((channel, place) => {
+      const name = `${stream.name}.${channel.name}`;
+      infos.set(name, { ...channel, full: name, stream, place, limits: [-Infinity, Infinity], by: [] });
+    });
+  }
+  const tighten = (name, low, high, by) => {
+    const info = infos.get(name);
+    if (info === undefined) return;
+    info.limits = [Math.max(info.limits[0], low), Math.min(info.limits[1], high)];
+    info.by.push(by);
+  };
+  for (const { name, low, high } of setpoints) tighten(`${name}_setpoint`, low, high, "rig file");
+  for (const { name, source, low, high } of interlocks) {
+    if (typeof low === "number" || typeof high === "number") {
+      tighten(source, typeof low === "number" ? low : -Infinity, typeof high === "number" ? high : Infinity, `interlock ${name}`);
+    }
+  }
+}
+
+function makeRow(name) {
+  const info = infos.get(name);
+  const row = { name, info };
+  row.trace = el("button", {
+    type: "button", class: "trace-toggle", "aria-label": `Trace of ${name}`, onclick: () => toggle(name),
+  });
+  row.value = el("td", { class: "value" });
+  row.age = el("td", { class: "age" });
+  row.needle = el("i");
+  row.bar = el("div", { class: "limit-bar" }, row.needle);
+  const [low, high] = info.limits;
+  const limited = Number.isFinite(low) || Number.isFinite(high);
+  row.range = limited ? span(info) : null;
+  row.bar.hidden = !limited;
+  const limits = limited
+    ? `Limits ${Number.isFinite(low) ? number(low) : "…"} to ${Number.isFinite(high) ? number(high) : "…"} ${unit(info.unit)} (${info.by.join(", ")})`
+    : "No limits";
+  row.element = el("tr", {},
+    el("td", {}, row.trace),
+    el("th", { scope: "row", title: `${info.doc}\n${limits}`.trim() }, info.name.replaceAll("_", " ")),
+    row.value, el("td", { class: "unit" }, unit(info.unit)), row.age,
+    el("td", { class: "limit", title: limits }, row.bar, el("span", { class: "unseen" }, limits)));
+  showChoice(row);
+  return row;
+}
+
+/** What the bar spans; an open side ends at zero, or at as much beyond it. */
+function span({ limits: [low, high] }) {
+  if (!Number.isFinite(low)) return [Math.min(0, high - Math.abs(high)), high];
+  if (!Number.isFinite(high)) return [low, Math.max(0, low + Math.abs(low))];
+  return [low, high];
+}
+
+function showChoice(row) {
+  const on = chosen().includes(row.name);
+  row.trace.setAttribute("aria-pressed", on);
+  row.trace.style.setProperty("--trace", on ? colourOf(row.name) : "transparent");
+}
+
+function newest({ full, stream, place }) {
+  const history = histories.get(stream.number);
+  const asked = known.latest?.values[full];
+  const askedAt = asked === undefined ? -Infinity : known.latest.t_ns / 1e9 - asked.age_s;
+  if (history !== undefined && history.newest >= askedAt) {
+    return [history.value(place), rigNow() / 1e3 - history.newest];
+  }
+  return asked === undefined ? [NaN, null] : [asked.value ?? NaN, rigNow() / 1e3 - askedAt];
+}
+
+function show(row) {
+  const [value, seconds] = newest(row.info);
+  const limit = Math.max(...row.info.limits.map(Math.abs).filter(Number.isFinite), 0);
+  // As many decimals as a thousandth of the limit needs; without limits, as the value itself.
+  say(row.value, limit ? steady(value, limit) : number(value));
+  say(row.age, age(seconds));
+  flag(row.element, "data-stale", seconds === null || seconds > STALE_S || known.link !== "ok");
+  if (row.range === null) return;
+  const [low, high] = row.range;
+  const place = Number.isFinite(value) ? (value - low) / (high - low) : 0;
+  row.needle.style.setProperty("--place", Math.max(0, Math.min(1, place)).toFixed(3));
+  const [bottom, top] = row.info.limits;
+  const margin = 0.08 * (high - low);
+  const isOut = value < bottom || value > top;
+  const isNear = value < bottom + margin || value > top - margin;
+  mark(row.bar, "mood", isOut ? "bad" : isNear && bottom < 0 ? "warn" : "calm");
+}

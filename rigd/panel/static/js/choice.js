@@ -1,0 +1,60 @@
+// Which channels are drawn, and in which colour; kept for the rig's next visit.
+
+import { known, watch } from "./store.js";
+
+const COLOURS = 8; // --trace-0 to --trace-7 in tokens.css
+const FIRST = 6;
+
+const listeners = new Set();
+let names = [];
+const places = new Map(); // name -> colour; a channel keeps its own while it is shown
+
+export const chosen = () => names;
+export const watchChosen = (listener) => listeners.add(listener);
+
+export function colourOf(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(`--trace-${places.get(name) ?? 0}`).trim();
+}
+
+export function toggle(name) {
+  set(names.includes(name) ? names.filter((one) => one !== name) : [...names, name]);
+  try {
+    localStorage.setItem(`traces ${known.describe.rig}`, JSON.stringify(names));
+  } catch { /* chosen anew next time */ }
+}
+
+function set(wanted) {
+  names = wanted;
+  for (const name of places.keys()) if (!names.includes(name)) places.delete(name);
+  for (const name of names) {
+    if (places.has(name)) continue;
+    const taken = new Set(places.values());
+    let colour = 0;
+    while (taken.has(colour) && colour < COLOURS - 1) colour += 1;
+    places.set(name, colour);
+  }
+  for (const listener of listeners) listener();
+}
+
+/** What is drawn at first: what has limits, for that is what one must watch. */
+function usual({ streams, setpoints, interlocks }) {
+  const all = streams.flatMap((one) => one.channels.map((channel) => `${one.name}.${channel.name}`));
+  const watched = [
+    ...setpoints.flatMap(({ name }) => [name, `${name}_setpoint`]),
+    ...interlocks.map(({ source }) => source),
+  ];
+  const first = [...new Set(watched)].filter((name) => all.includes(name)).slice(0, FIRST);
+  return first.length ? first : all.slice(0, FIRST);
+}
+
+watch("describe", () => {
+  if (known.describe === null) return;
+  const all = new Set(known.describe.streams.flatMap((one) => one.channels.map((channel) => `${one.name}.${channel.name}`)));
+  let kept = null;
+  try {
+    kept = JSON.parse(localStorage.getItem(`traces ${known.describe.rig}`));
+  } catch { /* nothing kept */ }
+  const still = Array.isArray(kept) ? kept.filter((name) => all.has(name)) : [];
+  set(still.length ? still : usual(known.describe));
+});
+window.addEventListener("themechange", () => listeners.forEach((listener) => listener()));

@@ -1,0 +1,66 @@
+// Elements without templates. Text is only ever set as text, so nothing the rig says becomes markup.
+
+/**
+ * Make an element. `props` are properties, except `class`, `data`, `aria-*`, `role` and other names
+ * with a dash, which are attributes; `onclick` and its like are listeners. null children are left out.
+ */
+export function el(tag, props = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(props)) {
+    if (value === null || value === undefined) continue;
+    if (name === "class") made.className = value;
+    else if (name === "data") Object.assign(made.dataset, value);
+    else if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (name.includes("-") || name === "role" || name === "for") made.setAttribute(name, value);
+    else made[name] = value;
+  }
+  made.append(...children.flat().filter((one) => one !== null && one !== undefined));
+  return made;
+}
+
+/** Replace what stands in `parent`. */
+export function fill(parent, ...children) {
+  parent.replaceChildren(...children.flat().filter((one) => one !== null && one !== undefined));
+}
+
+/** Set the text of an element, touching the page only where it differs. */
+export function say(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+/** Set or take away an attribute that is either there or not. */
+export function flag(element, name, on) {
+  if (element.hasAttribute(name) !== Boolean(on)) element.toggleAttribute(name, Boolean(on));
+}
+
+/** Set a data attribute, touching the page only where it differs. */
+export function mark(element, name, value) {
+  if (element.dataset[name] !== String(value)) element.dataset[name] = value;
+}
+
+const SVG = "http://www.w3.org/2000/svg";
+const PATHS = {
+  pause: "M8 5v14M16 5v14",
+  play: "M7 4.5v15l12-7.5z",
+  check: "M4 12.5l5 5L20 6.5",
+  warn: "M12 4 2.5 20h19zM12 10v5M12 17.6v.4",
+  hand: "M12 3v9M8 6v8M16 5v8M5 10v4c0 4 3 7 7 7s7-3 7-7V8",
+  lock: "M6 11h12v9H6zM8.5 11V8a3.5 3.5 0 0 1 7 0v3",
+  user: "M12 12a4 4 0 1 0 0-8 4 4 0 0 0 0 8M4 21c0-4 3.5-6 8-6s8 2 8 6",
+  sun: "M12 8a4 4 0 1 0 0 8 4 4 0 0 0 0-8M12 2v2M12 20v2M2 12h2M20 12h2M5 5l1.4 1.4M17.6 17.6 19 19M5 19l1.4-1.4M17.6 6.4 19 5",
+  down: "M12 4v11M7 11l5 5 5-5M5 20h14",
+  question: "M9 9a3 3 0 1 1 4.2 2.7c-.8.4-1.2 1-1.2 2.3M12 17.6v.4",
+  cut: "M4 12h16",
+};
+
+/** A small drawing beside a word; never the only thing that says something. */
+export function icon(name) {
+  const made = document.createElementNS(SVG, "svg");
+  made.setAttribute("viewBox", "0 0 24 24");
+  made.setAttribute("class", "icon");
+  made.setAttribute("aria-hidden", "true");
+  const path = document.createElementNS(SVG, "path");
+  path.setAttribute("d", PATHS[name]);
+  made.append(path);
+  return made;
+}

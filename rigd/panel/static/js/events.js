@@ -1,0 +1,63 @@
+// What happened, newest first.
+
+import { el } from "./dom.js";
+import { clock, number, words } from "./format.js";
+import { watchEvents } from "./link.js";
+
+const KEPT = 1000;
+const MOODS = { interlock: "bad", fault: "bad", error: "bad", limit: "warn", late: "warn", prompt: "ask" };
+
+export function mountEvents(root) {
+  const body = el("tbody");
+  const wanted = el("input", { type: "search", id: "event-filter", placeholder: "such as interlock", autocomplete: "off" });
+  const empty = el("p", { class: "empty" }, "Nothing has happened since the daemon started.");
+  root.append(el("section", { class: "panel wide" },
+    el("div", { class: "panel-head" }, el("h2", {}, "Events"),
+      el("label", { for: "event-filter" }, "Only with"), wanted),
+    el("div", { class: "scroll" },
+      el("table", { class: "event-table" },
+        el("thead", {}, el("tr", {}, ...["Time", "What", "Trial", ""].map((text) => el("th", { scope: "col" }, text)))),
+        body), empty)));
+
+  watchEvents((event) => {
+    empty.hidden = true;
+    const row = "skipped" in event ? gap(event.skipped) : line(event);
+    filter(row);
+    body.prepend(row);
+    while (body.rows.length > KEPT) body.lastChild.remove();
+  });
+  wanted.addEventListener("input", () => [...body.rows].forEach(filter));
+
+  function filter(row) {
+    row.hidden = !row.textContent.toLowerCase().includes(wanted.value.trim().toLowerCase());
+  }
+}
+
+function line({ t_ns, kind, trial, data }) {
+  return el("tr", { data: { mood: MOODS[kind] ?? "calm" } },
+    el("td", { class: "value" }, clock(t_ns / 1e6)),
+    el("th", { scope: "row" }, words(kind)),
+    el("td", { class: "value" }, trial < 0 ? "" : String(trial)),
+    el("td", {}, text(data)));
+}
+
+const gap = (skipped) => el("tr", { data: { mood: "warn" } },
+  el("td", { colSpan: 4 }, `${skipped} events were left out: this computer is too slow for them. The recording has them all.`));
+
+/** What belongs to an event, as words: a name first, then the rest. */
+function text(data) {
+  const { name, ...rest } = data;
+  const parts = Object.entries(rest)
+    .filter(([, value]) => value !== "" && value !== null)
+    .map(([key, value]) => `${words(key)}: ${plain(value)}`);
+  return [name === undefined ? null : plain(name), ...parts].filter((one) => one !== null).join(" · ");
+}
+
+function plain(value) {
+  if (typeof value === "number") return number(value);
+  if (Array.isArray(value)) return value.map(plain).join(", ");
+  if (typeof value === "object" && value !== null) {
+    return Object.entries(value).map(([key, inner]) => `${words(key)} ${plain(inner)}`).join(", ");
+  }
+  return String(value);
+}

@@ -1,0 +1,103 @@
+// A form from the parameters of a procedure: quantities with their unit and range, words by choice.
+
+import { el, fill, say } from "./dom.js";
+import { unit, words } from "./format.js";
+
+export class Form {
+  constructor(parameters, changed) {
+    this.fields = parameters.map((one) => new Field(one, changed));
+    this.problems = el("ul", { class: "problems", role: "alert" });
+    this.element = el("form", { class: "fields", onsubmit: (event) => event.preventDefault(), oninput: changed },
+      this.fields.length ? this.fields.map((one) => one.elements) : el("p", { class: "quiet" }, "This procedure has no parameters."),
+      this.problems);
+  }
+
+  /** What was given by hand: what was left as it is stays out. */
+  values() {
+    return Object.fromEntries(this.fields.filter((one) => one.isGiven).map((one) => [one.name, one.text]));
+  }
+
+  /** Show what is wrong, beside the field it names where it names one. */
+  blame(problems) {
+    for (const field of this.fields) field.blame("");
+    const rest = [];
+    for (const { message, hint } of problems) {
+      const text = [message, hint].filter(Boolean).join(" – ");
+      const field = this.fields.find((one) => new RegExp(`\\b${one.name}\\b`).test(message));
+      if (field === undefined) rest.push(el("li", {}, text));
+      else field.blame(text);
+    }
+    fill(this.problems, rest);
+  }
+}
+
+class Field {
+  constructor(parameter, changed) {
+    Object.assign(this, { parameter, name: parameter.name });
+    const id = `parameter-${parameter.name}`;
+    this.note = el("p", { class: "quiet", id: `${id}-note` }, note(parameter));
+    this.problem = el("p", { class: "problem", id: `${id}-problem`, role: "alert" });
+    const common = { id, "aria-describedby": `${id}-note ${id}-problem` };
+    let input;
+    if (parameter.choices.length) {
+      this.input = el("select", { ...common, onchange: changed },
+        parameter.default === null || parameter.swept ? el("option", { value: "" }, parameter.swept ? "all of the sweep" : "choose …") : null,
+        ...parameter.choices.map((one) => el("option", { value: one }, one)));
+      if (parameter.default !== null && !parameter.swept) this.input.value = parameter.default;
+      input = this.input;
+    } else {
+      this.input = el("input", {
+        ...common, autocomplete: "off", spellcheck: false,
+        value: parameter.swept ? "" : parameter.default ?? "",
+        placeholder: parameter.swept ? "swept" : `a number in ${unit(parameter.unit) || "1"}`,
+      });
+      const isExpression = parameter.default !== null && !/^[-+.\d]/.test(parameter.default);
+      input = el("span", { class: "with-unit" }, this.input, el("span", { class: "unit" }, isExpression ? "" : unit(parameter.unit)));
+      this.input.addEventListener("change", () => this.blame(this.#check()));
+      if (!parameter.swept && parameter.default !== null) this.input.value = bare(parameter.default, parameter.unit);
+    }
+    this.initial = this.input.value;
+    this.elements = [
+      el("label", { for: id }, words(parameter.name)),
+      el("div", {}, input, parameter.doc || this.note.textContent ? this.note : null, this.problem),
+    ];
+  }
+
+  get isGiven() {
+    return this.input.value.trim() !== this.initial;
+  }
+
+  /** As `--set` takes it: a bare number gets the unit that stands beside the field. */
+  get text() {
+    const text = this.input.value.trim().replace("−", "-");
+    const isBare = !this.parameter.choices.length && /^[-+]?[\d.]+(e[-+]?\d+)?$/i.test(text);
+    return isBare && this.parameter.unit !== "1" ? `${text} ${this.parameter.unit}` : text;
+  }
+
+  blame(text) {
+    say(this.problem, text);
+    this.input.setAttribute("aria-invalid", String(text !== ""));
+  }
+
+  /** A quick look at numbers in the parameter's own unit; the daemon checks everything. */
+  #check() {
+    const value = Number(bare(this.input.value.trim(), this.parameter.unit));
+    if (this.input.value.trim() === "" || Number.isNaN(value)) return "";
+    const { min, max, unit: symbol } = this.parameter;
+    const low = min === null ? NaN : Number(bare(min, symbol));
+    const high = max === null ? NaN : Number(bare(max, symbol));
+    if (value < low) return `below ${min}`;
+    if (value > high) return `above ${max}`;
+    return "";
+  }
+}
+
+/** `1.15 m` as `1.15` where the unit is m; anything else as it is. */
+function bare(text, symbol) {
+  return text.endsWith(` ${symbol}`) ? text.slice(0, -symbol.length - 1) : text;
+}
+
+function note({ doc, min, max, swept }) {
+  const range = min !== null && max !== null ? `${min} to ${max}` : min !== null ? `at least ${min}` : max !== null ? `at most ${max}` : "";
+  return [doc, range && `(${range})`, swept ? "Swept: leave it empty to run them all." : ""].filter(Boolean).join(" ");
+}

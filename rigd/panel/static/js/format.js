@@ -1,0 +1,88 @@
+// Numbers, times and states as people read them.
+
+const NO_VALUE = "–";
+
+/** Four significant digits without an exponent where that stays short; a real minus sign. */
+export function number(value) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return NO_VALUE;
+  const size = Math.abs(value);
+  let text;
+  if (size === 0) text = "0";
+  else if (size >= 1e6 || size < 1e-4) text = value.toExponential(2);
+  else text = value.toFixed(Math.max(0, Math.min(4, 3 - Math.floor(Math.log10(Math.max(size, 1e-1))))));
+  return text.replace("-", "−");
+}
+
+/** A value for a column that is read while it changes: always as many decimals as the range needs. */
+export function steady(value, scale) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return NO_VALUE;
+  if (Math.abs(value) >= 1e5) return number(value);
+  const decimals = Math.max(0, Math.min(4, 3 - Math.floor(Math.log10(scale || 1))));
+  const text = value.toFixed(decimals);
+  return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
+}
+
+export function unit(symbol) {
+  return symbol === "1" ? "" : symbol.replaceAll("^2", "²").replaceAll("^3", "³").replaceAll(" ", "·");
+}
+
+/** A value with its unit, kept together. */
+export function quantity(value, symbol) {
+  return `${number(value)}\u202f${unit(symbol)}`.trim();
+}
+
+export function age(seconds) {
+  if (seconds === null || !Number.isFinite(seconds)) return NO_VALUE;
+  if (seconds < 9.95) return `${Math.max(0, seconds).toFixed(1)} s`;
+  return duration(seconds);
+}
+
+export function duration(seconds) {
+  if (seconds === null || seconds === undefined) return NO_VALUE;
+  const whole = Math.round(seconds);
+  if (whole < 60) return `${whole} s`;
+  const minutes = Math.floor(whole / 60);
+  if (minutes < 60) return `${minutes} min ${String(whole % 60).padStart(2, "0")} s`;
+  return `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min`;
+}
+
+const TIME = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "2-digit", second: "2-digit" });
+const DAY = new Intl.DateTimeFormat("en-GB", {
+  day: "2-digit", month: "short", hour: "2-digit", minute: "2-digit",
+});
+
+export const clock = (milliseconds) => TIME.format(milliseconds);
+export const day = (milliseconds) => DAY.format(milliseconds);
+
+export function bytes(size) {
+  if (size < 1e6) return `${(size / 1e3).toFixed(0)} kB`;
+  return size < 1e9 ? `${(size / 1e6).toFixed(1)} MB` : `${(size / 1e9).toFixed(2)} GB`;
+}
+
+/** What a state is called, what it means, and its mood: calm, busy, ask, warn or bad. */
+export const STATES = {
+  idle: ["Idle", "Nothing is running", "calm"],
+  preflight: ["Preflight", "Devices are being checked, nothing moves", "busy"],
+  blocked: ["Blocked", "Preflight refused, nothing moved", "warn"],
+  armed: ["Armed", "Actuators are enabled", "busy"],
+  running: ["Running", "", "busy"],
+  pausing: ["Pausing", "The trial under way ends first", "warn"],
+  paused: ["Paused", "Setpoints are at rest", "ask"],
+  stopping: ["Stopping", "The rig comes to rest", "warn"],
+  finishing: ["Finishing", "The procedure's finish plays", "busy"],
+  aborting: ["Aborting", "Setpoints go to rest now", "bad"],
+  faulted: ["Faulted", "A device or an interlock ended the run", "bad"],
+  estopped: ["E-stopped", "Power was asked to drop", "bad"],
+  done: ["Done", "The rig is safe, the recording is finished", "calm"],
+};
+
+export const ACTIONS = {
+  warn: "warned",
+  end_trial: "ended the trial",
+  stop: "stopped the run",
+  abort: "aborted the run",
+  estop: "asked for power to drop",
+};
+
+/** `constant_current` as words. */
+export const words = (name) => name.replaceAll("_", " ");

@@ -1,0 +1,33 @@
+// Live frames: see docs/remote.md. Little endian, as every browser's typed arrays are by now.
+
+const HEAD = 24;
+
+/** Return the frames that stand behind one another in `buffer`. */
+export function decode(buffer) {
+  const view = new DataView(buffer);
+  const frames = [];
+  let at = 0;
+  while (at + HEAD <= buffer.byteLength) {
+    if (view.getUint32(at) !== 0x52474631) throw new Error("not a live frame"); // "RGF1"
+    const stream = view.getUint16(at + 4, true);
+    const channels = view.getUint16(at + 6, true);
+    const points = view.getUint32(at + 8, true);
+    const t0 = Number(view.getBigUint64(at + 16, true)) / 1e9;
+    const times = doubles(buffer, at + HEAD, points);
+    const low = [];
+    const high = [];
+    let place = at + HEAD + 8 * points;
+    for (let channel = 0; channel < channels; channel++) {
+      low.push(floats(buffer, place, points));
+      high.push(floats(buffer, place + 4 * points, points));
+      place += 8 * points;
+    }
+    frames.push({ stream, t0, times, low, high });
+    at = place;
+  }
+  return frames;
+}
+
+// Frames have multiples of 8 bytes, so that every array lies where typed arrays must.
+const doubles = (buffer, at, count) => new Float64Array(buffer, at, count);
+const floats = (buffer, at, count) => new Float32Array(buffer, at, count);

@@ -1,0 +1,146 @@
+// What a stream has shown: the newest in full, the older the coarser, for hours.
+
+const SIZE = 1 << 15; // points of a level
+const FACTOR = 8; // points of a level that become one of the next
+const LEVELS = 4; // at 1000 points/s: 33 s, 4 min, 35 min, 4.6 h
+
+/** One level: a ring of times with the lowest and highest of each channel. */
+class Level {
+  constructor(channels) {
+    this.t = new Float64Array(SIZE);
+    this.low = Array.from({ length: channels }, () => new Float32Array(SIZE));
+    this.high = Array.from({ length: channels }, () => new Float32Array(SIZE));
+    this.count = 0; // points ever
+  }
+
+  get first() {
+    return Math.max(0, this.count - SIZE);
+  }
+
+  time(index) {
+    return this.t[index & (SIZE - 1)];
+  }
+
+  /** The first point at or after `t`. */
+  find(t) {
+    let below = this.first;
+    let above = this.count;
+    while (below < above) {
+      const middle = (below + above) >> 1;
+      if (this.time(middle) < t) below = middle + 1;
+      else above = middle;
+    }
+    return below;
+  }
+}
+
+export class History {
+  constructor(channels) {
+    this.channels = channels;
+    this.clear();
+  }
+
+  clear() {
+    this.levels = Array.from({ length: LEVELS }, () => new Level(this.channels));
+    this.newest = -Infinity;
+  }
+
+  /** Take a frame: points at or before the newest are left out. */
+  append({ t0, times, low, high }) {
+    if (low.length !== this.channels) return;
+    if (times.length && t0 + times[times.length - 1] < this.newest - 5) this.clear(); // clock set back
+    for (let point = 0; point < times.length; point++) {
+      const t = t0 + times[point];
+      if (t <= this.newest) continue;
+      this.newest = t;
+      const level = this.levels[0];
+      const place = level.count & (SIZE - 1);
+      level.t[place] = t;
+      for (let channel = 0; channel < this.channels; channel++) {
+        level.low[channel][place] = low[channel][point];
+        level.high[channel][place] = high[channel][point];
+      }
+      level.count += 1;
+      this.#condense(0);
+    }
+  }
+
+  #condense(index) {
+    const from = this.levels[index];
+    const to = this.levels[index + 1];
+    if (to === undefined || from.count % FACTOR !== 0) return;
+    const place = to.count & (SIZE - 1);
+    const start = from.count - FACTOR;
+    to.t[place] = from.time(start);
+    for (let channel = 0; channel < this.channels; channel++) {
+      let low = Infinity;
+      let high = -Infinity;
+      for (let offset = 0; offset < FACTOR; offset++) {
+        const at = (start + offset) & (SIZE - 1);
+        // Written so that NaN, where nothing was measured, is passed over.
+        if (from.low[channel][at] < low) low = from.low[channel][at];
+        if (from.high[channel][at] > high) high = from.high[channel][at];
+      }
+      to.low[channel][place] = low === Infinity ? NaN : low;
+      to.high[channel][place] = high === -Infinity ? NaN : high;
+    }
+    to.count += 1;
+    this.#condense(index + 1);
+  }
+
+  /** The newest value of a channel: what the samples of its last point have in the middle. */
+  value(channel) {
+    const level = this.levels[0];
+    if (level.count === 0) return NaN;
+    const at = (level.count - 1) & (SIZE - 1);
+    return (level.low[channel][at] + level.high[channel][at]) / 2;
+  }
+
+  /** The value of a channel at `t`: of the first point from then on, or the newest. */
+  at(channel, t) {
+    const level = this.levels.find((one) => one.count > 0 && one.time(one.first) <= t) ?? this.levels[0];
+    const index = Math.min(level.find(t), level.count - 1);
+    if (index < level.first || level.count === 0) return NaN;
+    const place = index & (SIZE - 1);
+    return (level.low[channel][place] + level.high[channel][place]) / 2;
+  }
+
+  /**
+   * Put the extremes of `channel` into columns of `step` s from `start` on: `out[2c]` the lowest,
+   * `out[2c+1]` the highest of column c, null where there is nothing. Returns the extremes of all.
+   */
+  columns(channel, start, step, count, out) {
+    out.fill(null);
+    const end = start + step * count;
+    const level = this.#levelFor(start, end, count);
+    let lowest = Infinity;
+    let highest = -Infinity;
+    const stop = level.find(end);
+    for (let index = level.find(start); index < stop; index++) {
+      const place = index & (SIZE - 1);
+      const low = level.low[channel][place];
+      const high = level.high[channel][place];
+      if (!(low <= high)) continue; // NaN
+      const column = Math.min(count - 1, Math.floor((level.t[place] - start) / step));
+      if (out[2 * column] === null || low < out[2 * column]) out[2 * column] = low;
+      if (out[2 * column + 1] === null || high > out[2 * column + 1]) out[2 * column + 1] = high;
+      if (low < lowest) lowest = low;
+      if (high > highest) highest = high;
+    }
+    return [lowest, highest];
+  }
+
+  /** The coarsest level that still has two points a column; a finer one where none reaches so far. */
+  #levelFor(start, end, count) {
+    let best = this.levels[0];
+    for (const level of this.levels) {
+      if (level.count === 0) break;
+      const reaches = level.time(level.first) <= start || level.first === 0;
+      const points = level.find(end) - level.find(start);
+      if (best !== level && best.time(best.first) <= start && points < 2 * count) break;
+      best = level;
+      if (reaches && points < 16 * count) break;
+    }
+    return best;
+  }
+}

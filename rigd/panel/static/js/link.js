@@ -1,0 +1,99 @@
+// The connection to the panel: what comes in goes to the store; silence is never taken for life.
+
+import { decode } from "./frame.js";
+import { put, known, setClock } from "./store.js";
+
+const SILENCE_MS = 2000; // the panel speaks every 0.5 s
+const AGAIN_MS = [300, 600, 1000, 2000]; // between attempts to connect
+const NO_SESSION = 4401;
+
+const onFrames = new Set();
+const onEvents = new Set();
+
+/** Call `listener` with each frame as it comes. */
+export const watchFrames = (listener) => onFrames.add(listener);
+/** Call `listener` with each event, or with {skipped: n} where some were left out. */
+export const watchEvents = (listener) => onEvents.add(listener);
+
+let socket = null;
+let attempts = 0;
+let heard = 0;
+let lastSeq = 0;
+
+export function connect() {
+  heard = performance.now();
+  open();
+  setInterval(judge, 250);
+  // A computer that slept finds its connection dead; do not wait for the browser to notice.
+  window.addEventListener("online", () => attempts > 0 && open());
+}
+
+function open() {
+  socket?.close();
+  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  const mine = new WebSocket(`${scheme}://${location.host}/api/live`);
+  socket = mine;
+  mine.binaryType = "arraybuffer";
+  mine.onmessage = ({ data }) => {
+    heard = performance.now();
+    attempts = 0;
+    if (typeof data === "string") hear(JSON.parse(data));
+    else draw(mine, data);
+  };
+  mine.onclose = ({ code }) => {
+    if (socket !== mine) return;
+    socket = null;
+    if (code === NO_SESSION) {
+      window.dispatchEvent(new Event("sessionlost"));
+      return;
+    }
+    judge();
+    setTimeout(() => socket === null && open(), AGAIN_MS[Math.min(attempts++, AGAIN_MS.length - 1)]);
+  };
+}
+
+function hear(message) {
+  switch (message.kind) {
+    case "status":
+      setClock(message.status.t_ns);
+      put("status", message.status);
+      break;
+    case "describe":
+    case "latest":
+    case "panel":
+      put(message.kind, message[message.kind]);
+      break;
+    case "event":
+      // After a new connection the panel tells again what it has kept.
+      if (message.event.seq <= lastSeq && message.event.seq > lastSeq - 5000) break;
+      lastSeq = message.event.seq;
+      for (const listener of onEvents) listener(message.event);
+      break;
+    case "skipped":
+      for (const listener of onEvents) listener({ skipped: message.skipped });
+      break;
+  }
+  judge();
+}
+
+/** Take a batch of frames, and say so once it is drawn: a slow computer is then sent fewer. */
+function draw(from, buffer) {
+  for (const frame of decode(buffer)) for (const listener of onFrames) listener(frame);
+  const done = () => from.readyState === WebSocket.OPEN && from.send("drawn");
+  if (document.hidden) done();
+  else requestAnimationFrame(done);
+}
+
+function judge() {
+  const isSilent = socket === null || performance.now() - heard > SILENCE_MS;
+  let link = "ok";
+  if (isSilent) link = "no_panel";
+  else if (known.panel === null || known.status === null) link = known.panel?.alive === false ? "no_rig" : "connecting";
+  else if (!known.panel.alive) link = "no_rig";
+  if (isSilent && socket !== null && performance.now() - heard > 2 * SILENCE_MS) {
+    heard = performance.now() - SILENCE_MS - 1; // try anew, at most every other second
+    attempts += 1;
+    open();
+  }
+  if (link !== known.link) put("link", link);
+}

@@ -1,0 +1,20 @@
+// The live page: traces at the left, what the run does and every channel beside them.
+
+import { mountChannels } from "./channels.js";
+import { el } from "./dom.js";
+import { mountInterlocks } from "./interlocks.js";
+import { mountRun } from "./run.js";
+import { mountTraces } from "./traces.js";
+
+export function mountLive(root) {
+  const part = (name, title) => el("section", { class: `panel ${name}`, "aria-label": title });
+  const traces = part("traces", "Traces");
+  const run = part("run", "Run");
+  const interlocks = part("interlocks", "Interlocks");
+  const channels = part("channels", "Channels");
+  root.append(traces, el("div", { class: "side" }, run, interlocks, channels));
+  mountTraces(traces);
+  mountRun(run);
+  mountInterlocks(interlocks);
+  mountChannels(channels);
+}

@@ -1,0 +1,178 @@
+// One plot: the channels of one unit, drawn by uPlot as the extremes of each column of pixels.
+
+import uPlot from "../vendor/uPlot.esm.js";
+import { colourOf, toggle } from "./choice.js";
+import { el, say } from "./dom.js";
+import { clock, number, unit } from "./format.js";
+import { histories } from "./histories.js";
+import { panAndZoom } from "./gestures.js";
+
+const AXIS_PX = 62; // the same in every plot, so that they lie above one another
+const BREAK_S = 1.5; // a trace breaks where nothing came for so long
+const SHRINK_MS = 1500; // how long a scale waits before it becomes smaller
+
+export class Plot {
+  constructor(area, symbol, infos, actions, isLast) {
+    this.infos = infos;
+    this.symbol = symbol;
+    this.isLast = isLast;
+    this.scale = null;
+    this.smallSince = null;
+    this.cursor = null;
+    this.chips = infos.map((info) => this.#chip(info));
+    this.canvas = el("div", { class: "plot-canvas" });
+    this.element = el("div", { class: "plot" },
+      el("div", { class: "legend" }, el("span", { class: "plot-unit" }, unit(symbol) || "–"), ...this.chips.map((one) => one.element)),
+      this.canvas);
+    this.u = new uPlot(this.#options(), this.#data(2), this.canvas);
+    panAndZoom(this.u.over, actions, () => [this.start, this.end]);
+  }
+
+  destroy() {
+    this.u.destroy();
+    this.element.remove();
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (width > 0 && height > 0) this.u.setSize({ width, height });
+  }
+
+  draw(start, end) {
+    this.start = start;
+    this.end = end;
+    const columns = Math.max(50, Math.round(this.u.over.clientWidth));
+    const step = (end - start) / columns;
+    // Columns stay where they are while time moves on, so that what is drawn does not shimmer.
+    const first = Math.floor(start / step) * step;
+    const count = columns + 1;
+    if (this.data?.[0].length !== 2 * count) this.data = this.#data(2 * count);
+    const [x, ...ys] = this.data;
+    for (let column = 0; column < count; column++) {
+      x[2 * column] = first + (column + 0.25) * step;
+      x[2 * column + 1] = first + (column + 0.75) * step;
+    }
+    let lowest = Infinity;
+    let highest = -Infinity;
+    this.infos.forEach((info, index) => {
+      const history = histories.get(info.stream.number);
+      const [low, high] = history?.columns(info.place, first, step, count, ys[index]) ?? [Infinity, -Infinity];
+      lowest = Math.min(lowest, low);
+      highest = Math.max(highest, high);
+    });
+    this.#fit(lowest, highest);
+    this.u.batch(() => {
+      this.u.setData(this.data, false);
+      this.u.setScale("x", { min: start, max: end });
+      this.u.setScale("y", this.scale);
+    });
+    this.#readOut();
+  }
+
+  #data(length) {
+    return [new Array(length).fill(0).map((_, index) => index), ...this.infos.map(() => new Array(length).fill(null))];
+  }
+
+  /** Let the scale grow at once, and shrink only after a while: a scale that breathes is not read. */
+  #fit(lowest, highest) {
+    if (lowest > highest) {
+      this.scale ??= { min: -1, max: 1 };
+      return;
+    }
+    const least = Math.max(Math.abs(lowest), Math.abs(highest)) * 1e-3 || 1e-6;
+    const span = Math.max(highest - lowest, least);
+    const wanted = { min: lowest - 0.1 * span, max: highest + 0.1 * span };
+    const { scale } = this;
+    if (scale === null || lowest < scale.min || highest > scale.max) {
+      this.scale = wanted;
+      this.smallSince = null;
+    } else if (wanted.max - wanted.min > 0.5 * (scale.max - scale.min)) {
+      this.smallSince = null;
+    } else {
+      this.smallSince ??= performance.now();
+      if (performance.now() - this.smallSince > SHRINK_MS) this.scale = wanted;
+    }
+  }
+
+  #chip(info) {
+    const value = el("span", { class: "chip-value" });
+    const colour = colourOf(info.full);
+    const element = el("button", {
+      type: "button", class: "chip", title: `${info.full}: ${info.doc}\nPress to take it away`, onclick: () => toggle(info.full),
+    }, el("span", { class: "swatch", "aria-hidden": "true" }), info.full.replaceAll("_", " "), value);
+    element.style.setProperty("--trace", colour);
+    return { element, value, colour };
+  }
+
+  /** The value under the pointer, or the newest. */
+  #readOut() {
+    const at = this.cursor === null ? null : this.start + this.cursor * (this.end - this.start);
+    this.infos.forEach((info, index) => {
+      const history = histories.get(info.stream.number);
+      const value = at === null ? history?.at(info.place, this.end) : history?.at(info.place, at);
+      say(this.chips[index].value, number(value));
+    });
+  }
+
+  #options() {
+    const style = getComputedStyle(document.documentElement);
+    const ink = style.getPropertyValue("--quiet").trim();
+    const grid = { stroke: style.getPropertyValue("--grid").trim(), width: 1 };
+    const font = "12px system-ui, sans-serif";
+    return {
+      width: 400, height: 150, padding: [8, 8, this.isLast ? 0 : 6, 0],
+      legend: { show: false },
+      cursor: { sync: { key: "traces", setSeries: false }, drag: { x: false, y: false, setScale: false }, points: { show: false }, y: false },
+      scales: { x: { time: false, auto: false }, y: { auto: false } },
+      axes: [
+        {
+          stroke: ink, grid, font, space: 90, size: this.isLast ? 26 : 0, gap: 4, ticks: { ...grid, size: 4 },
+          values: (_, splits, __, ___, step) => splits.map((t) => (this.isLast ? timeLabel(t, step) : "")),
+        },
+        { stroke: ink, grid, font, size: AXIS_PX, gap: 6, ticks: { ...grid, size: 4 }, space: 28,
+          values: (_, splits) => splits.map((v) => number(Math.abs(v) < 1e-12 ? 0 : v)) },
+      ],
+      series: [{}, ...this.infos.map((_, index) => ({
+        stroke: this.chips[index].colour, width: 1.5, points: { show: false }, spanGaps: false,
+        gaps: (u, _index, _from, _to, gaps) => {
+          const least = (BREAK_S / (u.scales.x.max - u.scales.x.min)) * u.bbox.width;
+          return gaps.filter(([from, to]) => to - from > Math.max(least, 3));
+        },
+      }))],
+      hooks: {
+        setCursor: [(u) => {
+          this.cursor = u.cursor.left >= 0 ? u.cursor.left / u.over.clientWidth : null;
+          if (this.start !== undefined) this.#readOut();
+        }],
+        draw: [(u) => this.#drawLimits(u)],
+      },
+    };
+  }
+
+  /** Limits as dashed lines, where the scale reaches them. */
+  #drawLimits(u) {
+    const { ctx, bbox } = u;
+    ctx.save();
+    ctx.setLineDash([6, 6]);
+    ctx.globalAlpha = 0.7;
+    this.infos.forEach((info, index) => {
+      for (const limit of info.limits) {
+        if (!(limit > u.scales.y.min && limit < u.scales.y.max)) continue;
+        const y = Math.round(u.valToPos(limit, "y", true)) + 0.5;
+        ctx.strokeStyle = this.chips[index].colour;
+        ctx.beginPath();
+        ctx.moveTo(bbox.left, y);
+        ctx.lineTo(bbox.left + bbox.width, y);
+        ctx.stroke();
+      }
+    });
+    ctx.restore();
+  }
+}
+
+/** Time of day, with decimals where seconds no longer tell ticks apart. */
+function timeLabel(t, step) {
+  const text = clock(t * 1000);
+  if (step >= 1) return step >= 60 ? text.slice(0, 5) : text;
+  return text.slice(6) + (t % 1).toFixed(Math.min(4, Math.ceil(-Math.log10(step)))).slice(1);
+}

@@ -1,0 +1,62 @@
+// What a dry run found: how long, which steps, and how near the limits.
+
+import { el, fill, icon } from "./dom.js";
+import { duration, number, unit, words } from "./format.js";
+
+const BLOCKS = { prepare: "Before the trials", trial: "In each trial", after: "After each trial", finish: "At the end" };
+
+export function drawPreview(root, found) {
+  fill(
+    root,
+    el("p", { class: "verdict-line", data: { mood: found.ok ? "calm" : "bad" } },
+      icon(found.ok ? "check" : "warn"),
+      el("strong", {}, found.ok ? "Fit to run" : "Would not run clean"),
+      el("span", {}, `${found.trials} ${found.trials === 1 ? "trial" : "trials"}, about ${duration(found.duration_s)} of rig time`)),
+    found.refusals.length ? el("ul", { class: "problems" }, found.refusals.map((one) => el("li", {}, one))) : null,
+    el("h3", {}, "How near the limits"),
+    el("div", { class: "peaks" }, found.peaks.map(peak)),
+    el("h3", {}, "Steps"),
+    el("div", { class: "scroll" },
+      el("table", { class: "steps" },
+        el("thead", {}, el("tr", {}, ...["Step", "Setpoints", "Ends when", "Times", "Seconds"].map((text) => el("th", { scope: "col" }, text)))),
+        Object.entries(BLOCKS).map(([block, title]) => steps(found.steps.filter((one) => one.block === block), title)))),
+  );
+}
+
+function steps(rows, title) {
+  if (rows.length === 0) return null;
+  return el("tbody", {},
+    el("tr", { class: "block" }, el("th", { colSpan: 5, scope: "rowgroup" }, title)),
+    rows.map((one) => el("tr", {},
+      el("th", { scope: "row" }, one.name),
+      el("td", {}, lines(one.setpoints)),
+      el("td", {}, lines(one.ends)),
+      el("td", { class: "value" }, String(one.played)),
+      el("td", { class: "value" }, spread(one)))));
+}
+
+const lines = (texts) => texts.map((text) => el("div", {}, text));
+
+function spread({ shortest_s: shortest, longest_s: longest }) {
+  const low = shortest.toFixed(2);
+  return longest - shortest < 0.005 ? low : `${low} … ${longest.toFixed(2)}`;
+}
+
+/** The predicted extremes as a bar within the limits. */
+function peak(one) {
+  const low = one.low ?? Math.min(one.lowest ?? 0, 0);
+  const high = one.high ?? Math.max(one.highest ?? 0, 0);
+  const room = high - low || 1;
+  const bar = el("i");
+  const from = Math.max(0, ((one.lowest ?? low) - low) / room);
+  const to = Math.min(1, ((one.highest ?? low) - low) / room);
+  bar.style.setProperty("--from", from);
+  bar.style.setProperty("--to", Math.max(to, from + 0.005));
+  const end = (value) => (value === null ? "" : number(value));
+  return el("div", { class: "peak", data: { mood: one.inside ? "calm" : "bad" }, title: `limit by ${one.limit_by}` },
+    el("span", { class: "peak-name" }, words(one.channel)),
+    el("span", { class: "peak-end" }, end(one.low)),
+    el("span", { class: "peak-bar" }, bar),
+    el("span", { class: "peak-end" }, end(one.high)),
+    el("span", { class: "peak-values" }, `${number(one.lowest)} … ${number(one.highest)} ${unit(one.unit)}${one.inside ? "" : " – beyond the limit"}`));
+}

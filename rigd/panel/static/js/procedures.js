@@ -1,0 +1,149 @@
+// Choosing a procedure, giving its parameters, trying it dry, starting it.
+
+import { ask, command } from "./api.js";
+import { el, fill, icon, say } from "./dom.js";
+import { words } from "./format.js";
+import { Form } from "./form.js";
+import { drawPreview } from "./preview.js";
+import { hasControl, isOperator, known, watch } from "./store.js";
+import { onShow, show } from "./tabs.js";
+import { attempt, complain } from "./toasts.js";
+
+export function mountProcedures(root) {
+  const list = el("ul", { class: "picker" });
+  const sheet = el("div", { class: "sheet" }, el("p", { class: "empty" }, "Choose a procedure."));
+  root.append(
+    el("section", { class: "panel side-list", "aria-label": "All procedures" },
+      el("div", { class: "panel-head" }, el("h2", {}, "Procedures")), list),
+    el("section", { class: "panel wide", "aria-label": "The procedure" }, sheet));
+  let open = null;
+
+  onShow("procedures", async () => {
+    try {
+      const { procedures } = await ask("procedures");
+      fill(list, procedures.map(line));
+    } catch (refused) {
+      complain(refused);
+    }
+  });
+
+  function line(one) {
+    const button = el("button", {
+      type: "button", disabled: one.problem !== null, "aria-pressed": String(open === one.name),
+      onclick: () => attempt(button, async () => {
+        const view = await ask("procedure", { name: one.name });
+        open = one.name;
+        for (const other of list.querySelectorAll("button")) other.setAttribute("aria-pressed", String(other === button));
+        fill(sheet, new Sheet(view).element);
+      }),
+    }, el("strong", {}, one.title || words(one.name)), el("span", { class: "quiet" }, one.problem ?? one.name));
+    return el("li", {}, button);
+  }
+}
+
+class Sheet {
+  constructor(view) {
+    this.view = view;
+    this.form = new Form(view.parameters, () => this.#changed());
+    this.preview = el("div", { class: "preview", "aria-live": "polite" });
+    this.try = el("button", { type: "button", onclick: () => this.#dryRun() }, "Dry run");
+    this.start = el("button", { type: "button", class: "primary big", onclick: () => this.#confirm() }, icon("play"), "Start…");
+    this.why = el("p", { class: "quiet", role: "status" });
+    this.dialog = el("dialog", { "aria-label": "Start the run" });
+    this.element = el("article", {},
+      el("h2", {}, view.title || words(view.procedure.name)),
+      el("p", { class: "doc" }, view.doc.trim()),
+      this.form.element,
+      this.#options(),
+      isOperator() ? el("div", { class: "row" }, this.try, this.start) : null,
+      this.why, this.preview, this.dialog);
+    watch(["status", "link"], () => this.element.isConnected && this.#permit());
+    this.#permit();
+  }
+
+  #options() {
+    this.loss = el("select", { id: "on-loss" },
+      el("option", { value: "" }, `as the procedure says: ${LOSS[this.view.on_client_loss]}`),
+      ...Object.entries(LOSS).map(([value, text]) => el("option", { value }, text)));
+    this.seed = el("input", { id: "seed", inputMode: "numeric", placeholder: "chosen by rigd", autocomplete: "off" });
+    this.own = el("input", { id: "own", type: "checkbox" });
+    return el("details", { class: "more" }, el("summary", {}, "More choices"),
+      el("div", { class: "fields" },
+        el("label", { for: "on-loss" }, "If whoever has control goes away"), this.loss,
+        el("label", { for: "seed" }, "Seed"), this.seed,
+        known.describe.simulated ? [el("label", { for: "own" }, "The procedure answers its own questions"), this.own] : null));
+  }
+
+  /** What cannot be started says why. */
+  #permit() {
+    let why = "";
+    if (!isOperator()) why = "This page watches; it cannot start a run.";
+    else if (known.link !== "ok") why = "Not connected.";
+    else if (known.status.run !== null) why = "A run is under way.";
+    else if (known.status.trips.some((one) => !one.acknowledged)) why = "An interlock waits to be acknowledged.";
+    else if (!hasControl()) why = "Take control to start.";
+    this.start.disabled = why !== "";
+    say(this.why, why);
+  }
+
+  #given() {
+    return { procedure: this.view.procedure, set: this.form.values() };
+  }
+
+  #changed() {
+    this.preview.classList.add("old");
+  }
+
+  async #dryRun() {
+    this.form.blame([]);
+    fill(this.preview, el("p", { class: "quiet busy" }, "Playing it on the simulated rig …"));
+    const found = await attempt(this.try, async () => {
+      const given = this.#given();
+      const check = await ask("check", given);
+      if (!check.ok) {
+        this.form.blame(check.problems);
+        return null;
+      }
+      return command("dry_run", given);
+    });
+    this.preview.classList.remove("old");
+    if (found === null) fill(this.preview);
+    else drawPreview(this.preview, found);
+  }
+
+  async #confirm() {
+    this.form.blame([]);
+    const check = await attempt(this.start, () => ask("check", this.#given()));
+    this.#permit();
+    if (check === null) return;
+    if (!check.ok) {
+      this.form.blame(check.problems);
+      return;
+    }
+    const set = Object.entries(this.form.values());
+    const go = el("button", { type: "button", class: "primary big", onclick: () => this.#begin(go) }, icon("play"), "Start now");
+    fill(this.dialog,
+      el("h2", {}, `Start ${words(this.view.procedure.name)}?`),
+      el("dl", { class: "facts" },
+        el("dt", {}, "Rig"), el("dd", {}, `${known.describe.title || known.describe.rig}${known.describe.simulated ? "" : " – it will move"}`),
+        el("dt", {}, "Trials"), el("dd", {}, String(check.trials)),
+        ...set.flatMap(([name, value]) => [el("dt", {}, words(name)), el("dd", {}, value)])),
+      known.describe.simulated ? null : el("p", {}, "Is nobody within its reach?"),
+      el("div", { class: "row end" },
+        el("button", { type: "button", onclick: () => this.dialog.close() }, "Cancel"), go));
+    this.dialog.showModal();
+    go.focus();
+  }
+
+  async #begin(button) {
+    const seed = this.seed.value.trim();
+    const args = { ...this.#given(), answers: this.own.checked ? "procedure" : "ask" };
+    if (seed) args.seed = Number(seed);
+    if (this.loss.value) args.on_client_loss = this.loss.value;
+    const started = await attempt(button, () => command("start", args));
+    this.dialog.close();
+    if (started !== null) show("live");
+  }
+}
+
+const LOSS = { continue: "go on", finish_trial: "finish the trial, then stop", stop: "stop" };

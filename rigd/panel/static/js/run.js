@@ -1,0 +1,91 @@
+// The run under way: what varies in it, how far it is, pause and resume.
+
+import { command } from "./api.js";
+import { el, fill, icon, say } from "./dom.js";
+import { duration, number, words } from "./format.js";
+import { share } from "./state.js";
+import { hasControl, isOperator, known, watch } from "./store.js";
+import { show } from "./tabs.js";
+import { attempt } from "./toasts.js";
+
+export function mountRun(root) {
+  const title = el("h2", {}, "No run");
+  const pause = steer("pause", "Pause", "The trial under way ends first");
+  const resume = steer("play", "Resume", "");
+  pause.addEventListener("click", () => attempt(pause, () => command("pause")));
+  resume.addEventListener("click", () => attempt(resume, () => command("resume")));
+  const dots = el("div", { class: "trials", "aria-hidden": "true" });
+  const facts = el("dl", { class: "facts" });
+  const body = el("div");
+  root.append(el("div", { class: "panel-head" }, title, pause, resume), body);
+  let shape = "";
+  watch(["status", "link"], () => {
+    if (known.status === null) return;
+    const { status } = known;
+    const mine = hasControl();
+    pause.hidden = status.state !== "running";
+    resume.hidden = !["paused", "pausing"].includes(status.state);
+    pause.disabled = resume.disabled = !mine;
+    if (status.run === null) {
+      const key = JSON.stringify([status.last, isOperator()]);
+      if (shape !== key) rest(title, body, status);
+      shape = key;
+      return;
+    }
+    if (shape !== status.run) fill(body, dots, facts);
+    shape = status.run;
+    say(title, words(status.procedure ?? ""));
+    draw(dots, status);
+    describe(facts, status);
+  });
+}
+
+function steer(drawing, text, title) {
+  return el("button", { type: "button", title, hidden: true }, icon(drawing), text);
+}
+
+/** A dot for each trial while they can be told apart, then a bar. */
+function draw(dots, status) {
+  const count = status.trials_total <= 60 ? status.trials_total : 0;
+  if (dots.childElementCount !== count) fill(dots, Array.from({ length: count }, () => el("i")));
+  for (let index = 0; index < count; index++) {
+    const is = index < status.trials_done ? "done" : index === status.trials_done ? "now" : "next";
+    if (dots.children[index].className !== is) dots.children[index].className = is;
+  }
+}
+
+function describe(facts, status) {
+  const lines = [
+    ["Trials", `${status.trials_done} of ${status.trials_total} done`],
+    ["Time", status.left_s === null
+      ? `${duration(status.run_s)} so far`
+      : `${duration(status.run_s)} so far, ${duration(status.left_s)} left (${Math.round(100 * share(status, 0))} %)`],
+    ["Step", status.step ?? "–"],
+    ...Object.entries(status.trial?.parameters ?? {}).map(([name, value]) => [
+      words(name), typeof value === "number" ? number(value) : String(value),
+    ]),
+    ["Recording", status.run],
+  ];
+  if (facts.childElementCount !== 2 * lines.length) {
+    fill(facts, lines.flatMap(() => [el("dt"), el("dd")]));
+  }
+  lines.forEach(([name, value], index) => {
+    say(facts.children[2 * index], name);
+    say(facts.children[2 * index + 1], value);
+  });
+}
+
+function rest(title, body, status) {
+  say(title, status.last === null ? "No run yet" : "Last run");
+  const last = status.last;
+  fill(
+    body,
+    last === null ? null : el("dl", { class: "facts" },
+      el("dt", {}, "Ended"), el("dd", {}, el("span", { class: "ending", data: { ending: last.ending } }, words(last.ending))),
+      last.reason ? [el("dt", {}, "Why"), el("dd", {}, last.reason)] : null,
+      el("dt", {}, "Recording"), el("dd", {}, el("code", {}, last.run))),
+    el("div", { class: "row" },
+      isOperator() ? el("button", { type: "button", class: "primary", onclick: () => show("procedures") }, "Choose a procedure") : null,
+      el("button", { type: "button", onclick: () => show("runs") }, "Recordings")),
+  );
+}

@@ -1,0 +1,107 @@
+// The recordings, and the report of each.
+
+import { ask, command } from "./api.js";
+import { el, fill, icon, say } from "./dom.js";
+import { bytes, day, duration, words } from "./format.js";
+import { hasControl, known, watch } from "./store.js";
+import { onShow } from "./tabs.js";
+import { attempt, complain } from "./toasts.js";
+
+const PAGE = 50;
+
+export function mountRuns(root) {
+  const body = el("tbody");
+  const more = el("button", { type: "button", hidden: true, onclick: () => attempt(more, () => load(false)) }, "Older ones");
+  const sheet = el("div", { class: "sheet" }, el("p", { class: "empty" }, "Choose a run."));
+  root.append(
+    el("section", { class: "panel run-list", "aria-label": "Recordings" },
+      el("div", { class: "panel-head" }, el("h2", {}, "Runs")),
+      el("div", { class: "scroll" },
+        el("table", {},
+          el("thead", {}, el("tr", {}, ...["Started", "Procedure", "State", "Trials", "Took"].map((text) => el("th", { scope: "col" }, text)))),
+          body)),
+      more),
+    el("section", { class: "panel wide", "aria-label": "The run" }, sheet));
+  let oldest = null;
+  let open = null;
+  let lastRun;
+
+  async function load(fresh) {
+    const { runs, more: isMore } = await ask("runs", fresh || oldest === null ? { limit: PAGE } : { limit: PAGE, before: oldest });
+    if (fresh) fill(body);
+    body.append(...runs.map(line));
+    oldest = runs.at(-1)?.run ?? oldest;
+    more.hidden = !isMore;
+    if (fresh && runs.length === 0) fill(body, el("tr", {}, el("td", { colSpan: 5, class: "empty" }, "No recordings yet.")));
+  }
+
+  async function refresh() {
+    try {
+      await load(true);
+    } catch (refused) {
+      complain(refused);
+    }
+  }
+
+  onShow("runs", refresh);
+  // A run that has ended is a recording more.
+  watch("status", () => {
+    if (known.status.run === lastRun) return;
+    lastRun = known.status.run;
+    if (root.offsetParent) refresh();
+  });
+
+  function line(one) {
+    const choose = el("button", { type: "button", class: "row-button", onclick: () => pick(one, row) },
+      day(one.started_ns / 1e6));
+    const row = el("tr", { data: { chosen: String(open === one.run) }, onclick: (event) => event.target !== choose && pick(one, row) },
+      el("th", { scope: "row" }, choose),
+      el("td", {}, words(one.procedure)),
+      el("td", {}, el("span", { class: "ending", data: { ending: one.state } }, words(one.state))),
+      el("td", { class: "value" }, `${one.trials_done}/${one.trials_total}`),
+      el("td", { class: "value" }, duration(one.duration_s)));
+    return row;
+  }
+
+  function pick(one, row) {
+    open = one.run;
+    for (const other of body.rows) other.dataset.chosen = String(other === row);
+    drawRun(sheet, one, refresh);
+    sheet.scrollIntoView({ block: "nearest" });
+  }
+}
+
+function drawRun(root, one, refresh) {
+  const path = `/api/run/${encodeURIComponent(one.run)}`;
+  const report = el("div", { class: "report" });
+  const note = el("span", { class: "quiet", role: "status" });
+  const make = el("button", {
+    type: "button", onclick: () => attempt(make, async () => {
+      say(note, "Identifying …");
+      try {
+        await command("identify", { run: one.run });
+        showReport();
+        refresh();
+      } finally {
+        say(note, "");
+      }
+    }),
+  }, one.has_report ? "Make the report anew" : "Make the report");
+  const showReport = () => fill(report, el("iframe", {
+    // An address of its own each time, so that a new report replaces the old one.
+    src: `${path}/report?at=${Date.now()}`, title: `Report of ${one.run}`, sandbox: "", loading: "lazy",
+  }));
+  make.hidden = !hasControl() || one.problem !== null;
+  fill(root,
+    el("div", { class: "panel-head" },
+      el("h2", {}, `${words(one.procedure)}, ${day(one.started_ns / 1e6)}`),
+      el("a", { class: "button", href: `${path}/recording`, download: one.run }, icon("down"), `Recording (${bytes(one.size)})`),
+      one.has_report ? el("a", { class: "button", href: `${path}/report`, target: "_blank", rel: "noopener" }, "Report in a page of its own") : null,
+      make, note),
+    el("p", { class: "quiet" }, el("code", {}, one.run)),
+    one.problem === null ? null : el("p", { class: "problem" }, one.problem),
+    report);
+  if (one.has_report) showReport();
+  else if (make.hidden) fill(report, el("p", { class: "empty" }, "No report yet. Who has control can make it."));
+  else fill(report, el("p", { class: "empty" }, "No report yet."));
+}

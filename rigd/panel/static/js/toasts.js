@@ -1,0 +1,49 @@
+// Short notes that go by themselves, and alarms that stay until somebody takes them away.
+
+import { el } from "./dom.js";
+
+const SHOWN_MS = 6000;
+
+export function toast(text, mood = "calm") {
+  const note = el("p", { class: "toast", data: { mood } }, text);
+  show(note);
+  setTimeout(() => note.remove(), SHOWN_MS);
+}
+
+/** What went wrong, with what to do about it. */
+export function complain(refused) {
+  const text = [refused.message, refused.hint].filter(Boolean).join(" – ");
+  const note = el("p", { class: "toast", role: "alert", data: { mood: "warn" } }, text);
+  show(note);
+  setTimeout(() => note.remove(), 2 * SHOWN_MS);
+}
+
+export function alarm(text) {
+  const note = el(
+    "p",
+    { class: "toast", role: "alert", data: { mood: "bad" } },
+    el("strong", {}, text),
+    el("button", { type: "button", onclick: () => note.remove() }, "Seen"),
+  );
+  show(note);
+}
+
+function show(note) {
+  const root = document.getElementById("toasts");
+  root.append(note);
+  while (root.children.length > 5) root.firstChild.remove();
+}
+
+/** Do what a button asks for, with the button switched off meanwhile. */
+export async function attempt(button, action) {
+  button.disabled = true;
+  try {
+    return await action();
+  } catch (refused) {
+    if (refused.code === undefined) throw refused;
+    complain(refused);
+    return null;
+  } finally {
+    button.disabled = false;
+  }
+}

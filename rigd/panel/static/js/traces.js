@@ -1,0 +1,130 @@
+// The traces: one plot for each unit, all over the same stretch of time.
+
+import { channelInfo } from "./channels.js";
+import { chosen, watchChosen } from "./choice.js";
+import { el, fill, icon, say } from "./dom.js";
+import { clock, duration } from "./format.js";
+import { newestTime } from "./histories.js";
+import { watchFrames } from "./link.js";
+import { Plot } from "./plot.js";
+import { known, watch } from "./store.js";
+
+const SPANS = [5, 20, 60, 300, 1800];
+const LEAST_S = 0.02;
+const MOST_S = 5 * 3600;
+
+export function mountTraces(root) {
+  /** `end` null: live, the newest at the right edge. */
+  const view = { span: 20, end: null };
+  const hold = el("button", { type: "button", class: "hold" });
+  const behind = el("span", { class: "quiet behind", role: "status" });
+  const spans = SPANS.map((seconds) =>
+    el("button", { type: "button", onclick: () => zoomTo(seconds) }, seconds < 60 ? `${seconds} s` : `${seconds / 60} min`));
+  const area = el("div", {
+    class: "plots", tabIndex: 0, role: "group",
+    "aria-label": "Traces. Arrow keys move and zoom, space holds, Home returns to live.", onkeydown: key,
+  });
+  root.append(
+    el("div", { class: "panel-head" }, el("h2", {}, "Traces"),
+      el("div", { class: "spans", role: "group", "aria-label": "Time shown" }, ...spans), hold, behind),
+    area);
+  const empty = el("p", { class: "empty" });
+  let plots = [];
+  let isDirty = true;
+
+  const actions = {
+    now: () => view.end ?? newestTime(),
+    pan(seconds) {
+      look(this.now() + seconds, view.span);
+    },
+    zoom(factor, anchor) {
+      const span = Math.max(LEAST_S, Math.min(MOST_S, view.span * factor));
+      const kept = anchor === null || view.end === null ? this.now() : anchor + ((this.now() - anchor) * span) / view.span;
+      look(kept, span);
+    },
+    live: () => look(Infinity, view.span),
+  };
+
+  function look(end, span) {
+    view.span = span;
+    view.end = end >= newestTime() ? null : end;
+    isDirty = true;
+    toolbar();
+  }
+
+  function zoomTo(seconds) {
+    look(view.end ?? Infinity, seconds);
+  }
+
+  function toggleHold() {
+    if (view.end === null) {
+      view.end = newestTime();
+      isDirty = true;
+      toolbar();
+    } else actions.live();
+  }
+
+  function key(event) {
+    const steps = { ArrowLeft: -0.25, ArrowRight: 0.25 };
+    const factors = { ArrowUp: 0.5, ArrowDown: 2, "+": 0.5, "-": 2 };
+    if (event.target !== area || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.key in steps) actions.pan(steps[event.key] * view.span);
+    else if (event.key in factors) actions.zoom(factors[event.key], null);
+    else if (event.key === " ") toggleHold();
+    else if (event.key === "Home") actions.live();
+    else return;
+    event.preventDefault();
+  }
+
+  function toolbar() {
+    const isLive = view.end === null;
+    if (hold.dataset.live !== String(isLive)) {
+      hold.dataset.live = isLive;
+      fill(hold, icon(isLive ? "pause" : "play"), isLive ? "Hold" : "Live");
+    }
+    spans.forEach((button, index) => button.setAttribute("aria-pressed", SPANS[index] === view.span));
+    say(behind, isLive || !Number.isFinite(view.end)
+      ? ""
+      : `held at ${clock(view.end * 1000)}, ${duration(newestTime() - view.end)} behind`);
+  }
+
+  function rebuild() {
+    for (const plot of plots) plot.destroy();
+    const byUnit = new Map();
+    for (const name of chosen()) {
+      const info = channelInfo(name);
+      if (info === undefined) continue;
+      if (!byUnit.has(info.unit)) byUnit.set(info.unit, []);
+      byUnit.get(info.unit).push(info);
+    }
+    plots = [...byUnit].map(([symbol, infos], place) =>
+      new Plot(area, symbol, infos, actions, place === byUnit.size - 1));
+    say(empty, plots.length ? "" : "Choose channels to draw: press the dots in the list of channels.");
+    fill(area, ...plots.map((plot) => plot.element), plots.length ? null : empty);
+    for (const plot of plots) plot.resize();
+    isDirty = true;
+  }
+
+  function draw() {
+    requestAnimationFrame(draw);
+    if (!isDirty || !root.offsetParent) return;
+    isDirty = false;
+    const end = actions.now();
+    if (!Number.isFinite(end)) return;
+    for (const plot of plots) plot.draw(end - view.span, end);
+    root.dataset.drawn = Number(root.dataset.drawn ?? 0) + 1;
+  }
+
+  hold.addEventListener("click", toggleHold);
+  watchFrames(() => { if (view.end === null) isDirty = true; });
+  watchChosen(rebuild);
+  watch("describe", rebuild);
+  watch("link", () => root.classList.toggle("stale", known.link !== "ok"));
+  new ResizeObserver(() => {
+    for (const plot of plots) plot.resize();
+    isDirty = true;
+  }).observe(area);
+  setInterval(toolbar, 1000);
+  toolbar();
+  draw();
+}
