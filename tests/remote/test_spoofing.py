@@ -1,0 +1,130 @@
+"""A client that is let in reaches its own keys, and no other: nobody speaks for the rig."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import pytest
+from support.served_rig import RIG, Served, key, request
+from support.zenoh_client import ZenohClient
+
+#: Long enough for what must not come, on a machine that is slow.
+WHILE_S = 0.7
+
+PUBLIC = ("status", "event", "live/wheel")
+
+
+@pytest.fixture(scope="module", params=["over_tls", "on_loopback"])
+def served(request: pytest.FixtureRequest) -> Served:
+    """Both ways to serve a rig keep everybody from speaking for it."""
+    served: Served = request.getfixturevalue(request.param)
+    return served
+
+
+@pytest.fixture
+def alice(served: Served) -> Iterator[ZenohClient]:
+    with served.client("alice") as client:
+        yield client
+
+
+@pytest.fixture
+def carol(served: Served) -> Iterator[ZenohClient]:
+    with served.client("carol") as client:
+        yield client
+
+
+@pytest.mark.parametrize("what", ["event", "live/wheel", "elsewhere"])
+def test_nobody_else_publishes(
+    alice: ZenohClient, carol: ZenohClient, served: Served, what: str
+) -> None:
+    alice.subscribe(f"rigd/{RIG}/{what}")
+    alice.subscribe(f"rigd/{RIG}/status")
+    for _ in range(5):
+        carol.put(f"rigd/{RIG}/{what}", b"FAKE")
+    # The heartbeat that follows shows that there was time for the fakes to come.
+    came = alice.received(least=2, within_s=20)
+    assert came.get(f"rigd/{RIG}/{what}", 0) == 0
+
+
+def test_nobody_else_tells_the_status(
+    alice: ZenohClient, carol: ZenohClient, served: Served
+) -> None:
+    alice.subscribe(f"rigd/{RIG}/status")
+    before = served.rig.said
+    for _ in range(50):
+        carol.put(f"rigd/{RIG}/status", b"FAKE")
+    came = alice.received(least=2, within_s=20)
+    assert came[f"rigd/{RIG}/status"] <= served.rig.said - before + 1
+
+
+@pytest.mark.parametrize("pattern", ["cmd/alice/*", "cmd/alice/pause", "cmd/*/*", "**"])
+def test_nobody_else_answers(
+    alice: ZenohClient, carol: ZenohClient, served: Served, pattern: str
+) -> None:
+    carol.answer_queries(f"rigd/{RIG}/{pattern}")
+    carol.answer_queries(f"rigd/{RIG}/status")
+    served.rig.hold_lease("alice")
+    before = list(served.rig.done)
+    reply = alice.ask(key("cmd", "alice", "pause"), request("pause"))
+    assert reply["result"] == {}
+    assert served.rig.done[len(before) :] == [("alice", "pause")]
+    assert alice.ask(f"rigd/{RIG}/status", b"")["rig"] == RIG
+
+
+@pytest.mark.parametrize("pattern", ["**", "rigd/**", f"rigd/{RIG}/**", "rigd/*/*", "@/**"])
+def test_nobody_listens_to_everything(
+    alice: ZenohClient, carol: ZenohClient, served: Served, pattern: str
+) -> None:
+    carol.subscribe(pattern)
+    alice.ask(key("ask", "alice", "latest"), request("latest"))
+    alice.subscribe(f"rigd/{RIG}/status")
+    alice.received(least=2, within_s=20)
+    assert carol.received() == {}
+
+
+@pytest.mark.parametrize("pattern", ["rigd/{rig}/cmd/*/lease_take", "rigd/{rig}/**", "**"])
+def test_no_request_is_made_for_several_at_once(
+    carol: ZenohClient, served: Served, pattern: str
+) -> None:
+    before = list(served.rig.done)
+    replies = carol.get(pattern.format(rig=RIG), request("lease_take"))
+    assert all(not one["ok"] for one in replies)
+    assert served.rig.done == before
+
+
+def test_the_name_is_that_of_the_certificate(over_tls: Served) -> None:
+    before = list(over_tls.rig.done)
+    with over_tls.client("bob") as bob:
+        for kind, verb in (("cmd", "lease_take"), ("ask", "latest"), ("stop", "stop")):
+            assert bob.get(key(kind, "alice", verb), request(verb)) == []
+    with over_tls.client("alice") as alice:
+        assert alice.get(key("cmd", "carol", "lease_seize"), request("lease_seize")) == []
+    assert over_tls.rig.done == before
+
+
+def test_without_certificates_the_name_is_the_one_given(on_loopback: Served) -> None:
+    with on_loopback.client() as client:
+        reply = client.ask(key("ask", "whoever", "latest"), request("latest"))
+    assert (reply["result"]["by"], reply["result"]["role"]) == ("whoever", "operator")
+
+
+def test_nobody_talks_to_another_client(
+    served: Served, alice: ZenohClient, carol: ZenohClient
+) -> None:
+    carol.answer_queries("chat/carol")
+    alice.subscribe("chat/alice")
+    carol.put("chat/alice", b"hello")
+    assert alice.get("chat/carol") == []
+    alice.subscribe(f"rigd/{RIG}/status")
+    came = alice.received(least=2, within_s=20)
+    assert set(came) == {f"rigd/{RIG}/status"}
+
+
+def test_what_is_shown_is_seen_by_everybody(served: Served) -> None:
+    with served.client("bob") as bob:
+        for what in PUBLIC:
+            bob.subscribe(f"rigd/{RIG}/{what}")
+        assert bob.received(least=2, within_s=20)[f"rigd/{RIG}/status"] >= 2
+        assert bob.alive("rigd/*/alive") == [f"rigd/{RIG}/alive"]
+        assert json.loads(bob.get(f"rigd/{RIG}/status")[0]["payload"])["rig"] == RIG

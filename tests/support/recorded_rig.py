@@ -1,0 +1,58 @@
+"""A rig behind a server that only notes what it was asked to do."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+from rigd.remote.lease import Lease
+from rigd.remote.protocol import VERSION, Message, Role, Status
+from rigd.remote.protocol.arguments import NoArguments
+from rigd.remote.protocol.status import Daemon
+from rigd.remote.service import Result
+
+
+@dataclass
+class RecordedRig:
+    """Notes every command and stop as ``(identity, verb)``, in the order they came."""
+
+    name: str
+    lease: Lease
+    done: list[tuple[str, str]] = field(default_factory=list)
+    said: int = 0
+    fails: str = ""  #: what cannot be asked without a bug
+    huge: int = 0  #: characters that each reply to a question has too many
+
+    def hold_lease(self, identity: str) -> None:
+        """Give the lease to ``identity``, whoever has it."""
+        self.lease.obey(identity, "lease_seize", NoArguments())
+
+    def status(self) -> Status:
+        """Return a status that counts itself."""
+        self.said += 1
+        return Status(
+            v=VERSION,
+            rig=self.name,
+            title="A rig that only notes",
+            t_ns=time.time_ns(),
+            seq=self.said,
+            daemon=Daemon(version="0", pid=1, started_ns=0),
+            state="idle",
+            lease=self.lease.view(),
+        )
+
+    def ask(self, identity: str, role: Role, what: str, args: Message) -> Result:
+        """Say who asked."""
+        if what == self.fails:
+            raise RuntimeError("a bug of the rig's own")
+        return {"by": identity, "role": role.value, "huge": "x" * self.huge}
+
+    def command(self, identity: str, role: Role, verb: str, args: Message) -> Result:
+        """Note it; what concerns the lease is done."""
+        self.done.append((identity, verb))
+        return self.lease.obey(identity, verb, args) if verb.startswith("lease_") else {}
+
+    def stop(self, identity: str, verb: str, reason: str) -> Result:
+        """Note it."""
+        self.done.append((identity, verb))
+        return {"reason": reason}
