@@ -53,7 +53,7 @@ class FoxgloveServer:
             raise ConfigError(
                 "the Foxglove SDK is not installed", hint="pip install 'rigd[foxglove]'"
             ) from error
-        context = foxglove.Context()
+        self._context = context = foxglove.Context()  # a channel does not keep it alive
         try:
             self._server = foxglove.start_server(
                 name=f"rigd {rig.name}",
