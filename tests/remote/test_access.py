@@ -12,8 +12,8 @@ from support.zenoh_client import ZenohClient
 from rigd.remote.protocol import VERBS
 
 ASKS = (
-    "describe", "events", "latest", "lease", "procedures", "procedure", "check", "runs", "run",
-    "report", "fetch",
+    "describe", "events", "latest", "history", "lease", "procedures", "procedure", "check", "runs",
+    "run", "report", "fetch",
 )  # fmt: skip
 STOPS = ("stop", "abort", "estop")
 COMMANDS = (

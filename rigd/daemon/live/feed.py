@@ -10,6 +10,7 @@ import logging
 import math
 import threading
 import time
+from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Final, Protocol, Self
@@ -22,9 +23,9 @@ from rigd.engine.sink import Rows
 from rigd.engine.wiring import streams_of
 from rigd.record.events import NO_TRIAL
 from rigd.record.events import Event as Recorded
-from rigd.remote.protocol import Event, Frame, encode_frame
+from rigd.remote.protocol import Code, Event, Refusal, encode_frame
 from rigd.remote.protocol.limits import LIVE_HZ
-from rigd.remote.protocol.results import Latest, LatestValues
+from rigd.remote.protocol.results import History, Latest, LatestValues
 
 _LOG: Final = logging.getLogger(__name__)
 #: One failure to show is logged in so many seconds.
@@ -32,13 +33,13 @@ QUIET_S: Final = 10.0
 
 
 class Outlet(Protocol):
-    """Where frames and events go; never waits long (:class:`rigd.remote.server.Publisher`)."""
+    """Where frames and events go; never waits long (:class:`rigd.remote.publisher.Publisher`)."""
 
-    def frame(self, stream: str, payload: bytes) -> None:
+    def frame(self, stream: str, payload: bytes, /) -> None:
         """Take a frame of ``stream``, encoded."""
         ...
 
-    def event(self, event: Event) -> None:
+    def event(self, event: Event, /) -> None:
         """Take an event."""
         ...
 
@@ -168,14 +169,22 @@ class Feed:
                     values[f"{name}.{channel.name}"] = Latest(value=finite, age_s=age_s)
         return LatestValues(t_ns=now_ns, values=values)
 
-    def history(self, stream: str) -> Frame | None:
-        """Return the last ten seconds of ``stream`` in at most 600 points; None: it gave no row.
+    def history(self, stream: str) -> History:
+        """Return the last ten seconds of ``stream``, in at most 600 points.
 
         Raises:
-            KeyError: the rig has no such stream.
+            Refusal: the rig has no such stream.
         """
+        live = self._streams.get(stream)
+        if live is None:
+            raise Refusal(
+                Code.NOT_FOUND,
+                f"there is no stream {stream!r}",
+                hint=f"known: {', '.join(self._streams)}",
+            )
         with self._lock:
-            return self._streams[stream].history()
+            frame = live.history()
+        return History(frame=None if frame is None else b64encode(encode_frame(frame)))
 
     def tick(self) -> None:
         """Show what has come since the last time; the thread does so 30 times a second."""

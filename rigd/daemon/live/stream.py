@@ -19,6 +19,8 @@ FRAME_POINTS: Final = 60
 HISTORY_NS: Final = 10_000_000_000
 #: Points of that, at most: about what a plot is wide.
 HISTORY_POINTS: Final = 600
+#: And bytes, for a stream of very many channels.
+_HISTORY_BYTES: Final = 128 * 1024
 #: What of each frame is kept for that.
 _KEPT_POINTS: Final = 2
 
@@ -75,7 +77,8 @@ class LiveStream:
         """
         if not self._recent:
             return None
-        return self._frame(Points.joined(list(self._recent)).reduced(HISTORY_POINTS))
+        most = min(HISTORY_POINTS, _HISTORY_BYTES // (8 + 8 * len(self.stream.channels)))
+        return self._frame(Points.joined(list(self._recent)).reduced(most))
 
     def newest(self) -> tuple[int, list[float]] | None:
         """Return the time (Unix, ns) and the values of the newest row; None where there is none."""

@@ -101,6 +101,12 @@ class Since(Message):
     """Those numbered from here."""
 
 
+class StreamName(Message):
+    """A stream of live data."""
+
+    stream: Name
+
+
 class Receiver(Message):
     """Whom the lease goes to."""
 

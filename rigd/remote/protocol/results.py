@@ -276,6 +276,14 @@ class LatestValues(Message):
     values: dict[Annotated[str, StringConstraints(max_length=130)], Latest]
 
 
+class History(Message):
+    """`history`: the last ten seconds of a stream."""
+
+    frame: Annotated[Base64Bytes, Field(max_length=MAX_PIECE_BYTES)] | None
+    """As those of its live data, reduced, its sequence that of the frame published last; None: no
+    row came yet. Base64 in JSON and when made, bytes when read."""
+
+
 class Started(Message):
     """`start` and `resume_run`."""
 

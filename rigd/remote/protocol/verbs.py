@@ -21,6 +21,7 @@ from rigd.remote.protocol.arguments import (
     Runs,
     Since,
     Start,
+    StreamName,
 )
 from rigd.remote.protocol.keys import Kind
 from rigd.remote.protocol.message import Message
@@ -91,6 +92,7 @@ VERBS: Final[Mapping[Kind, Mapping[str, Verb]]] = {
         "describe": _ask(),
         "events": _ask(Since),
         "latest": _ask(),
+        "history": _ask(StreamName),
         "lease": _ask(),
         "procedures": _ask(lane=Lane.FILES),
         "procedure": _ask(ProcedureName, Lane.FILES),

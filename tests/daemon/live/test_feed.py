@@ -20,6 +20,7 @@ from rigd.engine.sink import Rows
 from rigd.engine.wiring import streams_of
 from rigd.model.errors import RecordingError
 from rigd.model.rows import row_dtype
+from rigd.remote.protocol import Refusal, decode, decode_frame, encode
 
 RIG = load_rig("lugre-1")
 STREAMS = {stream.name: stream for stream in streams_of(RIG)}
@@ -132,7 +133,7 @@ def test_a_run_that_does_not_record_a_stream_leaves_its_last_value(tmp_path: Pat
     folder, kept = folder_of(RIG, tmp_path / "run"), Kept()
     feed = Feed(RIG, kept)
     assert feed.latest().values == {}
-    assert feed.history("cycle") is None
+    assert feed.history("cycle").frame is None
     feed.attach(folder)
     for name, ring in folder.row_rings(folder.job).items():
         ring.push_block(numbered(STREAMS[name], START_NS, 0, 10))
@@ -142,9 +143,10 @@ def test_a_run_that_does_not_record_a_stream_leaves_its_last_value(tmp_path: Pat
     assert len(values) == sum(len(one.channels) for one in STREAMS.values())
     assert values["cycle.scheduled"].value == 9.0
     history = feed.history("cycle")
-    assert history is not None
-    assert history.low[0, -1] == 9.0
-    with pytest.raises(KeyError):
+    assert history.frame is not None
+    assert decode_frame(history.frame).low[0, -1] == 9.0
+    assert decode(type(history), encode(history)) == history
+    with pytest.raises(Refusal, match="known: wheel_servo"):
         feed.history("nothing")
     with pytest.raises(RecordingError):
         feed.attach(RunFolder.at(tmp_path / "empty"))
