@@ -25,6 +25,7 @@ from rigd.cli import (
     run,
     runs,
     schema,
+    serve,
     sim,
     tare,
 )
@@ -44,6 +45,7 @@ COMMANDS: tuple[ModuleType, ...] = (
     export,
     recover,
     doctor,
+    serve,
     sim,
     drivers,
     new,

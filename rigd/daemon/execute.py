@@ -121,11 +121,10 @@ def perform(
     resume = request.resume
     done = frozenset[int]() if resume is None else resume.done
     if resume is not None:
-        for name, text in _texts(request).items():
-            resume.check_same(name, text)
+        check_resumable(request, resume)
         path = resume.path
     else:
-        path = request.output or _new_path(request)
+        path = request.output or new_path(request)
     form = _form(request, control, path, len(done), held)
     try:
         announce(path)
@@ -151,6 +150,16 @@ def perform(
         raise
     finally:
         form.release()
+
+
+def check_resumable(request: RunRequest, resume: ResumePoint) -> None:
+    """Check that the run goes on with the files that it began with.
+
+    Raises:
+        ConfigError: one of them is another.
+    """
+    for name, text in _texts(request).items():
+        resume.check_same(name, text)
 
 
 def _form(
@@ -296,8 +305,12 @@ def _texts(request: RunRequest) -> dict[str, str]:
     return texts
 
 
-def _new_path(request: RunRequest) -> Path:
-    """Return a path in the folder that no file has yet: time, procedure, floor or the like."""
+def new_path(request: RunRequest) -> Path:
+    """Return a path in the folder that no file has yet: time, procedure, floor or the like.
+
+    Raises:
+        RecordingError: the folder cannot be made.
+    """
     try:
         request.folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

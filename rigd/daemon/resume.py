@@ -16,7 +16,8 @@ class ResumePoint:
     """What an interrupted recording says about the run it holds.
 
     ``done`` are the numbers of trials that are complete. ``overrides`` are the ``--set`` values
-    it was started with. ``texts`` are its attached files by name.
+    it was started with. ``texts`` are its attached files by name. ``answered_by`` is who gave the
+    last answer to a prompt, "" where none was asked.
     """
 
     path: Path
@@ -27,6 +28,7 @@ class ResumePoint:
     done: frozenset[int]
     texts: Mapping[str, bytes]
     end_ns: int
+    answered_by: str = ""
 
     def check_same(self, name: str, text: str) -> None:
         """Raise unless the attached file ``name`` is ``text``.
@@ -55,13 +57,16 @@ def read_resume_point(path: Path) -> ResumePoint:
     run = recording.metadata.get("run", {})
     if not {"procedure", "rig", "seed"} <= run.keys():
         raise RecordingError(f"{path} does not say which run it holds, so it cannot be resumed")
+    events = recording.events()
+    answers = [event.data for event in events if event.kind == "answer"]
     return ResumePoint(
         path=path,
         procedure=run["procedure"],
         rig=run["rig"],
         seed=int(run["seed"]),
         overrides=recording.metadata.get("overrides", {}),
-        done=frozenset(one.number for one in trials(recording.events()) if one.complete),
+        done=frozenset(one.number for one in trials(events) if one.complete),
         texts={name: one.data for name, one in recording.attachments.items()},
         end_ns=recording.end_ns,
+        answered_by=str(answers[-1]["by"]) if answers else "",
     )

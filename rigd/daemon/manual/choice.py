@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
@@ -40,18 +40,19 @@ def check_action(rig: RigConfig, name: str, action: str) -> None:
     device = rig.devices.get(name)
     if device is None:
         raise ConfigError(f"rig {rig.name} has no device {name!r}", hint=suggest(name, rig.devices))
-    known = _actions(rig, name)
+    known = actions_of(rig, name)
     if action in known:
         return
     if known:
         hint = "it has: " + ", ".join(known)
     else:
-        able = [one for one in rig.devices if action in _actions(rig, one)]
+        able = [one for one in rig.devices if action in actions_of(rig, one)]
         hint = f"it has none; {action} of this rig: {', '.join(able) or 'no device has it'}"
     raise ConfigError(f"{name} ({device.driver}) has no action {action!r}", hint=hint)
 
 
-def _actions(rig: RigConfig, name: str) -> Sequence[str]:
+def actions_of(rig: RigConfig, name: str) -> Mapping[str, str]:
+    """Return the actions of a device, each with what it does; nothing is opened."""
     device = rig.devices[name]
     driver = device.driver_class(device.config, None)
-    return tuple(driver.actions) if isinstance(driver, Driver | SlowDriver) else ()
+    return driver.actions if isinstance(driver, Driver | SlowDriver) else {}

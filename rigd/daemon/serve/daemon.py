@@ -1,0 +1,208 @@
+"""The daemon of one rig, from start to end: composed, kept alive, ended by a signal."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import Final
+
+from rigd.config.rig import RigConfig
+from rigd.daemon.live import Feed
+from rigd.daemon.live.foxglove import FoxgloveServer
+from rigd.daemon.serve.aside import Aside
+from rigd.daemon.serve.audit import AuditLog
+from rigd.daemon.serve.companion import Companion
+from rigd.daemon.serve.library import Library
+from rigd.daemon.serve.looks import Looks
+from rigd.daemon.serve.notices import Notices
+from rigd.daemon.serve.notify import Notifier
+from rigd.daemon.serve.recordings import Recordings
+from rigd.daemon.serve.recovery import Interruptions
+from rigd.daemon.serve.service import Parts, RigService
+from rigd.daemon.serve.steering import Steering
+from rigd.daemon.serve.trips import TripMemory
+from rigd.engine.shared import RunFolder
+from rigd.engine.shared.folder import folder_name
+from rigd.engine.sink import Rows
+from rigd.model.errors import RecordingError
+from rigd.remote.desk import role_of
+from rigd.remote.lease import Lease
+from rigd.remote.protocol import Role
+from rigd.remote.server import Server
+
+#: The daemon looks around this often, and at once when something has changed.
+TICK_S: Final = 0.25
+#: What a daemon that was killed has started makes the rig safe and completes the recording: it is
+#: given this long.
+PATIENCE_S: Final = 20.0
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to serve, and how.
+
+    ``runs`` is the folder of recordings, ``procedures`` that of the lab's own procedures.
+    ``monitored``: channels are shown between runs too. ``foxglove`` is a port, None for none.
+    ``panel`` is the command that starts a panel, () for none.
+    """
+
+    rig: RigConfig
+    runs: Path
+    procedures: Path
+    monitored: bool = False
+    foxglove: int | None = None
+    panel: Sequence[str] = ()
+
+
+@dataclass
+class Signals:
+    """What signals have asked for; the handler only sets flags, and takes no lock."""
+
+    reason: str = ""  #: why the daemon is to end, or ""
+    steering: Steering | None = None
+    asked: list[str] = field(default_factory=list)  #: in words, not told yet
+
+    def heed(self, number: int, frame: FrameType | None) -> None:
+        """Take a signal."""
+        self.reason = f"stopped by {signal.Signals(number).name}"
+        verb = None if self.steering is None else self.steering.leave(self.reason)
+        what = "nothing runs" if verb is None else f"{verb.name.lower()} of the run"
+        self.asked.append(f"{self.reason}: {what}")
+
+    def steer(self, steering: Steering) -> None:
+        """From now on let signals end what runs."""
+        self.steering = steering
+        if self.reason:
+            steering.leave(self.reason)
+
+
+def serve(options: Options, announce: Callable[[str], None]) -> None:
+    """Serve a rig until a signal; the run under way is then stopped, and its file finished.
+
+    A second signal aborts the run, a third drops power. ``announce`` gets lines for whoever
+    started it.
+
+    Raises:
+        Blocked: the rig is in use.
+        LinkError: an address cannot be listened on.
+        RigdError: a file that is needed cannot be read or written.
+    """
+    signals, notifier = Signals(), Notifier()
+    with _heeding(signals), ExitStack() as stack:
+        news = threading.Event()
+        parts, server = _compose(options, stack, news.set, announce)
+        service = RigService(parts, server.refused, news.set)
+        signals.steer(parts.steering)
+        server.start(service)
+        companions = []
+        if options.panel:
+            panel = Companion("the panel", options.panel, parts.notices)
+            companions.append(stack.enter_context(panel))
+        parts.steering.show()
+        notifier.ready()
+        announce(f"{options.rig.name} is served on {', '.join(options.rig.remote.listen)}")
+        while not signals.reason or parts.steering.running is not None:
+            if signals.reason:
+                notifier.ending()
+            if news.wait(TICK_S):
+                news.clear()
+                server.publisher.status(service.status())
+            while signals.asked:
+                parts.notices.note(signals.asked.pop(0), "warning")
+            service.tend()
+            for one in companions:
+                one.tend()
+            notifier.alive(service.doing)
+
+
+def _compose(
+    options: Options,
+    stack: ExitStack,
+    changed: Callable[[], None],
+    announce: Callable[[str], None],
+) -> tuple[Parts, Server]:
+    """Take the rig and put everything together; ``stack`` takes it apart again, last first."""
+    rig, runs = options.rig, options.runs
+    folder = RunFolder.take(rig.name, command="rigd serve", patience_s=PATIENCE_S)
+    stack.callback(folder.release)
+    _make(runs)
+    lease = Lease(lambda identity: _may_command(rig, identity))
+    server = stack.enter_context(Server(rig.name, rig.remote, lease))
+    raw: Callable[[str, Rows], None] = _nowhere
+    if options.foxglove is not None:
+        foxglove = FoxgloveServer(rig, options.foxglove)
+        stack.callback(foxglove.stop)
+        announce(f"Foxglove: {foxglove.address}")
+        raw = foxglove.show
+    feed = stack.enter_context(Feed(rig, server.publisher, raw=raw))
+    notices = Notices(changed)
+    recordings = Recordings(runs)
+    name = folder_name(rig.name)
+    trips = TripMemory(runs / f"{name}.trips.json")
+    interruptions = Interruptions(rig.name, recordings, notices)
+    interruptions.recover(folder, trips)
+    library = Library(rig, options.procedures)
+    audit = AuditLog(runs / f"{name}.audit.jsonl")
+    aside = Aside()
+    stack.callback(aside.close)
+    steering = Steering(
+        rig,
+        folder,
+        runs,
+        library=library,
+        lease=lease,
+        feed=feed,
+        trips=trips,
+        notices=notices,
+        looks=Looks(rig, folder, feed, monitored=options.monitored),
+        changed=changed,
+        ended=lambda _: interruptions.look(),
+    )
+    stack.callback(steering.close)
+    audit.write("rigd", "serve", {"listen": list(rig.remote.listen)})
+    stack.callback(audit.write, "rigd", "end", {})
+    parts = Parts(
+        rig, lease, feed, steering, recordings, library, interruptions, trips, notices, audit, aside
+    )
+    return parts, server
+
+
+def _nowhere(stream: str, rows: Rows) -> None:
+    """Where rows go that only Foxglove would want as they are."""
+
+
+def _may_command(rig: RigConfig, identity: str) -> bool:
+    role = role_of(rig.remote, identity)
+    return role is not None and role.includes(Role.OPERATOR)
+
+
+def _make(runs: Path) -> None:
+    try:
+        runs.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(
+            f"cannot make the folder {runs}: {error.strerror}", hint="choose another --runs"
+        ) from error
+
+
+@contextmanager
+def _heeding(signals: Signals) -> Iterator[None]:
+    """Let signals end the daemon while inside; one that was ignored before (nohup) stays so."""
+    numbers = [
+        number
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        if signal.getsignal(number) is not signal.SIG_IGN
+    ]
+    before = {number: signal.signal(number, signals.heed) for number in numbers}
+    # Ctrl-Z would stop this process, and the cycle then take it for dead.
+    before[signal.SIGTSTP] = signal.signal(signal.SIGTSTP, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

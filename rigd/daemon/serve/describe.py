@@ -1,0 +1,99 @@
+"""What does not change about a rig while its daemon lives, as clients are told it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Literal, cast
+
+from rigd.config.rig import RigConfig
+from rigd.daemon.manual import actions_of
+from rigd.engine.rates import most_rows_hz
+from rigd.engine.wiring import streams_of
+from rigd.model.channels import Channel, Stream
+from rigd.model.limits import Interlock
+from rigd.remote.protocol import Role
+from rigd.remote.protocol.results import (
+    ActionView,
+    ChannelView,
+    Description,
+    InterlockView,
+    SetpointView,
+    StreamView,
+)
+
+_Action = Literal["warn", "end_trial", "stop", "abort", "estop"]
+_Priority = Literal["low", "medium", "high", "critical"]
+
+
+def describe(rig: RigConfig, role: Role) -> Description:
+    """Return the description of ``rig`` for somebody of ``role``."""
+    return Description(
+        rig=rig.name,
+        title=rig.title,
+        simulated=rig.plant is not None or rig.simulation is not None,
+        # Numbered as in the frames (rigd.daemon.live).
+        streams=tuple(_stream(rig, n, one) for n, one in enumerate(streams_of(rig))),
+        setpoints=tuple(_setpoints(rig)),
+        interlocks=tuple(_interlock(one) for one in rig.interlocks),
+        actions=tuple(_actions(rig)),
+        role=role,
+        roles={name: Role(given) for name, given in rig.remote.roles.items()},
+    )
+
+
+def _stream(rig: RigConfig, number: int, stream: Stream) -> StreamView:
+    return StreamView(
+        number=number,
+        name=stream.name,
+        channels=tuple(_channel(one) for one in stream.channels),
+        rate_hz=most_rows_hz(rig, stream),
+    )
+
+
+def _channel(channel: Channel) -> ChannelView:
+    return ChannelView(
+        name=channel.name,
+        unit=channel.unit,
+        doc=channel.doc,
+        low=_finite(channel.low),
+        high=_finite(channel.high),
+        raw_of=channel.raw_of,
+    )
+
+
+def _setpoints(rig: RigConfig) -> Iterator[SetpointView]:
+    for device in rig.devices.values():
+        for setpoint in device.setpoints:
+            limit = device.limits[setpoint.name]
+            yield SetpointView(
+                name=f"{device.name}.{setpoint.name}",
+                unit=setpoint.unit,
+                low=limit.low,
+                high=limit.high,
+                rate=_finite(limit.rate),
+                rest=limit.rest,
+            )
+
+
+def _interlock(interlock: Interlock) -> InterlockView:
+    return InterlockView(
+        name=interlock.name,
+        source=interlock.source,
+        low=interlock.low,
+        high=interlock.high,
+        action=cast(_Action, interlock.action.name.lower()),
+        priority=cast(_Priority, interlock.priority.name.lower()),
+        latch=interlock.latch,
+        message=interlock.message,
+    )
+
+
+def _actions(rig: RigConfig) -> Iterator[ActionView]:
+    for device in rig.devices:
+        for action, doc in actions_of(rig, device).items():
+            yield ActionView(device=device, action=action, doc=doc)
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None

@@ -1,0 +1,166 @@
+"""The procedures that a daemon has, and what becomes of one on its rig."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from rigd.config.rig import RigConfig
+from rigd.config.shipped import shipped_folder
+from rigd.model.errors import ConfigError
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import Procedure, load_procedure, parse_procedure
+from rigd.procedure.program import CompiledProcedure, Prompt
+from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol.arguments import Checked, ProcedureFile
+from rigd.remote.protocol.results import (
+    Check,
+    ParameterView,
+    ProblemView,
+    ProcedureLine,
+    Procedures,
+    ProcedureView,
+)
+
+
+class Library:
+    """The procedures of ``folder``, and the shipped ones that no file there replaces."""
+
+    def __init__(self, rig: RigConfig, folder: Path) -> None:
+        self._rig = rig
+        self._folders = (folder, shipped_folder("procedures"))
+
+    def lines(self) -> Procedures:
+        """Return all procedures by name, each with what keeps it from running on this rig."""
+        return Procedures(procedures=tuple(self._line(one) for one in self._all()))
+
+    def view(self, name: str) -> ProcedureView:
+        """Return a procedure and what a form for it needs.
+
+        Raises:
+            Refusal: there is none of that name.
+        """
+        for one in self._all():
+            if one.name == name:
+                return _view(one)
+        raise Refusal(Code.NOT_FOUND, f"there is no procedure {name}", hint="see `procedures`")
+
+    def check(self, args: Checked) -> Check:
+        """Return whether a procedure can run on this rig with these values."""
+        try:
+            compiled = self.compile(args)
+        except ConfigError as error:
+            problems = tuple(_problem(one) for one in (error, *error.others))
+            return Check(ok=False, problems=problems)
+        asked = [step for step in compiled.steps() if isinstance(step, Prompt)]
+        return Check(ok=True, trials=len(compiled.trials), prompts=len(asked))
+
+    def compile(self, args: Checked) -> CompiledProcedure:
+        """Return a procedure that travelled, ready to play on this rig.
+
+        Raises:
+            ConfigError: it does not fit; names every problem with its place.
+            Refusal: it is not what was sent.
+        """
+        check_whole(args.procedure)
+        # Errors give this name in front of line and column; a path of this machine helps nobody.
+        source = parse_procedure(args.procedure.text, Path(f"{args.procedure.name}.yaml"))
+        return compile_procedure(source, self._rig, args.set)
+
+    def _line(self, procedure: Procedure) -> ProcedureLine:
+        problem = None
+        if not _undecided(procedure):
+            try:
+                compile_procedure(procedure, self._rig)
+            except ConfigError as error:
+                problem = error.message
+        return ProcedureLine(
+            name=procedure.name,
+            title=procedure.source.title,
+            sha256=_sha256(procedure.file.text),
+            problem=problem,
+        )
+
+    def _all(self) -> Sequence[Procedure]:
+        found: dict[str, Procedure] = {}
+        for one in self._files():
+            found.setdefault(one.name, one)
+        return [found[name] for name in sorted(found)]
+
+    def _files(self) -> Iterator[Procedure]:
+        for folder in self._folders:
+            for path in sorted(folder.glob("*.yaml")):
+                try:
+                    yield load_procedure(path)
+                except ConfigError:
+                    continue  # being written, or none: `rigd check` says what is wrong with it
+
+
+def check_whole(file: ProcedureFile) -> None:
+    """Check that a procedure is what its sender has read.
+
+    Raises:
+        Refusal: it is not.
+    """
+    if _sha256(file.text) != file.sha256:
+        raise Refusal(
+            Code.BAD_REQUEST,
+            f"the text of {file.name} has the SHA-256 {_sha256(file.text)[:12]}..., "
+            f"not {file.sha256[:12]}... as its sender says",
+        )
+
+
+def refusal_of(error: ConfigError) -> Refusal:
+    """Return why a procedure cannot run, as a client is told."""
+    return Refusal(Code.REFUSED, str(error))
+
+
+def _view(procedure: Procedure) -> ProcedureView:
+    source, text = procedure.source, procedure.file.text
+    swept = {*source.sweep.grid, *source.sweep.zip}
+    parameters = tuple(
+        ParameterView(
+            name=name,
+            doc=one.doc,
+            unit=one.unit or "1",
+            choices=tuple(one.choices or ()),
+            default=one.default,
+            min=one.min,
+            max=one.max,
+            swept=name in swept,
+        )
+        for name, one in source.parameters.items()
+    )
+    return ProcedureView(
+        procedure=ProcedureFile(name=procedure.name, text=text, sha256=_sha256(text)),
+        title=source.title,
+        doc=source.doc,
+        parameters=parameters,
+        on_client_loss=source.on_client_loss,
+    )
+
+
+def _undecided(procedure: Procedure) -> Mapping[str, object]:
+    """Return the parameters that a person must give a value: without, nothing can be said yet."""
+    source = procedure.source
+    swept = {*source.sweep.grid, *source.sweep.zip}
+    return {
+        name: one
+        for name, one in source.parameters.items()
+        if one.default is None and name not in swept
+    }
+
+
+def _problem(error: ConfigError) -> ProblemView:
+    place = error.place
+    return ProblemView(
+        message=error.message,
+        hint=error.hint,
+        line=None if place is None else place.line,
+        column=None if place is None else place.column,
+    )
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,64 @@
+"""What a daemon does on its rig without arming it: shows its channels, lets a device act."""
+
+from __future__ import annotations
+
+from rigd.config.rig import RigConfig
+from rigd.daemon.live import Feed, Monitor
+from rigd.daemon.manual import check_action, look_at, only
+from rigd.engine.control import Control
+from rigd.engine.shared import RunFolder
+from rigd.model.errors import ConfigError
+from rigd.remote.protocol import Code, Refusal
+
+
+class Looks:
+    """Looks at ``rig``, whose ``folder`` this process holds; one look at a time, and no run.
+
+    ``monitored``: :meth:`show` shows the channels to ``feed``; else it does nothing.
+    """
+
+    def __init__(self, rig: RigConfig, folder: RunFolder, feed: Feed, *, monitored: bool) -> None:
+        self._rig, self._folder, self._feed = rig, folder, feed
+        self._monitored = monitored
+        self._monitor: Monitor | None = None
+
+    def show(self) -> None:
+        """Show the channels until :meth:`end`."""
+        if self._monitored and self._monitor is None:
+            self._monitor = Monitor(self._rig, self._feed, self._folder)
+            self._monitor.start()
+
+    def end(self) -> None:
+        """Return once every device is closed; silent where none is open."""
+        monitor, self._monitor = self._monitor, None
+        if monitor is not None:
+            monitor.stop()
+
+    def check(self, device: str, action: str) -> None:
+        """Check that a device has an action.
+
+        Raises:
+            Refusal: it has not, or there is no such device.
+        """
+        try:
+            check_action(self._rig, device, action)
+        except ConfigError as error:
+            raise Refusal(Code.NOT_FOUND, error.message, hint=error.hint) from error
+
+    def act(self, device: str, action: str, control: Control) -> str:
+        """Open a device, let it act, and return what it said; a request of ``control`` ends it.
+
+        Raises:
+            Refusal: it was ended, or the device cannot be opened.
+            RigdError: the device has failed, or refuses.
+        """
+        part, command = only(self._rig, {device}), f"rigd serve, {action} of {device}"
+        with look_at(part, control, command=command, held=self._folder) as look:
+            reasons = look.open()
+            if reasons:
+                raise Refusal(Code.REFUSED, f"{device} cannot be opened: {'; '.join(reasons)}")
+            look.first_rows()
+            said = look.act(device, action)
+        if said is None:
+            raise Refusal(Code.REFUSED, f"{action} of {device} was ended: {control.reason}")
+        return said

@@ -1,0 +1,41 @@
+"""Lines for whoever looks after the rig: in the status, and in the log."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Final, Literal
+
+from rigd.remote.protocol.status import Notice
+
+_LOG: Final = logging.getLogger("rigd.daemon")
+#: So many stand in the status, the newest.
+KEPT: Final = 20
+#: A line is no longer than this.
+_LENGTH: Final = 1000
+
+Level = Literal["info", "warning", "error"]
+_LEVELS: Final = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
+
+
+class Notices:
+    """The newest lines; ``changed`` is called at each. Any thread may note one."""
+
+    def __init__(
+        self, changed: Callable[[], None], clock: Callable[[], int] = time.time_ns
+    ) -> None:
+        self._changed = changed
+        self._clock = clock
+        self._kept: deque[Notice] = deque(maxlen=KEPT)
+
+    def note(self, text: str, level: Level = "info") -> None:
+        """Add a line."""
+        _LOG.log(_LEVELS[level], "%s", text)
+        self._kept.append(Notice(t_ns=self._clock(), level=level, text=text[:_LENGTH]))
+        self._changed()
+
+    def views(self) -> tuple[Notice, ...]:
+        """Return them, the newest last."""
+        return tuple(self._kept)

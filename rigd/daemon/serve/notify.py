@@ -1,0 +1,50 @@
+"""What the service manager is told: that the daemon is ready, lives, and is ending (sd_notify(3)).
+
+Messages are datagrams to the socket that ``NOTIFY_SOCKET`` names; without it nothing is told.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import socket
+from collections.abc import Mapping
+from typing import Final
+
+_LOG: Final = logging.getLogger(__name__)
+
+
+class Notifier:
+    """Tells the service manager, where ``environ`` names one."""
+
+    def __init__(self, environ: Mapping[str, str] = os.environ) -> None:
+        self._address = environ.get("NOTIFY_SOCKET", "")
+        if self._address.startswith("@"):
+            self._address = "\0" + self._address[1:]  # of the abstract name space
+        self._failed = False
+
+    def ready(self) -> None:
+        """Tell that clients are served."""
+        self._tell("READY=1")
+
+    def alive(self, doing: str) -> None:
+        """Give a sign of life; ``doing`` is shown by ``systemctl status``."""
+        self._tell("WATCHDOG=1", f"STATUS={doing}")
+
+    def ending(self) -> None:
+        """Tell that the end has begun; it may take a while."""
+        self._tell("STOPPING=1", "STATUS=ending")
+
+    def _tell(self, *lines: str) -> None:
+        if not self._address:
+            return
+        try:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as link:
+                link.setblocking(False)
+                link.sendto("\n".join(lines).encode(), self._address)
+        except OSError as error:
+            if not self._failed:  # the manager acts on its silence; once is enough for the log
+                _LOG.warning("the service manager cannot be told: %s", error)
+            self._failed = True
+        else:
+            self._failed = False

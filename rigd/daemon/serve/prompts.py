@@ -1,0 +1,132 @@
+"""Prompts that are answered from elsewhere."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from rigd.engine.answers import AnswerRefused, check_answer
+from rigd.model.errors import ProcedureError
+from rigd.procedure.program import Answer, AnswerKind, Prompt
+from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol.status import PromptView
+
+
+@dataclass(frozen=True)
+class _Put:
+    """A question that waits."""
+
+    id: int
+    prompt: Prompt
+    objection: str
+
+
+class RemoteAnswers:
+    """Waits for clients to answer the prompts of one run.
+
+    ``ids`` gives every question a number that none before has had: an answer to a question that
+    is over, or that was put again, is refused. ``changed`` is called when a question comes or goes.
+    """
+
+    asks_again = True
+
+    def __init__(self, ids: Iterator[int], changed: Callable[[], None]) -> None:
+        self.by = "operator"  #: whoever gave the last answer
+        self._ids = ids
+        self._changed = changed
+        self._news = threading.Condition()
+        self._put: _Put | None = None
+        self._given: list[Answer] = []
+
+    def can_answer(self, prompt: Prompt) -> bool:
+        """Whoever takes the lease can, whatever it is."""
+        return True
+
+    def answer(self, prompt: Prompt, objection: str = "") -> Answer:
+        """Wait for an answer.
+
+        Raises:
+            ProcedureError: the question was withdrawn.
+        """
+        with self._news:
+            mine = self._put = _Put(next(self._ids), prompt, objection)
+            self._given.clear()
+        self._changed()
+        with self._news:
+            self._news.wait_for(lambda: self._given or self._put is not mine)
+            answered = self._put is mine
+            given = self._given.pop() if answered else None
+            if answered:
+                self._put = None
+        self._changed()
+        if given is None:
+            raise ProcedureError(f"prompt {prompt.name!r} was withdrawn")
+        return given
+
+    def withdraw(self) -> None:
+        """Let the question go that waits, if one does."""
+        with self._news:
+            self._put = None
+            self._news.notify_all()
+
+    def give(self, prompt_id: int, answer: Answer, who: str) -> None:
+        """Answer the question of that id.
+
+        Raises:
+            Refusal: no such question waits, or it does not accept ``answer``.
+        """
+        with self._news:
+            put = self._put
+            if put is None or put.id != prompt_id or self._given:
+                raise Refusal(
+                    Code.CONFLICT,
+                    f"no prompt {prompt_id} waits for an answer",
+                    hint="it was answered, put again or withdrawn: see the status",
+                )
+            _check(put.prompt, answer)
+            self.by = who
+            self._given.append(answer)
+            self._news.notify_all()
+
+    @property
+    def waits(self) -> bool:
+        """Whether a question waits."""
+        return self._put is not None
+
+    def view(self) -> PromptView | None:
+        """Return the question that waits."""
+        put = self._put
+        if put is None:
+            return None
+        prompt = put.prompt
+        return PromptView(
+            id=put.id,
+            name=prompt.name,
+            text=prompt.text,
+            kind=prompt.kind.value,
+            unit=prompt.unit,
+            low=prompt.low,
+            high=prompt.high,
+            choices=prompt.choices,
+            answer=prompt.answer,
+            objection=put.objection,
+        )
+
+
+def _check(prompt: Prompt, answer: Answer) -> None:
+    """Refuse what the prompt could not accept, so that whoever gave it hears so at once.
+
+    Raises:
+        Refusal: see there.
+    """
+    if prompt.kind is AnswerKind.CONFIRM and answer is False:
+        return  # a person may decline: that ends the run as failed
+    try:
+        check_answer(prompt, answer)
+    except AnswerRefused as error:
+        raise Refusal(Code.REFUSED, error.message) from error
+    except ProcedureError as error:
+        raise Refusal(
+            Code.REFUSED, f"prompt {prompt.name!r} wants yes or no (true or false), got {answer!r}"
+        ) from error

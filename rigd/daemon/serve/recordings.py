@@ -1,0 +1,200 @@
+"""The recordings of a rig as clients see them: by file name, never by path."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Final
+
+from rigd.model.errors import RecordingError
+from rigd.record import Recording, RunInfo, info_json, run_info
+from rigd.record.info import INTERRUPTED
+from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol.results import PieceView, RunLine, RunList, RunView
+from rigd.remote.protocol.status import Interrupted
+
+#: What clients may call a recording; others in the folder are left out.
+_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,199}")
+#: Digests of so many files are remembered: a transfer asks for that of its file with each piece.
+_DIGESTS: Final = 8
+#: So many trials of a recording are told in one message, the newest.
+_TRIALS: Final = 1000
+#: Files are hashed in blocks of this size, between which others may run.
+_BLOCK: Final = 1 << 20
+
+
+class Recordings:
+    """The recordings in ``folder``."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._digests: OrderedDict[tuple[Path, int, int], str] = OrderedDict()
+
+    def lines(self, limit: int, before: str | None, under_way: str | None) -> RunList:
+        """Return the newest ``limit`` recordings, of those older than ``before`` where given.
+
+        The one ``under_way`` has the state ``running``.
+        """
+        names = sorted((path.name for path in self._paths()), reverse=True)
+        older = [name for name in names if before is None or name < before]
+        lines = [self._line(name, under_way) for name in older[:limit]]
+        return RunList(runs=tuple(lines), more=len(older) > limit)
+
+    def view(self, name: str, under_way: str | None) -> RunView:
+        """Return all there is to say of a recording.
+
+        Raises:
+            Refusal: there is none of that name.
+        """
+        path = self.path(name)
+        try:
+            info = _info(path)
+        except RecordingError as error:
+            return RunView(line=_broken(path, error))
+        newest = replace(info, trials=info.trials[-_TRIALS:])
+        details = json.loads(json.dumps(info_json(newest)))
+        details["recording"] = name  # where it stands is nobody's business
+        return RunView(line=_line_of(info, name == under_way), details=details)
+
+    def piece(self, path: Path, offset: int, length: int) -> PieceView:
+        """Return a piece of a file.
+
+        Raises:
+            Refusal: ``offset`` is beyond its end.
+        """
+        size, digest = self._digest(path)
+        if offset > size:
+            raise Refusal(Code.BAD_REQUEST, f"{path.name} has {size} bytes, none at {offset}")
+        with path.open("rb") as file:
+            file.seek(offset)
+            data = file.read(length)
+        return PieceView(size=size, sha256=digest, offset=offset, data=base64.b64encode(data))
+
+    def path(self, name: str) -> Path:
+        """Return the path of a recording.
+
+        Raises:
+            Refusal: there is none of that name.
+        """
+        path = self.folder / name
+        if path.suffix != ".mcap" or _NAME.fullmatch(name) is None or not path.is_file():
+            raise Refusal(Code.NOT_FOUND, f"there is no recording {name}", hint="see `runs`")
+        return path
+
+    def report(self, name: str) -> Path:
+        """Return the path of the report on a recording.
+
+        Raises:
+            Refusal: there is none.
+        """
+        path = self.path(name).with_suffix(".html")
+        if not path.is_file():
+            raise Refusal(Code.NOT_FOUND, f"there is no report on {name}", hint="`identify` it")
+        return path
+
+    def of(self, rig: str) -> Sequence[RunInfo]:
+        """Return the readable recordings of a rig, newest first."""
+        found = []
+        for path in self._paths():
+            try:
+                info = _info(path)
+            except RecordingError:
+                continue  # it is listed, with its problem
+            if info.rig == rig:
+                found.append(info)
+        return sorted(found, key=lambda info: info.path.name, reverse=True)
+
+    def unreadable(self) -> Sequence[Path]:
+        """Return the recordings that are torn."""
+        torn = []
+        for path in self._paths():
+            try:
+                Recording.open(path)
+            except RecordingError:
+                torn.append(path)
+        return torn
+
+    def _paths(self) -> list[Path]:
+        return [path for path in self.folder.glob("*.mcap") if _NAME.fullmatch(path.name)]
+
+    def _line(self, name: str, under_way: str | None) -> RunLine:
+        path = self.folder / name
+        try:
+            return _line_of(_info(path), name == under_way)
+        except RecordingError as error:
+            return _broken(path, error)
+
+    def _digest(self, path: Path) -> tuple[int, str]:
+        """Return size and SHA-256 of a file; what it was hashed for stays remembered a while."""
+        known = path.stat()
+        key = path, known.st_size, known.st_mtime_ns
+        if key not in self._digests:
+            whole = hashlib.sha256()
+            with path.open("rb") as file:
+                while block := file.read(_BLOCK):
+                    whole.update(block)
+            self._digests[key] = whole.hexdigest()
+            if len(self._digests) > _DIGESTS:
+                self._digests.popitem(last=False)
+        self._digests.move_to_end(key)
+        return known.st_size, self._digests[key]
+
+
+def interrupted(info: RunInfo) -> Interrupted | None:
+    """Return what a run that did not come to an end of its own offers, or None."""
+    if info.state != INTERRUPTED:
+        return None
+    return Interrupted(
+        run=info.path.name,
+        reason=info.reason or "its recording has no end",
+        trials_done=info.trials_done,
+        trials_total=_total(info),
+    )
+
+
+def _info(path: Path) -> RunInfo:
+    return run_info(Recording.open(path))
+
+
+def _total(info: RunInfo) -> int:
+    text = info.metadata.get("run", {}).get("trials", "")
+    return int(text) if text.isdecimal() else 0
+
+
+def _line_of(info: RunInfo, under_way: bool) -> RunLine:
+    if under_way:
+        info = replace(info, state="running")
+    started = datetime.fromisoformat(info.started).timestamp() if info.started else 0.0
+    return RunLine(
+        run=info.path.name,
+        procedure=info.procedure,
+        state=info.state,
+        started_ns=round(started * 1e9),
+        duration_s=info.duration_s,
+        trials_done=info.trials_done,
+        trials_total=_total(info),
+        size=info.size,
+        has_report=info.path.with_suffix(".html").is_file(),
+    )
+
+
+def _broken(path: Path, error: RecordingError) -> RunLine:
+    return RunLine(
+        run=path.name,
+        procedure="",
+        state="unreadable",
+        started_ns=0,
+        duration_s=0.0,
+        trials_done=0,
+        trials_total=0,
+        size=path.stat().st_size,
+        has_report=False,
+        problem=error.message,
+    )

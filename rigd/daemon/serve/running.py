@@ -1,0 +1,151 @@
+"""A run under way in a thread of the daemon, and what can be asked of it meanwhile."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from rigd.daemon.execute import RunRequest, perform
+from rigd.daemon.serve.prompts import RemoteAnswers
+from rigd.daemon.serve.time_left import TimeLeft
+from rigd.engine.control import Control, Verb
+from rigd.engine.interlocks import Trip
+from rigd.engine.result import Progress
+from rigd.engine.shared import RunFolder
+from rigd.model.errors import Blocked, Exit, RigdError
+from rigd.model.states import RunState
+from rigd.procedure.program import OnClientLoss
+from rigd.remote.protocol.status import LastRun
+
+_LOG: Final = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Watching:
+    """Who is told of a run, from its thread; none of them may wait, but for ``ended``.
+
+    ``begun``: its rings and its file are there. ``moved``: it entered another state, step or
+    trial. ``tripped``: interlocks have acted. ``told``: a line for the operator. ``ended``: nothing
+    of it is left, and how it ended.
+    """
+
+    begun: Callable[[], None]
+    moved: Callable[[], None]
+    tripped: Callable[[Sequence[Trip]], None]
+    told: Callable[[str], None]
+    ended: Callable[[LastRun], None]
+
+
+@dataclass
+class Running:
+    """One run of ``request``, started by ``operator``, on a rig held by ``folder``.
+
+    ``request.output`` must name the recording. ``answers`` None: the procedure's own.
+    """
+
+    request: RunRequest
+    folder: RunFolder
+    operator: str
+    on_client_loss: OnClientLoss
+    answers: RemoteAnswers | None
+    left: TimeLeft
+    watching: Watching
+    control: Control = field(default_factory=Control)
+    progress: Progress = field(init=False)
+    _thread: threading.Thread = field(init=False)
+
+    def __post_init__(self) -> None:
+        done = 0 if self.request.resume is None else len(self.request.resume.done)
+        total = len(self.request.procedure.trials)
+        self.progress = Progress(RunState.PREFLIGHT, "", done, total, None, 0.0)
+        self._thread = threading.Thread(target=self._work, name="run", daemon=True)
+
+    @property
+    def recording(self) -> Path:
+        """The file it is recorded to."""
+        path = self.request.output
+        if path is None:
+            raise RuntimeError("a run of the daemon was not given a file")
+        return path
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait for the end; return whether it has come."""
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def client_lost(self, who: str) -> str:
+        """Do what the procedure wants where nobody steers it any more; return it in words."""
+        reason = f"{who}, who steered this run, has vanished"
+        match self.on_client_loss:
+            case OnClientLoss.CONTINUE:
+                return "the run goes on"
+            case OnClientLoss.FINISH_TRIAL:
+                self.control.end_after_trial(reason)
+                return "the run stops after this trial"
+            case OnClientLoss.STOP:
+                self.control.request(Verb.STOP, reason)
+                return "the run is stopped"
+
+    def tend(self) -> None:
+        """End a run at once that is to end after its trial, but waits for an answer."""
+        wanted = self.control.last_trial
+        if wanted and self.answers is not None and self.answers.waits:
+            self.control.request(Verb.STOP, wanted)
+
+    def _watch(self, progress: Progress) -> None:
+        before, self.progress = self.progress, progress
+        self.left.watch(progress)
+        while self.control.notices:
+            self.watching.told(self.control.notices.popleft())
+        if len(progress.trips) > len(before.trips):
+            self.watching.tripped(progress.trips[len(before.trips) :])
+        if _place(progress) != _place(before):
+            self.watching.moved()
+
+    def _work(self) -> None:
+        last = LastRun(run=self.recording.name, ending="faulted", reason="", exit_code=1)
+        try:
+            last = self._perform()
+        finally:
+            if self.answers is not None:
+                self.answers.withdraw()
+            self.watching.ended(last)
+
+    def _perform(self) -> LastRun:
+        name = self.recording.name
+        try:
+            result = perform(
+                self.request,
+                self.control,
+                answers=self.answers,
+                watch=self._watch,
+                announce=lambda _: self.watching.begun(),
+                held=self.folder,
+            ).result
+        except Blocked as error:
+            kept = name if self.recording.exists() else ""
+            return _last(kept, "blocked", "; ".join(error.reasons), error.exit_code)
+        except RigdError as error:
+            return _last(name, "faulted", error.told, error.exit_code)
+        except Exception as error:  # noqa: BLE001 - the thread's boundary: the rig is safe, the daemon lives on
+            _LOG.exception("the run failed by a bug in rigd")
+            return _last(name, "faulted", f"{type(error).__name__}: {error}", Exit.INTERNAL)
+        reason = "; ".join([result.reason, *result.problems])
+        return _last(name, result.ending, reason, result.exit_code)
+
+
+def _place(progress: Progress) -> tuple[object, ...]:
+    """Return where a run stands, without what changes all the time."""
+    return progress.state, progress.step, progress.trial, progress.trials_done
+
+
+def _last(run: str, ending: str, reason: str, code: Exit) -> LastRun:
+    return LastRun(run=run, ending=ending, reason=reason[:4000], exit_code=int(code))

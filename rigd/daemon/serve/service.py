@@ -1,0 +1,291 @@
+"""What clients ask, command and stop, done on one rig (:class:`rigd.remote.service.Service`)."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from rigd import __version__
+from rigd.config.rig import RigConfig
+from rigd.daemon.live import Feed
+from rigd.daemon.serve.aside import Aside
+from rigd.daemon.serve.audit import AuditLog
+from rigd.daemon.serve.describe import describe
+from rigd.daemon.serve.library import Library, check_whole
+from rigd.daemon.serve.notices import Notices
+from rigd.daemon.serve.recordings import Recordings
+from rigd.daemon.serve.recovery import Interruptions
+from rigd.daemon.serve.running import Running
+from rigd.daemon.serve.steering import Steering
+from rigd.daemon.serve.trips import TripMemory
+from rigd.engine.control import Verb
+from rigd.model.errors import ConfigError, RigdError
+from rigd.procedure.program import TrialPlan
+from rigd.remote.lease import Lease
+from rigd.remote.protocol import VERSION, Code, LeaseView, Message, Refusal, Role, Status, as_json
+from rigd.remote.protocol.arguments import (
+    Act,
+    Answered,
+    Checked,
+    InterlockName,
+    Piece,
+    ProcedureName,
+    Run,
+    Runs,
+    Since,
+    Start,
+    StreamName,
+)
+from rigd.remote.protocol.results import DryRun, Events, PieceView
+from rigd.remote.protocol.status import Daemon, RefusedCounts, Trial
+from rigd.remote.service import Result
+
+#: Commands that say nothing about what was done: the lease is renewed every two seconds.
+UNAUDITED: Final = frozenset({"lease_renew"})
+#: Commands after which the rig may move, or its data change: only while they can be audited.
+MOVING: Final = frozenset({"start", "resume_run", "act"})
+_VERBS: Final = {"stop": Verb.STOP, "abort": Verb.ABORT, "estop": Verb.ESTOP}
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a service is put together from."""
+
+    rig: RigConfig
+    lease: Lease
+    feed: Feed
+    steering: Steering
+    recordings: Recordings
+    library: Library
+    interruptions: Interruptions
+    trips: TripMemory
+    notices: Notices
+    audit: AuditLog
+    aside: Aside
+
+
+class RigService:
+    """Serves one rig; every method may be called from any thread.
+
+    ``refused`` says how many messages the server has refused, ``changed`` is called when the
+    status has changed.
+    """
+
+    def __init__(
+        self, parts: Parts, refused: Callable[[], RefusedCounts], changed: Callable[[], None]
+    ) -> None:
+        self._parts = parts
+        self._refused = refused
+        self._changed = changed
+        self._numbers = itertools.count()
+        self._daemon = Daemon(version=__version__, pid=os.getpid(), started_ns=time.time_ns())
+
+    def status(self) -> Status:
+        """Return the state of everything."""
+        parts, running = self._parts, self._parts.steering.running
+        return Status(
+            v=VERSION,
+            rig=parts.rig.name,
+            title=parts.rig.title,
+            t_ns=time.time_ns(),
+            seq=next(self._numbers),
+            daemon=self._daemon,
+            **({"state": "idle"} if running is None else _progress(running)),
+            lease=parts.lease.view(),
+            trips=parts.trips.views(),
+            interrupted=parts.interruptions.views(),
+            last=parts.steering.last,
+            refused=self._refused(),
+            notices=parts.notices.views(),
+        )
+
+    @property
+    def doing(self) -> str:
+        """What goes on, in a few words."""
+        running = self._parts.steering.running
+        if running is None:
+            return "idle"
+        progress = running.progress
+        return (
+            f"{running.request.procedure.name}: {progress.state.name.lower()}, "
+            f"{progress.trials_done} of {progress.trials_total} trials"
+        )
+
+    def ask(self, identity: str, role: Role, what: str, args: Message) -> Result:
+        """Return what was asked for; changes nothing."""
+        parts = self._parts
+        match what, args:
+            case "describe", _:
+                return describe(parts.rig, role)
+            case "lease", _:
+                return parts.lease.view()
+            case "latest", _:
+                return parts.feed.latest()
+            case "history", StreamName() as wanted:
+                return parts.feed.history(wanted.stream)
+            case "events", Since() as since:
+                events, following = parts.feed.events(since.seq)
+                return Events(events=tuple(events), next=following)
+            case "procedures", _:
+                return parts.library.lines()
+            case "procedure", ProcedureName() as procedure:
+                return parts.library.view(procedure.name)
+            case "check", Checked() as checked:
+                return parts.library.check(checked)
+            case "runs", Runs() as runs:
+                return parts.recordings.lines(runs.limit, runs.before, self._under_way)
+            case "run", Run() as run:
+                return parts.recordings.view(run.run, self._under_way)
+            case "fetch", Piece() as piece:
+                return self._fetch(piece)
+            case "report", Piece() as piece:
+                report = parts.recordings.report(piece.run)
+                return parts.recordings.piece(report, piece.offset, piece.length)
+        raise Refusal(Code.UNKNOWN_VERB, f"this daemon cannot tell {what}")
+
+    def command(self, identity: str, role: Role, verb: str, args: Message) -> Result:
+        """Do it, write down who wanted it, and return once it is done or under way."""
+        try:
+            if verb in MOVING:
+                self._parts.audit.check()
+            result = self._command(identity, verb, args)
+        except Refusal as refusal:
+            self._write(identity, role, verb, args, f"{refusal.code.value}: {refusal.message}")
+            raise
+        except RigdError as error:
+            self._write(identity, role, verb, args, f"refused: {error}")
+            raise Refusal(Code.REFUSED, _told(error), hint=error.hint) from error
+        except Exception as error:
+            self._write(identity, role, verb, args, f"internal: {error!r}")
+            raise
+        self._write(identity, role, verb, args, "done")
+        self._changed()
+        return result
+
+    def stop(self, identity: str, verb: str, reason: str) -> Result:
+        """Stop, abort or estop whatever happens on the rig."""
+        why = f"{verb} by {identity}" + (f": {reason}" if reason else "")
+        acted = self._parts.steering.stop(_VERBS[verb], why)
+        if acted:  # what was asked before is asked again by whoever is impatient
+            self._parts.notices.note(why, "warning")
+            self._parts.audit.write(identity, verb, {"reason": reason})
+        return {"acted": acted}
+
+    def tend(self) -> None:
+        """Do what is due now and then: see whose lease has run out."""
+        for who in self._parts.lease.lost():
+            done = self._parts.steering.client_lost(who)
+            self._parts.notices.note(f"{who} has vanished: {done}", "warning")
+            self._parts.audit.write(who, "lease_lost", {}, done)
+        self._parts.steering.tend()
+
+    def _command(self, who: str, verb: str, args: Message) -> Result:
+        steering, parts = self._parts.steering, self._parts
+        match verb, args:
+            case "start", Start() as start:
+                return steering.start(who, start)
+            case "resume_run", Run() as run:
+                return steering.resume_run(who, parts.recordings.path(run.run))
+            case "pause", _:
+                steering.pause()
+            case "resume", _:
+                steering.resume()
+            case "answer", Answered() as given:
+                steering.answer(who, given.prompt_id, given.value)
+            case "acknowledge", InterlockName() as name:
+                steering.acknowledge(who, name.interlock)
+            case "act", Act() as act:
+                return steering.act(act)
+            case "dry_run", Checked() as checked:
+                return self._dry_run(checked)
+            case "identify", Run() as run:
+                return parts.aside.identify(self._finished(run.run))
+            case _ if verb.startswith("lease_"):
+                return self._lease(who, verb, args)
+            case _:
+                raise Refusal(Code.UNKNOWN_VERB, f"this daemon cannot {verb}")
+        return {}
+
+    def _lease(self, who: str, verb: str, args: Message) -> LeaseView:
+        view = self._parts.lease.obey(who, verb, args)
+        if verb not in UNAUDITED:
+            self._parts.notices.note(f"{who}: {verb.replace('_', ' ')}")
+        return view
+
+    def _dry_run(self, args: Checked) -> DryRun:
+        rig = self._parts.rig
+        if rig.plant is None:
+            raise Refusal(
+                Code.REFUSED,
+                f"rig {rig.name} has no `plant`: a dry run plays on physics simulated in process",
+                hint="try it on the simulated sibling of this rig",
+            )
+        check_whole(args.procedure)
+        done = self._parts.aside.dry_run(
+            rig.source.text, rig.source.path, args.procedure.text, args.set
+        )
+        self._parts.steering.expect(args, done.duration_s)
+        return done
+
+    def _fetch(self, piece: Piece) -> PieceView:
+        path = self._finished(piece.run)
+        return self._parts.recordings.piece(path, piece.offset, piece.length)
+
+    def _write(self, who: str, role: Role, verb: str, args: Message, result: str) -> None:
+        """Keep what was commanded in the audit log, and tell it to who looks on."""
+        if verb in UNAUDITED:
+            return
+        self._parts.audit.write(who, verb, _audited(args), result, role.value)
+        if result == "done":
+            self._parts.feed.tell("command", {"who": who, "verb": verb})
+
+    def _finished(self, name: str) -> Path:
+        """Return the path of a recording that nobody writes any more."""
+        if name == self._under_way:
+            raise Refusal(Code.CONFLICT, f"{name} is being recorded", hint="wait for its end")
+        return self._parts.recordings.path(name)
+
+    @property
+    def _under_way(self) -> str | None:
+        running = self._parts.steering.running
+        return None if running is None else running.recording.name
+
+
+def _progress(running: Running) -> dict[str, Any]:
+    """Return what the status says of a run."""
+    progress = running.progress
+    trial, answers = progress.trial, running.answers
+    return {
+        "state": progress.state.name.lower(),
+        "procedure": running.request.procedure.name,
+        "run": running.recording.name,
+        "step": progress.step or None,
+        "trial": None if trial is None else _trial(trial),
+        "trials_done": progress.trials_done,
+        "trials_total": progress.trials_total,
+        "run_s": max(progress.run_s, 0.0),
+        "left_s": running.left.left_s(progress),
+        "prompt": None if answers is None else answers.view(),
+    }
+
+
+def _trial(trial: TrialPlan) -> Trial:
+    return Trial(number=trial.number, repeat=trial.repeat, parameters=dict(trial.parameters))
+
+
+def _told(error: RigdError) -> str:
+    """Return everything that is wrong, where an error holds several things."""
+    return str(error) if isinstance(error, ConfigError) else error.message
+
+
+def _audited(args: Message) -> dict[str, Any]:
+    """Return what was commanded; a procedure by its digest, not its text."""
+    told = as_json(args)
+    if isinstance(args, Checked):
+        del told["procedure"]["text"]
+    return told

@@ -1,0 +1,375 @@
+"""What happens on the rig: one run at a time, or an action of a device, and how it is steered.
+
+Methods are called from several threads: those of the server, that of the run, the main one.
+``_lock`` guards what they share; it is never held while anything is waited for.
+"""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from rigd.config.rig import RigConfig
+from rigd.daemon.execute import RunRequest, check_resumable, new_path
+from rigd.daemon.live import Feed
+from rigd.daemon.resume import ResumePoint, read_resume_point
+from rigd.daemon.serve.library import Library
+from rigd.daemon.serve.looks import Looks
+from rigd.daemon.serve.notices import Notices
+from rigd.daemon.serve.prompts import RemoteAnswers
+from rigd.daemon.serve.running import Running, Watching
+from rigd.daemon.serve.time_left import TimeLeft
+from rigd.daemon.serve.trips import Acted, TripMemory
+from rigd.engine.control import Control, Verb
+from rigd.engine.interlocks import Trip
+from rigd.engine.shared import RunFolder
+from rigd.model.errors import RigdError
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import parse_procedure
+from rigd.procedure.program import OnClientLoss
+from rigd.remote.lease import Lease
+from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol.arguments import Act, Checked, Start
+from rigd.remote.protocol.results import Started
+from rigd.remote.protocol.status import LastRun
+
+#: What whoever finds the rig in use is told to do instead.
+HINT: Final = "its daemon takes procedures: rigd remote start PROCEDURE --rig {rig}"
+#: The simulation of a rig has this seed unless a client gives another, as with `rigd run`.
+SEED: Final = 1
+
+
+@dataclass(frozen=True)
+class Acting:
+    """An action of a device under way."""
+
+    what: str
+    control: Control
+
+
+class Steering:
+    """Steers what happens on ``rig``, whose ``folder`` this process holds.
+
+    ``runs`` is where recordings go. ``changed`` is called when the status has changed, ``ended``
+    when a run has ended.
+    """
+
+    def __init__(
+        self,
+        rig: RigConfig,
+        folder: RunFolder,
+        runs: Path,
+        *,
+        library: Library,
+        lease: Lease,
+        feed: Feed,
+        trips: TripMemory,
+        notices: Notices,
+        looks: Looks,
+        changed: Callable[[], None],
+        ended: Callable[[LastRun], None],
+    ) -> None:
+        self.last: LastRun | None = None  #: how the last run ended
+        self._rig, self._folder, self._runs = rig, folder, runs
+        self._library, self._lease, self._feed = library, lease, feed
+        self._trips, self._notices = trips, notices
+        self._looks = looks
+        self._changed, self._ended = changed, ended
+        self._lock = threading.Lock()
+        self._running: Running | None = None
+        self._acting: Acting | None = None
+        self._leaving = ""  #: why nothing begins any more
+        # Prompts of a daemon that was killed must not be answered by mistake: no id comes again.
+        self._prompt_ids = itertools.count(time.time_ns() // 1_000_000)
+        self._expected_s: dict[tuple[str, frozenset[tuple[str, str]]], float] = {}
+        self._mark()
+
+    @property
+    def running(self) -> Running | None:
+        """The run under way."""
+        return self._running
+
+    def start(self, who: str, args: Start) -> Started:
+        """Begin a run.
+
+        Raises:
+            Refusal: it cannot be.
+            RigdError: the procedure does not fit, or the recording cannot be made.
+        """
+        self._check_free()
+        procedure = self._library.compile(args)
+        loss = args.on_client_loss
+        request = RunRequest(
+            procedure,
+            args.procedure.text,
+            self._rig,
+            seed=SEED if args.seed is None else args.seed,
+            pace=self._pace,
+            folder=self._runs,
+            overrides=args.set,
+            operator=who,
+        )
+        return self._begin(
+            who,
+            replace(request, output=new_path(request)),
+            by_person=args.answers == "ask",
+            on_client_loss=procedure.on_client_loss if loss is None else OnClientLoss(loss),
+            expected_s=self._expected_s.get(_key(args)),
+        )
+
+    def resume_run(self, who: str, recording: Path) -> Started:
+        """Go on with a run that ended before its last trial, in its file.
+
+        Raises:
+            Refusal: nothing is missing, or it cannot begin.
+            RigdError: it was made with other files, or cannot be read.
+        """
+        self._check_free()
+        point = read_resume_point(recording)
+        procedure = compile_procedure(
+            parse_procedure(_text(point), Path("procedure.yaml")),
+            self._rig,
+            point.overrides,
+            done=point.done,
+        )
+        if len(point.done) >= len(procedure.trials):
+            raise Refusal(Code.REFUSED, f"{recording.name} is complete: no trial is missing")
+        request = RunRequest(
+            procedure,
+            _text(point),
+            self._rig,
+            seed=point.seed,
+            pace=self._pace,
+            output=recording,
+            resume=point,
+            overrides=point.overrides,
+            operator=who,
+        )
+        check_resumable(request, point)
+        return self._begin(
+            who,
+            request,
+            by_person=point.answered_by != "procedure",
+            on_client_loss=procedure.on_client_loss,
+        )
+
+    def act(self, args: Act) -> Mapping[str, str]:
+        """Let a device do one of its actions; nothing is armed.
+
+        Raises:
+            Refusal: it has no such action, or the rig is not free.
+            RigdError: it could not be reached, or refused.
+        """
+        self._looks.check(args.device, args.action)
+        control = Control()
+        with self._lock:
+            self._check_free_locked()
+            self._acting = Acting(f"{args.action} of {args.device}", control)
+        try:
+            self._looks.end()
+            return {"said": self._looks.act(args.device, args.action, control)}
+        finally:
+            with self._lock:
+                self._acting = None
+            self.show()
+
+    def pause(self) -> None:
+        """Pause after the trial under way.
+
+        Raises:
+            Refusal: nothing runs.
+        """
+        self._run().control.pause_wanted = True
+
+    def resume(self) -> None:
+        """Take back a pause, or the end after this trial.
+
+        Raises:
+            Refusal: nothing runs.
+        """
+        self._run().control.resume()
+
+    def answer(self, who: str, prompt_id: int, value: float | str | bool) -> None:
+        """Answer the prompt that waits.
+
+        Raises:
+            Refusal: none of that id waits, or it does not accept the answer.
+        """
+        answers = self._run().answers
+        if answers is None:
+            raise Refusal(Code.CONFLICT, "this run takes the procedure's own answers")
+        answers.give(prompt_id, value, who)
+
+    def acknowledge(self, who: str, interlock: str) -> None:
+        """Let an interlock that has acted bar nothing any more.
+
+        Raises:
+            Refusal: it has nothing to acknowledge.
+        """
+        self._trips.acknowledge(interlock, who)
+        running = self._running
+        if running is not None:
+            running.control.acknowledged.append(interlock)
+
+    def stop(self, verb: Verb, reason: str) -> bool:
+        """End what happens on the rig; return whether that is news. Waits for nothing."""
+        busy = [one.control for one in (self._running, self._acting) if one is not None]
+        news = [one for one in busy if one.verb is None or one.verb < verb]
+        for control in news:
+            control.request(verb, reason)
+            control.pause_wanted = False
+        return bool(news)
+
+    def client_lost(self, who: str) -> str:
+        """Do what the run wants where whoever steered it has vanished; return it in words."""
+        running = self._running
+        return "nothing was running" if running is None else running.client_lost(who)
+
+    def expect(self, args: Checked, duration_s: float) -> None:
+        """Remember what a dry run took, for the time that is left of the run itself."""
+        self._expected_s[_key(args)] = duration_s
+
+    def show(self) -> None:
+        """Show the channels, where that is wanted and nothing else happens on the rig."""
+        with self._lock:
+            if self._running is None and self._acting is None and not self._leaving:
+                self._looks.show()
+
+    def tend(self) -> None:
+        """Do what is due now and then."""
+        running = self._running
+        if running is not None:
+            running.tend()
+        self._trips.save()
+
+    def leave(self, reason: str) -> Verb | None:
+        """Let nothing begin any more, and end what happens; each call ends it more firmly.
+
+        Returns what was asked for. It may be called by a signal handler: it takes no lock.
+        """
+        self._leaving = reason
+        running, acting = self._running, self._acting
+        if acting is not None:
+            acting.control.request(Verb.STOP, reason)
+        return None if running is None else running.control.escalate(reason)
+
+    def close(self) -> None:
+        """Return once nothing happens on the rig any more, and never will."""
+        if not self._leaving:
+            self.leave("the daemon has failed")
+        running = self._running
+        if running is not None:
+            running.wait()
+        self._looks.end()
+        self._trips.save()
+
+    def _begin(
+        self,
+        who: str,
+        request: RunRequest,
+        *,
+        by_person: bool,
+        on_client_loss: OnClientLoss,
+        expected_s: float | None = None,
+    ) -> Started:
+        # Until here others could take the lease, and a long file may have outlived it.
+        self._lease.check(who)
+        self._trips.begin_run()
+        answers = RemoteAnswers(self._prompt_ids, self._changed) if by_person else None
+        running = Running(
+            request,
+            self._folder,
+            who,
+            on_client_loss,
+            answers,
+            TimeLeft(expected_s),
+            Watching(
+                begun=self._begun,
+                moved=self._changed,
+                tripped=self._tripped,
+                told=self._notices.note,
+                ended=self._over,
+            ),
+        )
+        with self._lock:
+            self._check_free_locked()
+            self._running = running
+        if self._leaving:  # a signal that came since
+            running.control.request(Verb.STOP, self._leaving)
+        try:
+            self._looks.end()
+            self._mark(running.recording)
+            running.start()
+        except BaseException:
+            self._running = None
+            raise
+        self._notices.note(f"{who} began {request.procedure.name}: {running.recording.name}")
+        return Started(run=running.recording.name)
+
+    def _begun(self) -> None:
+        """The run's rings are there."""
+        try:
+            self._feed.attach(self._folder)
+        except RigdError as error:  # it is recorded all the same
+            self._notices.note(f"the run cannot be shown: {error}", "error")
+
+    def _tripped(self, trips: Sequence[Trip]) -> None:
+        self._trips.note(Acted.of(trip) for trip in trips)
+        self._changed()
+
+    def _over(self, last: LastRun) -> None:
+        """The run has ended, whatever of it; from its thread."""
+        try:
+            self._feed.detach()
+            self._trips.save()
+            self._mark()
+            self._ended(last)
+        finally:
+            with self._lock:
+                self._running, self.last = None, last
+        self._notices.note(
+            f"{last.run or 'the run'}: {last.ending}: {last.reason}",
+            "warning" if last.exit_code else "info",
+        )
+        self.show()
+
+    def _run(self) -> Running:
+        running = self._running
+        if running is None:
+            raise Refusal(Code.CONFLICT, "nothing is running")
+        return running
+
+    def _check_free(self) -> None:
+        with self._lock:
+            self._check_free_locked()
+
+    def _check_free_locked(self) -> None:
+        if self._leaving:
+            raise Refusal(Code.CONFLICT, f"the daemon is ending: {self._leaving}")
+        if self._running is not None:
+            name = self._running.request.procedure.name
+            raise Refusal(Code.CONFLICT, f"{name} is running", hint="wait for its end, or stop it")
+        if self._acting is not None:
+            raise Refusal(Code.CONFLICT, f"{self._acting.what} is under way")
+
+    @property
+    def _pace(self) -> float | None:
+        """On a rig simulated in process, the pace of the wall; else its devices set it."""
+        return None if self._rig.plant is None else 1.0
+
+    def _mark(self, recording: Path | None = None) -> None:
+        self._folder.mark("rigd serve", recording, hint=HINT.format(rig=self._rig.name))
+
+
+def _key(args: Checked) -> tuple[str, frozenset[tuple[str, str]]]:
+    """Return what tells two runs apart that take different times."""
+    return args.procedure.sha256, frozenset(args.set.items())
+
+
+def _text(point: ResumePoint) -> str:
+    return point.texts["procedure.yaml"].decode()

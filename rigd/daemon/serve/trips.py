@@ -1,0 +1,194 @@
+"""The interlocks that have acted, shown until a person has acknowledged them.
+
+Those that ended a run, and latched ones, keep every further run from starting until then, also
+over a restart of the daemon. (Whether their cause still stands is seen by each run at rest, before
+it arms anything.)
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import threading
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final, Literal, cast
+
+from rigd.engine.interlocks import Trip
+from rigd.model.errors import RecordingError
+from rigd.model.limits import Action
+from rigd.record import Event
+from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol.status import TripView
+
+_LOG: Final = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Acted:
+    """An interlock that has acted: its newest trip.
+
+    ``bars`` is whether nothing starts before it is acknowledged; ``by`` is who did so, or "".
+    """
+
+    interlock: str
+    action: str
+    message: str
+    since_ns: int
+    bars: bool
+    by: str = ""
+
+    @classmethod
+    def of(cls, trip: Trip) -> Acted:
+        """Return what is remembered of a trip of the run under way."""
+        told = [trip.reason, trip.message]
+        return cls(
+            trip.interlock.name,
+            trip.interlock.action.name.lower(),
+            " - ".join(filter(None, told))[:2000],
+            trip.t_ns,
+            _bars(trip.interlock.action, latched=trip.interlock.latch),
+        )
+
+    @classmethod
+    def recorded(cls, event: Event) -> Acted:
+        """Return what is remembered of a trip that a recording holds."""
+        data = event.data
+        told = [str(data["reason"]), str(data["message"])]
+        action = Action[str(data["action"]).upper()]
+        return cls(
+            str(data["name"]),
+            str(data["action"]),
+            " - ".join(filter(None, told))[:2000],
+            event.t_ns,
+            _bars(action, latched=bool(data["latched"])),
+        )
+
+    @property
+    def view(self) -> TripView:
+        """As the status shows it."""
+        return TripView(
+            interlock=self.interlock,
+            action=cast('Literal["warn", "end_trial", "stop", "abort", "estop"]', self.action),
+            message=self.message,
+            since_ns=self.since_ns,
+            latched=self.bars,
+            acknowledged=bool(self.by),
+        )
+
+
+def _bars(action: Action, *, latched: bool) -> bool:
+    """Return whether a person must look first: a run ended over it, or the rig file says so."""
+    return latched or action >= Action.STOP
+
+
+class TripMemory:
+    """What has tripped, by interlock, kept in a file.
+
+    :meth:`note` never waits: it may be called from the thread that plays a run. :meth:`save` then
+    brings it to disk.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read the file, if there is one.
+
+        Raises:
+            RecordingError: it cannot be read.
+        """
+        self._path = path
+        self._lock = threading.Lock()  #: never held while a disk is waited for
+        self._saving = threading.Lock()
+        self._changed = False
+        self._acted: dict[str, Acted] = {}
+        #: Trips up to this time are known; Unix ns.
+        self.known_ns = 0
+        if path.exists():
+            self._read()
+
+    def note(self, trips: Iterable[Acted]) -> None:
+        """Take note of what has tripped; the newest of one interlock stands for all."""
+        with self._lock:
+            for one in trips:
+                self._acted[one.interlock] = one
+                self.known_ns = max(self.known_ns, one.since_ns)
+                self._changed = True
+
+    def acknowledge(self, interlock: str, who: str) -> None:
+        """Let the interlock bar nothing any more.
+
+        Raises:
+            Refusal: it has not tripped, or is acknowledged already.
+        """
+        with self._lock:
+            known = self._acted.get(interlock)
+            if known is None or known.by:
+                raise Refusal(Code.CONFLICT, f"{interlock} has nothing to acknowledge")
+            self._acted[interlock] = replace(known, by=who)
+            self._changed = True
+        self.save()
+
+    def begin_run(self) -> None:
+        """Forget what was acknowledged, and what barred nothing.
+
+        Raises:
+            Refusal: something still waits to be acknowledged.
+        """
+        with self._lock:
+            barring = [one for one in self._acted.values() if one.bars and not one.by]
+            if barring:
+                names = ", ".join(one.interlock for one in barring)
+                raise Refusal(
+                    Code.REFUSED,
+                    f"{names} tripped: {barring[0].message}",
+                    hint="look at the rig, then acknowledge each (`rigd remote ack INTERLOCK`)",
+                )
+            self._changed = self._changed or bool(self._acted)
+            self._acted.clear()
+        self.save()
+
+    def views(self) -> tuple[TripView, ...]:
+        """Return what has tripped, the newest first."""
+        with self._lock:
+            known = sorted(self._acted.values(), key=lambda one: -one.since_ns)
+        return tuple(one.view for one in known)
+
+    def save(self) -> None:
+        """Bring what has changed to disk, whole or not at all; a failure is logged, and tried on.
+
+        What it guards against is forgetting over a restart; while we live, we know.
+        """
+        with self._saving:
+            with self._lock:
+                if not self._changed:
+                    return
+                self._changed = False
+                known = {
+                    "known_ns": self.known_ns,
+                    "trips": [asdict(one) for one in self._acted.values()],
+                }
+            draft = self._path.with_name(f"{self._path.name}.new")
+            try:
+                with draft.open("w") as file:
+                    json.dump(known, file, indent=1)
+                    file.flush()
+                    os.fsync(file.fileno())
+                draft.replace(self._path)
+            except OSError as error:
+                self._changed = True
+                _LOG.warning("%s cannot be written: %s", self._path, error.strerror)
+
+    def _read(self) -> None:
+        try:
+            held: Mapping[str, Any] = json.loads(self._path.read_bytes())
+            self.known_ns = int(held["known_ns"])
+            trips: Sequence[Mapping[str, Any]] = held["trips"]
+            self._acted = {one["interlock"]: Acted(**one) for one in trips}
+        except OSError as error:
+            raise RecordingError(f"cannot read {self._path}: {error.strerror}") from error
+        except (KeyError, TypeError, ValueError) as error:
+            raise RecordingError(
+                f"{self._path} does not say what has tripped: {error!r}",
+                hint="look at the rig, then remove it",
+            ) from error
