@@ -51,7 +51,9 @@ class Guard:
         self._place = place
         self._buckets: OrderedDict[str, Bucket] = OrderedDict()
         socket = "wss" if place.scheme == "https" else "ws"
-        sources = " ".join(["'self'", *sorted(f"{socket}://{host}" for host in place.hosts)])
+        # Older browsers do not take 'self' for a WebSocket; none takes an IPv6 address here.
+        named = sorted(f"{socket}://{host}" for host in place.hosts if "[" not in host)
+        sources = " ".join(["'self'", *named])
         policy = (
             "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
             f"connect-src {sources}; frame-src 'self'; manifest-src 'self'; base-uri 'none'; "

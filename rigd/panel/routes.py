@@ -56,7 +56,7 @@ class Doors:
         }
         return [
             Route("/api/login", self.login, methods=["POST"]),
-            Route("/api/session", self._door(self.session), methods=["GET"]),
+            Route("/api/session", self.session, methods=["GET"]),
             *(Route(path, self._door(door), methods=["POST"]) for path, door in posts.items()),
         ]
 
@@ -79,15 +79,16 @@ class Doors:
         except Refusal as refusal:
             return refuse(refusal)
         key, session = opened
-        answer = JSONResponse(self._describe(session))
+        answer = JSONResponse({"session": self._describe(session)})
         answer.set_cookie(
             self.cookie, key, httponly=True, samesite="strict", secure=self.secure, path="/"
         )
         return answer
 
-    async def session(self, request: Request, session: Session) -> Object:
-        """Say who sits before this page."""
-        return self._describe(session)
+    async def session(self, request: Request) -> Response:
+        """Say who sits before this page; nobody is an answer too."""
+        session = self.find(request.cookies)
+        return JSONResponse({"session": None if session is None else self._describe(session)})
 
     async def logout(self, request: Request, session: Session) -> Object:
         """Close the session."""

@@ -1,31 +1,25 @@
 // Every channel: value, unit, age, and where it stands within its limits.
 
-import { el, fill, flag, icon, mark, say } from "./dom.js";
-import { age, number, steady, unit } from "./format.js";
+import { el, fill, flag, mark, say } from "./dom.js";
+import { age, number, short, steady, unit } from "./format.js";
 import { histories } from "./histories.js";
+import { channelInfo } from "./infos.js";
 import { chosen, colourOf, toggle, watchChosen } from "./choice.js";
 import { known, rigNow, watch } from "./store.js";
 
 const EVERY_MS = 200; // values that change faster cannot be read
 const STALE_S = 1.5;
 
-/** The channel `device.name` of the description, with the limits that hold for it. */
-export function channelInfo(name) {
-  return infos.get(name);
-}
-
-const infos = new Map();
-
 export function mountChannels(root) {
   const body = el("div", { class: "channel-list" });
   root.append(el("div", { class: "panel-head" }, el("h2", {}, "Channels")), body);
   let rows = [];
   watch("describe", () => {
-    index(known.describe);
     rows = [];
     fill(body, known.describe.streams.map((stream) =>
       el("table", { class: "channel-table" },
         el("caption", {}, stream.name.replaceAll("_", " ")),
+        el("colgroup", {}, ...["trace", "name", "number", "unit", "age", "limit"].map((name) => el("col", { class: `col-${name}` }))),
         el("thead", { class: "unseen" }, el("tr", {},
           ...["Trace", "Channel", "Value", "Unit", "Age", "Limits"].map((text) => el("th", { scope: "col" }, text)))),
         el("tbody", {}, stream.channels.map((channel) => {
@@ -44,31 +38,8 @@ export function mountChannels(root) {
   }
 }
 
-/** Know every channel by name, with the tightest limits of setpoints and interlocks. */
-function index({ streams, setpoints, interlocks }) {
-  infos.clear();
-  for (const stream of streams) {
-    stream.channels.forEach((channel, place) => {
-      const name = `${stream.name}.${channel.name}`;
-      infos.set(name, { ...channel, full: name, stream, place, limits: [-Infinity, Infinity], by: [] });
-    });
-  }
-  const tighten = (name, low, high, by) => {
-    const info = infos.get(name);
-    if (info === undefined) return;
-    info.limits = [Math.max(info.limits[0], low), Math.min(info.limits[1], high)];
-    info.by.push(by);
-  };
-  for (const { name, low, high } of setpoints) tighten(`${name}_setpoint`, low, high, "rig file");
-  for (const { name, source, low, high } of interlocks) {
-    if (typeof low === "number" || typeof high === "number") {
-      tighten(source, typeof low === "number" ? low : -Infinity, typeof high === "number" ? high : Infinity, `interlock ${name}`);
-    }
-  }
-}
-
 function makeRow(name) {
-  const info = infos.get(name);
+  const info = channelInfo(name);
   const row = { name, info };
   row.trace = el("button", {
     type: "button", class: "trace-toggle", "aria-label": `Trace of ${name}`, onclick: () => toggle(name),
@@ -82,7 +53,7 @@ function makeRow(name) {
   row.range = limited ? span(info) : null;
   row.bar.hidden = !limited;
   const limits = limited
-    ? `Limits ${Number.isFinite(low) ? number(low) : "…"} to ${Number.isFinite(high) ? number(high) : "…"} ${unit(info.unit)} (${info.by.join(", ")})`
+    ? `Limits ${Number.isFinite(low) ? short(low) : "…"} to ${Number.isFinite(high) ? short(high) : "…"} ${unit(info.unit)} (${info.by.join(", ")})`
     : "No limits";
   row.element = el("tr", {},
     el("td", {}, row.trace),

@@ -1,5 +1,6 @@
 // Which channels are drawn, and in which colour; kept for the rig's next visit.
 
+import "./infos.js"; // knows the channels before anybody draws them
 import { known, watch } from "./store.js";
 
 const COLOURS = 8; // --trace-0 to --trace-7 in tokens.css
@@ -36,15 +37,16 @@ function set(wanted) {
   for (const listener of listeners) listener();
 }
 
-/** What is drawn at first: what has limits, for that is what one must watch. */
+/** What is drawn at first: quantities with limits, for those one must watch. */
 function usual({ streams, setpoints, interlocks }) {
-  const all = streams.flatMap((one) => one.channels.map((channel) => `${one.name}.${channel.name}`));
+  const units = new Map(streams.flatMap((one) => one.channels.map(({ name, unit }) => [`${one.name}.${name}`, unit])));
   const watched = [
     ...setpoints.flatMap(({ name }) => [name, `${name}_setpoint`]),
-    ...interlocks.map(({ source }) => source),
+    ...interlocks.filter(({ low, high }) => low !== null || high !== null).map(({ source }) => source),
   ];
-  const first = [...new Set(watched)].filter((name) => all.includes(name)).slice(0, FIRST);
-  return first.length ? first : all.slice(0, FIRST);
+  // A share or a switch, whose unit is 1, says little as a trace.
+  const first = [...new Set(watched)].filter((name) => units.has(name) && units.get(name) !== "1");
+  return (first.length ? first : [...units.keys()]).slice(0, FIRST);
 }
 
 watch("describe", () => {

@@ -14,13 +14,13 @@ export function el(tag, props = {}, ...children) {
     else if (name.includes("-") || name === "role" || name === "for") made.setAttribute(name, value);
     else made[name] = value;
   }
-  made.append(...children.flat().filter((one) => one !== null && one !== undefined));
+  made.append(...children.flat(Infinity).filter((one) => one !== null && one !== undefined));
   return made;
 }
 
 /** Replace what stands in `parent`. */
 export function fill(parent, ...children) {
-  parent.replaceChildren(...children.flat().filter((one) => one !== null && one !== undefined));
+  parent.replaceChildren(...children.flat(Infinity).filter((one) => one !== null && one !== undefined));
 }
 
 /** Set the text of an element, touching the page only where it differs. */

@@ -1,7 +1,7 @@
 // What happened, newest first.
 
 import { el } from "./dom.js";
-import { clock, number, words } from "./format.js";
+import { clock, short, words } from "./format.js";
 import { watchEvents } from "./link.js";
 
 const KEPT = 1000;
@@ -54,7 +54,7 @@ function text(data) {
 }
 
 function plain(value) {
-  if (typeof value === "number") return number(value);
+  if (typeof value === "number") return short(value);
   if (Array.isArray(value)) return value.map(plain).join(", ");
   if (typeof value === "object" && value !== null) {
     return Object.entries(value).map(([key, inner]) => `${words(key)} ${plain(inner)}`).join(", ");

@@ -13,6 +13,12 @@ export function number(value) {
   return text.replace("-", "−");
 }
 
+/** A number that stands still, such as a limit: no digit more than it has. */
+export function short(value) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return NO_VALUE;
+  return String(Number(value.toPrecision(5))).replaceAll("-", "−");
+}
+
 /** A value for a column that is read while it changes: always as many decimals as the range needs. */
 export function steady(value, scale) {
   if (value === null || value === undefined || !Number.isFinite(value)) return NO_VALUE;
@@ -26,9 +32,9 @@ export function unit(symbol) {
   return symbol === "1" ? "" : symbol.replaceAll("^2", "²").replaceAll("^3", "³").replaceAll(" ", "·");
 }
 
-/** A value with its unit, kept together. */
+/** A value that stands still with its unit, kept together. */
 export function quantity(value, symbol) {
-  return `${number(value)}\u202f${unit(symbol)}`.trim();
+  return `${short(value)}\u202f${unit(symbol)}`.trim();
 }
 
 export function age(seconds) {

@@ -2,7 +2,7 @@
 
 import { el, fill, icon, say } from "./dom.js";
 import { ACTIONS, quantity, words } from "./format.js";
-import { channelInfo } from "./channels.js";
+import { channelInfo } from "./infos.js";
 import { known, watch } from "./store.js";
 
 export function mountInterlocks(root) {

@@ -20,10 +20,10 @@ export function mountLogin(root, code, enter) {
         event.preventDefault();
         send.disabled = true;
         try {
-          const me = await login(typed.value.trim().replace(/^.*#/, ""), name.value);
+          const { session } = await login(typed.value.trim().replace(/^.*#/, ""), name.value);
           remember(name.value);
           fill(root);
-          enter(me);
+          enter(session);
         } catch (refused) {
           say(problem, `${refused.message} ${refused.hint}`);
           send.disabled = false;

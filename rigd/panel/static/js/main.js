@@ -44,10 +44,10 @@ window.addEventListener("sessionlost", () => !app.hidden && location.reload());
 const code = location.hash.startsWith("#/") ? "" : location.hash.slice(1);
 if (code) history.replaceState(null, "", location.pathname); // not in the history, not in a bookmark
 
-try {
-  enter(await session());
-} catch (refused) {
-  if (refused.code !== "no_session") console.warn(refused.message);
+const { session: me } = await session();
+if (me !== null) {
+  enter(me);
+} else {
   login.hidden = false;
   mountLogin(login, code, enter);
 }

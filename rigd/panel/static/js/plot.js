@@ -3,13 +3,18 @@
 import uPlot from "../vendor/uPlot.esm.js";
 import { colourOf, toggle } from "./choice.js";
 import { el, say } from "./dom.js";
-import { clock, number, unit } from "./format.js";
+import { clock, number, short, unit } from "./format.js";
 import { histories } from "./histories.js";
 import { panAndZoom } from "./gestures.js";
 
 const AXIS_PX = 62; // the same in every plot, so that they lie above one another
 const BREAK_S = 1.5; // a trace breaks where nothing came for so long
 const SHRINK_MS = 1500; // how long a scale waits before it becomes smaller
+/** Between ticks of time, in s: those that a clock has. */
+const TIME_STEPS = [
+  0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5,
+  1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200,
+];
 
 export class Plot {
   constructor(area, symbol, infos, actions, isLast) {
@@ -120,17 +125,18 @@ export class Plot {
     const grid = { stroke: style.getPropertyValue("--grid").trim(), width: 1 };
     const font = "12px system-ui, sans-serif";
     return {
-      width: 400, height: 150, padding: [8, 8, this.isLast ? 0 : 6, 0],
+      width: 400, height: 150, padding: [8, 24, this.isLast ? 0 : 6, 0],
       legend: { show: false },
       cursor: { sync: { key: "traces", setSeries: false }, drag: { x: false, y: false, setScale: false }, points: { show: false }, y: false },
       scales: { x: { time: false, auto: false }, y: { auto: false } },
       axes: [
         {
           stroke: ink, grid, font, space: 90, size: this.isLast ? 26 : 0, gap: 4, ticks: { ...grid, size: 4 },
+          incrs: TIME_STEPS,
           values: (_, splits, __, ___, step) => splits.map((t) => (this.isLast ? timeLabel(t, step) : "")),
         },
         { stroke: ink, grid, font, size: AXIS_PX, gap: 6, ticks: { ...grid, size: 4 }, space: 28,
-          values: (_, splits) => splits.map((v) => number(Math.abs(v) < 1e-12 ? 0 : v)) },
+          values: (_, splits, __, ___, step) => splits.map((v) => (Math.abs(v) < step / 1e3 ? "0" : short(v))) },
       ],
       series: [{}, ...this.infos.map((_, index) => ({
         stroke: this.chips[index].colour, width: 1.5, points: { show: false }, spanGaps: false,

@@ -1,7 +1,7 @@
 // What a dry run found: how long, which steps, and how near the limits.
 
 import { el, fill, icon } from "./dom.js";
-import { duration, number, unit, words } from "./format.js";
+import { duration, short, unit, words } from "./format.js";
 
 const BLOCKS = { prepare: "Before the trials", trial: "In each trial", after: "After each trial", finish: "At the end" };
 
@@ -52,11 +52,11 @@ function peak(one) {
   const to = Math.min(1, ((one.highest ?? low) - low) / room);
   bar.style.setProperty("--from", from);
   bar.style.setProperty("--to", Math.max(to, from + 0.005));
-  const end = (value) => (value === null ? "" : number(value));
+  const end = (value) => (value === null ? "" : short(value));
   return el("div", { class: "peak", data: { mood: one.inside ? "calm" : "bad" }, title: `limit by ${one.limit_by}` },
     el("span", { class: "peak-name" }, words(one.channel)),
     el("span", { class: "peak-end" }, end(one.low)),
     el("span", { class: "peak-bar" }, bar),
     el("span", { class: "peak-end" }, end(one.high)),
-    el("span", { class: "peak-values" }, `${number(one.lowest)} … ${number(one.highest)} ${unit(one.unit)}${one.inside ? "" : " – beyond the limit"}`));
+    el("span", { class: "peak-values" }, `${short(one.lowest)} … ${short(one.highest)} ${unit(one.unit)}${one.inside ? "" : " – beyond the limit"}`));
 }

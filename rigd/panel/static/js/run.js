@@ -2,7 +2,7 @@
 
 import { command } from "./api.js";
 import { el, fill, icon, say } from "./dom.js";
-import { duration, number, words } from "./format.js";
+import { duration, short, words } from "./format.js";
 import { share } from "./state.js";
 import { hasControl, isOperator, known, watch } from "./store.js";
 import { show } from "./tabs.js";
@@ -62,7 +62,7 @@ function describe(facts, status) {
       : `${duration(status.run_s)} so far, ${duration(status.left_s)} left (${Math.round(100 * share(status, 0))} %)`],
     ["Step", status.step ?? "–"],
     ...Object.entries(status.trial?.parameters ?? {}).map(([name, value]) => [
-      words(name), typeof value === "number" ? number(value) : String(value),
+      words(name), typeof value === "number" ? short(value) : String(value),
     ]),
     ["Recording", status.run],
   ];

@@ -28,17 +28,25 @@ export function mountState(root) {
       return;
     }
     const [name, meaning, mood] = STATES[status.state];
-    const asks = status.prompt !== null;
-    mark(root, "mood", asks ? "ask" : mood);
-    say(word, asks ? "Waiting for you" : name);
-    say(doing, asks ? `${words(status.procedure ?? "")} asks a question` : activity(status) || meaning);
+    const [title, note, look] = pressing(status) ?? [name, activity(status) || meaning, mood];
+    mark(root, "mood", look);
+    say(word, title);
+    say(doing, note);
     say(rig, status.title || status.rig);
     const done = status.trials_total ? status.trials_done / status.trials_total : 0;
     bar.hidden = status.run === null;
     bar.firstChild.style.setProperty("--done", share(status, done));
     say(left, status.left_s === null ? "" : `${duration(status.left_s)} left`);
-    document.title = `${asks ? "? waiting" : name} – ${status.rig}`;
+    document.title = `${title} – ${status.rig}`;
   });
+}
+
+/** What is more urgent than the state itself: a question, or a trip that nobody has looked at. */
+function pressing(status) {
+  if (status.prompt !== null) return ["Waiting for you", `${words(status.procedure ?? "")} asks a question`, "ask"];
+  const tripped = status.trips.some((one) => one.action !== "warn" && !one.acknowledged);
+  if (tripped && status.run === null) return ["Tripped", "An interlock waits to be acknowledged", "bad"];
+  return null;
 }
 
 /** How much is done: by time where an estimate exists, else by trials. */

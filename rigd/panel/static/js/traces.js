@@ -1,6 +1,6 @@
 // The traces: one plot for each unit, all over the same stretch of time.
 
-import { channelInfo } from "./channels.js";
+import { channelInfo } from "./infos.js";
 import { chosen, watchChosen } from "./choice.js";
 import { el, fill, icon, say } from "./dom.js";
 import { clock, duration } from "./format.js";
@@ -101,6 +101,7 @@ export function mountTraces(root) {
       new Plot(area, symbol, infos, actions, place === byUnit.size - 1));
     say(empty, plots.length ? "" : "Choose channels to draw: press the dots in the list of channels.");
     fill(area, ...plots.map((plot) => plot.element), plots.length ? null : empty);
+    root.style.setProperty("--plots", plots.length);
     for (const plot of plots) plot.resize();
     isDirty = true;
   }
