@@ -28,6 +28,7 @@ BENCHES = (
     "card_blocks",
     "recording",
     "recorder",
+    "live_feed",
     "identify",
     "angle_campaign",
     "kill_table",
