@@ -79,12 +79,12 @@ class Requests:
         Raises:
             Refusal: it is not, or it cannot.
         """
-        age_s = (self._wall() - sent_ns) * 1e-9
-        if abs(age_s) > FRESH_S:
-            side = "old" if age_s > 0 else "ahead of the daemon's clock"
+        age_ns = self._wall() - sent_ns
+        if abs(age_ns) > FRESH_S * 1e9:
+            side = "old" if age_ns > 0 else "ahead of the daemon's clock"
             raise Refusal(
                 Code.REPLAYED,
-                f"the request is {abs(age_s):.0f} s {side}, at most {FRESH_S:.0f} s are allowed",
+                f"the request is {abs(age_ns) * 1e-9:.1f} s {side}, at most {FRESH_S:.0f} s are allowed",
                 hint="set the clocks of both computers (NTP)",
             )
         self._forget()

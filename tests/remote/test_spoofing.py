@@ -9,9 +9,6 @@ import pytest
 from support.served_rig import RIG, Served, key, request
 from support.zenoh_client import ZenohClient
 
-#: Long enough for what must not come, on a machine that is slow.
-WHILE_S = 0.7
-
 PUBLIC = ("status", "event", "live/wheel")
 
 
@@ -70,6 +67,12 @@ def test_nobody_else_answers(
     assert reply["result"] == {}
     assert served.rig.done[len(before) :] == [("alice", "pause")]
     assert alice.ask(f"rigd/{RIG}/status", b"")["rig"] == RIG
+
+
+def test_nobody_pretends_to_be_a_rig(alice: ZenohClient, carol: ZenohClient) -> None:
+    carol.pretend("rigd/lugre-2/alive")
+    assert carol.get("rigd/lugre-1/status") != []  # what went before has arrived
+    assert alice.alive("rigd/*/alive") == ["rigd/lugre-1/alive"]
 
 
 @pytest.mark.parametrize("pattern", ["**", "rigd/**", f"rigd/{RIG}/**", "rigd/*/*", "@/**"])

@@ -85,6 +85,10 @@ class ZenohClient:
         """Answer queries on ``key`` with ``FAKE``."""
         self._order(do="answer", key=key)
 
+    def pretend(self, key: str) -> None:
+        """Declare a liveliness token."""
+        self._order(do="pretend", key=key)
+
     def alive(self, key: str) -> list[str]:
         """Return the keys of the liveliness tokens there are."""
         return list(self._order(do="alive", key=key))
@@ -180,6 +184,9 @@ class _Session:
                 query.reply(query.key_expr, b"FAKE")
 
         self._kept.append(self._session.declare_queryable(key, fake))
+
+    def pretend(self, key: str) -> None:
+        self._kept.append(self._session.liveliness().declare_token(key))
 
     def alive(self, key: str) -> list[str]:
         replies = self._session.liveliness().get(key, timeout=10.0)

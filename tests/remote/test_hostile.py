@@ -1,0 +1,189 @@
+"""Whatever is sent, the server lives, tells why not, counts it, and goes on answering others."""
+
+from __future__ import annotations
+
+import json
+import random
+import time
+from collections.abc import Iterator
+
+import pytest
+from support.served_rig import ARGUMENTS, RIG, Served, key, request
+from support.spoilt import spoilt_payloads
+from support.zenoh_client import ZenohClient
+
+from rigd.remote.protocol.limits import MAX_REQUEST_BYTES
+
+
+@pytest.fixture
+def client(on_loopback: Served) -> Iterator[ZenohClient]:
+    with on_loopback.client() as opened:
+        yield opened
+
+
+def code(client: ZenohClient, kind: str, verb: str, payload: bytes) -> str:
+    """The code of the refusal that a request gets."""
+    return str(client.ask(key(kind, "eve", verb), payload)["error"]["code"])
+
+
+@pytest.mark.parametrize(
+    ("verb", "payload", "expected", "counted"),
+    [
+        ("lease_take", b"", "bad_request", "malformed"),
+        ("lease_take", b"[" * 60_000, "bad_request", "malformed"),
+        ("lease_take", b'{"a":' * 12_000, "bad_request", "malformed"),
+        ("lease_take", request("lease_take", v=2), "version", "malformed"),
+        ("lease_take", request("lease_take", args={"x": 1}), "bad_request", "malformed"),
+        ("lease_steal", request("lease_take"), "unknown_verb", "malformed"),
+        ("lease_take", b" " * (MAX_REQUEST_BYTES + 1), "too_large", "oversized"),
+        ("lease_take", request("lease_take", sent_ns=0), "replayed", "replayed"),
+        ("act", request("act"), "forbidden", "forbidden"),
+    ],
+)
+def test_what_is_refused_is_told_and_counted(
+    on_loopback: Served,
+    client: ZenohClient,
+    verb: str,
+    payload: bytes,
+    expected: str,
+    counted: str,
+) -> None:
+    done, before = list(on_loopback.rig.done), on_loopback.server.refused().model_dump()
+    assert code(client, "cmd", verb, payload) == expected
+    after = on_loopback.server.refused().model_dump()
+    assert after == before | {counted: before[counted] + 1}
+    assert on_loopback.rig.done == done
+
+
+def test_what_is_far_too_large_never_arrives(on_loopback: Served, client: ZenohClient) -> None:
+    before = on_loopback.server.refused()
+    for size in (5 * MAX_REQUEST_BYTES, 15 * MAX_REQUEST_BYTES):
+        assert client.get(key("cmd", "eve", "lease_take"), b" " * size) == []
+    assert on_loopback.server.refused() == before
+    assert "result" in client.ask(key("ask", "eve", "latest"), request("latest"))
+
+
+def test_a_request_sent_again_acts_once_and_gets_the_same_reply(
+    on_loopback: Served, client: ZenohClient
+) -> None:
+    on_loopback.rig.hold_lease("eve")
+    before = len(on_loopback.rig.done)
+    payload = request("pause")
+    replies = [client.ask(key("cmd", "eve", "pause"), payload) for _ in range(3)]
+    assert on_loopback.rig.done[before:] == [("eve", "pause")]
+    assert replies == [replies[0]] * 3
+    assert replies[0]["result"] == {}
+
+
+def test_the_id_of_one_request_cannot_be_used_for_another(
+    on_loopback: Served, client: ZenohClient
+) -> None:
+    on_loopback.rig.hold_lease("eve")
+    payload = request("pause")
+    client.ask(key("cmd", "eve", "pause"), payload)
+    before = list(on_loopback.rig.done)
+    assert code(client, "cmd", "resume", payload) == "replayed"
+    later = json.dumps(json.loads(payload) | {"sent_ns": time.time_ns()}).encode()
+    assert code(client, "cmd", "pause", later) == "replayed"
+    assert on_loopback.rig.done == before
+
+
+def test_a_stop_is_taken_whatever_the_clocks_say(on_loopback: Served, client: ZenohClient) -> None:
+    before = len(on_loopback.rig.done)
+    reply = client.ask(key("stop", "eve", "abort"), request("abort", sent_ns=0))
+    assert "result" in reply
+    assert on_loopback.rig.done[before:] == [("eve", "abort")]
+
+
+def test_a_bug_of_the_rig_is_told_as_such(on_loopback: Served, client: ZenohClient) -> None:
+    on_loopback.rig.fails = "run"
+    assert code(client, "ask", "run", request("run")) == "internal"
+    on_loopback.rig.fails = ""
+    assert "result" in client.ask(key("ask", "eve", "runs"), request("runs"))
+
+
+def test_a_reply_too_large_is_told_as_such(on_loopback: Served, client: ZenohClient) -> None:
+    on_loopback.rig.huge = 2_000_000
+    try:
+        assert code(client, "ask", "runs", request("runs")) == "too_large"
+    finally:
+        on_loopback.rig.huge = 0
+    assert "result" in client.ask(key("ask", "eve", "runs"), request("runs"))
+
+
+@pytest.mark.parametrize(
+    "name", ["eve ", "é", "e" * 65, "e" * 30_000, ".."], ids=lambda name: name[:8]
+)
+def test_odd_names_are_refused_or_are_names(
+    on_loopback: Served, client: ZenohClient, name: str
+) -> None:
+    before = list(on_loopback.rig.done)
+    replies = client.get(key("cmd", name, "act"), request("act"))
+    assert all(not reply["ok"] for reply in replies)
+    assert on_loopback.rig.done == before
+
+
+def test_spoilt_messages_on_every_key_change_nothing(
+    on_loopback: Served, client: ZenohClient
+) -> None:
+    """A seeded sample; benchmarks/remote_fuzz.py sends 10,000 to every key."""
+    on_loopback.rig.hold_lease("eve")
+    before = list(on_loopback.rig.done)
+    rng = random.Random(5)
+    kinds = {"ask": ("events", "check", "runs", "fetch"), "stop": ("stop", "abort", "estop")}
+    kinds["cmd"] = tuple(verb for verb in ARGUMENTS if verb not in kinds["stop"])
+    for kind, verbs in kinds.items():
+        for verb in verbs:
+            for payload in spoilt_payloads(rng, request(verb), 15):
+                for reply in client.get(key(kind, "eve", verb), payload):
+                    assert not reply["ok"] or kind == "ask", (verb, payload)
+    assert on_loopback.rig.done == before
+    assert "result" in client.ask(key("ask", "eve", "latest"), request("latest"))
+
+
+def test_a_flood_keeps_nobody_else_waiting(on_loopback: Served, client: ZenohClient) -> None:
+    with on_loopback.client() as flooding:
+        flooding.flood(key("ask", "mallory", "latest"), request("latest"), seconds=4.0)
+        flooding.flood(key("cmd", "mallory", "pause"), b"{", seconds=4.0)
+        for _ in range(10):
+            assert "result" in client.ask(key("ask", "eve", "latest"), request("latest"))
+            assert "result" in client.ask(key("stop", "eve", "stop"), request("stop"))
+        assert client.ask(f"rigd/{RIG}/status", b"")["rig"] == RIG
+
+
+def test_one_name_alone_waits_when_it_floods(on_loopback: Served) -> None:
+    """Both over one connection, so that only the inbox can tell them apart."""
+    before = on_loopback.server.refused().malformed
+    with on_loopback.client() as client:
+        client.flood(key("cmd", "mallory", "pause"), b"{", seconds=2.0)
+        for _ in range(5):
+            reply = client.ask(key("cmd", "eve", "lease_request"), request("lease_request"))
+            assert reply.get("error", {}).get("code") != "busy"
+    assert on_loopback.server.refused().malformed > before
+
+
+def test_a_frozen_subscriber_holds_nobody_up(on_loopback: Served, client: ZenohClient) -> None:
+    """It is dropped, not waited for: with BLOCK, a put to it takes 5 s."""
+    client.subscribe(f"rigd/{RIG}/live/*")
+    with on_loopback.client() as frozen:
+        frozen.subscribe(f"rigd/{RIG}/live/*")
+        frozen.freeze()
+        slowest_s = 0.0
+        for _ in range(300):
+            begun_s = time.monotonic()
+            on_loopback.server.publisher.frame("wheel", b"\x00" * 60_000)
+            slowest_s = max(slowest_s, time.monotonic() - begun_s)
+        assert slowest_s < 2.0
+        # 18 MB are more than the buffers of a connection hold; the other one goes on receiving.
+        before = client.received().get(f"rigd/{RIG}/live/wheel", 0)
+        for _ in range(20):
+            on_loopback.server.publisher.frame("wheel", b"\x00")
+        assert client.received(least=before + 1, within_s=20)[f"rigd/{RIG}/live/wheel"] > before
+
+
+def test_an_end_without_a_word_frees_the_place(on_loopback: Served) -> None:
+    for _ in range(3):
+        with on_loopback.client() as client:
+            client.subscribe(f"rigd/{RIG}/status")
+    with on_loopback.client() as client:
+        assert client.alive("rigd/*/alive") == [f"rigd/{RIG}/alive"]

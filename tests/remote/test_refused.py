@@ -1,0 +1,42 @@
+"""What is refused is counted each time, and logged now and then."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol.status import RefusedCounts
+from rigd.remote.refused import Refused
+
+
+def test_a_flood_is_counted_in_full_and_logged_in_a_line_a_second(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    now_ns = 0
+    refused = Refused(clock=lambda: now_ns)
+    with caplog.at_level(logging.WARNING):
+        for _ in range(1000):
+            refused.count("rigd/a/cmd/eve/start", Refusal(Code.BAD_REQUEST, "no"))
+        now_ns = 1_000_000_000
+        refused.count("rigd/a/cmd/eve/start", Refusal(Code.TOO_LARGE, "no"))
+    assert refused.counts() == RefusedCounts(malformed=1000, oversized=1)
+    assert len(caplog.records) == 2
+    assert "999 more since" in caplog.text
+
+
+def test_what_is_in_the_ordinary_course_is_neither(caplog: pytest.LogCaptureFixture) -> None:
+    refused = Refused()
+    for code in (Code.NO_LEASE, Code.LEASE_HELD, Code.CONFLICT, Code.REFUSED, Code.BUSY):
+        refused.count("rigd/a/cmd/bob/start", Refusal(code, "no"))
+    assert refused.counts() == RefusedCounts()
+    assert caplog.records == []
+
+
+def test_what_a_client_wrote_cannot_break_a_line_of_the_log(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    Refused().count("a\nb" * 200, Refusal(Code.BAD_REQUEST, "no"))
+    assert "\n" not in caplog.records[0].getMessage()
+    assert len(caplog.records[0].getMessage()) < 400

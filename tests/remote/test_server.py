@@ -1,0 +1,113 @@
+"""The life of a server: one at an address, seen while it lives, gone once closed."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+from support.recorded_rig import RecordedRig
+from support.served_rig import RIG, Served, free_port, key, request, serve
+from support.zenoh_client import Refused, ZenohClient, config
+
+from rigd.config.remote import RemoteSetup, TlsFiles
+from rigd.model import LinkError
+from rigd.remote.lease import Lease
+from rigd.remote.protocol import Event, Status
+from rigd.remote.protocol.limits import VERSION
+from rigd.remote.server import Server
+
+
+def setup() -> RemoteSetup:
+    return RemoteSetup((f"tcp/127.0.0.1:{free_port()}",))
+
+
+def test_a_second_daemon_does_not_get_the_address() -> None:
+    taken = setup()
+    with serve(taken), pytest.raises(LinkError, match=f"cannot listen on {taken.listen[0]}"):
+        Server(RIG, taken, Lease(lambda name: True))
+
+
+def test_certificates_that_are_not_there_are_told(tmp_path: Path) -> None:
+    files = TlsFiles(tmp_path / "ca.crt", tmp_path / "rigd.crt", tmp_path / "rigd.key")
+    listening = RemoteSetup((f"tls/127.0.0.1:{free_port()}",), files, {"alice": "operator"})
+    with pytest.raises(LinkError, match="certificates") as caught:
+        Server(RIG, listening, Lease(lambda name: True))
+    assert "Traceback" not in str(caught.value)
+
+
+def test_nothing_is_answered_before_it_is_started() -> None:
+    listening = setup()
+    lease = Lease(lambda name: True)
+    server = Server(RIG, listening, lease)
+    with server, ZenohClient(config(listening.listen[0])) as client:
+        assert client.alive("rigd/*/alive") == []
+        assert client.get(key("ask", "eve", "latest"), request("latest")) == []
+        server.start(RecordedRig(RIG, lease))
+        assert client.alive("rigd/*/alive") == [f"rigd/{RIG}/alive"]
+        assert "result" in client.ask(key("ask", "eve", "latest"), request("latest"))
+
+
+def test_once_closed_it_is_gone_and_its_address_free() -> None:
+    listening = setup()
+    with serve(listening) as served:
+        client = served.client()
+    with client:
+        assert client.alive("rigd/*/alive") == []
+        assert client.get(key("ask", "eve", "latest"), request("latest")) == []
+    with pytest.raises(Refused):
+        ZenohClient(config(listening.listen[0]))
+    with serve(listening) as served, served.client() as again:
+        assert again.alive("rigd/*/alive") == [f"rigd/{RIG}/alive"]
+
+
+def test_a_late_joiner_gets_the_newest_status(on_loopback: Served) -> None:
+    with on_loopback.client() as client:
+        first = client.ask(f"rigd/{RIG}/status", b"")
+        client.subscribe(f"rigd/{RIG}/status")
+        client.received(least=2, within_s=20)
+        second = client.ask(f"rigd/{RIG}/status", b"")
+    assert second["seq"] > first["seq"]
+
+
+def test_an_event_and_a_frame_reach_who_listens(on_loopback: Served) -> None:
+    with on_loopback.client() as client:
+        client.subscribe(f"rigd/{RIG}/event")
+        client.subscribe(f"rigd/{RIG}/live/*")
+        client.ask(f"rigd/{RIG}/status", b"")  # by then the subscriptions have arrived
+        on_loopback.server.publisher.event(Event(v=VERSION, seq=1, t_ns=1, kind="trip"))
+        on_loopback.server.publisher.frame("wheel", b"frame")
+        came = client.received(least=2, within_s=20)
+    assert came == {f"rigd/{RIG}/event": 1, f"rigd/{RIG}/live/wheel": 1}
+
+
+class Sick(RecordedRig):
+    """Fails to tell its status from the second time on, until it is well again."""
+
+    def __init__(self, name: str, lease: Lease) -> None:
+        super().__init__(name, lease)
+        self.failed = threading.Event()
+        self.well = threading.Event()
+
+    def status(self) -> Status:
+        """Return the first, fail at the next."""
+        if self.said and not self.well.is_set():
+            self.failed.set()
+            raise RuntimeError("no status")
+        return super().status()
+
+
+def test_a_rig_that_cannot_tell_its_status_falls_silent_and_comes_back(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    listening, lease = setup(), Lease(lambda name: True)
+    server, rig = Server(RIG, listening, lease), Sick(RIG, lease)
+    with server, ZenohClient(config(listening.listen[0])) as client, caplog.at_level("ERROR"):
+        server.start(rig)
+        client.subscribe(f"rigd/{RIG}/status")
+        assert rig.failed.wait(20)
+        assert client.ask(f"rigd/{RIG}/status", b"")["seq"] == 1
+        rig.well.set()
+        client.received(least=2, within_s=20)
+        assert client.ask(f"rigd/{RIG}/status", b"")["seq"] > 1
+    assert "the status cannot be told" in caplog.text
