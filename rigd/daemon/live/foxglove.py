@@ -33,6 +33,7 @@ BACKLOG: Final = 8192
 #: How long clients may take to let go at the end, in s.
 STOP_S: Final = 1.0
 _HOST: Final = "127.0.0.1"
+_LAST_PORT: Final = 65535
 #: The time at the beginning of a row (:func:`rigd.model.rows.row_dtype`).
 _TIME_BYTES: Final = 8
 
@@ -44,9 +45,11 @@ class FoxgloveServer:
         """Listen on ``port`` of this machine, 0 for any that is free.
 
         Raises:
-            ConfigError: the Foxglove SDK is not installed.
+            ConfigError: the Foxglove SDK is not installed, or there is no such port.
             LinkError: the port is taken.
         """
+        if not 0 <= port <= _LAST_PORT:
+            raise ConfigError(f"--foxglove {port}: a port is a number from 0 to {_LAST_PORT}")
         try:
             import foxglove
         except ImportError as error:

@@ -194,6 +194,12 @@ def test_a_client_that_reads_nothing_holds_up_nobody() -> None:
         assert time.monotonic() - began < STOP_S + 5
 
 
+@pytest.mark.parametrize("port", [-1, 65536])
+def test_what_is_no_port_is_said(port: int) -> None:
+    with pytest.raises(ConfigError, match="from 0 to 65535"):
+        FoxgloveServer(RIG, port)
+
+
 def test_a_port_that_is_taken_and_a_missing_sdk_are_said(
     server: FoxgloveServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
