@@ -131,8 +131,11 @@ def processes(
             job, {one.name: ring_rows(rig, one, kept.record[one.name].every) for one in streams}
         )
         board = folder.board()
-        board[Word.START_NS], board[Word.ORIGIN_NS] = start_ns, time.monotonic_ns()
-        origin_ns = board[Word.ORIGIN_NS]
+        # Making the rings took a while, saving an earlier run's samples perhaps minutes: slot 0 was
+        # due at start_ns by then, else every time stamp would lag the clock on the wall by that.
+        since_start_ns = max(time.time_ns() - start_ns, 0)  # a resumed run may begin later than now
+        origin_ns = time.monotonic_ns() - since_start_ns
+        board[Word.START_NS], board[Word.ORIGIN_NS] = start_ns, origin_ns
         beside = Beside(rig, folder, job, origin_ns=origin_ns, record=kept.record)
         recorder = RecorderProcess(folder)
         recorder.start()
