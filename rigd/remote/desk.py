@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rigd.config.remote import RemoteSetup
+from rigd.model.errors import RigdError
 from rigd.remote.lease import Lease
 from rigd.remote.protocol import (
     Address,
@@ -155,6 +156,9 @@ class Desk:
             return Answer(True, encode_reply(request.id, plain))
         except Refusal as refusal:
             return self.refuse(letter.key, refusal, request.id)
+        except RigdError as error:
+            refused = Refusal(Code.REFUSED, error.message, hint=error.hint)
+            return self.refuse(letter.key, refused, request.id)
         except Exception:  # noqa: BLE001 - told to the client and logged; the daemon lives on
             return self._bug(letter, request.id)
 

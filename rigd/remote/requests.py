@@ -84,7 +84,8 @@ class Requests:
             side = "old" if age_ns > 0 else "ahead of the daemon's clock"
             raise Refusal(
                 Code.REPLAYED,
-                f"the request is {abs(age_ns) * 1e-9:.1f} s {side}, at most {FRESH_S:.0f} s are allowed",
+                f"the request is {abs(age_ns) * 1e-9:.1f} s {side}, "
+                f"at most {FRESH_S:.0f} s are allowed",
                 hint="set the clocks of both computers (NTP)",
             )
         self._forget()

@@ -15,10 +15,10 @@ class Service(Protocol):
     """Carries out requests that the server found in order.
 
     Called on the server's worker threads: one request of each :class:`rigd.remote.protocol.Lane`
-    at a time, so up to five at once. The role has been checked, and the lease where the verb needs
-    it; ``args`` is of the type that the table of verbs names. Any method may raise
-    :class:`rigd.remote.protocol.Refusal`; whatever else it raises is logged and told as
-    ``internal``.
+    at a time, so up to six at once. The role has been checked, and the lease where the verb needs
+    it; ``args`` and what is returned are of the types that the table of verbs names. Any method
+    may raise :class:`rigd.remote.protocol.Refusal`; another error of rigd's is told as
+    ``refused``, whatever else it raises is logged and told as ``internal``.
     """
 
     def status(self) -> Status:

@@ -22,8 +22,7 @@ COMMANDS = (
 )  # fmt: skip
 MAINTENANCE = ("act", "lease_seize")
 NEED_LEASE = (
-    "start", "pause", "resume", "answer", "acknowledge", "resume_run", "identify", "lease_give",
-    "act",
+    "start", "pause", "resume", "answer", "acknowledge", "resume_run", "identify", "act",
 )  # fmt: skip
 
 #: What becomes of a verb: done, refused by the daemon with a reason, or not even let in.
@@ -109,3 +108,12 @@ def test_without_the_lease_nothing_moves(
     reply = clients["carol"].ask(key("cmd", "carol", verb), request(verb))
     assert reply["error"]["code"] == "no_lease"
     assert over_tls.rig.done == before
+
+
+def test_only_the_holder_gives_the_lease(
+    over_tls: Served, clients: Mapping[str, ZenohClient]
+) -> None:
+    over_tls.rig.hold_lease("another")
+    reply = clients["carol"].ask(key("cmd", "carol", "lease_give"), request("lease_give"))
+    assert reply["error"]["code"] == "no_lease"
+    assert over_tls.rig.lease.view().holder == "another"

@@ -56,7 +56,7 @@ from rigd.remote.protocol.status import (
     TripView,
     as_json,
 )
-from rigd.remote.protocol.verbs import Role
+from rigd.remote.protocol.roles import Role
 
 TICK_S = 1 / 30
 RECORDING = bytes(range(256)) * 3000  # three pieces

@@ -26,6 +26,7 @@ _PROCEDURE = {"name": "one", "text": "procedure: one", "sha256": "0" * 64}
 #: Arguments that each verb takes; none where it is not named.
 ARGUMENTS: dict[str, dict[str, Any]] = {
     "events": {"seq": 0},
+    "history": {"stream": "wheel"},
     "history": {"stream": "cycle"},
     "procedure": {"name": "one"},
     "check": {"procedure": _PROCEDURE, "set": {"floor": "pvc"}},

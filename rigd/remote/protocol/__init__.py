@@ -15,8 +15,9 @@ from rigd.remote.protocol.request import (
     new_request,
     request_kind,
 )
+from rigd.remote.protocol.roles import Role
 from rigd.remote.protocol.status import Event, LeaseView, Status, as_json
-from rigd.remote.protocol.verbs import PATIENCE_S, VERBS, Lane, Role, Verb, check_role, find_verb
+from rigd.remote.protocol.verbs import PATIENCE_S, VERBS, Lane, Verb, check_role, find_verb
 
 __all__ = [
     "EVERY_ALIVE",

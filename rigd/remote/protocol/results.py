@@ -20,8 +20,8 @@ from rigd.remote.protocol.limits import (
     RENEW_S,
 )
 from rigd.remote.protocol.message import Message, Name, Text
+from rigd.remote.protocol.roles import Role
 from rigd.remote.protocol.status import Count, Event, Nanoseconds
-from rigd.remote.protocol.verbs import Role
 
 
 class ChannelView(Message):
@@ -296,3 +296,21 @@ class Reported(Message):
 
     run: RunName
     size: Count
+
+
+class Acted(Message):
+    """`act`."""
+
+    said: Text
+    """What the device answered."""
+
+
+class Stopped(Message):
+    """`stop`, `abort` and `estop`."""
+
+    acted: bool
+    """Whether there was anything to stop that had not been stopped as hard before."""
+
+
+class Nothing(Message):
+    """Of commands that are done once they are answered."""

@@ -1,4 +1,4 @@
-"""Every verb of the protocol in one table: who may use it, and what it is asked with."""
+"""Every verb of the protocol in one table: who may use it, and what it says."""
 
 from __future__ import annotations
 
@@ -26,19 +26,26 @@ from rigd.remote.protocol.arguments import (
 from rigd.remote.protocol.keys import Kind
 from rigd.remote.protocol.message import Message
 from rigd.remote.protocol.refusal import Code, Refusal
-
-
-class Role(Enum):
-    """What an identity may do; each may do what the one before may."""
-
-    OBSERVER = "observer"  #: see everything, and stop
-    OPERATOR = "operator"  #: run procedures
-    MAINTAINER = "maintainer"  #: act on devices, take the lease from another
-
-    def includes(self, other: Role) -> bool:
-        """Whether this role may do what ``other`` may."""
-        order = list(Role)
-        return order.index(self) >= order.index(other)
+from rigd.remote.protocol.results import (
+    Acted,
+    Check,
+    Description,
+    DryRun,
+    Events,
+    History,
+    LatestValues,
+    Nothing,
+    PieceView,
+    Procedures,
+    ProcedureView,
+    Reported,
+    RunList,
+    RunView,
+    Started,
+    Stopped,
+)
+from rigd.remote.protocol.roles import Role
+from rigd.remote.protocol.status import LeaseView
 
 
 class Lane(Enum):
@@ -46,6 +53,7 @@ class Lane(Enum):
 
     STOP = "stop"
     ASK = "ask"  #: known at once
+    LEASE = "lease"  #: of its own, so that no command keeps a lease from being renewed
     COMMAND = "command"
     FILES = "files"  #: read from recordings and procedure files
     LONG = "long"  #: calculated: dry runs and reports
@@ -55,6 +63,7 @@ class Lane(Enum):
 PATIENCE_S: Final[Mapping[Lane, float]] = {
     Lane.STOP: 2.0,
     Lane.ASK: 2.0,
+    Lane.LEASE: 2.0,
     Lane.COMMAND: 10.0,
     Lane.FILES: 30.0,
     Lane.LONG: 900.0,
@@ -63,67 +72,62 @@ PATIENCE_S: Final[Mapping[Lane, float]] = {
 
 @dataclass(frozen=True)
 class Verb:
-    """One verb: the least role it needs, whether it needs the lease, its lane, its arguments."""
+    """One verb: what it is asked with and answered with, its lane, and who may use it."""
 
-    role: Role
-    needs_lease: bool
+    arguments: type[Message]
+    result: type[Message]
     lane: Lane
-    arguments: type[Message] = NoArguments
+    role: Role = Role.OBSERVER
+    needs_lease: bool = False
 
 
-def _ask(arguments: type[Message] = NoArguments, lane: Lane = Lane.ASK) -> Verb:
-    return Verb(Role.OBSERVER, False, lane, arguments)
+def _lease(arguments: type[Message] = NoArguments, role: Role = Role.OPERATOR) -> Verb:
+    return Verb(arguments, LeaseView, Lane.LEASE, role)
 
 
-def _lead(arguments: type[Message] = NoArguments, lane: Lane = Lane.COMMAND) -> Verb:
-    return Verb(Role.OPERATOR, True, lane, arguments)
-
-
-def _free(arguments: type[Message] = NoArguments, lane: Lane = Lane.COMMAND) -> Verb:
-    return Verb(Role.OPERATOR, False, lane, arguments)
-
-
-def _stop() -> Verb:
-    return Verb(Role.OBSERVER, False, Lane.STOP, Reason)
+def _lead(
+    arguments: type[Message] = NoArguments,
+    result: type[Message] = Nothing,
+    lane: Lane = Lane.COMMAND,
+    role: Role = Role.OPERATOR,
+) -> Verb:
+    """Return a verb that needs the lease."""
+    return Verb(arguments, result, lane, role, needs_lease=True)
 
 
 VERBS: Final[Mapping[Kind, Mapping[str, Verb]]] = {
     Kind.ASK: {
-        "describe": _ask(),
-        "events": _ask(Since),
-        "latest": _ask(),
-        "history": _ask(StreamName),
-        "lease": _ask(),
-        "procedures": _ask(lane=Lane.FILES),
-        "procedure": _ask(ProcedureName, Lane.FILES),
-        "check": _ask(Checked, Lane.FILES),
-        "runs": _ask(Runs, Lane.FILES),
-        "run": _ask(Run, Lane.FILES),
-        "report": _ask(Piece, Lane.FILES),
-        "fetch": _ask(Piece, Lane.FILES),
+        "describe": Verb(NoArguments, Description, Lane.ASK),
+        "events": Verb(Since, Events, Lane.ASK),
+        "latest": Verb(NoArguments, LatestValues, Lane.ASK),
+        "history": Verb(StreamName, History, Lane.ASK),
+        "lease": Verb(NoArguments, LeaseView, Lane.ASK),
+        "procedures": Verb(NoArguments, Procedures, Lane.FILES),
+        "procedure": Verb(ProcedureName, ProcedureView, Lane.FILES),
+        "check": Verb(Checked, Check, Lane.FILES),
+        "runs": Verb(Runs, RunList, Lane.FILES),
+        "run": Verb(Run, RunView, Lane.FILES),
+        "report": Verb(Piece, PieceView, Lane.FILES),
+        "fetch": Verb(Piece, PieceView, Lane.FILES),
     },
     Kind.COMMAND: {
-        "lease_take": _free(),
-        "lease_renew": _free(),
-        "lease_release": _free(),
-        "lease_request": _free(),
-        "lease_give": _lead(Receiver),
-        "lease_seize": Verb(Role.MAINTAINER, False, Lane.COMMAND),
-        "start": _lead(Start),
+        "lease_take": _lease(),
+        "lease_renew": _lease(),
+        "lease_release": _lease(),
+        "lease_request": _lease(),
+        "lease_give": _lease(Receiver),
+        "lease_seize": _lease(role=Role.MAINTAINER),
+        "start": _lead(Start, Started),
+        "resume_run": _lead(Run, Started),
         "pause": _lead(),
         "resume": _lead(),
         "answer": _lead(Answered),
         "acknowledge": _lead(InterlockName),
-        "resume_run": _lead(Run),
-        "identify": _lead(Run, Lane.LONG),
-        "dry_run": _free(Checked, Lane.LONG),
-        "act": Verb(Role.MAINTAINER, True, Lane.COMMAND, Act),
+        "act": _lead(Act, Acted, role=Role.MAINTAINER),
+        "identify": _lead(Run, Reported, Lane.LONG),
+        "dry_run": Verb(Checked, DryRun, Lane.LONG, Role.OPERATOR),
     },
-    Kind.STOP: {
-        "stop": _stop(),
-        "abort": _stop(),
-        "estop": _stop(),
-    },
+    Kind.STOP: {verb: Verb(Reason, Stopped, Lane.STOP) for verb in ("stop", "abort", "estop")},
 }
 
 

@@ -1,0 +1,51 @@
+"""The JSON Schema of every message, for clients that are not written in Python."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic.json_schema import models_json_schema
+
+from rigd.remote.protocol.limits import VERSION
+from rigd.remote.protocol.request import ErrorReply, Reply, request_kind
+from rigd.remote.protocol.status import Event, Status
+from rigd.remote.protocol.verbs import VERBS
+
+
+def remote_schema() -> dict[str, Any]:
+    """Return the schema: messages under ``$defs``, what each key carries under ``x-keys``.
+
+    A request is given by verb, with its role, its need of the lease, and the result of its reply.
+    """
+    verbs = {
+        f"{kind.value}/<identity>/{name}": verb
+        for kind, table in VERBS.items()
+        for name, verb in table.items()
+    }
+    messages = [Status, Event, Reply, ErrorReply]
+    messages += [verb.result for verb in verbs.values()]
+    requests = {key: request_kind(verb.arguments) for key, verb in verbs.items()}
+    references, schema = models_json_schema(
+        [(one, "validation") for one in dict.fromkeys([*messages, *requests.values()])]
+    )
+    refer = {model: reference for (model, _), reference in references.items()}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": f"rigd remote protocol, version {VERSION}",
+        "x-keys": {
+            "status": refer[Status],
+            "event": refer[Event],
+            **{
+                key: {
+                    "role": verb.role.value,
+                    "needs_lease": verb.needs_lease,
+                    "request": refer[requests[key]],
+                    "reply": refer[Reply],
+                    "result": refer[verb.result],
+                    "error": refer[ErrorReply],
+                }
+                for key, verb in verbs.items()
+            },
+        },
+        "$defs": schema["$defs"],
+    }
