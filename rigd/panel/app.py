@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -13,6 +11,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp
 
 from rigd.panel.feed import Feed
 from rigd.panel.files import Files
@@ -30,38 +29,33 @@ LOGINS_PER_S: Final = 0.2
 LOGINS_BURST: Final = 10.0
 
 
-def build_app(rig: Rig, sessions: Sessions, place: Place, port: int) -> Guard:
-    """Return the panel of ``rig``, reached at ``place``; it follows the rig while it runs."""
+@dataclass(frozen=True)
+class Panel:
+    """The application, and what has to run beside it."""
 
-    def changed() -> None:
-        hub.refresh()
+    app: ASGIApp
+    hub: Hub
+    seat: Seat
 
-    seat = Seat(rig, sessions, changed)
+
+def build_panel(rig: Rig, sessions: Sessions, place: Place, port: int) -> Panel:
+    """Return the panel of ``rig``, reached at ``place``."""
+    seat = Seat(rig, sessions, lambda: hub.refresh())
     hub = Hub(rig, lambda status: status | {"control": seat.describe(status["lease"])})
     secure = place.scheme == "https"
     logins = Bucket(LOGINS_PER_S, LOGINS_BURST)
     doors = Doors(rig, sessions, seat, f"rigd-{port}", secure, logins)
-    feed = Feed(hub, doors, changed)
-
-    @asynccontextmanager
-    async def lifespan(_: Starlette) -> AsyncIterator[None]:
-        async with asyncio.TaskGroup() as group:
-            tasks = [group.create_task(hub.run()), group.create_task(seat.keep())]
-            yield
-            for task in tasks:
-                task.cancel()
 
     async def page(_: Request) -> FileResponse:
         return FileResponse(STATIC / "index.html")
 
     app = Starlette(
-        lifespan=lifespan,
         routes=[
             Route("/", page, methods=["GET"]),
             Mount("/static", StaticFiles(directory=STATIC)),
-            WebSocketRoute("/api/live", feed.serve),
+            WebSocketRoute("/api/live", Feed(hub, doors).serve),
             *doors.routes(),
             *Files(rig, doors).routes(),
         ],
     )
-    return Guard(app, place)
+    return Panel(Guard(app, place), hub, seat)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -25,11 +24,10 @@ DRAWN: Final = "drawn"
 
 @dataclass
 class Feed:
-    """Serves every open page; ``changed`` is called when one has come or gone."""
+    """Serves every open page."""
 
     hub: Hub
     doors: Doors
-    changed: Callable[[], None]
     pages: int = 0
 
     async def serve(self, socket: WebSocket) -> None:
@@ -44,7 +42,6 @@ class Feed:
             return
         self.pages += 1
         self.doors.sessions.open_page(session)
-        self.changed()
         try:
             with self.hub.join() as outbox:
                 sending = asyncio.create_task(_send(socket, outbox))
@@ -56,7 +53,6 @@ class Feed:
         finally:
             self.pages -= 1
             self.doors.sessions.close_page(session)
-            self.changed()
 
 
 async def _send(socket: WebSocket, outbox: Outbox) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import ipaddress
 import socket
 from collections.abc import Callable
@@ -12,7 +13,7 @@ from typing import Final
 import uvicorn
 
 from rigd.model.errors import ConfigError
-from rigd.panel.app import build_app
+from rigd.panel.app import build_panel
 from rigd.panel.guard import Place
 from rigd.panel.rig import Rig
 from rigd.panel.sessions import Role, Sessions
@@ -100,15 +101,16 @@ async def serve(rig: Rig, listen: Listen, announce: Callable[[dict[Role, str]], 
         port = bound.getsockname()[1]
         sessions = Sessions()
         address = f"{listen.scheme}://{_bracketed((*listen.names, listen.host)[0])}:{port}/"
+        panel = build_panel(rig, sessions, listen.place(port), port)
         config = uvicorn.Config(
-            build_app(rig, sessions, listen.place(port), port),
+            panel.app,
             http="h11",
             ws="websockets-sansio",
             ws_max_size=1024,  # a page says nothing long
             ws_ping_interval=5.0,
             ws_ping_timeout=15.0,
             ws_per_message_deflate=False,
-            lifespan="on",
+            lifespan="off",
             access_log=False,
             log_config=None,
             server_header=False,
@@ -126,7 +128,24 @@ async def serve(rig: Rig, listen: Listen, announce: Callable[[dict[Role, str]], 
                 "observer": f"{address}#{sessions.invite('observer', FIRST_LINK_S)}",
             }
         )
-        await uvicorn.Server(config).serve(sockets=[bound])
+        # Whatever of the three ends or fails ends the others: a panel that no longer follows the
+        # rig must not go on serving its page.
+        async with asyncio.TaskGroup() as group:
+            beside = [group.create_task(panel.hub.run()), group.create_task(panel.seat.keep())]
+            await _serve(uvicorn.Server(config), bound)
+            for task in beside:
+                task.cancel()
+
+
+async def _serve(server: uvicorn.Server, bound: socket.socket) -> None:
+    """Serve until a signal, or until cancelled; open pages are told."""
+    serving = asyncio.create_task(server.serve(sockets=[bound]))
+    try:
+        await asyncio.shield(serving)
+    except asyncio.CancelledError:
+        server.should_exit = True
+        await serving
+        raise
 
 
 def _bound(host: str, port: int) -> socket.socket:

@@ -1,7 +1,7 @@
 // Every channel: value, unit, age, and where it stands within its limits.
 
 import { el, fill, flag, mark, say } from "./dom.js";
-import { age, number, short, steady, unit } from "./format.js";
+import { age, short, steady, unit } from "./format.js";
 import { histories } from "./histories.js";
 import { channelInfo } from "./infos.js";
 import { chosen, colourOf, toggle, watchChosen } from "./choice.js";
@@ -40,7 +40,7 @@ export function mountChannels(root) {
 
 function makeRow(name) {
   const info = channelInfo(name);
-  const row = { name, info };
+  const row = { name, info, peak: 1e-3 };
   row.trace = el("button", {
     type: "button", class: "trace-toggle", "aria-label": `Trace of ${name}`, onclick: () => toggle(name),
   });
@@ -90,8 +90,9 @@ function newest({ full, stream, place }) {
 function show(row) {
   const [value, seconds] = newest(row.info);
   const limit = Math.max(...row.info.limits.map(Math.abs).filter(Number.isFinite), 0);
-  // As many decimals as a thousandth of the limit needs; without limits, as the value itself.
-  say(row.value, limit ? steady(value, limit) : number(value));
+  // As many decimals as a thousandth of the limit needs, or of the largest value seen.
+  if (Math.abs(value) > row.peak) row.peak = Math.abs(value);
+  say(row.value, steady(value, limit || row.peak));
   say(row.age, age(seconds));
   flag(row.element, "data-stale", seconds === null || seconds > STALE_S || known.link !== "ok");
   if (row.range === null) return;

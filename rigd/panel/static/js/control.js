@@ -18,7 +18,9 @@ export function mountControl(root) {
     shown = key();
     const { holder, ours, user } = known.status.control;
     root.dataset.mine = hasControl();
-    if (hasControl()) {
+    if (known.link !== "ok") {
+      fill(root);
+    } else if (hasControl()) {
       fill(root, icon("hand"), el("span", {}, "You have control"), button("Release", "release"));
     } else if (holder === null) {
       fill(root, icon("hand"), el("span", {}, "Control is free"), isOperator() ? button("Take control", "take", "primary") : null);

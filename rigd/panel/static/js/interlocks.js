@@ -17,6 +17,7 @@ export function mountInterlocks(root) {
       table));
   root.append(details);
   const rows = new Map();
+  let shown = 0;
 
   watch("describe", () => {
     rows.clear();
@@ -46,8 +47,9 @@ export function mountInterlocks(root) {
     const open = known.status.trips.filter((one) => !one.acknowledged).length;
     say(verdict, open ? `${open} tripped` : `all ${rows.size} clear`);
     verdict.dataset.mood = open ? "bad" : "calm";
-    if (open && details.dataset.opened !== String(open)) details.open = true;
-    details.dataset.opened = open;
+    // Opens by itself when something trips, and closes when all is clear again.
+    if (shown !== open) details.open = open > 0;
+    shown = open;
   }
 }
 

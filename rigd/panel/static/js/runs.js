@@ -67,7 +67,8 @@ export function mountRuns(root) {
     open = one.run;
     for (const other of body.rows) other.dataset.chosen = String(other === row);
     drawRun(sheet, one, refresh);
-    sheet.scrollIntoView({ block: "nearest" });
+    // Where the page is narrow, the run stands below the list.
+    if (sheet.getBoundingClientRect().top > innerHeight / 2) sheet.scrollIntoView({ behavior: "smooth" });
   }
 }
 

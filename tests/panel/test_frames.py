@@ -1,0 +1,98 @@
+"""Frames that wait are merged without losing an extreme, and never grow beyond their bound."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rigd.panel.frames import merge
+from rigd.panel.outbox import MOST_EVENTS, MOST_POINTS, MOST_UNDER_WAY, Outbox
+from rigd.remote.protocol.frame import Frame, decode_frame
+
+
+def a_frame(points: int, t0_ns: int = 0, channels: int = 2, seed: int = 0) -> Frame:
+    values = np.random.default_rng(seed).normal(size=(channels, points)).astype("f4")
+    return Frame(3, 0, t0_ns, np.arange(points) * 1e-3, values - 1, values + 1)
+
+
+@settings(max_examples=60)
+@given(
+    st.lists(st.integers(1, 90), min_size=2, max_size=12),
+    st.integers(2, 50),
+)
+def test_no_extreme_is_lost(sizes: list[int], most: int) -> None:
+    frames = [a_frame(size, 10**9 * n, seed=n) for n, size in enumerate(sizes)]
+    merged = frames[0]
+    for frame in frames[1:]:
+        merged = merge(merged, frame, most)
+
+    assert merged.time_s.size <= most
+    assert np.all(np.diff(merged.time_s) > 0)
+    lows = np.concatenate([one.low for one in frames], axis=1)
+    highs = np.concatenate([one.high for one in frames], axis=1)
+    np.testing.assert_array_equal(merged.low.min(axis=1), lows.min(axis=1))
+    np.testing.assert_array_equal(merged.high.max(axis=1), highs.max(axis=1))
+
+
+def test_times_are_those_of_the_first_frame() -> None:
+    merged = merge(a_frame(2, 5 * 10**9), a_frame(2, 6 * 10**9), 10)
+    assert merged.t0_ns == 5 * 10**9
+    np.testing.assert_allclose(merged.time_s, [0, 1e-3, 1.0, 1.001])
+
+
+def test_nothing_measured_hides_nothing() -> None:
+    first, second = a_frame(1), a_frame(1, 10**6, seed=1)
+    first.low[0, 0] = first.high[0, 0] = np.nan
+    merged = merge(first, second, 1)
+    assert merged.low[0, 0] == second.low[0, 0]
+
+
+def test_frames_of_another_run_take_the_place_of_the_old() -> None:
+    second = a_frame(4, channels=3)
+    assert merge(a_frame(4, channels=2), second, 10) is second
+
+
+async def next_of(outbox: Outbox) -> list[str | bytes]:
+    return await outbox.take()
+
+
+def run_take(outbox: Outbox) -> list[str | bytes]:
+    import asyncio
+
+    return asyncio.run(next_of(outbox))
+
+
+def test_a_browser_that_draws_nothing_gets_two_batches_and_later_one_with_all() -> None:
+    outbox = Outbox()
+    for n in range(MOST_UNDER_WAY):
+        outbox.frame(a_frame(33, n * 33_000_000, seed=n))
+        assert len(run_take(outbox)) == 1
+    for n in range(100):
+        outbox.frame(a_frame(33, (2 + n) * 33_000_000, seed=n))
+    outbox.tell("panel", {"alive": True})
+    assert [type(one) for one in run_take(outbox)] == [str], "no frame while two are under way"
+
+    outbox.drawn()
+    (batch,) = run_take(outbox)
+    assert isinstance(batch, bytes)
+    frame = decode_frame(batch)
+    assert frame.time_s.size <= MOST_POINTS
+    assert frame.time_s[-1] > 3.0, "it reaches to the newest"
+
+
+def test_only_the_newest_status_waits() -> None:
+    outbox = Outbox()
+    for n in range(1000):
+        outbox.tell("status", {"seq": n})
+    assert run_take(outbox) == ['{"kind": "status", "status": {"seq": 999}}']
+
+
+def test_events_wait_up_to_a_bound_and_what_is_left_out_is_counted() -> None:
+    outbox = Outbox()
+    for n in range(MOST_EVENTS + 7):
+        outbox.event({"seq": n})
+    ready = run_take(outbox)
+    assert ready[0] == '{"kind": "skipped", "skipped": 7}'
+    assert len(ready) == 1 + MOST_EVENTS
+    assert ready[1] == '{"kind": "event", "event": {"seq": 7}}'

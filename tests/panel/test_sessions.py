@@ -1,0 +1,98 @@
+"""Codes open one session each; sessions end; who has gone is known."""
+
+from __future__ import annotations
+
+from rigd.panel.rates import Bucket
+from rigd.panel.sessions import CODE_S, IDLE_S, MOST_CODES, MOST_SESSIONS, Sessions
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_a_code_opens_one_session_of_its_role() -> None:
+    sessions = Sessions()
+    code = sessions.invite("observer")
+    opened = sessions.redeem(code, "Ada")
+    assert opened is not None
+    key, session = opened
+    assert (session.name, session.role) == ("Ada", "observer")
+    assert sessions.find(key) is session
+    assert sessions.redeem(code, "Bob") is None
+    assert key not in str(vars(sessions)), "kept as a hash only"
+
+
+def test_codes_age_and_are_bounded() -> None:
+    clock = Clock()
+    sessions = Sessions(clock)
+    old = sessions.invite("operator")
+    clock.now += CODE_S + 1
+    assert sessions.redeem(old, "Ada") is None
+    first = sessions.invite("operator")
+    for _ in range(MOST_CODES):
+        last = sessions.invite("operator")
+    assert sessions.redeem(first, "Ada") is None
+    assert sessions.redeem(last, "Ada") is not None
+
+
+def test_a_session_ends_when_idle_but_not_while_a_page_is_open() -> None:
+    clock = Clock()
+    sessions = Sessions(clock)
+    opened = sessions.redeem(sessions.invite("operator"), "Ada")
+    assert opened is not None
+    key, session = opened
+    sessions.open_page(session)
+    clock.now += 2 * IDLE_S
+    assert sessions.find(key) is session
+    sessions.close_page(session)
+    clock.now += IDLE_S + 1
+    assert sessions.find(key) is None
+
+
+def test_the_longest_unused_makes_room() -> None:
+    clock = Clock()
+    sessions = Sessions(clock)
+    keys = []
+    for n in range(MOST_SESSIONS + 1):
+        clock.now += 1
+        opened = sessions.redeem(sessions.invite("operator"), f"user {n}")
+        assert opened is not None
+        keys.append(opened[0])
+    assert sessions.find(keys[0]) is None
+    assert sessions.find(keys[1]) is not None
+
+
+def test_who_has_no_page_open_is_gone_after_a_while() -> None:
+    clock = Clock()
+    sessions = Sessions(clock)
+    opened = sessions.redeem(sessions.invite("operator"), "Ada")
+    assert opened is not None
+    key, session = opened
+    sessions.open_page(session)
+    sessions.open_page(session)
+    sessions.close_page(session)
+    clock.now += 60
+    assert not sessions.is_gone(session, grace_s=4)
+    sessions.close_page(session)
+    clock.now += 3
+    assert not sessions.is_gone(session, grace_s=4)
+    clock.now += 2
+    assert sessions.is_gone(session, grace_s=4)
+    sessions.open_page(session)
+    assert not sessions.is_gone(session, grace_s=4)
+    sessions.end(key)
+    assert sessions.is_gone(session, grace_s=4)
+
+
+def test_a_bucket_lets_a_burst_pass_then_a_rate() -> None:
+    clock = Clock()
+    bucket = Bucket(per_s=2.0, burst=5.0, now=clock)
+    assert sum(bucket.take() for _ in range(50)) == 5
+    clock.now += 3.0
+    assert sum(bucket.take() for _ in range(50)) == 5  # no more than the burst
+    clock.now += 1.0
+    assert sum(bucket.take() for _ in range(50)) == 2

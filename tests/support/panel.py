@@ -1,0 +1,141 @@
+"""A panel that serves a played rig, in a thread of this process."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import json
+import threading
+from collections.abc import Callable, Coroutine
+from concurrent.futures import Future
+from typing import Any
+from urllib.parse import urlsplit
+
+from support.played_rig import PlayedRig
+from websockets import Origin
+from websockets.sync.client import ClientConnection, connect
+
+from rigd.panel.server import Listen, serve
+from rigd.panel.sessions import Role
+
+
+class ServedPanel:
+    """Serves ``rig`` on a free port while the context lasts."""
+
+    def __init__(self, rig: PlayedRig | None = None) -> None:
+        self.rig = rig or PlayedRig()
+        self.links: dict[Role, str] = {}
+        self.port = 0
+        self._told: Future[dict[Role, str]] = Future()
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, name="panel")
+        self._serving: asyncio.Task[None] | None = None
+
+    def __enter__(self) -> ServedPanel:
+        self._thread.start()
+        self.links = self._told.result(30)
+        self.port = urlsplit(self.links["operator"]).port or 0
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._serving is not None:
+            self._loop.call_soon_threadsafe(self._serving.cancel)
+        self._thread.join(30)
+        self._loop.close()
+
+    @property
+    def origin(self) -> str:
+        """Of its own pages."""
+        return f"http://127.0.0.1:{self.port}"
+
+    def do(self, action: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        """Let something happen at the rig, on its own loop."""
+        asyncio.run_coroutine_threadsafe(action(), self._loop).result(30)
+
+    def visitor(self, role: Role = "operator", name: str = "Ada") -> Visitor:
+        """Return someone who has logged in by the link of their role, or by a further one."""
+        visitor = Visitor(self)
+        code = self.links.pop(role, "").partition("#")[2]
+        if not code:
+            raise ValueError(f"the link of the {role} has been used")
+        visitor.login(code, name)
+        return visitor
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+
+        async def run() -> None:
+            self._serving = asyncio.create_task(
+                serve(self.rig, Listen(port=0), self._told.set_result)
+            )
+            await asyncio.wait([self._serving])
+            if not self._serving.cancelled():
+                await self._serving
+
+        self._loop.run_until_complete(run())
+
+
+class Visitor:
+    """Somebody with a browser of their own, spoken by hand: plain HTTP, one cookie."""
+
+    def __init__(self, panel: ServedPanel) -> None:
+        self.panel = panel
+        self.cookie = ""
+        self.told: dict[str, Any] = {}
+
+    def login(self, code: str, name: str = "Ada") -> int:
+        """Open a session and return the status."""
+        status, headers, body = self.send(
+            "POST", "/api/login", json.dumps({"code": code, "name": name}).encode()
+        )
+        if status == 200:
+            self.cookie = headers["set-cookie"].partition(";")[0]
+            self.told = json.loads(body)["session"]
+        return status
+
+    def post(self, path: str, **body: Any) -> tuple[int, dict[str, Any]]:
+        """Send what the page would send; return status and answer."""
+        status, _, answer = self.send("POST", path, json.dumps(body).encode())
+        return status, json.loads(answer)
+
+    def get(self, path: str) -> tuple[int, dict[str, str], bytes]:
+        """Read something."""
+        return self.send("GET", path)
+
+    def send(
+        self, method: str, path: str, body: bytes = b"", **headers: str | None
+    ) -> tuple[int, dict[str, str], bytes]:
+        """Send a request like the page's, with ``headers`` changed or, by None, left out."""
+        usual: dict[str, str | None] = {
+            "host": f"127.0.0.1:{self.panel.port}",
+            "cookie": self.cookie or None,
+        }
+        if method not in ("GET", "HEAD"):
+            usual |= {
+                "origin": self.panel.origin,
+                "x-rigd": "1",
+                "content-type": "application/json",
+                "content-length": str(len(body)),
+            }
+        usual |= {name.replace("_", "-"): value for name, value in headers.items()}
+        connection = http.client.HTTPConnection("127.0.0.1", self.panel.port, timeout=30)
+        try:
+            connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
+            for name, value in usual.items():
+                if value is not None:
+                    connection.putheader(name, value)
+            connection.endheaders(body or None)
+            answer = connection.getresponse()
+            return answer.status, {k.lower(): v for k, v in answer.getheaders()}, answer.read()
+        finally:
+            connection.close()
+
+    def page(self, origin: str | None = None) -> ClientConnection:
+        """Open the page's WebSocket."""
+        return connect(
+            f"ws://127.0.0.1:{self.panel.port}/api/live",
+            origin=Origin(origin or self.panel.origin),
+            additional_headers={"cookie": self.cookie} if self.cookie else {},
+            max_size=2**22,
+            open_timeout=30,
+        )
