@@ -27,7 +27,16 @@ from rigd.engine.control import Verb
 from rigd.model.errors import ConfigError, RigdError
 from rigd.procedure.program import TrialPlan
 from rigd.remote.lease import Lease
-from rigd.remote.protocol import VERSION, Code, LeaseView, Message, Refusal, Role, Status, as_json
+from rigd.remote.protocol import (
+    VERSION,
+    Code,
+    LeaseView,
+    Message,
+    Refusal,
+    Role,
+    Status,
+    as_json,
+)
 from rigd.remote.protocol.arguments import (
     Act,
     Answered,
@@ -41,7 +50,7 @@ from rigd.remote.protocol.arguments import (
     Start,
     StreamName,
 )
-from rigd.remote.protocol.results import DryRun, Events, PieceView
+from rigd.remote.protocol.results import DryRun, Events, History, PieceView
 from rigd.remote.protocol.status import Daemon, RefusedCounts, Trial
 from rigd.remote.service import Result
 
@@ -131,6 +140,8 @@ class RigService:
             case "events", Since() as since:
                 events, following = parts.feed.events(since.seq)
                 return Events(events=tuple(events), next=following)
+            case "history", StreamName() as stream:
+                return self._history(stream.stream)
             case "procedures", _:
                 return parts.library.lines()
             case "procedure", ProcedureName() as procedure:
@@ -159,7 +170,7 @@ class RigService:
             raise
         except RigdError as error:
             self._write(identity, role, verb, args, f"refused: {error}")
-            raise Refusal(Code.REFUSED, _told(error), hint=error.hint) from error
+            raise _refusal(error) from error
         except Exception as error:
             self._write(identity, role, verb, args, f"internal: {error!r}")
             raise
@@ -232,6 +243,11 @@ class RigService:
         self._parts.steering.expect(args, done.duration_s)
         return done
 
+    def _history(self, stream: str) -> History:
+        try:
+            return self._parts.feed.history(stream)
+        except KeyError as error:
+            raise Refusal(Code.NOT_FOUND, f"there is no stream {stream}") from error
     def _fetch(self, piece: Piece) -> PieceView:
         path = self._finished(piece.run)
         return self._parts.recordings.piece(path, piece.offset, piece.length)
@@ -278,9 +294,11 @@ def _trial(trial: TrialPlan) -> Trial:
     return Trial(number=trial.number, repeat=trial.repeat, parameters=dict(trial.parameters))
 
 
-def _told(error: RigdError) -> str:
-    """Return everything that is wrong, where an error holds several things."""
-    return str(error) if isinstance(error, ConfigError) else error.message
+def _refusal(error: RigdError) -> Refusal:
+    """Return what a client is told; of a file, everything that is wrong with it."""
+    if isinstance(error, ConfigError):
+        return Refusal(Code.REFUSED, str(error))
+    return Refusal(Code.REFUSED, error.message, hint=error.hint)
 
 
 def _audited(args: Message) -> dict[str, Any]:

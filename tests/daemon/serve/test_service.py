@@ -1,0 +1,349 @@
+"""What clients ask, command and stop, done: one axis, with the processes of real runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from support.file_axis import word
+from support.served_axis import ASKING, SWEEP, ServedAxis, travelling
+
+from rigd.engine.shared import RunFolder
+from rigd.model.errors import Blocked
+from rigd.model.limits import Action, Interlock
+from rigd.record import Recording, run_info
+from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol.limits import LEASE_S
+
+LONG = SWEEP.replace("default: 0.3 s", "default: 30 s")
+
+
+def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        assert served.status.state == "idle"
+        run = served.start(set={"time": "0.4 s"})
+        under_way = served.until(lambda status: status.step == "go")
+        assert under_way.trial is not None
+        assert (under_way.procedure, under_way.run, under_way.trials_total) == ("sweep", run, 3)
+        assert under_way.trial.parameters["speed"] == pytest.approx(0.1)
+        later = served.until(lambda status: status.trials_done == 1 and status.trial)
+        assert later.left_s is not None
+        assert 0.2 < later.left_s < 1.6
+        (line,) = served.ask("runs")["runs"]
+        assert (line["run"], line["state"]) == (run, "running")
+        with pytest.raises(Refusal, match="is being recorded"):
+            served.ask("fetch", run=run)
+        last = served.until_idle().last
+        assert last is not None
+        assert (last.run, last.ending, last.exit_code) == (run, "complete", 0)
+        assert "trial_start" in {event.kind for event in served.outlet.events}
+        assert served.outlet.frames > 10
+        assert "axis.position" in served.ask("latest")["values"]
+    info = run_info(Recording.open(tmp_path / "runs" / run))
+    assert (info.state, info.trials_done) == ("complete", 3)
+    assert info.metadata["run"]["operator"] == "alice"
+    assert word(served.axis) == "safe"
+    what = [(line["who"], line["what"], line["result"]) for line in served.audited()]
+    assert what == [("alice", "lease_take", "done"), ("alice", "start", "done")]
+    assert "text" not in served.audited()[1]["args"]["procedure"]
+
+
+def test_two_starts_are_one_run(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.start(LONG)
+        with pytest.raises(Refusal, match="sweep is running") as refused:
+            served.start(SWEEP)
+        assert refused.value.code is Code.CONFLICT
+        served.service.stop("eve", "abort", "")
+        served.until_idle()
+    assert len(list(served.runs.glob("*.mcap"))) == 1
+
+
+def test_the_rig_of_a_daemon_is_nobody_elses(tmp_path: Path) -> None:
+    with (
+        ServedAxis(tmp_path) as served,
+        pytest.raises(Blocked, match=r"rigd serve.*\n  .*rigd remote start PROCEDURE --rig file-"),
+    ):
+        RunFolder.take(served.rig.name, command="rigd run")
+
+
+@pytest.mark.parametrize(
+    ("verb", "ending"), [("stop", "stopped"), ("abort", "aborted"), ("estop", "estopped")]
+)
+def test_whoever_may_connect_may_stop(tmp_path: Path, verb: str, ending: str) -> None:
+    with ServedAxis(tmp_path) as served:
+        assert served.service.stop("eve", verb, "") == {"acted": False}
+        served.start(LONG)
+        served.until(lambda status: status.step == "go")
+        assert served.service.stop("eve", verb, "smoke") == {"acted": True}
+        assert served.service.stop("eve", verb, "smoke") == {"acted": False}
+        last = served.until_idle().last
+        assert last is not None
+        assert (last.ending, last.reason, last.exit_code) == (ending, f"{verb} by eve: smoke", 5)
+    assert word(served.axis) == "safe"
+    assert [line["what"] for line in served.audited()] == ["lease_take", "start", verb]
+
+
+def test_a_stop_while_devices_are_opened_is_heeded(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path, opens_in_s=20.0) as served:
+        served.start()
+        served.until(lambda status: served.axis.exists())
+        served.service.stop("eve", "stop", "")
+        last = served.until_idle().last
+        assert last is not None
+        assert last.ending == "stopped"
+
+
+def test_a_run_is_paused_and_resumed(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        with pytest.raises(Refusal, match="nothing is running"):
+            served.command("lease_take")
+            served.command("pause")
+        served.start()
+        served.command("pause")
+        paused = served.until(lambda status: status.state == "paused")
+        assert paused.trial is None
+        served.command("resume")
+        last = served.until_idle().last
+        assert last is not None
+        assert last.ending == "complete"
+
+
+def test_prompts_are_answered_by_who_has_the_lease(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        run = served.start(ASKING)
+        first = served.until(lambda status: status.prompt).prompt
+        assert first is not None
+        assert (first.name, first.unit, first.low, first.high, first.answer) == (
+            "put_load", "kg", 0.0, 5.0, 1.0,
+        )  # fmt: skip
+        with pytest.raises(Refusal, match=r"7 kg is outside 0 kg \.\. 5 kg"):
+            served.command("answer", prompt_id=first.id, value=7.0)
+        with pytest.raises(Refusal, match="wants a number in kg"):
+            served.command("answer", prompt_id=first.id, value="heavy")
+        served.command("answer", prompt_id=first.id, value=1.1)
+        second = served.until(lambda status: status.prompt and status.trials_done == 1).prompt
+        assert second is not None
+        assert second.id != first.id
+        with pytest.raises(Refusal, match=r"no prompt .* waits") as refused:
+            served.command("answer", prompt_id=first.id, value=1.0)
+        assert refused.value.code is Code.CONFLICT
+        served.command("answer", prompt_id=second.id, value=2.0)
+        served.until_idle()
+    given = [e.data for e in Recording.open(served.runs / run).events() if e.kind == "answer"]
+    assert [(one["answer"], one["by"]) for one in given] == [(1.1, "alice"), (2.0, "alice")]
+
+
+def test_a_stop_takes_the_prompt_away(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.start(ASKING)
+        served.until(lambda status: status.prompt)
+        served.service.stop("eve", "stop", "")
+        last = served.until_idle().last
+        assert last is not None
+        assert last.ending == "stopped"
+        assert served.status.prompt is None
+
+
+def test_the_procedures_own_answers_are_taken_where_that_is_asked_for(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.start(ASKING, answers="procedure")
+        last = served.until_idle().last
+        assert last is not None
+        assert last.ending == "complete"
+
+
+def vanish(served: ServedAxis) -> None:
+    """The client shows life no more."""
+    served.clock.ahead_ns += round(LEASE_S * 1e9)
+    served.service.tend()
+
+
+def test_a_run_whose_client_vanishes_is_stopped_by_default(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.start(LONG)
+        served.until(lambda status: status.step == "go")
+        vanish(served)
+        last = served.until_idle().last
+        assert last is not None
+        assert (last.ending, last.run) == ("stopped", served.ask("runs")["runs"][0]["run"])
+        assert "alice, who steered this run, has vanished" in last.reason
+    assert ("alice", "lease_lost", "the run is stopped") in [
+        (line["who"], line["what"], line["result"]) for line in served.audited()
+    ]
+
+
+def test_a_run_may_end_its_trial_when_its_client_vanishes(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.start(set={"time": "2 s"}, on_client_loss="finish_trial")
+        served.until(lambda status: status.step == "go")
+        vanish(served)
+        last = served.until_idle().last
+        assert last is not None
+        assert last.ending == "stopped"
+        (line,) = served.ask("runs")["runs"]
+        assert line["trials_done"] == 1
+
+
+def test_a_run_may_go_on_when_its_client_vanishes(tmp_path: Path) -> None:
+    text = f"{SWEEP}on_client_loss: continue\n"
+    with ServedAxis(tmp_path) as served:
+        served.start(text)
+        served.until(lambda status: status.step == "go")
+        vanish(served)
+        assert served.status.lease.holder is None
+        last = served.until_idle().last
+        assert last is not None
+        assert last.ending == "complete"
+
+
+def test_nobody_answers_a_prompt_of_a_trial_that_is_only_to_end(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.start(ASKING, on_client_loss="finish_trial")
+        served.until(lambda status: status.prompt)
+        vanish(served)
+        last = served.until_idle().last
+        assert last is not None
+        assert last.ending == "stopped"
+
+
+def test_who_comes_back_may_let_the_run_go_on(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.start(set={"time": "1 s"}, on_client_loss="finish_trial")
+        served.until(lambda status: status.step == "go")
+        vanish(served)
+        served.command("lease_take", "bob")
+        served.command("resume", "bob")
+        last = served.until_idle().last
+        assert last is not None
+        assert last.ending == "complete"
+
+
+def test_who_gives_the_lease_back_has_not_vanished(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.start()
+        served.command("lease_release")
+        vanish(served)
+        last = served.until_idle().last
+        assert last is not None
+        assert last.ending == "complete"
+
+
+FAR = Interlock("far", "axis.position", high=0.005, action=Action.ABORT, message="too far out")
+
+
+def test_after_a_trip_nothing_starts_before_it_is_acknowledged(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path, interlocks=(FAR,)) as served:
+        served.start(LONG)
+        status = served.until_idle()
+        (trip,) = status.trips
+        assert status.last is not None
+        assert (status.last.ending, status.last.exit_code) == ("aborted", 4)
+        assert (trip.interlock, trip.action, trip.latched, trip.acknowledged) == (
+            "far", "abort", True, False,
+        )  # fmt: skip
+        assert "above its limit" in trip.message
+        assert "too far out" in trip.message
+        with pytest.raises(Refusal, match=r"far tripped: axis\.position") as refused:
+            served.start(SWEEP)
+        assert refused.value.code is Code.REFUSED
+    # Nor does it after the daemon was started again.
+    with ServedAxis(tmp_path, interlocks=(FAR,)) as served:
+        with pytest.raises(Refusal, match="far tripped"):
+            served.start(SWEEP)
+        served.command("acknowledge", interlock="far")
+        assert served.status.trips[0].acknowledged
+        with pytest.raises(Refusal, match="nothing to acknowledge"):
+            served.command("acknowledge", interlock="far")
+        served.start(SWEEP.replace("m/s, 0.2 m/s, 0.3 m/s]", "m/s]"))  # not as far
+        status = served.until_idle()
+        assert status.last is not None
+        assert status.last.ending == "complete"
+        assert status.trips == ()
+
+
+def test_a_blocked_run_says_why(tmp_path: Path) -> None:
+    near = Interlock("near", "axis.position", low=0.05, action=Action.ABORT)
+    with ServedAxis(tmp_path, interlocks=(near,)) as served:
+        served.start()
+        last = served.until_idle().last
+        assert last is not None
+        assert (last.ending, last.exit_code, last.run) == ("blocked", 3, "")
+        assert "near stands violated at rest" in last.reason
+        assert not list(served.runs.glob("*.mcap"))
+
+
+def test_a_procedure_that_is_not_what_was_sent_is_refused(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.command("lease_take")
+        spoilt = {**travelling(SWEEP), "text": SWEEP.replace("0.3 m/s", "1.3 m/s")}
+        with pytest.raises(Refusal, match="the text of sweep has the SHA-256"):
+            served.command("start", procedure=spoilt)
+        misspelt = SWEEP.replace("axis.speed", "axis.speeed")
+        with pytest.raises(
+            Refusal, match=r"sweep.yaml:11:13: .*speeed'\n  did you mean"
+        ) as refused:
+            served.command("start", procedure=travelling(misspelt))
+        assert refused.value.code is Code.REFUSED
+        assert served.status.state == "idle"
+
+
+def test_nothing_starts_that_could_not_be_audited(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.command("lease_take")
+        served.audit.path = tmp_path / "no such folder" / "audit.jsonl"
+        with pytest.raises(Refusal, match="nobody could tell who did this"):
+            served.command("start", procedure=travelling(SWEEP))
+        assert served.status.state == "idle"
+        assert served.service.stop("eve", "stop", "") == {"acted": False}
+
+
+def test_a_run_that_was_interrupted_is_offered_and_gone_on_with(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        run = served.start(set={"time": "0.5 s"}, answers="procedure")
+        served.until(lambda status: status.trials_done == 1 and status.step == "go")
+        served.service.stop("eve", "abort", "")
+        served.until_idle()
+        assert served.status.interrupted == ()  # a person wanted its end
+        served.command("resume_run", run=run)
+        status = served.until_idle()
+        assert status.last is not None
+        assert (status.last.run, status.last.ending) == (run, "complete")
+        with pytest.raises(Refusal, match="no trial is missing"):
+            served.command("resume_run", run=run)
+        with pytest.raises(Refusal, match="there is no recording"):
+            served.command("resume_run", run="other.mcap")
+    info = run_info(Recording.open(served.runs / run))
+    assert sorted(one.number for one in info.trials if one.complete) == [1, 2, 3]
+
+
+def test_a_daemon_that_ends_stops_the_run_and_begins_nothing(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        run = served.start(LONG)
+        served.until(lambda status: status.step == "go")
+        assert served.steering.leave("stopped by SIGTERM") is not None
+        served.steering.close()
+        with pytest.raises(Refusal, match="the daemon is ending: stopped by SIGTERM"):
+            served.start(SWEEP)
+    assert run_info(Recording.open(served.runs / run)).reason == "stopped by SIGTERM"
+
+
+def test_what_does_not_change_is_described(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path, interlocks=(FAR,)) as served:
+        told = served.ask("describe")
+    assert told["rig"] == served.rig.name
+    assert [one["name"] for one in told["streams"]] == ["axis", "cycle"]
+    assert told["streams"][0]["rate_hz"] == pytest.approx(50.0)
+    (setpoint,) = told["setpoints"]
+    assert (setpoint["name"], setpoint["low"], setpoint["high"]) == ("axis.speed", -1.5, 1.5)
+    (interlock,) = told["interlocks"]
+    assert (interlock["name"], interlock["low"], interlock["high"]) == ("far", None, 0.005)
+    assert not told["simulated"]
+
+
+def test_the_status_can_always_be_told(tmp_path: Path) -> None:
+    """Whatever stands in it, it is a message that a client can read."""
+    with ServedAxis(tmp_path) as served:
+        served.notices.note("x" * 100_000, "error")
+        assert len(served.status.notices[-1].text) == 1000
+        assert served.status.seq < served.status.seq
