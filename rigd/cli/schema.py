@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
-HELP = "print the JSON Schema of procedure, rig or calibration files, for editors"
+HELP = "print the JSON Schema of procedure, rig or calibration files, or of remote messages"
 EXAMPLES = """\
 examples:
   rigd schema procedure > procedure.schema.json
@@ -19,7 +19,9 @@ examples:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument(
-        "kind", choices=("procedure", "rig", "calibration"), help="which kind of file"
+        "kind",
+        choices=("procedure", "rig", "calibration", "remote"),
+        help="which kind of file; remote: the messages of the remote protocol",
     )
 
 
@@ -29,6 +31,8 @@ def execute(args: argparse.Namespace) -> int:
         from rigd.config.schema import rig_schema as schema
     elif args.kind == "calibration":
         from rigd.config.schema import calibration_schema as schema
+    elif args.kind == "remote":
+        from rigd.remote.protocol.schema import remote_schema as schema
     else:
         from rigd.procedure import procedure_schema as schema
     print(json.dumps(schema(), indent=2, ensure_ascii=False))

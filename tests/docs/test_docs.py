@@ -43,6 +43,7 @@ DOCUMENTS = (
     "faults.md",
     "calibration.md",
     "foxglove.md",
+    "protocol.md",
 )
 #: Blocks that nothing runs, by document.
 UNCHECKED = {
@@ -56,6 +57,7 @@ UNCHECKED = {
     "faults.md": 1,
     "calibration.md": 0,
     "foxglove.md": 2,
+    "protocol.md": 1,
 }
 TIMEOUT_S = 60
 
