@@ -12,6 +12,7 @@ import threading
 import time
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from types import TracebackType
 from typing import Any, Final, Protocol, Self
 
@@ -192,23 +193,35 @@ class Feed:
             self._show()
 
     def _show(self) -> None:
+        self._guarded(self._show_events)
+        for live in self._streams.values():
+            self._guarded(partial(self._show_rows, live))
+
+    def _guarded(self, show: Callable[[], None]) -> None:
+        """Call ``show``; where it fails, that is logged, and everything else is shown all the same.
+
+        Whoever looks on must never end a run, nor one stream hide the others.
+        """
         try:
-            self._show_all()
-        except Exception:  # noqa: BLE001  # the boundary of the task: logged, tried again
+            show()
+        except Exception:  # noqa: BLE001 - the boundary of the task
             now = time.monotonic()
             if now > self._quiet_until:
                 _LOG.exception("live data could not be shown; trying on")
                 self._quiet_until = now + QUIET_S
 
-    def _show_all(self) -> None:
-        for name, live in self._streams.items():
-            rows = live.read()
-            if rows is not None:
-                self._outlet.frame(name, encode_frame(live.frame(rows)))
-                self._raw(name, rows)
+    def _show_events(self) -> None:
         came = [event for view in self._views for event in view.read()]
-        for event in sorted(came, key=lambda one: one.t_ns):
-            self._outlet.event(self._log.add(event))
+        came.sort(key=lambda one: one.t_ns)
+        # All are numbered before any is published: who misses one can ask for it.
+        for event in [self._log.add(one) for one in came]:
+            self._outlet.event(event)
+
+    def _show_rows(self, live: LiveStream) -> None:
+        rows = live.read()
+        if rows is not None:
+            self._outlet.frame(live.stream.name, encode_frame(live.frame(rows)))
+            self._raw(live.stream.name, rows)
 
     def _work(self) -> None:
         due = time.monotonic()

@@ -195,12 +195,12 @@ def test_a_frozen_consumer_holds_up_no_writer_and_gets_fewer_frames(tmp_path: Pa
 
 
 class Broken(Kept):
-    """Fails at first."""
+    """Fails at first, on one stream."""
 
     failures = 3
 
     def frame(self, stream: str, payload: bytes) -> None:
-        if self.failures:
+        if self.failures and stream == next(iter(STREAMS)):
             self.failures -= 1
             raise OSError("the cable is out")
         super().frame(stream, payload)
@@ -210,14 +210,20 @@ def test_a_failure_to_show_is_logged_once_and_outlived(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     folder, broken = folder_of(RIG, tmp_path / "run"), Broken()
-    ring = folder.row_rings(folder.job)["cycle"]
+    rings = folder.row_rings(folder.job)
     feed = Feed(RIG, broken)
     feed.attach(folder)
     with caplog.at_level(logging.ERROR):
         for number in range(5):
-            ring.push_block(numbered(STREAMS["cycle"], START_NS, number, 1))
+            for name, ring in rings.items():
+                ring.push_block(numbered(STREAMS[name], START_NS, number, 1))
+            folder.event_ring("cycle").push(number, "step", 0, {})
             feed.tick()
-    assert [one.low[0, 0] for one in broken.frames["cycle"]] == [3, 4]
+    first, *others = STREAMS  # it fails on the first stream only, and hides nothing else
+    assert [one.low[0, 0] for one in broken.frames[first]] == [3, 4]
+    for name in others:
+        assert [one.low[0, 0] for one in broken.frames[name]] == [0, 1, 2, 3, 4]
+    assert [one.t_ns for one in broken.events] == [0, 1, 2, 3, 4]
     assert len(caplog.records) == 1
     assert "the cable is out" in caplog.text
 
