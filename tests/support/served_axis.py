@@ -27,7 +27,7 @@ from rigd.daemon.serve.steering import Steering
 from rigd.daemon.serve.trips import TripMemory
 from rigd.engine.shared import RunFolder
 from rigd.remote.lease import Lease
-from rigd.remote.protocol import Event, Kind, Role, Status, as_json, encode, find_verb
+from rigd.remote.protocol import Event, Kind, Message, Role, Status, as_json, encode, find_verb
 from rigd.remote.protocol.status import RefusedCounts
 
 #: A crowded machine does everything within this.
@@ -217,5 +217,5 @@ def travelling(text: str) -> Mapping[str, str]:
     return {"name": name, "text": text, "sha256": hashlib.sha256(text.encode()).hexdigest()}
 
 
-def _plain(result: Any) -> Any:
-    return as_json(result) if hasattr(result, "model_dump") else dict(result)
+def _plain(result: Message) -> Any:
+    return as_json(result)

@@ -50,9 +50,8 @@ from rigd.remote.protocol.arguments import (
     Start,
     StreamName,
 )
-from rigd.remote.protocol.results import DryRun, Events, History, PieceView
+from rigd.remote.protocol.results import Acted, DryRun, Events, History, Nothing, PieceView, Stopped
 from rigd.remote.protocol.status import Daemon, RefusedCounts, Trial
-from rigd.remote.service import Result
 
 #: Commands that say nothing about what was done: the lease is renewed every two seconds.
 UNAUDITED: Final = frozenset({"lease_renew"})
@@ -125,7 +124,7 @@ class RigService:
             f"{progress.trials_done} of {progress.trials_total} trials"
         )
 
-    def ask(self, identity: str, role: Role, what: str, args: Message) -> Result:
+    def ask(self, identity: str, role: Role, what: str, args: Message) -> Message:
         """Return what was asked for; changes nothing."""
         parts = self._parts
         match what, args:
@@ -159,7 +158,7 @@ class RigService:
                 return parts.recordings.piece(report, piece.offset, piece.length)
         raise Refusal(Code.UNKNOWN_VERB, f"this daemon cannot tell {what}")
 
-    def command(self, identity: str, role: Role, verb: str, args: Message) -> Result:
+    def command(self, identity: str, role: Role, verb: str, args: Message) -> Message:
         """Do it, write down who wanted it, and return once it is done or under way."""
         try:
             if verb in MOVING:
@@ -178,14 +177,14 @@ class RigService:
         self._changed()
         return result
 
-    def stop(self, identity: str, verb: str, reason: str) -> Result:
+    def stop(self, identity: str, verb: str, reason: str) -> Stopped:
         """Stop, abort or estop whatever happens on the rig."""
         why = f"{verb} by {identity}" + (f": {reason}" if reason else "")
         acted = self._parts.steering.stop(_VERBS[verb], why)
         if acted:  # what was asked before is asked again by whoever is impatient
             self._parts.notices.note(why, "warning")
             self._parts.audit.write(identity, verb, {"reason": reason})
-        return {"acted": acted}
+        return Stopped(acted=acted)
 
     def tend(self) -> None:
         """Do what is due now and then: see whose lease has run out."""
@@ -195,7 +194,7 @@ class RigService:
             self._parts.audit.write(who, "lease_lost", {}, done)
         self._parts.steering.tend()
 
-    def _command(self, who: str, verb: str, args: Message) -> Result:
+    def _command(self, who: str, verb: str, args: Message) -> Message:
         steering, parts = self._parts.steering, self._parts
         match verb, args:
             case "start", Start() as start:
@@ -211,7 +210,7 @@ class RigService:
             case "acknowledge", InterlockName() as name:
                 steering.acknowledge(who, name.interlock)
             case "act", Act() as act:
-                return steering.act(act)
+                return Acted(said=steering.act(act))
             case "dry_run", Checked() as checked:
                 return self._dry_run(checked)
             case "identify", Run() as run:
@@ -220,7 +219,7 @@ class RigService:
                 return self._lease(who, verb, args)
             case _:
                 raise Refusal(Code.UNKNOWN_VERB, f"this daemon cannot {verb}")
-        return {}
+        return Nothing()
 
     def _lease(self, who: str, verb: str, args: Message) -> LeaseView:
         view = self._parts.lease.obey(who, verb, args)
@@ -248,6 +247,7 @@ class RigService:
             return self._parts.feed.history(stream)
         except KeyError as error:
             raise Refusal(Code.NOT_FOUND, f"there is no stream {stream}") from error
+
     def _fetch(self, piece: Piece) -> PieceView:
         path = self._finished(piece.run)
         return self._parts.recordings.piece(path, piece.offset, piece.length)

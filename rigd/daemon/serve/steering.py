@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -158,8 +158,8 @@ class Steering:
             on_client_loss=procedure.on_client_loss,
         )
 
-    def act(self, args: Act) -> Mapping[str, str]:
-        """Let a device do one of its actions; nothing is armed.
+    def act(self, args: Act) -> str:
+        """Let a device do one of its actions, and return what it said; nothing is armed.
 
         Raises:
             Refusal: it has no such action, or the rig is not free.
@@ -172,7 +172,7 @@ class Steering:
             self._acting = Acting(f"{args.action} of {args.device}", control)
         try:
             self._looks.end()
-            return {"said": self._looks.act(args.device, args.action, control)}
+            return self._looks.act(args.device, args.action, control)
         finally:
             with self._lock:
                 self._acting = None

@@ -72,11 +72,11 @@ def test_the_rig_of_a_daemon_is_nobody_elses(tmp_path: Path) -> None:
 )
 def test_whoever_may_connect_may_stop(tmp_path: Path, verb: str, ending: str) -> None:
     with ServedAxis(tmp_path) as served:
-        assert served.service.stop("eve", verb, "") == {"acted": False}
+        assert served.service.stop("eve", verb, "").acted is False
         served.start(LONG)
         served.until(lambda status: status.step == "go")
-        assert served.service.stop("eve", verb, "smoke") == {"acted": True}
-        assert served.service.stop("eve", verb, "smoke") == {"acted": False}
+        assert served.service.stop("eve", verb, "smoke").acted is True
+        assert served.service.stop("eve", verb, "smoke").acted is False
         last = served.until_idle().last
         assert last is not None
         assert (last.ending, last.reason, last.exit_code) == (ending, f"{verb} by eve: smoke", 5)
@@ -295,7 +295,7 @@ def test_nothing_starts_that_could_not_be_audited(tmp_path: Path) -> None:
         with pytest.raises(Refusal, match="nobody could tell who did this"):
             served.command("start", procedure=travelling(SWEEP))
         assert served.status.state == "idle"
-        assert served.service.stop("eve", "stop", "") == {"acted": False}
+        assert served.service.stop("eve", "stop", "").acted is False
 
 
 def test_a_run_that_was_interrupted_is_offered_and_gone_on_with(tmp_path: Path) -> None:

@@ -1,0 +1,90 @@
+"""Calculations in a process of their own."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from support.wire import ROOT
+
+from rigd.config.loader import load_rig
+from rigd.daemon.execute import RunRequest, execute
+from rigd.daemon.serve.aside import Aside
+from rigd.model.channels import Channel, Stream
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import load_procedure
+from rigd.record import RecordingWriter
+from rigd.remote.protocol import Code, Refusal
+
+QUICK = (ROOT / "procedures" / "quick.yaml").read_text()
+
+
+def test_a_dry_run_tells_steps_time_and_peaks() -> None:
+    rig = load_rig("lugre-1")
+    done = Aside().dry_run(rig.source.text, rig.source.path, QUICK, {"current": "1.2 A"})
+    assert done.ok
+    assert done.trials == 1
+    assert 4.0 < done.duration_s < 30.0
+    assert {"home", "drive", "brake"} <= {step.name for step in done.steps}
+    (current,) = (one for one in done.peaks if one.channel.startswith("wheel_servo.current (set"))
+    assert current.highest == pytest.approx(1.2)
+
+
+def test_what_speaks_against_a_dry_run_is_told() -> None:
+    rig = load_rig("lugre-1")
+    with pytest.raises(Refusal, match="curent") as refused:
+        Aside().dry_run(rig.source.text, rig.source.path, QUICK, {"curent": "1 A"})
+    assert refused.value.code is Code.REFUSED
+
+
+def test_a_recording_is_identified_and_its_report_stands_beside_it(tmp_path: Path) -> None:
+    rig = load_rig("lugre-1")
+    source = load_procedure("constant_current")
+    procedure = compile_procedure(source, rig)
+    recording = tmp_path / "run.mcap"
+    execute(RunRequest(procedure, source.file.text, rig, seed=1, output=recording))
+    told = Aside().identify(recording)
+    report = tmp_path / "run.html"
+    assert (told.run, told.size) == ("run.mcap", report.stat().st_size)
+    assert "<html" in report.read_text()
+
+
+def test_data_that_cannot_answer_make_no_report(tmp_path: Path) -> None:
+    recording = tmp_path / "run.mcap"
+    stream = Stream("axis", (Channel("position", "m"),))
+    RecordingWriter.create(
+        recording, streams=[stream], metadata={}, attachments=(), start_ns=1_000
+    ).close()
+    with pytest.raises(Refusal) as refused:
+        Aside().identify(recording)
+    assert refused.value.code is Code.REFUSED
+    assert not (tmp_path / "run.html").exists()
+
+
+def test_one_calculation_at_a_time_and_none_outlives_the_daemon() -> None:
+    rig, aside, ended = load_rig("lugre-1"), Aside(), list[Refusal]()
+
+    def long() -> None:
+        try:
+            aside.dry_run(rig.source.text, rig.source.path, QUICK, {})
+        except Refusal as refusal:
+            ended.append(refusal)
+
+    work = threading.Thread(target=long)
+    work.start()
+    deadline = time.monotonic() + 30
+    busy: Refusal | None = None
+    while busy is None and time.monotonic() < deadline:
+        try:
+            # It would be refused at once, were it begun.
+            aside.dry_run("rig: none", Path("rig.yaml"), "procedure: none", {})
+        except Refusal as refusal:
+            busy = refusal if refusal.code is Code.BUSY else None
+    assert busy is not None
+    aside.close()
+    work.join()
+    assert [one.message for one in ended] == ["the daemon is ending"]
+    with pytest.raises(Refusal, match="the daemon is ending"):
+        aside.identify(Path("run.mcap"))

@@ -1,0 +1,66 @@
+"""The audit log is only ever appended to, and says where it could not be."""
+
+from __future__ import annotations
+
+import json
+import threading
+from pathlib import Path
+
+import pytest
+
+from rigd.daemon.serve.audit import AuditLog
+from rigd.model.errors import RecordingError
+
+START_NS = 1_790_000_000_000_000_000
+
+
+def test_each_line_says_who_did_what_when_and_what_became_of_it(tmp_path: Path) -> None:
+    log = AuditLog(tmp_path / "audit.jsonl", clock=lambda: START_NS)
+    log.write("alice", "start", {"set": {"floor": "pvc"}}, role="operator")
+    log.write("bob", "start", {}, "no_lease: alice has it")
+    first, second = map(json.loads, log.path.read_text().splitlines())
+    assert first == {
+        "time": "2026-09-21T14:13:20.000+00:00",
+        "who": "alice",
+        "role": "operator",
+        "what": "start",
+        "args": {"set": {"floor": "pvc"}},
+        "result": "done",
+    }
+    assert second["result"] == "no_lease: alice has it"
+    assert log.path.stat().st_mode & 0o007 == 0
+
+
+def test_what_is_there_stays(tmp_path: Path) -> None:
+    path = tmp_path / "audit.jsonl"
+    for who in ("alice", "bob"):
+        AuditLog(path).write(who, "pause", {})
+    assert [json.loads(line)["who"] for line in path.read_text().splitlines()] == ["alice", "bob"]
+
+
+def test_lines_of_several_threads_do_not_mix(tmp_path: Path) -> None:
+    log = AuditLog(tmp_path / "audit.jsonl")
+
+    def write() -> None:
+        for _ in range(20):
+            log.write("a" * 500, "stop", {})
+
+    work = [threading.Thread(target=write) for _ in range(4)]
+    for one in work:
+        one.start()
+    for one in work:
+        one.join()
+    lines = [json.loads(line) for line in log.path.read_text().splitlines()]
+    assert len(lines) == 80
+
+
+def test_a_disk_that_refuses_is_said_until_it_no_longer_does(tmp_path: Path) -> None:
+    log = AuditLog(tmp_path / "gone" / "audit.jsonl")
+    log.write("alice", "pause", {})
+    assert "cannot be written" in log.broken
+    with pytest.raises(RecordingError, match="nobody could tell who did this"):
+        log.check()
+    (tmp_path / "gone").mkdir()
+    log.check()
+    assert not log.broken
+    assert json.loads(log.path.read_text())["result"] == "kept again"

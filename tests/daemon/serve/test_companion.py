@@ -1,0 +1,59 @@
+"""A process beside the daemon: started, started again, ended, and never left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from support.wire import alive
+
+from rigd.daemon.serve import companion as module
+from rigd.daemon.serve.companion import Companion
+from rigd.daemon.serve.notices import Notices
+
+#: Says which process it is, then waits to be ended.
+COMMAND = "import os, pathlib, sys, time; p = pathlib.Path(sys.argv[1]); \
+d = p.with_suffix('.new'); d.write_text(str(os.getpid())); d.replace(p); time.sleep(600)"
+
+
+def until(condition: Callable[[], bool], do: Callable[[], None] = lambda: None) -> None:
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline
+        do()
+        time.sleep(0.02)
+
+
+def test_it_lives_as_long_as_the_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "AGAIN_S", 0.0)
+    notices, said = Notices(lambda: None), tmp_path / "pid"
+    with Companion("the panel", [sys.executable, "-c", COMMAND, str(said)], notices) as companion:
+        until(said.exists, companion.tend)
+        first = int(said.read_text())
+        os.kill(first, signal.SIGKILL)
+        until(lambda: int(said.read_text()) != first, companion.tend)
+        second = int(said.read_text())
+        assert [one.text for one in notices.views()] == [
+            "the panel ended (signal SIGKILL), and is started again"
+        ]
+    assert not alive(second)
+
+
+def test_it_ends_where_the_daemon_is_killed(tmp_path: Path) -> None:
+    said = tmp_path / "pid"
+    daemon = (
+        "import sys, time; from rigd.daemon.serve.companion import Companion; "
+        "from rigd.daemon.serve.notices import Notices; "
+        "c = Companion('it', sys.argv[1:], Notices(lambda: None)).__enter__(); time.sleep(600)"
+    )
+    command = [sys.executable, "-c", COMMAND, str(said)]
+    with subprocess.Popen([sys.executable, "-c", daemon, *command]) as parent:
+        until(said.exists)
+        parent.kill()
+    until(lambda: not alive(int(said.read_text())))

@@ -1,0 +1,65 @@
+"""The procedures that a daemon has."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from support import file_axis
+from support.served_axis import SWEEP, travelling
+
+from rigd.config.loader import load_rig
+from rigd.daemon.serve.library import Library
+from rigd.remote.protocol import Refusal
+from rigd.remote.protocol.arguments import Checked
+
+
+def library(tmp_path: Path) -> Library:
+    own = tmp_path / "procedures"
+    own.mkdir(exist_ok=True)
+    (own / "sweep.yaml").write_text(SWEEP)
+    (own / "broken.yaml").write_text("procedure: broken\n")
+    (own / "quick.yaml").write_text(SWEEP.replace("procedure: sweep", "procedure: quick"))
+    return Library(file_axis.rig(tmp_path / "axis"), own)
+
+
+def test_own_procedures_stand_before_shipped_ones_of_the_same_name(tmp_path: Path) -> None:
+    lines = {one.name: one for one in library(tmp_path).lines().procedures}
+    assert "broken" not in lines
+    assert lines["sweep"].problem is None
+    assert lines["quick"].title == "Moves an axis"
+    assert "has no channel" in str(lines["approach_angles"].problem)
+
+
+def test_every_shipped_procedure_is_offered_and_some_rig_can_run_it(tmp_path: Path) -> None:
+    problems = [
+        {one.name: one.problem for one in Library(load_rig(rig), tmp_path).lines().procedures}
+        for rig in ("lugre-1", "angle-1")
+    ]
+    assert {name for name, one in problems[0].items() if one is None} >= {
+        "quick", "constant_current", "recommended_identification",
+    }  # fmt: skip
+    assert problems[1]["approach_angles"] is None
+
+
+def test_a_form_can_be_made_from_a_procedure(tmp_path: Path) -> None:
+    view = library(tmp_path).view("sweep")
+    speed, time = view.parameters
+    assert (speed.name, speed.unit, speed.swept, speed.default) == ("speed", "m/s", True, None)
+    assert (time.name, time.swept, time.default) == ("time", False, "0.3 s")
+    assert view.procedure.text == SWEEP
+    assert view.on_client_loss == "stop"
+    with pytest.raises(Refusal, match="no procedure nothing"):
+        library(tmp_path).view("nothing")
+
+
+def test_what_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
+    good = Checked.model_validate({"procedure": travelling(SWEEP), "set": {"time": "2 s"}})
+    assert library(tmp_path).check(good).trials == 3
+    spoilt = travelling(SWEEP.replace("axis.speed", "axis.sped"))
+    check = library(tmp_path).check(Checked.model_validate({"procedure": spoilt}))
+    assert not check.ok
+    assert "no setpoint 'axis.sped'" in check.problems[0].message
+    assert (check.problems[0].line, check.problems[0].column) == (11, 13)
+    beyond = Checked.model_validate({"procedure": travelling(SWEEP), "set": {"spede": "1 m/s"}})
+    assert not library(tmp_path).check(beyond).ok

@@ -1,0 +1,48 @@
+"""What the service manager is told, by a socket of our own in its place."""
+
+from __future__ import annotations
+
+import logging
+import os
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rigd.daemon.serve.notify import Notifier
+
+
+@pytest.fixture(params=["path", "abstract"])
+def manager(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[socket.socket, str]]:
+    name = str(tmp_path / "notify")
+    shown = name if request.param == "path" else f"@rigd-test-{os.getpid()}"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as link:
+        link.bind(shown.replace("@", "\0"))
+        link.settimeout(10)
+        yield link, shown
+
+
+def test_the_manager_hears_of_start_life_and_end(manager: tuple[socket.socket, str]) -> None:
+    link, name = manager
+    notifier = Notifier({"NOTIFY_SOCKET": name})
+    notifier.ready()
+    notifier.alive("quick: running, 1 of 3 trials")
+    notifier.ending()
+    assert link.recv(1000) == b"READY=1"
+    assert link.recv(1000) == b"WATCHDOG=1\nSTATUS=quick: running, 1 of 3 trials"
+    assert link.recv(1000) == b"STOPPING=1\nSTATUS=ending"
+
+
+def test_without_a_manager_nothing_is_told() -> None:
+    Notifier({}).ready()
+
+
+def test_a_manager_that_is_gone_is_logged_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    notifier = Notifier({"NOTIFY_SOCKET": str(tmp_path / "gone")})
+    with caplog.at_level(logging.WARNING):
+        notifier.ready()
+        notifier.alive("idle")
+    assert len(caplog.records) == 1

@@ -1,0 +1,118 @@
+"""Recordings as clients see them."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from pathlib import Path
+
+import pytest
+
+from rigd.daemon.serve.recordings import Recordings, interrupted
+from rigd.model.channels import Channel, Stream
+from rigd.record import NO_TRIAL, RecordingWriter
+from rigd.remote.protocol import Refusal, as_json
+from rigd.remote.protocol.limits import MAX_PIECE_BYTES
+
+AXIS = Stream("axis", (Channel("position", "m"),))
+
+
+def record(path: Path, *, rig: str = "bench", state: str = "complete", ended: bool = True) -> Path:
+    run = {
+        "procedure": "sweep", "rig": rig, "seed": "1", "trials": "2",
+        "started": "2026-11-21T08:00:00+00:00",
+    }  # fmt: skip
+    with RecordingWriter.create(
+        path,
+        streams=[AXIS],
+        metadata={"run": run},
+        attachments=(),
+        start_ns=1_000,
+        sync_interval_s=None,
+    ) as writer:
+        writer.event(1_000, "run_start", NO_TRIAL, {})
+        writer.event(2_000, "trial_start", 1, {"number": 1, "parameters": {"speed": 0.1}})
+        writer.event(3_000, "trial_end", 1, {"complete": True, "reason": ""})
+        if ended:
+            writer.event(4_000, "run_end", NO_TRIAL, {"state": state, "reason": "why"})
+    return path
+
+
+def test_the_newest_come_first_and_pages_follow(tmp_path: Path) -> None:
+    for hour in range(5):
+        record(tmp_path / f"20261121-0{hour}0000-sweep.mcap")
+    recordings = Recordings(tmp_path)
+    page = recordings.lines(2, None, None)
+    assert [one.run[9:11] for one in page.runs] == ["04", "03"]
+    assert page.more
+    rest = recordings.lines(10, page.runs[-1].run, None)
+    assert [one.run[9:11] for one in rest.runs] == ["02", "01", "00"]
+    assert not rest.more
+    assert (rest.runs[0].trials_done, rest.runs[0].trials_total) == (1, 2)
+    assert rest.runs[0].started_ns == 1_795_248_000_000_000_000
+
+
+def test_what_cannot_be_read_is_listed_with_its_problem(tmp_path: Path) -> None:
+    (tmp_path / "torn.mcap").write_bytes(b"no recording")
+    (line,) = Recordings(tmp_path).lines(10, None, None).runs
+    assert line.state == "unreadable"
+    assert line.problem
+
+
+def test_a_file_is_fetched_in_pieces_that_make_it_whole(tmp_path: Path) -> None:
+    path = tmp_path / "big.html"
+    whole = bytes(range(256)) * 3000
+    path.write_bytes(whole)
+    record(tmp_path / "big.mcap")
+    recordings = Recordings(tmp_path)
+    got = b""
+    while len(got) < len(whole):
+        piece = recordings.piece(recordings.report("big.mcap"), len(got), MAX_PIECE_BYTES)
+        told = as_json(piece)
+        got += base64.b64decode(told["data"])
+        assert told["size"] == len(whole)
+        assert told["sha256"] == hashlib.sha256(whole).hexdigest()
+    assert got == whole
+    assert recordings.piece(path, len(whole), 10).data == b""
+    with pytest.raises(Refusal, match="has 768000 bytes"):
+        recordings.piece(path, len(whole) + 1, 10)
+
+
+def test_a_file_that_grows_is_not_taken_for_what_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "a.html"
+    path.write_bytes(b"one")
+    recordings = Recordings(tmp_path)
+    before = recordings.piece(path, 0, 10).sha256
+    path.write_bytes(b"other")
+    assert recordings.piece(path, 0, 10).sha256 != before
+
+
+@pytest.mark.parametrize(
+    "name", ["../secret.mcap", "/etc/passwd", "a.txt", ".mcap", "missing.mcap"]
+)
+def test_nothing_but_recordings_can_be_asked_for(tmp_path: Path, name: str) -> None:
+    (tmp_path / "a.txt").write_text("secret")
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    record(tmp_path / "secret.mcap")
+    with pytest.raises(Refusal, match="there is no recording"):
+        Recordings(folder).path(name)
+
+
+def test_a_run_without_an_end_is_offered(tmp_path: Path) -> None:
+    record(tmp_path / "a.mcap", ended=False)
+    record(tmp_path / "b.mcap", state="interrupted")
+    record(tmp_path / "c.mcap", state="stopped")
+    record(tmp_path / "d.mcap", ended=False, rig="another")
+    offered = [interrupted(one) for one in Recordings(tmp_path).of("bench")]
+    assert [one and (one.run, one.reason) for one in offered] == [
+        None, ("b.mcap", "why"), ("a.mcap", "its recording has no end"),
+    ]  # fmt: skip
+
+
+def test_all_there_is_to_say_of_a_run(tmp_path: Path) -> None:
+    record(tmp_path / "a.mcap")
+    view = Recordings(tmp_path).view("a.mcap", None)
+    assert view.line.state == "complete"
+    assert view.details["recording"] == "a.mcap"
+    assert str(tmp_path) not in str(view.details)

@@ -1,0 +1,48 @@
+"""How long a run will still take."""
+
+from __future__ import annotations
+
+import pytest
+
+from rigd.daemon.serve.time_left import TimeLeft
+from rigd.engine.result import Progress
+from rigd.model.states import RunState
+from rigd.procedure.program import TrialPlan
+
+
+def at(run_s: float, trial: int | None, done: int, total: int = 4) -> Progress:
+    plan = None if trial is None else TrialPlan(trial, 1, {}, ())
+    return Progress(RunState.RUNNING, "", done, total, plan, run_s)
+
+
+def test_nothing_is_known_before_the_first_trial_has_ended() -> None:
+    left = TimeLeft()
+    left.watch(at(0.0, None, 0))
+    left.watch(at(1.0, 1, 0))
+    assert left.left_s(at(5.0, 1, 0)) is None
+
+
+def test_a_dry_run_tells_until_then() -> None:
+    left = TimeLeft(expected_s=60.0)
+    left.watch(at(1.0, 1, 0))
+    assert left.left_s(at(5.0, 1, 0)) == pytest.approx(55.0)
+    assert left.left_s(at(70.0, 1, 0)) == 0.0
+
+
+def test_the_mean_of_the_trials_so_far_tells_then() -> None:
+    left = TimeLeft(expected_s=1000.0)
+    for progress in (at(1.0, 1, 0), at(11.0, None, 1), at(31.0, 2, 1), at(51.0, None, 2)):
+        left.watch(progress)
+    # 10 s and 20 s; the pause of 20 s between them belongs to neither. Two are left.
+    assert left.left_s(at(51.0, None, 2)) == pytest.approx(30.0)
+    left.watch(at(52.0, 3, 2))
+    assert left.left_s(at(57.0, 3, 2)) == pytest.approx(25.0)
+    # One that takes longer than expected is about to end, however long it takes.
+    assert left.left_s(at(99.0, 3, 2)) == pytest.approx(15.0)
+
+
+def test_trials_that_an_earlier_run_has_completed_are_not_left() -> None:
+    left = TimeLeft()
+    left.watch(at(0.0, 3, 2))
+    left.watch(at(8.0, None, 3))
+    assert left.left_s(at(8.0, None, 3)) == pytest.approx(8.0)

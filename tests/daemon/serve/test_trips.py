@@ -1,0 +1,89 @@
+"""What has tripped is shown, and bars what follows, until a person has looked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rigd.daemon.serve.trips import Acted, TripMemory
+from rigd.engine.interlocks import Trip
+from rigd.model.errors import RecordingError
+from rigd.model.limits import Action, Interlock
+from rigd.record import NO_TRIAL, Event
+from rigd.remote.protocol import Refusal
+
+
+def trip(name: str, action: Action, *, latch: bool = False, t_ns: int = 1) -> Acted:
+    interlock = Interlock(name, "axis.position", high=1.0, action=action, latch=latch)
+    return Acted.of(Trip(t_ns, interlock, 2.0, "axis.position 2 m is above 1 m", "too far"))
+
+
+@pytest.mark.parametrize(
+    ("action", "latch", "bars"),
+    [
+        (Action.WARN, False, False),
+        (Action.WARN, True, True),
+        (Action.END_TRIAL, False, False),
+        (Action.STOP, False, True),
+        (Action.ESTOP, True, True),
+    ],
+)
+def test_what_ended_a_run_or_is_latched_bars_the_next(
+    tmp_path: Path, action: Action, latch: bool, bars: bool
+) -> None:
+    memory = TripMemory(tmp_path / "trips.json")
+    memory.note([trip("far", action, latch=latch)])
+    (view,) = memory.views()
+    assert (view.latched, view.acknowledged) == (bars, False)
+    assert view.message == "axis.position 2 m is above 1 m - too far"
+    if bars:
+        with pytest.raises(Refusal, match="far tripped"):
+            memory.begin_run()
+        memory.acknowledge("far", "alice")
+    memory.begin_run()
+    assert memory.views() == ()
+
+
+def test_an_interlock_that_trips_again_must_be_acknowledged_again(tmp_path: Path) -> None:
+    memory = TripMemory(tmp_path / "trips.json")
+    memory.note([trip("far", Action.STOP, t_ns=1)])
+    memory.acknowledge("far", "alice")
+    memory.note([trip("far", Action.STOP, t_ns=2)])
+    (view,) = memory.views()
+    assert (view.since_ns, view.acknowledged) == (2, False)
+    with pytest.raises(Refusal):
+        memory.begin_run()
+
+
+def test_what_was_never_tripped_cannot_be_acknowledged(tmp_path: Path) -> None:
+    with pytest.raises(Refusal, match="nothing to acknowledge"):
+        TripMemory(tmp_path / "trips.json").acknowledge("far", "alice")
+
+
+def test_what_has_tripped_outlives_the_daemon(tmp_path: Path) -> None:
+    path = tmp_path / "trips.json"
+    memory = TripMemory(path)
+    memory.note([trip("far", Action.STOP, t_ns=7), trip("hot", Action.WARN, t_ns=5)])
+    memory.save()
+    again = TripMemory(path)
+    assert again.views() == memory.views()
+    assert again.known_ns == 7
+    again.acknowledge("far", "alice")
+    TripMemory(path).begin_run()
+
+
+def test_a_recording_tells_the_same_of_a_trip() -> None:
+    known = trip("far", Action.ABORT, latch=True, t_ns=9)
+    data = {
+        "name": "far", "action": "abort", "priority": "medium", "latched": True, "value": 2.0,
+        "reason": "axis.position 2 m is above 1 m", "message": "too far",
+    }  # fmt: skip
+    assert Acted.recorded(Event(9, "interlock", NO_TRIAL, data)) == known
+
+
+def test_a_file_that_is_none_is_not_taken_for_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "trips.json"
+    path.write_text('{"known_ns": 1, "trips": [{"interlock": "far"}]}')
+    with pytest.raises(RecordingError, match="does not say what has tripped"):
+        TripMemory(path)
