@@ -14,7 +14,7 @@ demo: setup ## the campaigns of two published rigs, simulated: run, record, iden
 	scripts/demo $(BIN)
 
 test: setup ## the whole test suite
-	scripts/need node npm
+	scripts/need node npm chromium
 	$(BIN)/pytest
 
 check: setup ## format, lint, types, layers

@@ -138,4 +138,5 @@ class Visitor:
             additional_headers={"cookie": self.cookie} if self.cookie else {},
             max_size=2**22,
             open_timeout=30,
+            close_timeout=1,
         )

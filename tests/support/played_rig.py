@@ -10,9 +10,10 @@ import base64
 import hashlib
 import time
 from collections.abc import AsyncIterator, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+from pydantic import ValidationError
 from support.played_campaign import (
     CHANNELS,
     INTERLOCKS,
@@ -25,9 +26,10 @@ from support.played_campaign import (
 )
 
 from rigd.model.errors import LinkError
-from rigd.remote.protocol.arguments import Answered, Start
+from rigd.remote.protocol.arguments import Answered, Receiver, Start
 from rigd.remote.protocol.frame import Frame, encode_frame
 from rigd.remote.protocol.limits import VERSION
+from rigd.remote.protocol.message import Message
 from rigd.remote.protocol.refusal import Code, Refusal
 from rigd.remote.protocol.results import (
     Check,
@@ -44,6 +46,7 @@ from rigd.remote.protocol.results import (
     RunView,
     Started,
 )
+from rigd.remote.protocol.roles import Role
 from rigd.remote.protocol.status import (
     Daemon,
     Event,
@@ -56,7 +59,6 @@ from rigd.remote.protocol.status import (
     TripView,
     as_json,
 )
-from rigd.remote.protocol.roles import Role
 
 TICK_S = 1 / 30
 RECORDING = bytes(range(256)) * 3000  # three pieces
@@ -260,11 +262,11 @@ class PlayedRig:
             case "lease_release":
                 self.holder = None
             case "lease_give":
-                self.holder, self.asked_by = args["to"], ()
+                self.holder, self.asked_by = _checked(Receiver, args).to, ()
             case _ if self.holder != self.identity:
                 raise Refusal(Code.NO_LEASE, "you do not have control")
             case "start":
-                await self._start(Start.model_validate(args))
+                await self._start(_checked(Start, args))
                 self.changes += 1
                 await self.wake()
                 return as_json(Started(run="2026-11-21T14-02-11_constant_current.mcap"))
@@ -273,7 +275,7 @@ class PlayedRig:
             case "resume" if self.state in ("pausing", "paused"):
                 self.state = "running"
             case "answer":
-                await self._answer(Answered.model_validate(args))
+                await self._answer(_checked(Answered, args))
             case "acknowledge":
                 self._acknowledge(args.get("interlock"))
             case "identify":
@@ -289,9 +291,9 @@ class PlayedRig:
         self._hear(verb, {"reason": reason})
         if self.is_silent:
             raise LinkError("the daemon does not answer")
-        self.changes += 1
         if self.state in ("idle", "done"):
             raise Refusal(Code.CONFLICT, "nothing is running")
+        self.changes += 1
         self._asked.clear()
         if verb == "stop" and self.state != "stopping":
             self.state = "stopping"
@@ -369,6 +371,17 @@ class PlayedRig:
             for stream in STREAMS
             for name in CHANNELS[stream]
         }
+
+
+M = TypeVar("M", bound=Message)
+
+
+def _checked(kind: type[M], args: Mapping[str, Any]) -> M:
+    """Return the arguments as the protocol has them."""
+    try:
+        return kind.model_validate(dict(args))
+    except ValidationError as error:
+        raise Refusal(Code.BAD_REQUEST, str(error)[:200]) from error
 
 
 def _piece(whole: bytes, args: Mapping[str, Any]) -> dict[str, Any]:

@@ -81,7 +81,7 @@ function draw(from, buffer) {
   for (const frame of decode(buffer)) for (const listener of onFrames) listener(frame);
   const done = () => from.readyState === WebSocket.OPEN && from.send("drawn");
   if (document.hidden) done();
-  else requestAnimationFrame(done);
+  else requestAnimationFrame(() => setTimeout(done)); // behind the drawing of this frame
 }
 
 function judge() {

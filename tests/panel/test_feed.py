@@ -1,0 +1,137 @@
+"""What a page hears: everything when it joins, changes at once, and silence as what it is."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+from support.panel import ServedPanel
+from support.played_rig import PlayedRig
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection
+
+from rigd.panel.feed import MOST_OF_ONE
+from rigd.remote.protocol.frame import decode_frame
+from rigd.remote.protocol.status import Status
+
+
+@pytest.fixture
+def panel() -> Iterator[ServedPanel]:
+    with ServedPanel(PlayedRig(prompts=())) as served:
+        yield served
+
+
+def hear(page: ClientConnection, what: str, **wanted: Any) -> dict[str, Any]:
+    """Return the next message of that kind that has what is wanted."""
+    deadline = time.monotonic() + 20
+    while time.monotonic() < deadline:
+        message = page.recv(20)
+        if isinstance(message, bytes):
+            page.send("drawn")
+            continue
+        told = json.loads(message)
+        if told["kind"] != what:
+            continue
+        inner = told[what]
+        if all(inner.get(key) == value for key, value in wanted.items()):
+            return dict(inner)
+    raise TimeoutError(f"no {what} with {wanted}")
+
+
+def test_a_page_that_joins_late_knows_everything_at_once(panel: ServedPanel) -> None:
+    visitor = panel.visitor()
+    panel.do(lambda: panel.rig.emit("trial_end", number=3))
+    for _ in range(2):  # the second finds the panel with all it needs
+        with visitor.page() as page:
+            assert hear(page, "panel", alive=True)
+            assert hear(page, "describe")["rig"] == "lugre-1"
+            status = hear(page, "status")
+            assert hear(page, "event", kind="trial_end")["data"] == {"number": 3}
+    control = status.pop("control")
+    Status.model_validate_json(json.dumps(status))  # as the protocol has it, and nothing else
+    assert control["holder"] is None and control["ours"] is False
+
+
+def test_values_are_asked_for_while_nothing_plays(panel: ServedPanel) -> None:
+    with panel.visitor().page() as page:
+        values = hear(page, "latest")["values"]
+        assert values["longitudinal_belt.engaged"] == {"value": 1.0, "age_s": 0.2}
+
+
+def test_frames_come_while_it_plays(panel: ServedPanel) -> None:
+    visitor = panel.visitor()
+    with visitor.page() as page:
+        panel.rig.state = "running"
+        batches = 0
+        while batches < 20:
+            message = page.recv(20)
+            if isinstance(message, bytes):
+                batches += 1
+                assert decode_frame_at(message).stream == 0
+                page.send("drawn")
+
+
+def decode_frame_at(batch: bytes) -> Any:
+    """Return the first frame of a batch; its length stands in its head."""
+    channels = int.from_bytes(batch[6:8], "little")
+    points = int.from_bytes(batch[8:12], "little")
+    return decode_frame(batch[: 24 + 8 * points * (1 + channels)])
+
+
+def test_a_page_that_draws_nothing_gets_two_batches_and_everything_else(
+    panel: ServedPanel,
+) -> None:
+    with panel.visitor().page() as page:
+        panel.rig.state = "running"
+        batches, statuses = 0, 0
+        while statuses < 12:
+            message = page.recv(20)
+            batches += isinstance(message, bytes)
+            statuses += isinstance(message, str) and '"kind": "status"' in message
+        assert batches == 2
+
+
+def test_a_silent_daemon_is_said_to_be_lost_and_found_again(panel: ServedPanel) -> None:
+    with panel.visitor().page() as page:
+        hear(page, "panel", alive=True)
+        panel.rig.is_silent = True
+        assert hear(page, "panel", alive=False)["silent_s"] >= 2.0
+        panel.rig.is_silent = False
+        hear(page, "panel", alive=True)
+
+
+def test_a_change_is_told_at_once(panel: ServedPanel) -> None:
+    visitor = panel.visitor()
+    with visitor.page() as page:
+        hear(page, "status")
+        visitor.post("/api/control/take", args={})
+        status = hear(page, "status")
+        while status["control"]["user"] is None:
+            status = hear(page, "status")
+        assert status["control"]["user"] == "Ada"
+        assert status["control"]["session"] == visitor.told["session"]
+
+
+def test_pages_of_one_session_are_bounded(panel: ServedPanel) -> None:
+    visitor = panel.visitor()
+    with ExitStack() as stack:
+        for _ in range(MOST_OF_ONE):
+            hear(stack.enter_context(visitor.page()), "panel")
+        with pytest.raises(ConnectionClosed, match="too many pages"):
+            stack.enter_context(visitor.page()).recv(20)
+
+
+def test_a_frame_that_is_none_harms_nobody(
+    panel: ServedPanel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from support import played_rig
+
+    monkeypatch.setattr(played_rig, "encode_frame", lambda frame: b"RGF1 nonsense")
+    with panel.visitor().page() as page:
+        panel.rig.state = "running"
+        for _ in range(3):
+            hear(page, "status")

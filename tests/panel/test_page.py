@@ -1,0 +1,380 @@
+"""The page in a real browser, before a played rig."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+from support.browser import PATIENCE_MS, Watched, chromium
+from support.panel import ServedPanel
+from support.played_rig import PROMPT, TRIP, WEIGH, PlayedRig
+
+expect.set_options(timeout=PATIENCE_MS)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as started:
+        yield started
+
+
+@pytest.fixture
+def panel() -> Iterator[ServedPanel]:
+    with ServedPanel(PlayedRig(prompts=(PROMPT, WEIGH))) as served:
+        yield served
+
+
+@pytest.fixture
+def watched(browser: Browser) -> Iterator[Watched]:
+    one = Watched(browser)
+    yield one
+    one.context.close()
+
+
+def state(page: Page, text: str) -> None:
+    expect(page.locator(".state-word")).to_have_text(text)
+
+
+def press(page: Page, name: str) -> None:
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def turn_to(page: Page, name: str) -> None:
+    page.get_by_role("link", name=name, exact=True).click()
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_MS / 1000
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def given(panel: ServedPanel, verb: str) -> list[dict[str, object]]:
+    return [args for name, args in panel.rig.given if name == verb]
+
+
+def drawn(page: Page) -> int:
+    return int(page.locator(".traces").get_attribute("data-drawn") or 0)
+
+
+def running(panel: ServedPanel, watched: Watched) -> Page:
+    """Return a page with control, before a rig that runs."""
+    page = watched.enter(panel.links["operator"])
+    press(page, "Take control")
+    panel.rig.state = "running"
+    panel.do(panel.rig.wake)
+    state(page, "Running")
+    return page
+
+
+def test_a_run_from_the_choice_of_a_procedure_to_its_stop(
+    panel: ServedPanel, watched: Watched
+) -> None:
+    page = watched.enter(panel.links["operator"])
+    assert "#" not in page.url, "the code does not stay in the address"
+    state(page, "Idle")
+    press(page, "Take control")
+    expect(page.locator("#control")).to_contain_text("You have control")
+
+    turn_to(page, "Procedures")
+    page.get_by_role("button", name=re.compile("Identification tests")).click()
+    page.get_by_label("floor").select_option("pvc")
+    page.get_by_label("brake at").fill("1.22")
+    press(page, "Dry run")
+    expect(page.locator(".preview")).to_contain_text("Would not run clean")
+    expect(page.locator(".preview")).to_contain_text("carriage.position above 1.3 m")
+    page.get_by_label("brake at").fill("1.1")
+    press(page, "Dry run")
+    expect(page.locator(".preview")).to_contain_text("Fit to run")
+
+    press(page, "Start…")
+    press(page, "Start now")
+    state(page, "Waiting for you")
+    (start,) = given(panel, "start")
+    assert start["set"] == {"floor": "pvc", "brake_at": "1.1 m"}
+    assert start["answers"] == "ask"
+
+    page.get_by_label("stone").check()
+    press(page, "Answer")
+    expect(page.get_by_role("heading", name=re.compile("Weigh the carriage"))).to_be_visible()
+    page.get_by_label("Answer", exact=True).fill("7")
+    press(page, "Answer")
+    expect(page.locator(".prompt .problem")).to_have_text(
+        "7\u202fkg is outside 1\u202fkg to 6\u202fkg."
+    )
+    page.get_by_label("Answer", exact=True).fill("3,96")
+    press(page, "Answer")
+    state(page, "Running")
+    assert [one["value"] for one in given(panel, "answer")] == ["stone", 3.96]
+
+    before = drawn(page)
+    wait_until(lambda: drawn(page) > before + 10)
+    picture = page.locator(".plot-canvas").first.screenshot()
+    wait_until(lambda: page.locator(".plot-canvas").first.screenshot() != picture)
+    expect(page.locator("tr", has_text="angle").locator(".value")).not_to_have_text("0.000")
+
+    press(page, "Pause")
+    state(page, "Pausing")
+    press(page, "Resume")
+    state(page, "Running")
+    press(page, "Stop")
+    state(page, "Stopping")
+    assert given(panel, "stop") == [{"reason": "Ada at the panel"}]
+    assert watched.complaints == []
+    assert all(url.startswith(panel.origin) for url in watched.asked), "without internet"
+
+
+def test_a_trip_is_acknowledged(panel: ServedPanel, watched: Watched) -> None:
+    page = running(panel, watched)
+    panel.do(panel.rig.trip)
+    state(page, "Tripped")
+    card = page.locator(".trip")
+    expect(card).to_contain_text("Interlock overrun far aborted the run")
+    expect(card).to_contain_text("1.68 m is above 1.65 m")
+    expect(page.locator(".interlocks")).to_contain_text("1 tripped")
+    press(page, "Acknowledge")
+    expect(card).to_have_count(0)
+    state(page, "Idle")
+    assert given(panel, "acknowledge") == [{"interlock": TRIP.interlock}]
+
+
+def test_a_report_is_made_and_read_and_no_script_of_it_runs(
+    panel: ServedPanel, watched: Watched
+) -> None:
+    page = watched.enter(panel.links["operator"])
+    press(page, "Take control")
+    turn_to(page, "Runs")
+    page.locator(".run-list tbody tr").first.click()
+    expect(page.locator(".sheet").last).to_contain_text("No report yet.")
+    press(page, "Make the report")
+    report = page.frame_locator(".report iframe")
+    expect(report.get_by_role("heading")).to_have_text("LuGre model of constant_current")
+    frame = next(one for one in page.frames if "/report" in one.url)
+    assert frame.title() == "Report"
+    assert any("script" in one for one in watched.complaints), "the browser says that it blocked it"
+    with page.expect_download() as download:
+        page.get_by_role("link", name=re.compile("Recording")).click()
+    assert download.value.suggested_filename == panel.rig.runs[0].run
+
+
+def test_a_page_that_is_cut_off_says_so_and_comes_back(
+    panel: ServedPanel, watched: Watched
+) -> None:
+    page = running(panel, watched)
+    panel.rig.is_silent = True
+    state(page, "Not connected")
+    lost = page.locator("#lost")
+    expect(lost).to_be_visible()
+    expect(lost).to_contain_text("use the hardware emergency stop")
+    expect(page.locator("tr", has_text="angle").first).to_have_attribute("data-stale", "")
+    press(page, "Stop")
+    expect(page.locator(".toast", has_text="WAS NOT DELIVERED")).to_be_visible()
+    panel.rig.is_silent = False
+    state(page, "Running")
+    expect(lost).to_be_hidden()
+
+
+def test_a_panel_that_dies_is_noticed(browser: Browser) -> None:
+    watched = Watched(browser)
+    with ServedPanel() as panel:
+        page = watched.enter(panel.links["operator"])
+        state(page, "Idle")
+    state(page, "Not connected")
+    expect(page.locator("#lost")).to_contain_text("The panel does not answer")
+    watched.context.close()
+
+
+def test_esc_held_stops_then_aborts_then_estops_and_a_tap_does_nothing(
+    panel: ServedPanel, watched: Watched
+) -> None:
+    page = running(panel, watched)
+    page.keyboard.press("Escape")
+    page.wait_for_timeout(600)
+    assert not given(panel, "stop")
+    for verb in ("stop", "abort", "estop"):
+        panel.rig.state = "stopping" if verb != "stop" else "running"
+        page.keyboard.down("Escape")
+        wait_until(lambda verb=verb: len(given(panel, verb)) == 1)  # type: ignore[misc]
+        page.keyboard.up("Escape")
+
+
+def test_abort_and_estop_take_one_press(panel: ServedPanel, watched: Watched) -> None:
+    page = running(panel, watched)
+    press(page, "Abort")
+    wait_until(lambda: len(given(panel, "abort")) == 1)
+    panel.rig.state = "running"
+    press(page, "E-stop")
+    wait_until(lambda: len(given(panel, "estop")) == 1)
+    assert not given(panel, "stop")
+
+
+def test_control_changes_hands_between_two_browsers(
+    panel: ServedPanel, browser: Browser, watched: Watched
+) -> None:
+    ada = watched.enter(panel.links["operator"], "Ada")
+    press(ada, "Take control")
+    press(ada, "Ada")
+    press(ada, "Link to command")
+    link = ada.locator("output.link code").inner_text()
+    press(ada, "Close")
+    second = Watched(browser)
+    bob = second.enter(link, "Bob")
+    expect(bob.locator("#control")).to_contain_text("Ada has control")
+    press(bob, "Ask for it")
+    expect(ada.locator("#attention")).to_contain_text("Bob asks for control")
+    press(ada, "Hand over")
+    expect(bob.locator("#control")).to_contain_text("You have control")
+    expect(ada.locator("#control")).to_contain_text("Bob has control")
+    second.context.close()
+
+
+def test_who_only_watches_can_stop_and_nothing_else(panel: ServedPanel, watched: Watched) -> None:
+    page = watched.enter(panel.links["observer"], "Olga")
+    panel.rig.state = "running"
+    panel.do(panel.rig.trip)
+    panel.rig.state = "running"
+    panel.do(panel.rig.wake)
+    state(page, "Running")
+    expect(page.get_by_role("button", name="Take control")).to_have_count(0)
+    expect(page.get_by_role("button", name="Acknowledge")).to_be_disabled()
+    expect(page.get_by_role("button", name="Pause")).to_be_disabled()
+    press(page, "Stop")
+    state(page, "Stopping")
+
+
+def test_what_the_rig_says_is_never_markup(panel: ServedPanel, watched: Watched) -> None:
+    evil = "<img src=x onerror=\"document.title='owned'\"><b>bold</b>"
+    page = watched.enter(panel.links["operator"], evil[:40])
+    panel.rig.trips.append(TRIP.model_copy(update={"message": evil}))
+    panel.do(lambda: panel.rig.emit(evil, name=evil, reason=evil))
+    expect(page.locator(".trip")).to_contain_text("<b>bold</b>")
+    turn_to(page, "Events")
+    expect(page.locator(".event-table")).to_contain_text("<b>bold</b>")
+    assert page.locator("b, img").count() == 0
+    assert page.title() != "owned"
+
+
+def test_traces_are_held_moved_zoomed_and_live_again(panel: ServedPanel, watched: Watched) -> None:
+    page = running(panel, watched)
+    wait_until(lambda: drawn(page) > 20)
+    press(page, "Hold")
+    before = drawn(page)
+    expect(page.locator(".behind")).to_contain_text("held at")
+    page.wait_for_timeout(500)
+    assert drawn(page) <= before + 1
+    box = page.locator(".u-over").first.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 300, box["y"] + 20)
+    page.mouse.wheel(0, -400)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 400, box["y"] + 20, steps=4)
+    page.mouse.up()
+    wait_until(lambda: drawn(page) > before + 2)
+    press(page, "Live")
+    here = drawn(page)
+    wait_until(lambda: drawn(page) > here + 5)
+    page.get_by_role("button", name="Trace of carriage.speed").click()
+    expect(page.locator(".legend", has_text="carriage.speed")).to_be_visible()
+    page.reload()
+    expect(page.locator(".legend", has_text="carriage.speed")).to_be_visible()
+
+
+def test_a_slow_computer_gets_fewer_frames_and_stays_near_the_present(
+    panel: ServedPanel, watched: Watched
+) -> None:
+    page = running(panel, watched)
+    wait_until(lambda: drawn(page) > 5)
+    page.context.new_cdp_session(page).send("Emulation.setCPUThrottlingRate", {"rate": 10})
+    page.wait_for_timeout(4000)
+    begun, before = time.monotonic(), drawn(page)
+    page.wait_for_timeout(6000)
+    rate_hz = (drawn(page) - before) / (time.monotonic() - begun)
+    age = page.locator("tr", has_text="angle").locator(".age").inner_text()
+    assert 0 < rate_hz < 25
+    # What has come by now spans 10 s: were it sent as it came, the page would be ever further behind.
+    assert float(age.split()[0]) < 5.0
+    state(page, "Running")
+
+
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (1024, 768), (768, 1024)])
+def test_the_page_fits_and_can_be_touched(
+    panel: ServedPanel, browser: Browser, width: int, height: int
+) -> None:
+    watched = Watched(browser, width, height)
+    page = running(panel, watched)
+    panel.do(panel.rig.trip)
+    expect(page.locator(".trip")).to_be_visible()
+    for name in ("Live", "Procedures", "Runs", "Events"):
+        turn_to(page, name)
+        wide = page.evaluate("document.documentElement.scrollWidth")
+        assert wide <= width, f"{name} is {wide} px wide"
+        for button in ("Stop", "Abort", "E-stop"):
+            box = page.get_by_role("button", name=button, exact=False).first.bounding_box()
+            assert box is not None
+            assert box["height"] >= 44 and box["width"] >= 44
+            assert 0 <= box["y"] < 40 and box["x"] + box["width"] <= width
+    turn_to(page, "Live")
+    small = page.evaluate(SMALL, 44 if width < 1000 else 24)
+    assert small == []
+    watched.context.close()
+
+
+#: Buttons and links lower than so many pixels.
+SMALL = """least => [...document.querySelectorAll("button, a, input, select, summary")]
+  .filter(one => one.offsetParent && !one.matches(".skip, [type=radio], [type=checkbox]"))
+  .filter(one => one.getBoundingClientRect().height < least - 0.5)
+  .map(one => one.outerHTML.slice(0, 120))"""
+
+#: Words for who cannot see: every control has a name, every field a label.
+NAMELESS = """[...document.querySelectorAll("button, a, input, select, iframe, summary")]
+  .filter(one => !one.labels?.length && !one.getAttribute("aria-label"))
+  .filter(one => !one.textContent.trim() && !one.title)
+  .map(one => one.outerHTML.slice(0, 120))"""
+
+#: Text whose contrast to its ground is below 4.5 to 1 (WCAG 2.2, 1.4.3), as [contrast, text].
+CONTRAST = """() => {
+  const parse = (text) => text.match(/[\\d.]+/g).map(Number);
+  const light = ([r, g, b]) => [r, g, b].map(v => v / 255)
+    .map(v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+  const ground = (one) => {
+    for (let at = one; at; at = at.parentElement) {
+      const found = parse(getComputedStyle(at).backgroundColor);
+      if (found.length < 4 || found[3] > 0.5) return found;
+    }
+    return [255, 255, 255];
+  };
+  const bad = [];
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode()) {
+    const one = walker.currentNode.parentElement;
+    if (!walker.currentNode.textContent.trim() || !one.offsetParent) continue;
+    if (one.closest(":disabled, [data-stale], .unseen, .skip, script")) continue;
+    const [a, b] = [light(parse(getComputedStyle(one).color)), light(ground(one))];
+    const contrast = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    if (contrast < 4.5) bad.push([contrast.toFixed(2), one.textContent.slice(0, 40)]);
+  }
+  return bad;
+}"""
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_everything_has_a_name_and_can_be_read(
+    panel: ServedPanel, watched: Watched, theme: str
+) -> None:
+    watched.page.emulate_media(color_scheme="light" if theme == "light" else "dark")
+    page = running(panel, watched)
+    assert page.locator("html").get_attribute("data-theme") == theme
+    panel.do(panel.rig.trip)
+    expect(page.locator(".trip")).to_be_visible()
+    for name in ("Live", "Procedures", "Runs", "Events"):
+        turn_to(page, name)
+        if name == "Procedures":
+            page.get_by_role("button", name=re.compile("Identification tests")).click()
+            expect(page.get_by_label("floor")).to_be_visible()
+        assert page.evaluate(NAMELESS) == []
+        assert page.evaluate(CONTRAST) == []
