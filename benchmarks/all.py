@@ -29,6 +29,7 @@ BENCHES = (
     "recording",
     "recorder",
     "live_feed",
+    "remote_fuzz",
     "identify",
     "angle_campaign",
     "kill_table",
