@@ -227,22 +227,27 @@ class Victim:
             capture_output=True,
         )
         recording = Recording.open(self.recording)
-        cycles, servo = recording.read("cycle"), recording.read(self._movement.stream)
-        slots = np.rint(cycles["scheduled"] * 1e3).astype(np.int64)
-        events = list(recording.events())
-        late = sum(int(e.data["missed_slots"]) for e in events if e.kind == "late")
-        skipped = int(slots[-1] - slots[0]) + 1 - len(slots)
+        servo = recording.read(self._movement.stream)
         unix_of_kill = at_ns + self._offset_ns  # on the clock of the run
-        ended = [e for e in events if e.kind == "run_end"]
+        ended = [e for e in recording.events() if e.kind == "run_end"]
         return Killed(
             at_ns,
             (safe_ns - at_ns) * 1e-9,
             (int(servo["t_ns"][-1]) - unix_of_kill) * 1e-9,
-            skipped - late + abs(len(servo) - len(cycles)),
+            gaps(recording, self._movement.stream),
             self.process.returncode,
             str(ended[-1].data["state"]) if ended else "",
             self.told(),
         )
+
+
+def gaps(recording: Recording, stream: str) -> int:
+    """Return how many cycles of 1 ms ran that are missing in ``stream``, one run recorded."""
+    cycles, rows = recording.read("cycle"), recording.read(stream)
+    slots = np.rint(cycles["scheduled"] * 1e3).astype(np.int64)
+    late = sum(int(e.data["missed_slots"]) for e in recording.events() if e.kind == "late")
+    skipped = int(slots[-1] - slots[0]) + 1 - len(slots)
+    return skipped - late + abs(len(rows) - len(cycles))
 
 
 def own_state(folder: Path) -> Path:

@@ -106,18 +106,23 @@ def serve(options: Options, announce: Callable[[str], None]) -> None:
         parts.steering.show()
         notifier.ready()
         announce(f"{options.rig.name} is served on {', '.join(options.rig.remote.listen)}")
-        while not signals.reason or parts.steering.running is not None:
-            if signals.reason:
-                notifier.ending()
+
+        def tick() -> None:
             if news.wait(TICK_S):
                 news.clear()
                 server.publisher.status(service.status())
             while signals.asked:
                 parts.notices.note(signals.asked.pop(0), "warning")
             service.tend()
+            notifier.alive(service.doing)
+
+        while not signals.reason:
+            tick()
             for one in companions:
                 one.tend()
-            notifier.alive(service.doing)
+        notifier.ending()
+        while parts.steering.running is not None:
+            tick()
 
 
 def _compose(

@@ -8,10 +8,15 @@ from __future__ import annotations
 import logging
 import os
 import socket
+import time
 from collections.abc import Mapping
 from typing import Final
 
 _LOG: Final = logging.getLogger(__name__)
+#: Signs of life are this far apart; `WatchdogSec=` must be several times as long.
+SIGN_S: Final = 1.0
+#: How long the manager may take to read what was told before.
+PATIENCE_S: Final = 0.1
 
 
 class Notifier:
@@ -22,14 +27,19 @@ class Notifier:
         if self._address.startswith("@"):
             self._address = "\0" + self._address[1:]  # of the abstract name space
         self._failed = False
+        self._doing = ""
+        self._next_sign = 0.0
 
     def ready(self) -> None:
         """Tell that clients are served."""
         self._tell("READY=1")
 
     def alive(self, doing: str) -> None:
-        """Give a sign of life; ``doing`` is shown by ``systemctl status``."""
-        self._tell("WATCHDOG=1", f"STATUS={doing}")
+        """Give a sign of life, not too often; ``doing`` is shown by ``systemctl status``."""
+        now = time.monotonic()
+        if doing != self._doing or now >= self._next_sign:
+            self._doing, self._next_sign = doing, now + SIGN_S
+            self._tell("WATCHDOG=1", f"STATUS={doing}")
 
     def ending(self) -> None:
         """Tell that the end has begun; it may take a while."""
@@ -40,7 +50,7 @@ class Notifier:
             return
         try:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as link:
-                link.setblocking(False)
+                link.settimeout(PATIENCE_S)
                 link.sendto("\n".join(lines).encode(), self._address)
         except OSError as error:
             if not self._failed:  # the manager acts on its silence; once is enough for the log
