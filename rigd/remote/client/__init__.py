@@ -1,0 +1,8 @@
+"""The client of a daemon, for programs, the command line and the panel."""
+
+from rigd.remote.client.asynchronous import AsyncClient
+from rigd.remote.client.connection import Connection
+from rigd.remote.client.remotes import find_target
+from rigd.remote.client.target import Target, aim
+
+__all__ = ["AsyncClient", "Connection", "Target", "aim", "find_target"]

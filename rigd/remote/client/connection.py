@@ -1,0 +1,325 @@
+"""A connection to the daemon of one rig: requests with their results, and what the rig tells.
+
+A request that gets no reply is sent once more, the same bytes: by its id the daemon knows it, and
+carries it out once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections.abc import AsyncGenerator, AsyncIterator, Coroutine, Mapping
+from contextlib import suppress
+from types import TracebackType
+from typing import Any, Final, Generic, Self, TypeVar
+
+import zenoh
+from pydantic import JsonValue
+
+from rigd.model.errors import ConfigError, LinkError, ProtocolError
+from rigd.remote.client.mailbox import Mailbox
+from rigd.remote.client.session import (
+    QUESTION_S,
+    Answer,
+    TimedOut,
+    is_connected,
+    listen,
+    open_session,
+    query,
+    rigs_alive,
+)
+from rigd.remote.client.target import Target
+from rigd.remote.client.understanding import understand
+from rigd.remote.protocol import (
+    PATIENCE_S,
+    Event,
+    Keys,
+    Kind,
+    Message,
+    Status,
+    as_json,
+    decode,
+    decode_refusal,
+    encode_request,
+    find_verb,
+    new_request,
+)
+from rigd.remote.protocol.message import Version
+from rigd.remote.protocol.request import RequestId
+
+R = TypeVar("R")
+#: An object of JSON: the arguments and the result of a verb.
+Object = dict[str, Any]
+
+#: How long a lost connection is waited for before a request counts as lost; zenoh tries again
+#: every second.
+RECONNECT_S: Final = 3.0
+#: A daemon that has not told its status for so long is gone, however long it may take for what was
+#: asked of it: it tells its status twice a second.
+SILENCE_S: Final = 5.0
+#: How often it is looked whether the connection is there again, and whether the daemon still is.
+_RECONNECTED_S: Final = 0.05
+_STILL_THERE_S: Final = 1.0
+#: How many payloads wait for their reader; beyond that the oldest are dropped.
+STATUSES: Final = 32
+EVENTS: Final = 1024
+FRAMES: Final = 64
+
+
+class _ReplyOf(Message, Generic[R]):
+    """A reply whose result is an ``R``."""
+
+    v: Version
+    id: RequestId
+    result: R
+
+
+class Connection:
+    """An open connection; made by :meth:`open`, used on one event loop.
+
+    Every request raises :class:`~rigd.model.errors.LinkError` where nobody answers, and says what
+    to look at; :class:`~rigd.remote.protocol.Refusal` where it is not carried out; and
+    :class:`~rigd.model.errors.ProtocolError` where the answer is none.
+    """
+
+    def __init__(self, session: zenoh.Session, keys: Keys, target: Target) -> None:
+        self.keys = keys
+        self._session = session
+        self._target = target
+        self._mailboxes: set[Mailbox] = set()
+        self._heard_s = time.monotonic()
+        listen(session, keys.status, self._hear)
+
+    @classmethod
+    async def open(cls, target: Target) -> Self:
+        """Connect to the daemon of a rig.
+
+        Raises:
+            LinkError: nobody lets us in there, or there is no such rig.
+            ConfigError: there are several rigs, and none is named.
+        """
+        session = await asyncio.to_thread(open_session, target)
+        try:
+            rig = target.rig or await _only_rig(session, target)
+            connection = cls(session, Keys(rig), target)
+            await connection.status()
+        except BaseException:
+            await asyncio.to_thread(session.close)
+            raise
+        return connection
+
+    @property
+    def rig(self) -> str:
+        """The name of the rig."""
+        return self.keys.rig
+
+    @property
+    def identity(self) -> str:
+        """The name under which the daemon knows this client."""
+        return self._target.identity
+
+    @property
+    def silent_s(self) -> float:
+        """For how long the daemon has said nothing."""
+        return time.monotonic() - self._heard_s
+
+    async def close(self) -> None:
+        """End what listens, and disconnect; closing twice is silent."""
+        for mailbox in self._mailboxes:
+            mailbox.close()
+        await asyncio.to_thread(self._session.close)
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        await self.close()
+
+    async def status(self) -> Status:
+        """Return the newest status.
+
+        Raises:
+            LinkError: there is no daemon of that rig, or it has no role for us.
+        """
+        await self._connected()
+        try:
+            for answer in await query(self._session, self.keys.status, QUESTION_S):
+                if answer.ok:
+                    return understand(Status, answer.payload)
+        except TimedOut:
+            pass
+        alive = await rigs_alive(self._session)
+        if alive and self.rig not in alive:
+            raise LinkError(
+                f"there is no rig {self.rig} at {self._target.endpoint}",
+                hint=f"there is {', '.join(alive)}",
+            )
+        raise LinkError(
+            f"no daemon of {self.rig} answers at {self._target.endpoint}",
+            hint=f"is it running (rigd serve)? With certificates, {self.identity} also needs a "
+            "role in its rig file",
+        )
+
+    async def request(self, kind: Kind, verb: str, args: Message, result: type[R]) -> R:
+        """Make a request, and return its result.
+
+        Raises:
+            LinkError: nobody answered.
+            Refusal: it is not carried out.
+            ProtocolError: the answer is none.
+        """
+        request = new_request(args)
+        found = await self._insist(kind, verb, encode_request(request))
+        if len(found) != 1:
+            raise ProtocolError(
+                f"{verb} got {len(found)} answers, expected one",
+                hint="do two daemons of this name run at one address?",
+            )
+        [answer] = found
+        if not answer.ok:
+            raise decode_refusal(answer.payload)
+        reply = understand(_reply_kind(result), answer.payload)
+        if reply.id != request.id:
+            raise ProtocolError(f"{verb} got the reply to another request ({reply.id})")
+        return reply.result
+
+    def listen(self, key: str, size: int) -> AsyncGenerator[bytes, None]:
+        """Begin to listen; yield payloads until closed, of those that wait the newest ``size``."""
+        mailbox = Mailbox(size)
+        self._mailboxes.add(mailbox)
+        return self._deliver(mailbox, listen(self._session, key, mailbox.put))
+
+    # For whoever passes on JSON, such as the panel
+
+    async def ask(self, what: str, args: Mapping[str, Any]) -> Object:
+        """Ask for something; changes nothing."""
+        return await self._pass(Kind.ASK, what, args)
+
+    async def command(self, verb: str, args: Mapping[str, Any]) -> Object:
+        """Give a command."""
+        return await self._pass(Kind.COMMAND, verb, args)
+
+    async def stop(self, verb: str, reason: str) -> Object:
+        """``stop``, ``abort`` or ``estop``."""
+        return await self._pass(Kind.STOP, verb, {"reason": reason})
+
+    async def statuses(self) -> AsyncIterator[Object]:
+        """Yield the status at every change and twice a second; goes on after a silence."""
+        async for payload in self.listen(self.keys.status, STATUSES):
+            yield as_json(understand(Status, payload))
+
+    async def events(self) -> AsyncIterator[Object]:
+        """Yield every event from now on."""
+        async for payload in self.listen(self.keys.event, EVENTS):
+            yield as_json(understand(Event, payload))
+
+    async def frames(self) -> AsyncIterator[bytes]:
+        """Yield the frames of all streams; those that come too fast are left out."""
+        async for payload in self.listen(self.keys.every_live, FRAMES):
+            yield payload
+
+    async def _pass(self, kind: Kind, verb: str, args: Mapping[str, Any]) -> Object:
+        wanted = decode(find_verb(kind, verb).arguments, json.dumps(dict(args)).encode())
+        return await self.request(kind, verb, wanted, dict[str, JsonValue])
+
+    async def _insist(self, kind: Kind, verb: str, payload: bytes) -> list[Answer]:
+        """Return the answers to a request, sent again where there were none.
+
+        Raises:
+            LinkError: there are none, with what is known of why.
+        """
+        key = self.keys.request(kind, self.identity, verb)
+        patience_s = PATIENCE_S[find_verb(kind, verb).lane]
+        timed_out = False
+        for _ in range(2):
+            await self._connected()
+            try:
+                found = await self._while_it_speaks(
+                    query(self._session, key, patience_s, payload), verb
+                )
+            except TimedOut:
+                timed_out = True
+                continue
+            if found:
+                return found
+        if timed_out:
+            raise LinkError(
+                f"{self.rig} did not answer in time: whether {verb} was carried out is not known",
+                hint="see its status, and the rig itself",
+            )
+        await self.status()  # where there is no daemon, this says so
+        raise LinkError(
+            f"{self.rig} does not even let {self.identity} ask for {verb}",
+            hint=f"its rig file gives roles, as in remote: {{roles: {{{self.identity}: operator}}}}"
+            "; an observer may look on and stop",
+        )
+
+    async def _while_it_speaks(
+        self, asking: Coroutine[Any, Any, list[Answer]], verb: str
+    ) -> list[Answer]:
+        """Return what is answered; give up early where the daemon has fallen silent."""
+        task = asyncio.create_task(asking)
+        try:
+            while not (await asyncio.wait([task], timeout=_STILL_THERE_S))[0]:
+                if self.silent_s > SILENCE_S:
+                    raise LinkError(
+                        f"{self.rig} has fallen silent: whether {verb} was carried out is not "
+                        "known",
+                        hint="see its status once it speaks again, and the rig itself",
+                    )
+            return task.result()
+        finally:
+            task.cancel()
+
+    async def _connected(self) -> None:
+        """Wait until there is a connection.
+
+        Raises:
+            LinkError: it stays lost.
+        """
+        give_up_s = time.monotonic() + RECONNECT_S
+        while not is_connected(self._session):
+            if time.monotonic() > give_up_s:
+                raise LinkError(
+                    f"the connection to {self.rig} at {self._target.endpoint} is lost",
+                    hint="is its daemon running, and the network there? The client connects again "
+                    "by itself",
+                )
+            await asyncio.sleep(_RECONNECTED_S)
+
+    async def _deliver(
+        self, mailbox: Mailbox, subscriber: zenoh.Subscriber[None]
+    ) -> AsyncGenerator[bytes, None]:
+        try:
+            async for payload in mailbox:
+                yield payload
+        finally:
+            self._mailboxes.discard(mailbox)
+            with suppress(zenoh.ZError):  # the session may be closed already
+                subscriber.undeclare()
+
+    def _hear(self, _: bytes) -> None:
+        self._heard_s = time.monotonic()
+
+
+def _reply_kind(result: type[R]) -> type[_ReplyOf[R]]:
+    return _ReplyOf[result]  # type: ignore[valid-type]  # made at run time, from the result
+
+
+async def _only_rig(session: zenoh.Session, target: Target) -> str:
+    alive = await rigs_alive(session)
+    if not alive:
+        raise LinkError(
+            f"there is no rig at {target.endpoint}",
+            hint=f"its daemon may just be starting; with certificates, {target.identity} also "
+            "needs a role in its rig file",
+        )
+    if len(alive) > 1:
+        raise ConfigError(f"which rig? There are {', '.join(alive)}", hint="name one")
+    return alive[0]

@@ -1,0 +1,112 @@
+"""The client's own list of rigs: where each is found, and how one proves oneself there.
+
+    # ~/.config/rigd/remotes.yaml
+    remotes:
+      lugre-1: {endpoint: tcp/127.0.0.1:7447}
+      wire-1:
+        endpoint: tls/rig.lab:7447
+        tls: {ca: certs/ca.crt, certificate: certs/alice.crt, key: certs/alice.key}
+
+Nothing is searched for on the network: a rig that is not in the list is looked for on this
+machine.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from rigd.config.binding import bind
+from rigd.config.document import read_document
+from rigd.config.problems import Problems
+from rigd.config.remote import DEFAULT_ENDPOINT, TlsFiles
+from rigd.config.source import Identity, Source, TlsSource
+from rigd.remote.client.target import Target, aim
+
+
+class RemoteLine(Source):
+    """One rig in the list."""
+
+    endpoint: str = DEFAULT_ENDPOINT
+    """Where its daemon listens, as tls/rig.lab:7447."""
+    tls: TlsSource | None = None
+    """Certificates; paths are relative to this file."""
+    identity: Identity | None = None
+    """The name to come as, where there is no certificate; by default that of the user."""
+
+
+class RemotesSource(Source):
+    """The list."""
+
+    remotes: Annotated[dict[Identity, RemoteLine], Field(max_length=256)]
+    """Rigs by name."""
+
+
+@dataclass(frozen=True)
+class Remote:
+    """A rig of the list."""
+
+    endpoint: str = DEFAULT_ENDPOINT
+    tls: TlsFiles | None = None
+    identity: str | None = None
+
+
+def list_path() -> Path:
+    """Return where the list is kept, by the XDG base directory specification."""
+    home = os.environ.get("XDG_CONFIG_HOME") or ""
+    base = Path(home) if Path(home).is_absolute() else Path.home() / ".config"
+    return base / "rigd" / "remotes.yaml"
+
+
+def read_remotes() -> Mapping[str, Remote]:
+    """Return the list by name; empty where there is none.
+
+    Raises:
+        ConfigError: it is wrong; names every problem with its place.
+    """
+    path = list_path()
+    if not path.exists():
+        return {}
+    problems = Problems()
+    source = bind(read_document(path), RemotesSource, problems)
+    problems.raise_any()
+    lines = {} if source is None else source.remotes
+    return {name: _remote(line, path.parent) for name, line in lines.items()}
+
+
+def find_target(
+    rig: str | None = None,
+    endpoint: str | None = None,
+    tls: TlsFiles | None = None,
+    identity: str | None = None,
+) -> Target:
+    """Return where ``rig`` is found: as the list says, save for what is given here.
+
+    Without a name it is the only rig of the list, or else the only one on this machine.
+
+    Raises:
+        ConfigError: the list or an argument is wrong.
+        Refusal: a name cannot stand in a key.
+    """
+    if endpoint is not None:
+        return aim(rig, endpoint, tls, identity)
+    known = read_remotes()
+    if rig is None and len(known) == 1:
+        rig = next(iter(known))
+    found = Remote() if rig is None else known.get(rig, Remote())
+    return aim(rig, found.endpoint, tls or found.tls, identity or found.identity)
+
+
+def _remote(line: RemoteLine, folder: Path) -> Remote:
+    tls = None
+    if line.tls is not None:
+        tls = TlsFiles(*(
+            (folder / Path(name).expanduser()).absolute()
+            for name in (line.tls.ca, line.tls.certificate, line.tls.key)
+        ))  # fmt: skip
+    return Remote(line.endpoint, tls, line.identity)

@@ -1,0 +1,133 @@
+"""zenoh for an event loop: sessions, and queries whose answers are awaited.
+
+zenoh calls back on its network threads; there nothing is done but to hand over.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+import zenoh
+
+from rigd.model.errors import LinkError
+from rigd.remote.client.target import Target
+from rigd.remote.network import client_config
+from rigd.remote.protocol import EVERY_ALIVE
+
+#: How long it may take to hear who is there, in s.
+QUESTION_S: Final = 2.0
+#: zenoh's own answer where nobody gave one in time.
+_TIMED_OUT: Final = b"Timeout"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came back on a query: a reply or, where not ``ok``, an error reply."""
+
+    ok: bool
+    payload: bytes
+
+
+class TimedOut(Exception):
+    """Nobody answered in time; whether anybody heard is not known."""
+
+
+def open_session(target: Target) -> zenoh.Session:
+    """Return a session with the daemon at an address; blocks while it connects.
+
+    Raises:
+        LinkError: nobody lets us in there.
+    """
+    try:
+        return zenoh.open(client_config([target.endpoint], target.tls))
+    except zenoh.ZError as error:
+        hint = "is the daemon running there (rigd serve), and is the address right?"
+        if target.tls is not None:
+            hint += (
+                f" Is {target.tls.certificate} still valid, and signed by the authority that the "
+                f"daemon trusts? Is the daemon's made for the name in the address, and signed by "
+                f"{target.tls.ca}?"
+            )
+        raise LinkError(f"nobody lets us in at {target.endpoint}", hint=hint) from error
+
+
+def is_connected(session: zenoh.Session) -> bool:
+    """Return whether the daemon is connected now; zenoh connects again by itself."""
+    return bool(session.info.peers_zid() or session.info.routers_zid())
+
+
+async def query(
+    session: zenoh.Session, key: str, timeout_s: float, payload: bytes = b""
+) -> list[Answer]:
+    """Return all answers to a query; none where nobody may or can answer it.
+
+    Raises:
+        TimedOut: see there.
+    """
+    answers: list[Answer] = []
+
+    def answered(reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            answers.append(Answer(True, reply.ok.payload.to_bytes()))
+        elif reply.err is not None:
+            answers.append(Answer(False, reply.err.payload.to_bytes()))
+
+    done = _Done()
+    session.get(
+        key,
+        zenoh.handlers.Callback(answered, done.tell, indirect=False),
+        payload=payload,
+        timeout=timeout_s,
+    )
+    await done.wait()
+    if any(not one.ok and one.payload == _TIMED_OUT for one in answers):
+        raise TimedOut
+    return answers
+
+
+async def rigs_alive(session: zenoh.Session) -> list[str]:
+    """Return the names of the rigs that a session reaches, in order."""
+    keys: set[str] = set()
+
+    def alive(reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            keys.add(str(reply.ok.key_expr))
+
+    done = _Done()
+    session.liveliness().get(
+        EVERY_ALIVE,
+        zenoh.handlers.Callback(alive, done.tell, indirect=False),
+        timeout=QUESTION_S,
+    )
+    await done.wait()
+    return sorted(key.split("/")[1] for key in keys)
+
+
+def listen(
+    session: zenoh.Session, key: str, take: Callable[[bytes], None]
+) -> zenoh.Subscriber[None]:
+    """Begin to hand payloads to ``take``, on a thread of zenoh's, until undeclared."""
+
+    def came(sample: zenoh.Sample) -> None:
+        take(sample.payload.to_bytes())
+
+    return session.declare_subscriber(key, zenoh.handlers.Callback(came, indirect=False))
+
+
+class _Done:
+    """The end of a query, told on zenoh's thread and awaited on the loop it was made on."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._event = asyncio.Event()
+
+    def tell(self) -> None:
+        with suppress(RuntimeError):  # the loop has ended: nobody waits any more
+            self._loop.call_soon_threadsafe(self._event.set)
+
+    async def wait(self) -> None:
+        await self._event.wait()

@@ -1,0 +1,26 @@
+"""Messages of a daemon, read by a client."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from rigd.model.errors import ProtocolError
+from rigd.remote.protocol import Message, Refusal, decode
+from rigd.remote.protocol.limits import MAX_MESSAGE_BYTES
+
+M = TypeVar("M", bound=Message)
+
+
+def understand(kind: type[M], payload: bytes) -> M:
+    """Return the message of ``kind`` that a daemon sent.
+
+    Raises:
+        ProtocolError: it is none.
+    """
+    try:
+        return decode(kind, payload, MAX_MESSAGE_BYTES)
+    except Refusal as refusal:
+        raise ProtocolError(
+            f"the daemon sent what is not understood here: {refusal.message}",
+            hint="install the same rigd at both ends",
+        ) from refusal

@@ -1,0 +1,113 @@
+"""What a rig tells, as it is read: messages in order, none left out, and how a run ended."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncGenerator, Awaitable, Callable
+from contextlib import aclosing
+from dataclasses import dataclass
+from functools import partial
+from typing import Final, TypeVar
+
+from rigd.model.errors import LinkError
+from rigd.remote.client.understanding import understand
+from rigd.remote.protocol import Event, Message, Status
+from rigd.remote.protocol.results import Events
+from rigd.remote.protocol.status import LastRun
+
+#: A status told so long after the first that was heard is not from before the run began.
+_SETTLED_NS: Final = 1_000_000_000
+
+M = TypeVar("M", bound=Message)
+T = TypeVar("T")
+
+
+async def each(
+    heard: AsyncGenerator[bytes, None],
+    read: Callable[[bytes], T],
+    rig: str,
+    patience_s: float | None = None,
+) -> AsyncGenerator[T, None]:
+    """Yield what ``read`` makes of each payload.
+
+    Raises:
+        LinkError: nothing came for ``patience_s``.
+    """
+    async with aclosing(heard):
+        while True:
+            try:
+                async with asyncio.timeout(patience_s):
+                    payload = await anext(heard)
+            except StopAsyncIteration:
+                return
+            except TimeoutError as error:
+                raise LinkError(
+                    f"{rig} has said nothing for {patience_s:g} s",
+                    hint="is its daemon running, and the network there?",
+                ) from error
+            yield read(payload)
+
+
+async def without_gaps(
+    heard: AsyncGenerator[Event, None],
+    ask: Callable[[int], Awaitable[Events]],
+    since: int | None,
+) -> AsyncGenerator[Event, None]:
+    """Yield events from number ``since``, or from the first heard; what is missing is asked for.
+
+    Numbers that go back while the time goes on are those of a daemon that was started anew.
+    """
+    wanted, newest_ns = since, 0
+    async with aclosing(heard):
+        if wanted is not None:
+            for event in (await ask(wanted)).events:
+                yield event
+                wanted, newest_ns = event.seq + 1, event.t_ns
+        async for event in heard:
+            if wanted is not None and event.seq < wanted and event.t_ns <= newest_ns:
+                continue  # among those asked for
+            if wanted is not None and event.seq > wanted:
+                for missed in (await ask(wanted)).events:
+                    if missed.seq < event.seq:
+                        yield missed
+            yield event
+            wanted, newest_ns = event.seq + 1, event.t_ns
+
+
+@dataclass
+class RunWatch:
+    """Follows one run through the statuses of its rig."""
+
+    run: str
+    _first_ns: int | None = None
+    _seen: bool = False
+
+    def ended(self, status: Status) -> LastRun | None:
+        """Return how the run ended, if ``status`` shows that it has.
+
+        A run that goes on where it was interrupted has ended before: until it was seen under way,
+        a status that may be from before says nothing.
+
+        Raises:
+            LinkError: the daemon ended with the run, and was started anew.
+        """
+        if self._first_ns is None:
+            self._first_ns = status.t_ns
+        if status.run == self.run:
+            self._seen = True
+        settled = self._seen or status.t_ns - self._first_ns > _SETTLED_NS
+        if status.state != "idle" or not settled:
+            return None
+        if status.last is not None and status.last.run == self.run:
+            return status.last
+        if any(one.run == self.run for one in status.interrupted):
+            raise LinkError(
+                f"the daemon of {status.rig} ended with {self.run}, and was started anew",
+                hint="look at the rig; resume_run goes on with it",
+            )
+        return None
+
+
+def reader(kind: type[M]) -> Callable[[bytes], M]:
+    """Return what reads payloads as messages of ``kind``."""
+    return partial(understand, kind)
