@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import logging
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -41,11 +42,11 @@ class Hub:
         self._rig = rig
         self._decorate = decorate
         self._outboxes: set[Outbox] = set()
+        self._drawing: set[Outbox] = set()  # those that have had the past, and get frames
         self._status: Object | None = None
         self._description: Object | None = None
         self._latest: Object | None = None
         self._events: deque[Object] = deque(maxlen=KEPT_EVENTS)
-        self._last_seq = -1
         self._heard_s = -SILENCE_S
         self._frame_s = -LATEST_EVERY_S
         self.malformed = 0  #: frames that were none
@@ -62,7 +63,7 @@ class Hub:
 
     @contextmanager
     def join(self) -> Iterator[Outbox]:
-        """Give a browser an outbox, filled with what it missed."""
+        """Give a browser an outbox, filled with what it missed; frames follow the past ones."""
         outbox = Outbox()
         self._beat_to(outbox)
         if self._description is not None:
@@ -74,10 +75,13 @@ class Hub:
         for event in self._events:
             outbox.event(event)
         self._outboxes.add(outbox)
+        catching_up = asyncio.create_task(self._bring_past(outbox))
         try:
             yield outbox
         finally:
+            catching_up.cancel()
             self._outboxes.discard(outbox)
+            self._drawing.discard(outbox)
 
     def refresh(self) -> None:
         """Tell every browser the status again: what the panel itself knows has changed."""
@@ -97,9 +101,10 @@ class Hub:
         async for status in self._rig.statuses():
             was_alive = self.alive
             self._heard_s = monotonic()
-            daemon_before = None if self._status is None else self._status.get("daemon")
-            if daemon_before is not None and daemon_before != status.get("daemon"):
-                self._description = None  # another daemon: its rig file may be another
+            if self._status is not None and self._status["daemon"] != status["daemon"]:
+                # Another daemon: its rig file may be another, and its events are numbered anew.
+                self._description = None
+                self._events.clear()
             self._status = status
             if not was_alive:
                 self._beat_all()
@@ -107,12 +112,14 @@ class Hub:
 
     async def _follow_events(self) -> None:
         async for event in self._rig.events():
+            if self._events and event["seq"] > self._events[-1]["seq"] + 1:
+                await self._fill_events()  # some were lost on the way
             self._take_event(event)
 
     async def _follow_frames(self) -> None:
         async for data in self._rig.frames():
             self._frame_s = monotonic()
-            if not self._outboxes:
+            if not self._drawing:
                 continue
             try:
                 frame = decode_frame(data)
@@ -120,8 +127,20 @@ class Hub:
                 self.malformed += 1
                 log.warning("a live frame was left out: %s", error)
                 continue
-            for outbox in self._outboxes:
+            for outbox in self._drawing:
                 outbox.frame(frame)
+
+    async def _bring_past(self, outbox: Outbox) -> None:
+        """Give a browser the last seconds of every stream, then let it have frames."""
+        streams = [] if self._description is None else self._description["streams"]
+        for stream in streams if self.alive else []:
+            try:
+                past = await self._rig.ask("history", {"stream": stream["name"]})
+                if past["frame"] is not None:
+                    outbox.frame(decode_frame(base64.b64decode(past["frame"])))
+            except RigdError as error:
+                log.debug("no past of %s: %s", stream["name"], error)
+        self._drawing.add(outbox)
 
     async def _beat(self) -> None:
         while True:
@@ -134,14 +153,19 @@ class Hub:
                 try:
                     self._description = await self._rig.ask("describe", {})
                     self._tell("describe", self._description)
-                    await self._catch_up()
+                    await self._fill_events()
                 except RigdError as error:
                     log.warning("the rig does not describe itself: %s", error)
             await asyncio.sleep(RETRY_S)
 
-    async def _catch_up(self) -> None:
-        """Take the events that were there before the panel was."""
-        answer = await self._rig.ask("events", {"seq": self._last_seq + 1})
+    async def _fill_events(self) -> None:
+        """Take the events that were before the panel, or were lost on the way."""
+        since = self._events[-1]["seq"] + 1 if self._events else 0
+        try:
+            answer = await self._rig.ask("events", {"seq": since})
+        except RigdError as error:
+            log.warning("events may be missing: %s", error)
+            return
         for event in answer["events"][-KEPT_EVENTS:]:
             self._take_event(event)
 
@@ -161,9 +185,8 @@ class Hub:
             self._tell("latest", self._latest)
 
     def _take_event(self, event: Object) -> None:
-        if event["seq"] <= self._last_seq:
+        if self._events and event["seq"] <= self._events[-1]["seq"]:
             return
-        self._last_seq = event["seq"]
         self._events.append(event)
         for outbox in self._outboxes:
             outbox.event(event)

@@ -1,4 +1,7 @@
-"""What the panel needs of a rig: the verbs of the protocol, and what the rig tells of itself."""
+"""What the panel needs of a rig: the verbs of the protocol, and what the rig tells of itself.
+
+:class:`rigd.remote.client.Connection` is one.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,10 @@ class Rig(Protocol):
     refused, :class:`~rigd.model.errors.LinkError` where nobody answered.
     """
 
-    identity: str  #: under which the daemon knows this client
+    @property
+    def identity(self) -> str:
+        """The name under which the daemon knows this client."""
+        ...
 
     async def ask(self, what: str, args: Mapping[str, Any]) -> Object:
         """Read something; changes nothing."""

@@ -121,6 +121,7 @@ class Seat:
 
     async def keep(self) -> None:
         """Renew the lease while its user is there, until cancelled."""
+        has_failed = False
         while True:
             await asyncio.sleep(RENEW_S)
             if self._holder is None:
@@ -135,7 +136,11 @@ class Seat:
                 log.warning("control is lost: %s", refusal)
                 self._sit(None)
             except RigdError as error:
-                log.warning("control could not be renewed: %s", error)
+                if not has_failed:
+                    log.warning("control could not be renewed: %s", error)
+                has_failed = True
+            else:
+                has_failed = False
 
     def _asking(self) -> list[Session]:
         self._asked_by = [one for one in self._asked_by if not self._sessions.is_gone(one, GRACE_S)]

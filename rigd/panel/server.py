@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import ipaddress
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -89,7 +90,7 @@ class Listen:
 
 
 async def serve(rig: Rig, listen: Listen, announce: Callable[[dict[Role, str]], None]) -> None:
-    """Serve the panel of ``rig`` until a signal.
+    """Serve the panel of ``rig`` until cancelled.
 
     ``announce`` is told a one-time link for each role once the panel can be reached. The code in
     it stands in the fragment, which browsers keep to themselves: it is in no request and no log.
@@ -132,13 +133,22 @@ async def serve(rig: Rig, listen: Listen, announce: Callable[[dict[Role, str]], 
         # rig must not go on serving its page.
         async with asyncio.TaskGroup() as group:
             beside = [group.create_task(panel.hub.run()), group.create_task(panel.seat.keep())]
-            await _serve(uvicorn.Server(config), bound)
+            await _serve(_Server(config), bound)
             for task in beside:
                 task.cancel()
 
 
+class _Server(uvicorn.Server):
+    """Leaves signals to its caller."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Change nothing about signals."""
+        yield
+
+
 async def _serve(server: uvicorn.Server, bound: socket.socket) -> None:
-    """Serve until a signal, or until cancelled; open pages are told."""
+    """Serve until cancelled; open pages are told."""
     serving = asyncio.create_task(server.serve(sockets=[bound]))
     try:
         await asyncio.shield(serving)

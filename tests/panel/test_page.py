@@ -115,7 +115,9 @@ def test_a_run_from_the_choice_of_a_procedure_to_its_stop(
     wait_until(lambda: drawn(page) > before + 10)
     picture = page.locator(".plot-canvas").first.screenshot()
     wait_until(lambda: page.locator(".plot-canvas").first.screenshot() != picture)
-    expect(page.locator("tr", has_text="angle").locator(".value")).not_to_have_text("0.000")
+    expect(page.locator(".channel-table tr", has_text="angle").locator(".value")).not_to_have_text(
+        "0.000"
+    )
 
     press(page, "Pause")
     state(page, "Pausing")
@@ -170,9 +172,9 @@ def test_a_page_that_is_cut_off_says_so_and_comes_back(
     lost = page.locator("#lost")
     expect(lost).to_be_visible()
     expect(lost).to_contain_text("use the hardware emergency stop")
-    expect(page.locator("tr", has_text="angle").first).to_have_attribute("data-stale", "")
+    expect(page.locator(".channel-table tr", has_text="angle")).to_have_attribute("data-stale", "")
     press(page, "Stop")
-    expect(page.locator(".toast", has_text="WAS NOT DELIVERED")).to_be_visible()
+    expect(page.locator(".toast", has_text="WAS NOT CONFIRMED")).to_be_visible()
     panel.rig.is_silent = False
     state(page, "Running")
     expect(lost).to_be_hidden()
@@ -293,9 +295,9 @@ def test_a_slow_computer_gets_fewer_frames_and_stays_near_the_present(
     begun, before = time.monotonic(), drawn(page)
     page.wait_for_timeout(6000)
     rate_hz = (drawn(page) - before) / (time.monotonic() - begun)
-    age = page.locator("tr", has_text="angle").locator(".age").inner_text()
+    age = page.locator(".channel-table tr", has_text="angle").locator(".age").inner_text()
     assert 0 < rate_hz < 25
-    # What has come by now spans 10 s: were it sent as it came, the page would be ever further behind.
+    # Were everything sent as it comes, the page would by now be many seconds behind.
     assert float(age.split()[0]) < 5.0
     state(page, "Running")
 

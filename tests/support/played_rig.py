@@ -35,6 +35,7 @@ from rigd.remote.protocol.results import (
     Check,
     Description,
     Events,
+    History,
     Latest,
     LatestValues,
     PieceView,
@@ -230,6 +231,8 @@ class PlayedRig:
                     name: Latest(value=value, age_s=0.2) for name, value in self._newest().items()
                 }
                 return as_json(LatestValues(t_ns=time.time_ns(), values=values))
+            case "history":
+                return as_json(History(frame=self._past(str(args["stream"]))))
             case "runs":
                 return as_json(RunList(runs=tuple(self.runs), more=False))
             case "run":
@@ -292,15 +295,15 @@ class PlayedRig:
         if self.is_silent:
             raise LinkError("the daemon does not answer")
         if self.state in ("idle", "done"):
-            raise Refusal(Code.CONFLICT, "nothing is running")
+            return {"acted": False}
         self.changes += 1
         self._asked.clear()
         if verb == "stop" and self.state != "stopping":
             self.state = "stopping"
             await self.emit("state", state="stopping", reason=reason)
-            return {}
+            return {"acted": True}
         await self.end("estopped" if verb == "estop" else "aborted", f"{verb} by {reason}")
-        return {}
+        return {"acted": True}
 
     async def end(self, ending: str, reason: str) -> None:
         """End the run."""
@@ -364,6 +367,14 @@ class PlayedRig:
             if one.run == args.get("run"):
                 return one
         raise Refusal(Code.NOT_FOUND, f"there is no recording {args.get('run')!r}")
+
+    def _past(self, stream: str) -> bytes:
+        """Return ten seconds in which nothing moved, until now, in base64."""
+        t_s = np.arange(0.0, 10.0, 0.1)
+        values = np.zeros((len(CHANNELS[stream]), t_s.size), "f4")
+        began_ns = time.time_ns() - 10 * 10**9
+        frame = Frame(STREAMS[stream].number, 0, began_ns, t_s, values, values)
+        return base64.b64encode(encode_frame(frame))
 
     def _newest(self) -> dict[str, float]:
         return {

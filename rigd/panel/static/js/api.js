@@ -43,8 +43,8 @@ export const session = () => request("GET", "/api/session", null, 8000);
 export const login = (code, name) => request("POST", "/api/login", { code, name }, 8000);
 export const logout = () => request("POST", "/api/logout", {}, 8000);
 export const invite = (role) => request("POST", "/api/invite", { role }, 8000);
-export const ask = (what, args = {}) => request("POST", `/api/ask/${what}`, { args }, 20_000);
+export const ask = (what, args = {}) => request("POST", `/api/ask/${what}`, { args }, 40_000);
 /** A dry run and a report take as long as they take. */
-export const command = (verb, args = {}) => request("POST", `/api/command/${verb}`, { args }, 600_000);
+export const command = (verb, args = {}) => request("POST", `/api/command/${verb}`, { args }, 920_000);
 export const control = (verb, args = {}) => request("POST", `/api/control/${verb}`, { args }, 8000);
-export const stop = (verb) => request("POST", `/api/stop/${verb}`, {}, 4000);
+export const stop = (verb) => request("POST", `/api/stop/${verb}`, {}, 6000);

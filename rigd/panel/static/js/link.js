@@ -18,7 +18,7 @@ export const watchEvents = (listener) => onEvents.add(listener);
 let socket = null;
 let attempts = 0;
 let heard = 0;
-let lastSeq = 0;
+let last = { seq: -1, t_ns: 0 };
 
 export function connect() {
   heard = performance.now();
@@ -64,9 +64,10 @@ function hear(message) {
       put(message.kind, message[message.kind]);
       break;
     case "event":
-      // After a new connection the panel tells again what it has kept.
-      if (message.event.seq <= lastSeq && message.event.seq > lastSeq - 5000) break;
-      lastSeq = message.event.seq;
+      // After a new connection the panel tells again what it has kept. A daemon that was started
+      // anew counts from 0 again, but its time goes on.
+      if (message.event.seq <= last.seq && message.event.t_ns <= last.t_ns) break;
+      last = message.event;
       for (const listener of onEvents) listener(message.event);
       break;
     case "skipped":

@@ -24,11 +24,10 @@ async function send(verb) {
   if (last.verb === verb && now - last.at < AGAIN_MS) return;
   last = { verb, at: now };
   try {
-    await stop(verb);
-    toast(`${VERBS[verb][0]} was sent.`);
+    const { acted } = await stop(verb);
+    toast(acted ? `${VERBS[verb][0]}: the rig obeys.` : `${VERBS[verb][0]}: there is nothing to stop.`);
   } catch (refused) {
-    if (refused.code === "conflict") toast(`${VERBS[verb][0]}: ${refused.message}.`);
-    else alarm(`${VERBS[verb][0]} WAS NOT DELIVERED. Use the hardware emergency stop. (${refused.message})`);
+    alarm(`${VERBS[verb][0]} WAS NOT CONFIRMED. Use the hardware emergency stop. (${refused.message})`);
   }
 }
 

@@ -32,8 +32,8 @@ export function hasControl() {
   return known.link === "ok" && control?.ours === true && control.session === known.me.session;
 }
 
-/** Whether this page's user may ever command. */
-export const isOperator = () => known.me?.role === "operator";
+/** Whether this page's user may ever command: the rig file may let the panel itself only watch. */
+export const isOperator = () => known.me?.role === "operator" && known.describe?.role !== "observer";
 
 /** The rig's clock in ms since the epoch, which need not be this computer's. */
 let offset = 0;

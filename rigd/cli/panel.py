@@ -1,0 +1,99 @@
+"""``rigd panel``: a page for browsers, to see and steer a rig that a daemon serves."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+HELP = "serve the operator's page of a rig to browsers"
+EXAMPLES = """\
+examples:
+  rigd panel                                 of the only rig on this machine
+  rigd panel --rig lugre-1 --port 8500
+  rigd panel --rig wire-1 --host 0.0.0.0 --name rig.lab \\
+      --https-certificate certs/panel.crt --https-key certs/panel.key
+
+`rigd serve` starts one by itself; this starts another, here or on another machine. It is a client
+like every other and finds its rig as they do. What it prints is a link that lets one browser in,
+once; from an open page others are invited. It listens on this machine unless told otherwise, and
+beyond it only with a certificate.
+"""
+
+#: The name that a panel on the rig's own machine comes as.
+IDENTITY = "panel"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    rig = parser.add_argument_group("the rig")
+    rig.add_argument("--rig", metavar="NAME", help="name of the rig")
+    rig.add_argument("--endpoint", metavar="ADDRESS", help="such as tls/rig.lab:7447")
+    rig.add_argument("--ca", type=Path, metavar="FILE", help="who signs the daemon's certificate")
+    rig.add_argument("--certificate", type=Path, metavar="FILE", help="the panel's own")
+    rig.add_argument("--key", type=Path, metavar="FILE", help="that certificate's key")
+    page = parser.add_argument_group("the page")
+    page.add_argument("--host", default="127.0.0.1", help="address to listen on (127.0.0.1)")
+    page.add_argument("--port", type=int, help="default 8423, or another where that is taken")
+    page.add_argument(
+        "--name", action="append", default=[], metavar="NAME", help="name browsers reach it by"
+    )
+    page.add_argument("--https-certificate", type=Path, metavar="FILE", help="for browsers")
+    page.add_argument("--https-key", type=Path, metavar="FILE", help="that certificate's key")
+    page.add_argument(
+        "--links", type=Path, metavar="FILE", help="write the links to a file, print none"
+    )
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Serve until a signal."""
+    import asyncio
+    import signal
+
+    from rigd.config.remote import TlsFiles
+    from rigd.model.errors import ConfigError, Exit
+    from rigd.panel.server import Listen, serve
+    from rigd.remote.client import Connection, find_target
+
+    files = (args.ca, args.certificate, args.key)
+    if any(files) and not all(files):
+        raise ConfigError("--ca, --certificate and --key come together")
+    tls = TlsFiles(*(path.absolute() for path in files)) if all(files) else None
+    target = find_target(args.rig, args.endpoint, tls, None if tls else IDENTITY)
+    listen = Listen(args.host, args.port, tuple(args.name), args.https_certificate, args.https_key)
+
+    async def panel() -> None:
+        async with await Connection.open(target) as rig:
+            await serve(rig, listen, lambda links: _announce(rig.rig, links, args.links))
+
+    async def until_signal() -> None:
+        serving = asyncio.ensure_future(panel())
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            asyncio.get_running_loop().add_signal_handler(number, serving.cancel)
+        await asyncio.wait([serving])
+        if not serving.cancelled():
+            serving.result()
+
+    asyncio.run(until_signal())
+    return int(Exit.OK)
+
+
+def _announce(rig: str, links: Mapping[str, str], path: Path | None) -> None:
+    """Tell the links to whoever started the panel, and to nobody who reads logs."""
+    if path is None and "JOURNAL_STREAM" in os.environ:  # systemd keeps what is printed
+        folder = os.environ.get("RUNTIME_DIRECTORY", "").partition(":")[0] or tempfile.gettempdir()
+        path = Path(folder) / f"rigd-panel-{rig}.links"
+    if path is None:
+        print(f"panel of {rig}: {links['operator']}")
+        print(
+            f"  to watch only: {links['observer']}", "  each link works once", sep="\n", flush=True
+        )
+        return
+    text = "".join(f"{role} {link}\n" for role, link in links.items())
+    # A file that nobody else can read from its first byte on.
+    with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=path.name, delete=False) as file:
+        file.write(text)
+    Path(file.name).replace(path)
+    print(f"panel of {rig}: the links to it are in {path}", flush=True)
