@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # imported when it is needed: a command line that only prints help is quick
+    from rigd.config.rig import RigConfig
 
 HELP = "serve a rig to those who steer it from elsewhere, and to the panel"
 EXAMPLES = """\
@@ -72,7 +77,38 @@ def execute(args: argparse.Namespace) -> int:
         args.procedures.absolute(),
         monitored=args.monitor,
         foxglove=args.foxglove,
+        panel=_panel_of(rig) if args.panel else (),
     )
     with logging_to(sys.stderr, as_json=None if args.log == "auto" else args.log == "json"):
         serve(options, lambda line: print(line, flush=True))
     return int(Exit.OK)
+
+
+def _panel_of(rig: RigConfig) -> Sequence[str]:
+    """Return the command that starts a panel for browsers of this machine.
+
+    Where clients need certificates, the panel's own (``panel.crt``) lies beside the daemon's.
+
+    Raises:
+        ConfigError: it does not.
+    """
+    from rigd.cli.panel import IDENTITY
+    from rigd.model.errors import ConfigError
+    from rigd.remote.tls import files_of
+
+    protocol, _, address = rig.remote.listen[0].partition("/")
+    host, _, port = address.rpartition(":")
+    host = "localhost" if host in ("0.0.0.0", "[::]") else host
+    command = [sys.executable, "-P", "-m", "rigd", "panel", "--rig", rig.name]
+    command += ["--endpoint", f"{protocol}/{host}:{port}"]
+    if rig.remote.tls is not None:
+        files = files_of(rig.remote.tls.certificate.parent, IDENTITY)
+        if not files.certificate.is_file():
+            raise ConfigError(
+                f"the panel has no certificate: there is no {files.certificate}",
+                hint=f"make one for a client named {IDENTITY} by rigd remote setup-tls and give "
+                "it a role in the rig file, or start without: --no-panel",
+            )
+        command += ["--ca", str(rig.remote.tls.ca), "--certificate", str(files.certificate)]
+        command += ["--key", str(files.key)]
+    return command

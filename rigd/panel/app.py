@@ -17,6 +17,7 @@ from rigd.panel.feed import Feed
 from rigd.panel.files import Files
 from rigd.panel.guard import Guard, Place
 from rigd.panel.hub import Hub
+from rigd.panel.quantities import complete_status
 from rigd.panel.rates import Bucket
 from rigd.panel.rig import Rig
 from rigd.panel.routes import Doors
@@ -41,7 +42,9 @@ class Panel:
 def build_panel(rig: Rig, sessions: Sessions, place: Place, port: int) -> Panel:
     """Return the panel of ``rig``, reached at ``place``."""
     seat = Seat(rig, sessions, lambda: hub.refresh())
-    hub = Hub(rig, lambda status: status | {"control": seat.describe(status["lease"])})
+    hub = Hub(
+        rig, lambda status: complete_status(status) | {"control": seat.describe(status["lease"])}
+    )
     secure = place.scheme == "https"
     logins = Bucket(LOGINS_PER_S, LOGINS_BURST)
     doors = Doors(rig, sessions, seat, f"rigd-{port}", secure, logins)

@@ -100,7 +100,9 @@ class Guard:
     def _refuse(self, scope: Scope) -> tuple[int, str, str] | None:
         """Return status, code and message of what speaks against the request, or None."""
         headers = Headers(scope=scope)
-        if not self._bucket(scope).take():
+        # Nothing may keep a stop out; its session has a bound of its own.
+        is_stop = scope["path"].startswith("/api/stop/")
+        if not is_stop and not self._bucket(scope).take():
             return 429, "busy", "too many requests; wait a second"
         if headers.get("host") not in self._place.hosts:
             return 421, "bad_request", "this panel is not known under that name"

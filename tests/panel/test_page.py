@@ -101,15 +101,17 @@ def test_a_run_from_the_choice_of_a_procedure_to_its_stop(
     page.get_by_label("stone").check()
     press(page, "Answer")
     expect(page.get_by_role("heading", name=re.compile("Weigh the carriage"))).to_be_visible()
-    page.get_by_label("Answer", exact=True).fill("7")
+    page.get_by_label("Answer", exact=True).fill("7000")
     press(page, "Answer")
     expect(page.locator(".prompt .problem")).to_have_text(
-        "7\u202fkg is outside 1\u202fkg to 6\u202fkg."
+        "7000\u202fg is outside 1000\u202fg to 6000\u202fg."
     )
-    page.get_by_label("Answer", exact=True).fill("3,96")
+    page.get_by_label("Answer", exact=True).fill("3960,5")
     press(page, "Answer")
     state(page, "Running")
-    assert [one["value"] for one in given(panel, "answer")] == ["stone", 3.96]
+    assert [one["value"] for one in given(panel, "answer")] == ["stone", pytest.approx(3.9605)]
+
+    expect(page.locator(".run .facts")).to_contain_text("0.55\u202fA")
 
     before = drawn(page)
     wait_until(lambda: drawn(page) > before + 10)

@@ -69,7 +69,7 @@ PROMPT = PromptView(
     text="Lay the stone floor under the wheel. Which floor lies there now?",
 )  # fmt: skip
 WEIGH = PromptView(
-    id=8, name="weigh", kind="number", unit="kg", low=1.0, high=6.0,
+    id=8, name="weigh", kind="number", unit="g", low=1.0, high=6.0,
     text="Weigh the carriage with its load. What does the scale show?",
 )  # fmt: skip
 TRIP = TripView(

@@ -65,12 +65,14 @@ function fields(prompt, mine) {
   }
 }
 
-function bounds({ low, high, unit: symbol, answer }) {
+/** The bounds as people read them; they come in SI. */
+function bounds({ low, high, unit: symbol, factor, answer }) {
+  const shown = (value) => quantity(value / factor, symbol);
   let text = "";
-  if (low !== null && high !== null) text = `${quantity(low, symbol)} to ${quantity(high, symbol)}`;
-  else if (low !== null) text = `at least ${quantity(low, symbol)}`;
-  else if (high !== null) text = `at most ${quantity(high, symbol)}`;
-  if (typeof answer === "number") text += `${text && "; "}planned: ${quantity(answer, symbol)}`;
+  if (low !== null && high !== null) text = `${shown(low)} to ${shown(high)}`;
+  else if (low !== null) text = `at least ${shown(low)}`;
+  else if (high !== null) text = `at most ${shown(high)}`;
+  if (typeof answer === "number") text += `${text && "; "}planned: ${shown(answer)}`;
   return text;
 }
 
@@ -81,10 +83,11 @@ function read(prompt, form, submitter) {
   if (prompt.kind !== "number") return String(text);
   // One comma and no point is a decimal comma; anything else with a comma could be misread.
   const plain = String(text).trim().replace("−", "-").replace(/^([^.,]*),([^.,]*)$/, "$1.$2");
-  const value = Number(plain);
-  if (plain === "" || !Number.isFinite(value)) return new Error(`${text} is not a number.`);
+  const given = Number(plain);
+  if (plain === "" || !Number.isFinite(given)) return new Error(`${text} is not a number.`);
+  const value = given * prompt.factor;
   const tooLow = prompt.low !== null && value < prompt.low;
   const tooHigh = prompt.high !== null && value > prompt.high;
-  if (tooLow || tooHigh) return new Error(`${quantity(value, prompt.unit)} is outside ${bounds({ ...prompt, answer: null })}.`);
+  if (tooLow || tooHigh) return new Error(`${quantity(given, prompt.unit)} is outside ${bounds({ ...prompt, answer: null })}.`);
   return value;
 }

@@ -1,8 +1,8 @@
 // The run under way: what varies in it, how far it is, pause and resume.
 
-import { command } from "./api.js";
+import { ask, command } from "./api.js";
 import { el, fill, icon, say } from "./dom.js";
-import { duration, short, words } from "./format.js";
+import { duration, quantity, words } from "./format.js";
 import { share } from "./state.js";
 import { hasControl, isOperator, known, watch } from "./store.js";
 import { show } from "./tabs.js";
@@ -33,11 +33,31 @@ export function mountRun(root) {
       return;
     }
     if (shape !== status.run) fill(body, dots, facts);
+    if (shape !== status.run) learnUnits(status.procedure);
     shape = status.run;
     say(title, words(status.procedure ?? ""));
     draw(dots, status);
     describe(facts, status);
   });
+}
+
+/** Name of a parameter -> its unit and factor, of the procedure that runs. */
+let units = new Map();
+
+async function learnUnits(name) {
+  units = new Map();
+  try {
+    const { parameters } = await ask("procedure", { name });
+    units = new Map(parameters.map((one) => [one.name, one]));
+  } catch (refused) {
+    if (refused.code === undefined) throw refused; // a file of somebody's own is shown in SI
+  }
+}
+
+/** A parameter, which comes in SI, as people read it. */
+function inUnit(name, value) {
+  const { unit, factor } = units.get(name) ?? { unit: "1", factor: 1 };
+  return quantity(value / factor, unit);
 }
 
 function steer(drawing, text, title) {
@@ -62,7 +82,7 @@ function describe(facts, status) {
       : `${duration(status.run_s)} so far, ${duration(status.left_s)} left (${Math.round(100 * share(status, 0))} %)`],
     ["Step", status.step ?? "–"],
     ...Object.entries(status.trial?.parameters ?? {}).map(([name, value]) => [
-      words(name), typeof value === "number" ? short(value) : String(value),
+      words(name), typeof value === "number" ? inUnit(name, value) : String(value),
     ]),
     ["Recording", status.run],
   ];

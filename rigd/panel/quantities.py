@@ -1,0 +1,26 @@
+"""Quantities for a page that knows no units: beside each unit its factor to SI."""
+
+from __future__ import annotations
+
+from rigd.model.units import parse_unit
+from rigd.panel.rig import Object
+
+
+def with_factor(told: Object) -> Object:
+    """Return ``told`` with the ``factor`` that turns a value in its ``unit`` into SI.
+
+    A prompt has its bounds in SI and a person who reads them in the unit; the other way round for
+    the answer.
+    """
+    return told | {"factor": parse_unit(told["unit"]).factor}
+
+
+def complete_status(status: Object) -> Object:
+    """Return a status whose prompt, if there is one, says its factor."""
+    prompt = status["prompt"]
+    return status if prompt is None else status | {"prompt": with_factor(prompt)}
+
+
+def complete_procedure(view: Object) -> Object:
+    """Return what ``procedure`` answers, with the factor of every parameter."""
+    return view | {"parameters": [with_factor(one) for one in view["parameters"]]}
