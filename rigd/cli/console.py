@@ -179,7 +179,7 @@ class ConsoleAnswers:
 
     def _ask(self, prompt: Prompt) -> Answer:
         while True:
-            self._screen.write(f"\n{prompt.text}\n{_invitation(prompt)}: ")
+            self._screen.write(f"\n{prompt.text}\n{invitation(prompt)}: ")
             self._screen.flush()
             line = self._lines.readline()
             if not line:
@@ -190,7 +190,8 @@ class ConsoleAnswers:
                 self._screen.write(f"  {error}\n")
 
 
-def _invitation(prompt: Prompt) -> str:
+def invitation(prompt: Prompt) -> str:
+    """Return in which form a prompt is answered."""
     match prompt.kind:
         case AnswerKind.CONFIRM:
             return "done? [yes/no]"

@@ -3,14 +3,36 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Protocol
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from rigd.rehearsal import Rehearsal
+from rigd.rehearsal import Peak, StepRow
 
 LEAST_WIDTH = 120
+
+
+class Rehearsal(Protocol):
+    """What is shown of a dry run, played here or elsewhere."""
+
+    @property
+    def duration_s(self) -> float:
+        """Of rig time."""
+
+    @property
+    def steps(self) -> Sequence[StepRow]:
+        """In the order of play."""
+
+    @property
+    def peaks(self) -> Sequence[Peak]:
+        """Of every limited channel."""
+
+    @property
+    def refusals(self) -> Sequence[str]:
+        """Why the procedure must not run."""
 
 
 def print_rehearsal(rehearsal: Rehearsal) -> None:

@@ -1,8 +1,9 @@
 """The client of a daemon, for programs, the command line and the panel."""
 
 from rigd.remote.client.asynchronous import AsyncClient
+from rigd.remote.client.blocking import Client
 from rigd.remote.client.connection import Connection
 from rigd.remote.client.remotes import find_target
 from rigd.remote.client.target import Target, aim
 
-__all__ = ["AsyncClient", "Connection", "Target", "aim", "find_target"]
+__all__ = ["AsyncClient", "Client", "Connection", "Target", "aim", "find_target"]

@@ -1,0 +1,63 @@
+"""``rigd remote``: steers rigs that a daemon serves, here or elsewhere."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Final
+
+from rigd.cli.remote import lease, look, procedures, recordings, rigs, start, steer, tls
+from rigd.cli.remote.command import Command, add_target
+
+HELP = "steer a rig that `rigd serve` serves, here or elsewhere"
+EXAMPLES = """\
+examples:
+  rigd remote list                                 rigs that this computer knows, alive or not
+  rigd remote start procedures/quick.yaml --rig lugre-1 --watch
+  rigd remote status
+  rigd remote stop --reason "wrong floor"          everybody who may connect may stop
+  rigd remote fetch RUN                            goes on where it broke off
+
+Commands take the control lease for as long as they need it; `rigd remote lease` says who has it.
+A stop is a request. The safety function is the hardware chain of the rig.
+
+exit codes: as those of rigd; 3 where the daemon refuses, 4 where nobody answers
+"""
+
+#: In the order a newcomer needs them.
+COMMANDS: Final[dict[str, Command]] = {
+    **rigs.COMMANDS,
+    **look.COMMANDS,
+    **start.COMMANDS,
+    **steer.COMMANDS,
+    **lease.COMMANDS,
+    **recordings.COMMANDS,
+    **procedures.COMMANDS,
+    **tls.COMMANDS,
+}
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the commands."""
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    for name, command in COMMANDS.items():
+        subparser = subparsers.add_parser(
+            name,
+            help=command.help,
+            description=command.help[0].upper() + command.help[1:] + ".",
+            epilog=command.examples,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        # Given here or before the command; a default of its own would undo the latter.
+        subparser.add_argument(
+            "--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS
+        )
+        command.configure(subparser)
+        if command.connects:
+            add_target(subparser)
+        subparser.set_defaults(remote=command)
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Execute the command."""
+    command: Command = args.remote
+    return command.execute(args)

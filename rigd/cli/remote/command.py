@@ -1,0 +1,93 @@
+"""What the commands of ``rigd remote`` have in common."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rigd.config.remote import TlsFiles
+    from rigd.remote import AsyncClient, Client
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command; ``configure`` adds its own options, ``execute`` returns the exit code."""
+
+    help: str
+    execute: Callable[[argparse.Namespace], int]
+    configure: Callable[[argparse.ArgumentParser], None] = lambda parser: None
+    examples: str = ""
+    connects: bool = True
+    """Whether it talks to one rig, and so has the options that say where that is."""
+
+
+def add_target(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say which rig, where, and as whom."""
+    rig = parser.add_argument_group("the rig")
+    rig.add_argument(
+        "--rig",
+        metavar="NAME",
+        help="name of the rig, by ~/.config/rigd/remotes.yaml or else on this machine "
+        "(default: the only one)",
+    )
+    rig.add_argument("--endpoint", metavar="ADDRESS", help="such as tls/rig.lab:7447")
+    rig.add_argument("--ca", type=Path, metavar="FILE", help="who signs the daemon's certificate")
+    rig.add_argument("--certificate", type=Path, metavar="FILE", help="your own")
+    rig.add_argument("--key", type=Path, metavar="FILE", help="your certificate's key")
+    rig.add_argument(
+        "--as",
+        dest="identity",
+        metavar="NAME",
+        help="who you are, where no certificate says so (default: your login)",
+    )
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add ``--json``."""
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def connect(args: argparse.Namespace) -> Client:
+    """Return a client of the rig that the options name.
+
+    Raises:
+        ConfigError: the options do not go together, or name none.
+        LinkError: it cannot be reached.
+    """
+    from rigd.remote import Client
+
+    return Client(args.rig, endpoint=args.endpoint, tls=_tls(args), identity=args.identity)
+
+
+def connect_async(args: argparse.Namespace) -> AsyncClient:
+    """Return a client of the rig that the options name; it is not connected yet.
+
+    Raises:
+        ConfigError: the options do not go together, or name none.
+    """
+    from rigd.remote import AsyncClient
+
+    return AsyncClient(args.rig, endpoint=args.endpoint, tls=_tls(args), identity=args.identity)
+
+
+def _tls(args: argparse.Namespace) -> TlsFiles | None:
+    from rigd.config.remote import TlsFiles
+    from rigd.model.errors import ConfigError
+
+    files: list[Path | None] = [args.ca, args.certificate, args.key]
+    given = [path.absolute() for path in files if path is not None]
+    if not given:
+        return None
+    if len(given) < len(files):
+        raise ConfigError("--ca, --certificate and --key come together")
+    return TlsFiles(*given)
+
+
+def print_json(result: Mapping[str, Any] | Sequence[Any]) -> None:
+    """Print a result for a program."""
+    print(json.dumps(result, indent=2, ensure_ascii=False))

@@ -1,0 +1,128 @@
+"""What a person at a terminal sees of a run elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+from rigd.daemon.provenance import format_parameter
+from rigd.procedure.loader import Procedure
+from rigd.remote.protocol import Status
+from rigd.remote.protocol.results import RunLine
+from rigd.remote.protocol.status import LastRun, Trial
+
+
+class RemoteDisplay:
+    """Progress on standard error: a bar on a terminal, a line per trial elsewhere.
+
+    ``procedure`` tells the units of its parameters, and which of them its sweep varies.
+    """
+
+    def __init__(self, procedure: Procedure | None, *, quiet: bool) -> None:
+        self._units, self._swept = _parameters(procedure)
+        self._quiet = quiet
+        self._console = Console(stderr=True, highlight=False)
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[left]}"),
+            console=self._console,
+            disable=quiet or not self._console.is_terminal,
+        )
+        self._task = self._bar.add_task("preflight", total=1, left="")
+        self._trial: Trial | None = None
+        self._state = ""
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._bar.stop()
+
+    @contextmanager
+    def quiet(self) -> Iterator[None]:
+        """Take the bar off the screen for a while."""
+        self._bar.stop()
+        try:
+            yield
+        finally:
+            self._bar.start()
+
+    def show(self, status: Status) -> None:
+        """Show where the run stands."""
+        if self._quiet:
+            return
+        trial = status.trial
+        if trial is not None and trial != self._trial and not self._console.is_terminal:
+            self._console.print(
+                f"trial {status.trials_done + 1}/{status.trials_total}: "
+                f"{escape(self._describe(trial))}"
+            )
+        if status.state != self._state and status.state in ("pausing", "paused", "stopping"):
+            self.tell(f"{status.state}; rigd remote resume goes on"
+                      if status.state == "paused" else status.state)  # fmt: skip
+        self._trial, self._state = trial, status.state
+        what = status.state
+        if trial is not None:
+            what = self._describe(trial) + (f" · {status.step}" if status.step else "")
+        left = "" if status.left_s is None else f"{status.left_s:.0f} s left"
+        self._bar.update(
+            self._task,
+            total=max(status.trials_total, 1),
+            completed=status.trials_done,
+            description=escape(what),
+            left=left,
+        )
+
+    def show_silence(self, silent_s: float) -> None:
+        """Show that what stands on the screen is old."""
+        self._bar.update(self._task, description=f"[red]nothing heard for {silent_s:.0f} s[/]")
+
+    def tell(self, line: str) -> None:
+        """Show a line, also when quiet: it answers what a person just did."""
+        self._console.print(f"[yellow]{escape(line)}[/]")
+
+    def _describe(self, trial: Trial) -> str:
+        words = [
+            f"{name} {format_parameter(value, self._units.get(name))}"
+            for name, value in trial.parameters.items()
+            if name in self._swept or not self._units
+        ]
+        text = ", ".join(words) or f"trial {trial.number}"
+        return text if trial.repeat == 1 else f"{text}, repeat {trial.repeat}"
+
+
+def conclude(last: LastRun, line: RunLine, rig: str) -> None:
+    """Say how the run ended and what to do next."""
+    colour = "red" if last.exit_code else "green"
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(
+        f"[{colour}]{last.ending}[/]: {escape(last.reason)}; "
+        f"{line.trials_done} of {line.trials_total} trials, {line.duration_s:.1f} s of rig time"
+    )
+    run = escape(last.run)
+    if line.trials_done < line.trials_total:
+        console.print(f"go on with:  rigd remote resume-run {run} --rig {rig}")
+    console.print(f"fetch it:    rigd remote fetch {run} --rig {rig}")
+
+
+def _parameters(procedure: Procedure | None) -> tuple[Mapping[str, str], frozenset[str]]:
+    """Return the units of parameters by name, and the names of those that are swept."""
+    if procedure is None:
+        return {}, frozenset()
+    source = procedure.source
+    units = {name: one.unit for name, one in source.parameters.items() if one.unit}
+    return units, frozenset((*source.sweep.grid, *source.sweep.zip))

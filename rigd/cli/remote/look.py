@@ -1,0 +1,141 @@
+"""``rigd remote status`` and ``events``: what goes on."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from rigd.cli.remote.command import Command, add_json, connect, connect_async, print_json
+
+if TYPE_CHECKING:
+    from rigd.remote.protocol import Event, Status
+
+
+def _configure_status(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--watch", action="store_true", help="follow the run under way to its end")
+    add_json(parser)
+
+
+def _status(args: argparse.Namespace) -> int:
+    from rigd.remote.protocol import as_json
+
+    if args.watch:
+        return _watch(args)
+    with connect(args) as rig:
+        status = rig.status()
+    if args.json:
+        print_json(as_json(status))
+    else:
+        _print(status)
+    return 0
+
+
+def _watch(args: argparse.Namespace) -> int:
+    import asyncio
+
+    from rigd.cli.remote.watching import watch
+    from rigd.model.errors import ConfigError
+
+    async def follow() -> int:
+        async with connect_async(args) as rig:
+            run = (await rig.status()).run
+            if run is None:
+                raise ConfigError("nothing is running: there is no run to watch")
+            return await watch(rig, run, as_json=args.json)
+
+    return asyncio.run(follow())
+
+
+def _print(status: Status) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+
+    console = Console(highlight=False, soft_wrap=True)
+
+    def say(text: str, style: str = "") -> None:
+        console.print(escape(text), style=style)
+
+    say(f"{status.rig}: {status.state.replace('_', ' ')}  ({status.title})", "bold")
+    if status.run is not None:
+        say(f"  {status.procedure}, recording {status.run}")
+        left = "" if status.left_s is None else f", {_duration(status.left_s)} left"
+        step = f", step {status.step}" if status.step else ""
+        say(
+            f"  {status.trials_done} of {status.trials_total} trials done in "
+            f"{_duration(status.run_s)}{left}{step}"
+        )
+    if status.prompt is not None:
+        say(f"  waits for an answer: {status.prompt.text}", "yellow")
+        say("    rigd remote answer VALUE")
+    if status.lease.holder is not None:
+        say(f"  control: {status.lease.holder}")
+    for name in status.lease.asked_by:
+        say(f"    {name} asks for it")
+    for trip in status.trips:
+        done = "acknowledged" if trip.acknowledged else f"rigd remote ack {trip.interlock}"
+        say(f"  {trip.interlock} acted ({trip.action}): {trip.message}; {done}", "red")
+    for one in status.interrupted:
+        say(f"  interrupted: {one.run}, {one.trials_done} of {one.trials_total} trials")
+        say(f"    rigd remote resume-run {one.run}")
+    if status.last is not None:
+        say(f"  last run: {status.last.run}, {status.last.ending}: {status.last.reason}")
+    for notice in status.notices[-5:]:
+        say(f"  {_clock(notice.t_ns)} {notice.text}", "" if notice.level == "info" else "yellow")
+
+
+def _configure_events(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--since", type=int, default=0, metavar="N", help="only those numbered from N"
+    )
+    parser.add_argument("--follow", action="store_true", help="go on with those to come")
+    parser.add_argument("--json", action="store_true", help="print a line of JSON for each")
+
+
+def _events(args: argparse.Namespace) -> int:
+    with connect(args) as rig:
+        events = rig.watch_events(args.since) if args.follow else rig.events(args.since).events
+        for event in events:
+            print(event.model_dump_json() if args.json else _line(event))
+            sys.stdout.flush()
+    return 0
+
+
+def _line(event: Event) -> str:
+    data = ", ".join(f"{name}={value}" for name, value in event.data.items())
+    trial = "" if event.trial < 0 else f"trial {event.trial}  "
+    return f"{event.seq:6d}  {_clock(event.t_ns)}  {event.kind:16s}  {trial}{data}"
+
+
+def _clock(t_ns: int) -> str:
+    return datetime.fromtimestamp(t_ns * 1e-9).strftime("%H:%M:%S")
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{rest} s" if minutes == 0 else f"{minutes} min {rest} s"
+
+
+COMMANDS = {
+    "status": Command(
+        "show what a rig does",
+        _status,
+        _configure_status,
+        """\
+examples:
+  rigd remote status --rig lugre-1
+  rigd remote status --watch       progress to the end; exits as the run did
+""",
+    ),
+    "events": Command(
+        "show what happened on a rig, the newest last",
+        _events,
+        _configure_events,
+        """\
+examples:
+  rigd remote events --follow
+  rigd remote events --since 120 --json
+""",
+    ),
+}

@@ -1,0 +1,124 @@
+"""``rigd remote procedures`` and ``dry-run``: what could run, and what it would do."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rigd.cli.remote.command import Command, add_json, connect, print_json
+
+if TYPE_CHECKING:
+    from rigd.rehearsal import Peak, StepRow
+    from rigd.remote.protocol.results import DryRun
+
+
+def _procedures(args: argparse.Namespace) -> int:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    with connect(args) as rig:
+        found = rig.procedures()
+    if args.json:
+        print_json(found.model_dump(mode="json"))
+        return 0
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
+    table = Table(box=None, pad_edge=False)
+    for name in ("procedure", "title", "cannot run here because"):
+        table.add_column(name, overflow="fold")
+    for one in found.procedures:
+        table.add_row(*map(escape, (one.name, one.title, one.problem or "")))
+    console.print(table)
+    return 0
+
+
+def add_procedure(parser: argparse.ArgumentParser) -> None:
+    """Add a procedure and the values it is to have."""
+    parser.add_argument(
+        "procedure", help="a file of this computer, or the name of a procedure the daemon has"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="give a parameter of the procedure another value, with its unit",
+    )
+
+
+def values_of(args: argparse.Namespace) -> dict[str, str]:
+    """Return what ``--set`` gives, by name."""
+    from rigd.cli.run import split_assignment
+
+    return dict(split_assignment(one) for one in args.set)
+
+
+def _configure_dry_run(parser: argparse.ArgumentParser) -> None:
+    add_procedure(parser)
+    add_json(parser)
+
+
+def _dry_run(args: argparse.Namespace) -> int:
+    from rigd.cli.rehearsal_view import print_rehearsal, rehearsal_json
+    from rigd.model.errors import Exit
+
+    with connect(args) as rig:
+        played = _rehearsal(rig.dry_run(args.procedure, values_of(args)))
+    if args.json:
+        print_json(rehearsal_json(played))
+    else:
+        print_rehearsal(played)
+    return int(Exit.BLOCKED if played.refusals else Exit.OK)
+
+
+@dataclass(frozen=True)
+class _Rehearsal:
+    """A dry run that was played elsewhere, as one played here is shown."""
+
+    duration_s: float
+    steps: tuple[StepRow, ...]
+    peaks: tuple[Peak, ...]
+    refusals: tuple[str, ...]
+
+
+def _rehearsal(dry_run: DryRun) -> _Rehearsal:
+    from rigd.rehearsal import Peak, StepRow
+
+    def bound(value: float | None, missing: float) -> float:
+        return missing if value is None else value
+
+    return _Rehearsal(
+        dry_run.duration_s,
+        tuple(StepRow(**dict(step)) for step in dry_run.steps),
+        tuple(
+            Peak(
+                peak.channel,
+                peak.unit,
+                bound(peak.lowest, math.nan),
+                bound(peak.highest, math.nan),
+                bound(peak.low, -math.inf),
+                bound(peak.high, math.inf),
+                peak.limit_by,
+            )
+            for peak in dry_run.peaks
+        ),
+        dry_run.refusals,
+    )
+
+
+COMMANDS = {
+    "procedures": Command("list the procedures that a daemon has", _procedures, add_json),
+    "dry-run": Command(
+        "play a procedure on the daemon's simulated plant; nothing moves",
+        _dry_run,
+        _configure_dry_run,
+        """\
+examples:
+  rigd remote dry-run procedures/quick.yaml --rig lugre-1
+  rigd remote dry-run constant_current --set floor=pvc      one that the daemon has
+""",
+    ),
+}

@@ -1,0 +1,142 @@
+"""Recordings of a daemon: list, fetch, report."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rigd.cli.remote.command import Command, add_json, connect, print_json
+
+if TYPE_CHECKING:
+    from rigd.remote.protocol.results import RunList
+
+
+def _configure_runs(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--limit", type=int, default=20, metavar="N", help="how many (20)")
+    parser.add_argument("--before", metavar="RUN", help="only older ones than this")
+    add_json(parser)
+
+
+def _runs(args: argparse.Namespace) -> int:
+    with connect(args) as rig:
+        found = rig.runs(args.limit, args.before)
+    if args.json:
+        print_json(found.model_dump(mode="json"))
+    else:
+        _print(found)
+    return 0
+
+
+def _print(found: RunList) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
+    table = Table(box=None, pad_edge=False)
+    for name in ("recording", "procedure", "state", "began"):
+        table.add_column(name, overflow="fold")
+    for name in ("trials", "s", "MB"):
+        table.add_column(name, justify="right")
+    table.add_column("report")
+    for one in found.runs:
+        began = datetime.fromtimestamp(one.started_ns * 1e-9).strftime("%Y-%m-%d %H:%M")
+        texts = (
+            one.run,
+            one.procedure,
+            one.state if one.problem is None else one.problem,
+            began if one.started_ns else "",
+            f"{one.trials_done}/{one.trials_total}",
+            f"{one.duration_s:.0f}",
+            f"{one.size / 1e6:.1f}",
+            "yes" if one.has_report else "",
+        )
+        table.add_row(*map(escape, texts))
+    console.print(table)
+    if found.more:
+        console.print(
+            f"older ones:  rigd remote runs --before {escape(found.runs[-1].run)}", soft_wrap=True
+        )
+
+
+def _configure_fetch(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("run", metavar="RUN", help="name of a recording, as `runs` lists it")
+    parser.add_argument(
+        "--to", type=Path, default=Path(), metavar="FOLDER", help="where to put it (here)"
+    )
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_json(parser)
+
+
+def _fetch(args: argparse.Namespace) -> int:
+    with connect(args) as rig, _progress(args) as progress:
+        path = rig.fetch(args.run, args.to, progress)
+    _tell(args, path)
+    return 0
+
+
+def _configure_report(parser: argparse.ArgumentParser) -> None:
+    _configure_fetch(parser)
+    parser.add_argument("--make", action="store_true", help="identify first; may take minutes")
+
+
+def _report(args: argparse.Namespace) -> int:
+    with connect(args) as rig, _progress(args) as progress:
+        if args.make:
+            with rig.control(brief=True):
+                rig.identify(args.run)
+        path = rig.report(args.run, args.to, progress)
+    _tell(args, path)
+    return 0
+
+
+@contextmanager
+def _progress(args: argparse.Namespace) -> Iterator[Callable[[int, int], None]]:
+    """Show a bar while something comes, on a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TransferSpeedColumn
+
+    console = Console(stderr=True)
+    hidden = args.quiet or args.json or not console.is_terminal
+    columns = (BarColumn(bar_width=24), DownloadColumn(), TransferSpeedColumn())
+    with Progress(*columns, console=console, disable=hidden) as bar:
+        task = bar.add_task(args.run, total=None)
+        yield lambda done, size: bar.update(task, completed=done, total=size)
+
+
+def _tell(args: argparse.Namespace, path: Path) -> None:
+    if args.json:
+        print_json({"path": str(path), "size": path.stat().st_size})
+    else:
+        print(path)
+
+
+COMMANDS = {
+    "runs": Command("list the recordings of a daemon, the newest first", _runs, _configure_runs),
+    "fetch": Command(
+        "fetch a recording",
+        _fetch,
+        _configure_fetch,
+        """\
+examples:
+  rigd remote fetch lugre-1_quick_20261121T080000.mcap --to data/
+
+One that breaks off goes on where it was. What has arrived is checked against its SHA-256 before
+it gets its name.
+""",
+    ),
+    "report": Command(
+        "fetch the report of a recording",
+        _report,
+        _configure_report,
+        """\
+examples:
+  rigd remote report RUN --make      identify on the daemon's machine, then fetch the report
+""",
+    ),
+}

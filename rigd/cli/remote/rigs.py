@@ -1,0 +1,94 @@
+"""``rigd remote list``: the rigs that this computer knows of."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from rigd.cli.remote.command import Command, add_json, print_json
+
+if TYPE_CHECKING:
+    from rigd.remote.client.roll import Seen
+
+
+def _execute(args: argparse.Namespace) -> int:
+    import asyncio
+
+    from rigd.remote.client.roll import call_roll
+
+    found = asyncio.run(call_roll())
+    if args.json:
+        print_json([_as_json(one) for one in found])
+    else:
+        _print(found)
+    return 0
+
+
+def _print(found: list[Seen]) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from rigd.remote.client.remotes import list_path
+
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
+    if not found:
+        console.print(
+            f"no rig on this machine, and none in {escape(str(list_path()))}\n"
+            "  rigd serve --rig RIG serves one",
+            soft_wrap=True,
+        )
+        return
+    table = Table(box=None, pad_edge=False)
+    for name in ("rig", "address", "state", "procedure", "trials", "control", "title"):
+        table.add_column(name, overflow="fold")
+    for one in found:
+        status = one.status
+        if status is None:
+            table.add_row(escape(one.rig), escape(one.endpoint), f"[red]{escape(one.problem)}[/]")
+            continue
+        trials = f"{status.trials_done}/{status.trials_total}" if status.procedure else ""
+        texts = (
+            one.rig,
+            one.endpoint,
+            status.state,
+            status.procedure or "",
+            trials,
+            status.lease.holder or "",
+            status.title,
+        )
+        table.add_row(*map(escape, texts))
+    console.print(table)
+
+
+def _as_json(seen: Seen) -> dict[str, object]:
+    from rigd.remote.protocol import as_json
+
+    status = None if seen.status is None else as_json(seen.status)
+    return {
+        "rig": seen.rig,
+        "endpoint": seen.endpoint,
+        "alive": seen.status is not None,
+        "problem": seen.problem or None,
+        "status": status,
+    }
+
+
+COMMANDS = {
+    "list": Command(
+        "list the rigs that this computer knows, alive or not",
+        _execute,
+        add_json,
+        """\
+Asked are the addresses in ~/.config/rigd/remotes.yaml and this machine; nothing else is searched.
+
+  remotes:
+    lugre-1: {endpoint: tcp/127.0.0.1:7447}
+    wire-1:
+      endpoint: tls/rig.lab:7447
+      tls: {ca: certs/ca.crt, certificate: certs/alice.crt, key: certs/alice.key}
+""",
+        connects=False,
+    )
+}

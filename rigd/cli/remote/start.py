@@ -1,0 +1,123 @@
+"""``rigd remote start`` and ``resume-run``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Awaitable, Callable
+from typing import TYPE_CHECKING
+
+from rigd.cli.remote.command import Command, add_json, connect_async, print_json
+from rigd.cli.remote.procedures import add_procedure, values_of
+
+if TYPE_CHECKING:
+    from rigd.procedure.loader import Procedure
+    from rigd.remote import AsyncClient
+    from rigd.remote.protocol.results import Started
+
+
+def _configure_start(parser: argparse.ArgumentParser) -> None:
+    add_procedure(parser)
+    parser.add_argument(
+        "--yes", action="store_true", help="answer prompts with the procedure's own answers"
+    )
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of the simulation (default 1)")
+    parser.add_argument(
+        "--on-client-loss",
+        choices=("continue", "finish_trial", "stop"),
+        help="what the run does when this command vanishes while it watches (default: what the "
+        "procedure says)",
+    )
+    _configure_watch(parser)
+
+
+def _configure_resume(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("run", metavar="RUN", help="an interrupted run, as the status shows it")
+    _configure_watch(parser)
+
+
+def _configure_watch(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--watch", action="store_true", help="show progress to the end, and ask prompts here"
+    )
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_json(parser)
+
+
+def _start(args: argparse.Namespace) -> int:
+    async def begin(rig: AsyncClient) -> Started:
+        return await rig.start(
+            args.procedure,
+            values_of(args),
+            seed=args.seed,
+            answers="procedure" if args.yes else "ask",
+            on_client_loss=args.on_client_loss,
+        )
+
+    return _begin(args, begin, _local(args.procedure))
+
+
+def _resume(args: argparse.Namespace) -> int:
+    return _begin(args, lambda rig: rig.resume_run(args.run))
+
+
+def _begin(
+    args: argparse.Namespace,
+    begin: Callable[[AsyncClient], Awaitable[Started]],
+    procedure: Procedure | None = None,
+) -> int:
+    """Begin a run; watched, with the lease held all the while, else without anybody's."""
+    import asyncio
+
+    from rigd.cli.remote.watching import watch
+    from rigd.model.errors import ProtocolError
+
+    async def run() -> int:
+        async with connect_async(args) as rig, rig.control(brief=not args.watch):
+            name = (await begin(rig)).run
+            if name is None:
+                raise ProtocolError("the daemon began a run, and does not say which")
+            if args.watch:
+                print(f"{rig.rig} records {name}", file=sys.stderr)
+                return await watch(
+                    rig, name, as_json=args.json, quiet=args.quiet, procedure=procedure
+                )
+            if args.json:
+                print_json({"run": name})
+            else:
+                print(f"{name}\nwatch it:  rigd remote status --watch --rig {rig.rig}")
+            return 0
+
+    return asyncio.run(run())
+
+
+def _local(given: str) -> Procedure | None:
+    """Return the procedure that is sent, where it is a file of this computer."""
+    from rigd.procedure.loader import load_procedure
+    from rigd.remote.client.procedures import is_path
+
+    return load_procedure(given) if is_path(given) else None
+
+
+COMMANDS = {
+    "start": Command(
+        "start a procedure on a rig",
+        _start,
+        _configure_start,
+        """\
+examples:
+  rigd remote start procedures/quick.yaml --rig lugre-1 --watch
+  rigd remote start constant_current --set floor=pvc        one that the daemon has
+  rigd remote start procedures/quick.yaml --yes --watch --json
+
+With --watch this command has control to the end and exits as the run did; should it vanish, the
+run does what the procedure says (`on_client_loss`). Ctrl-C then asks whether to stop the run or
+only the watching. Without --watch the run needs nobody, and prompts wait for whoever answers.
+""",
+    ),
+    "resume-run": Command(
+        "go on with an interrupted run: only the trials that are missing",
+        _resume,
+        _configure_resume,
+    ),
+}

@@ -1,0 +1,154 @@
+"""Commands to the run under way, and to stop it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from rigd.cli.remote.command import Command, add_json, connect, print_json
+
+if TYPE_CHECKING:
+    from rigd.remote import Client
+
+
+def _commanding(do: Callable[[Client, argparse.Namespace], str]) -> Callable[..., int]:
+    """Return the command that does ``do`` with the lease, and says what it returns."""
+
+    def execute(args: argparse.Namespace) -> int:
+        with connect(args) as rig, rig.control(brief=True):
+            said = do(rig, args)
+        _say(args, said)
+        return 0
+
+    return execute
+
+
+def _stopping(do: Callable[[Client, str], bool], verb: str) -> Callable[..., int]:
+    """Return the command that stops; no lease, so that nothing stands in its way."""
+
+    def execute(args: argparse.Namespace) -> int:
+        with connect(args) as rig:
+            acted = do(rig, args.reason)
+        if args.json:
+            print_json({"acted": acted})
+        else:
+            print(f"{verb}: asked for" if acted else f"{verb}: nothing runs that was not told so")
+        return 0
+
+    return execute
+
+
+def _say(args: argparse.Namespace, said: str) -> None:
+    if args.json:
+        print_json({"done": said})
+    else:
+        print(said)
+
+
+def _pause(rig: Client, args: argparse.Namespace) -> str:
+    rig.pause()
+    return "pauses after the trial under way"
+
+
+def _resume(rig: Client, args: argparse.Namespace) -> str:
+    rig.resume()
+    return "goes on"
+
+
+def _acknowledge(rig: Client, args: argparse.Namespace) -> str:
+    rig.acknowledge(args.interlock)
+    return f"{args.interlock} is acknowledged"
+
+
+def _act(rig: Client, args: argparse.Namespace) -> str:
+    return rig.act(args.device, args.action) or f"{args.device}: {args.action} done"
+
+
+def _answer(rig: Client, args: argparse.Namespace) -> str:
+    from rigd.cli.remote.prompting import as_prompt
+    from rigd.engine.answers import read_answer
+    from rigd.model.errors import ConfigError
+    from rigd.remote.protocol import Code, Refusal
+
+    view = rig.status().prompt
+    if view is None or args.id not in (None, view.id):
+        raise Refusal(Code.CONFLICT, "no such prompt waits for an answer", hint="see its status")
+    try:
+        value = read_answer(as_prompt(view), args.value)
+    except ValueError as error:
+        raise ConfigError(f"{view.text}: {error}") from error
+    rig.answer(value, view.id)
+    return f"{view.name}: {args.value}"
+
+
+def _configure_answer(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("value", help="such as '1.2 kg', pvc, or yes")
+    parser.add_argument("--id", type=int, metavar="N", help="only if it is this prompt that waits")
+    add_json(parser)
+
+
+def _configure_interlock(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("interlock", help="its name, as the status shows it")
+    add_json(parser)
+
+
+def _configure_act(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("device")
+    parser.add_argument("action", help="such as tare")
+    add_json(parser)
+
+
+def _configure_stop(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--reason", default="", metavar="TEXT", help="shown, and recorded")
+    add_json(parser)
+
+
+_STOP_NOTE = """\
+Everybody who may connect may do so; it needs no lease. Each ends the run more firmly than the one
+before: stop, abort, estop. A software stop is a request: the safety function is the hardware chain
+of the rig.
+"""
+
+COMMANDS = {
+    "pause": Command("pause after the trial under way", _commanding(_pause), add_json),
+    "resume": Command("go on after a pause", _commanding(_resume), add_json),
+    "answer": Command(
+        "answer the prompt that waits",
+        _commanding(_answer),
+        _configure_answer,
+        """\
+examples:
+  rigd remote answer '1.2 kg'
+  rigd remote answer yes
+""",
+    ),
+    "ack": Command(
+        "acknowledge an interlock that has acted: you have looked at the rig",
+        _commanding(_acknowledge),
+        _configure_interlock,
+    ),
+    "act": Command(
+        "let a device do one of its actions, such as a tare; for maintainers",
+        _commanding(_act),
+        _configure_act,
+    ),
+    "stop": Command(
+        "stop the run in order: setpoints to rest, then its `finish`",
+        _stopping(lambda rig, reason: rig.stop(reason), "stop"),
+        _configure_stop,
+        _STOP_NOTE,
+    ),
+    "abort": Command(
+        "ramp to rest now, without `finish`",
+        _stopping(lambda rig, reason: rig.abort(reason), "abort"),
+        _configure_stop,
+        _STOP_NOTE,
+    ),
+    "estop": Command(
+        "ask for power to be dropped",
+        _stopping(lambda rig, reason: rig.estop(reason), "estop"),
+        _configure_stop,
+        _STOP_NOTE,
+    ),
+}

@@ -1,0 +1,84 @@
+"""``rigd remote setup-tls``: certificates for a lab."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from rigd.cli.remote.command import Command, add_json, print_json
+
+
+def _configure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, help="where the files go; made if missing")
+    parser.add_argument(
+        "--host",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="name or address by which clients reach the rig; once for each",
+    )
+    parser.add_argument(
+        "--client",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="who gets a certificate; once for each",
+    )
+    add_json(parser)
+
+
+def _execute(args: argparse.Namespace) -> int:
+    from rigd.model.errors import ConfigError
+    from rigd.remote.tls import setup_tls
+
+    if not args.host and not (args.folder / "rigd.crt").exists():
+        raise ConfigError(
+            "by which name or address do clients reach the rig?", hint="--host rig.lab"
+        )
+    made = setup_tls(args.folder, args.host, args.client)
+    if args.json:
+        kinds = {"made": made.files, "kept": made.kept}
+        print_json({kind: [str(one) for one in files] for kind, files in kinds.items()})
+        return 0
+    for path in made.files:
+        print(f"made  {path}")
+    for path in made.kept:
+        print(f"kept  {path}")
+    print(_advice(args.folder, args.host, args.client))
+    return 0
+
+
+def _advice(folder: Path, hosts: Sequence[str], clients: Sequence[str]) -> str:
+    host = hosts[0] if hosts else "HOST"
+    name = clients[0] if clients else "NAME"
+    roles = ", ".join(f"{one}: operator" for one in clients) or "NAME: operator"
+    return f"""
+in the rig file, on the machine of the rig:
+  remote:
+    listen: [tls/0.0.0.0:7447]
+    tls: {{ca: {folder}/ca.crt, certificate: {folder}/rigd.crt, key: {folder}/rigd.key}}
+    roles: {{{roles}}}          # observer, operator or maintainer
+
+with each client, in ~/.config/rigd/remotes.yaml, beside ca.crt and the client's own two files:
+  remotes:
+    RIG:
+      endpoint: tls/{host}:7447
+      tls: {{ca: ca.crt, certificate: {name}.crt, key: {name}.key}}
+
+Give nobody ca.key, nor another's key; keep ca.key off the network."""
+
+
+COMMANDS = {
+    "setup-tls": Command(
+        "make certificates for a lab: an authority, the rig's, and one for each client",
+        _execute,
+        _configure,
+        """\
+examples:
+  rigd remote setup-tls certs --host rig.lab --host 192.168.0.7 --client alice --client panel
+  rigd remote setup-tls certs --client bob        another client, later; what is there is kept
+""",
+        connects=False,
+    )
+}

@@ -1,0 +1,64 @@
+"""Who is there: the rigs of the client's own list, and those on this machine."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+
+from rigd.config.remote import DEFAULT_ENDPOINT
+from rigd.model.errors import RigdError
+from rigd.remote.client.connection import Connection
+from rigd.remote.client.remotes import Remote, read_remotes
+from rigd.remote.client.session import open_session, rigs_alive
+from rigd.remote.client.target import Target, aim
+from rigd.remote.protocol import Status
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A rig, and what it says of itself; else ``problem`` says why it says nothing."""
+
+    rig: str
+    endpoint: str
+    status: Status | None = None
+    problem: str = ""
+
+
+async def call_roll() -> list[Seen]:
+    """Return all rigs of the list, and those on this machine that are not in it, by name.
+
+    Raises:
+        ConfigError: the list is wrong.
+    """
+    known = read_remotes()
+    async with asyncio.TaskGroup() as group:
+        listed = [group.create_task(_look(name, one)) for name, one in known.items()]
+        here = group.create_task(_look_around(frozenset(known)))
+    found = [task.result() for task in listed] + here.result()
+    return sorted(found, key=lambda one: one.rig)
+
+
+async def _look(rig: str, remote: Remote) -> Seen:
+    try:
+        return await _status_of(aim(rig, remote.endpoint, remote.tls, remote.identity))
+    except RigdError as error:
+        return Seen(rig, remote.endpoint, problem=error.message)
+
+
+async def _look_around(known: frozenset[str]) -> list[Seen]:
+    """Return the rigs on this machine, but those that are ``known``."""
+    target = aim()
+    try:
+        session = await asyncio.to_thread(open_session, target)
+    except RigdError:
+        return []  # no daemon here: that is no fault
+    try:
+        alive = await rigs_alive(session)
+    finally:
+        await asyncio.to_thread(session.close)
+    return [await _look(rig, Remote(DEFAULT_ENDPOINT)) for rig in alive if rig not in known]
+
+
+async def _status_of(target: Target) -> Seen:
+    async with await Connection.open(target) as connection:
+        return Seen(connection.rig, target.endpoint, await connection.status())
