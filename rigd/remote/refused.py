@@ -53,7 +53,7 @@ class Refused:
             self._log_from_ns = now_ns + round(_LOG_EVERY_S * 1e9)
             unlogged, self._unlogged = self._unlogged, 0
         _log.warning(
-            "refused (%s) %.200r: %s; %d more since the last line",
+            "refused (%s) %.200r: %.300r; %d more since the last line",
             refusal.code.value, key, refusal.message, unlogged,
         )  # fmt: skip
 

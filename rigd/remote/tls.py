@@ -9,6 +9,7 @@ usage, RFC 5280 section 4.2.1.12).
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -31,6 +32,9 @@ VALID: Final = timedelta(days=730)
 #: Clocks of a lab may differ by this much.
 _SKEW: Final = timedelta(hours=1)
 
+#: Labels of letters, digits and dashes (RFC 1123 section 2.1).
+_HOST: Final = re.compile(r"(?!-)[A-Za-z0-9-]{1,63}(?:\.[A-Za-z0-9-]{1,63})*")
+
 #: Names of the files of an authority and of a rig's server.
 CA: Final = "ca"
 SERVER: Final = "rigd"
@@ -38,7 +42,7 @@ SERVER: Final = "rigd"
 
 @dataclass(frozen=True)
 class Made:
-    """The files that were made, and the clients that had certificates already."""
+    """The files that were made, and those that were there already."""
 
     files: tuple[Path, ...]
     kept: tuple[Path, ...]
@@ -65,14 +69,15 @@ def setup_tls(
 
     Raises:
         Refusal: a client's name cannot stand in a key.
-        ConfigError: a client is named as the authority or the server is; or a certificate is there
-            without its key, or a key without its certificate.
+        ConfigError: a client is named as the authority or the server is; a host is none; or a
+            certificate is there without its key, or a key without its certificate.
     """
     now = now or datetime.now(UTC)
     for name in clients:
         check_name(name, "client name")
         if name in (CA, SERVER):
             raise ConfigError(f"a client cannot be named {name!r}: that is a file of the rig's own")
+    reached_by = [_general_name(host) for host in hosts]
     folder.mkdir(parents=True, exist_ok=True)
     made: list[Path] = []
     kept: list[Path] = []
@@ -92,7 +97,12 @@ def setup_tls(
         _make_authority(folder, now)
     authority = _read_authority(folder)
     if missing(SERVER):
-        names = x509.SubjectAlternativeName([_general_name(host) for host in hosts])
+        if not reached_by:
+            raise ConfigError(
+                "nobody could trust a server without a name",
+                hint="give the names or addresses by which clients reach the rig",
+            )
+        names = x509.SubjectAlternativeName(reached_by)
         _make(folder, SERVER, authority, ExtendedKeyUsageOID.SERVER_AUTH, names, now, valid)
     for name in clients:
         if missing(name):
@@ -192,6 +202,10 @@ def _general_name(host: str) -> x509.GeneralName:
     try:
         return x509.IPAddress(ip_address(host))
     except ValueError:
+        if _HOST.fullmatch(host) is None:
+            raise ConfigError(
+                f"{host!r} is no name or address of a computer", hint="such as rig.lab or 10.0.0.5"
+            ) from None
         return x509.DNSName(host)
 
 

@@ -12,6 +12,8 @@ from support.served_rig import ARGUMENTS, RIG, Served, key, request
 from support.spoilt import spoilt_payloads
 from support.zenoh_client import ZenohClient
 
+from rigd.model import LinkError
+from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.limits import MAX_REQUEST_BYTES
 
 
@@ -95,11 +97,28 @@ def test_a_stop_is_taken_whatever_the_clocks_say(on_loopback: Served, client: Ze
     assert on_loopback.rig.done[before:] == [("eve", "abort")]
 
 
-def test_a_bug_of_the_rig_is_told_as_such(on_loopback: Served, client: ZenohClient) -> None:
-    on_loopback.rig.fails = "run"
-    assert code(client, "ask", "run", request("run")) == "internal"
+@pytest.mark.parametrize(
+    ("error", "expected", "told"),
+    [
+        (RuntimeError("secret"), "internal", "pause failed in the daemon"),
+        (LinkError("no answer from scale", hint="plug it in"), "refused", "no answer from scale"),
+        (Refusal(Code.CONFLICT, "nothing runs"), "conflict", "nothing runs"),
+    ],
+)
+def test_what_fails_is_told_and_not_tried_again(
+    on_loopback: Served, client: ZenohClient, error: Exception, expected: str, told: str
+) -> None:
+    on_loopback.rig.hold_lease("eve")
+    on_loopback.rig.fails, on_loopback.rig.error = "pause", error
+    before = len(on_loopback.rig.done)
+    payload = request("pause")
+    replies = [client.ask(key("cmd", "eve", "pause"), payload) for _ in range(2)]
     on_loopback.rig.fails = ""
-    assert "result" in client.ask(key("ask", "eve", "runs"), request("runs"))
+    assert replies == [replies[0]] * 2
+    assert replies[0]["error"]["code"] == expected
+    assert replies[0]["error"]["message"] == told
+    assert on_loopback.rig.done[before:] == [("eve", "pause")]
+    assert client.ask(key("cmd", "eve", "pause"), request("pause"))["result"] == {}
 
 
 def test_a_reply_too_large_is_told_as_such(on_loopback: Served, client: ZenohClient) -> None:

@@ -103,6 +103,20 @@ def test_a_client_cannot_take_the_files_of_the_rig(tmp_path: Path, name: str) ->
         setup_tls(tmp_path, HOSTS, [name])
 
 
+@pytest.mark.parametrize(
+    "host", ["", "a b", "rig lab", "*.lab", "-x", "rig..lab", "bänk", "1.2.3.4:5"]
+)
+def test_what_is_no_host_is_refused_before_anything_is_made(tmp_path: Path, host: str) -> None:
+    with pytest.raises(ConfigError, match="no name or address"):
+        setup_tls(tmp_path / "certs", [host], [])
+    assert not (tmp_path / "certs").exists()
+
+
+def test_a_server_needs_a_name(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="without a name"):
+        setup_tls(tmp_path, [], ["alice"])
+
+
 def test_half_a_pair_is_not_guessed_at(folder: Path) -> None:
     (folder / "rigd.key").unlink()
     with pytest.raises(ConfigError, match="without its other half"):

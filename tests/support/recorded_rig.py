@@ -20,7 +20,8 @@ class RecordedRig:
     lease: Lease
     done: list[tuple[str, str]] = field(default_factory=list)
     said: int = 0
-    fails: str = ""  #: what cannot be asked without a bug
+    fails: str = ""  #: the verb that raises ``error``
+    error: Exception = field(default_factory=lambda: RuntimeError("a bug of the rig's own"))
     huge: int = 0  #: characters that each reply to a question has too many
 
     def hold_lease(self, identity: str) -> None:
@@ -43,16 +44,20 @@ class RecordedRig:
 
     def ask(self, identity: str, role: Role, what: str, args: Message) -> Result:
         """Say who asked."""
-        if what == self.fails:
-            raise RuntimeError("a bug of the rig's own")
+        self._fail(what)
         return {"by": identity, "role": role.value, "huge": "x" * self.huge}
 
     def command(self, identity: str, role: Role, verb: str, args: Message) -> Result:
         """Note it; what concerns the lease is done."""
         self.done.append((identity, verb))
+        self._fail(verb)
         return self.lease.obey(identity, verb, args) if verb.startswith("lease_") else {}
 
     def stop(self, identity: str, verb: str, reason: str) -> Result:
         """Note it."""
         self.done.append((identity, verb))
         return {"reason": reason}
+
+    def _fail(self, verb: str) -> None:
+        if verb == self.fails:
+            raise self.error
