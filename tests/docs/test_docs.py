@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from support.served_lugre import served_lugre
 
 from rigd.config.document import parse_document
 from rigd.config.loader import load_rig, parse_rig
@@ -44,7 +45,12 @@ DOCUMENTS = (
     "calibration.md",
     "foxglove.md",
     "protocol.md",
+    "daemon.md",
+    "remote.md",
+    "ci.md",
 )
+#: Documents whose commands need a daemon: that of lugre-1, which clients find by its name.
+SERVED = frozenset({"remote.md"})
 #: Blocks that nothing runs, by document.
 UNCHECKED = {
     "procedures.md": 1,
@@ -58,6 +64,9 @@ UNCHECKED = {
     "calibration.md": 0,
     "foxglove.md": 2,
     "protocol.md": 1,
+    "daemon.md": 3,
+    "remote.md": 1,
+    "ci.md": 0,
 }
 TIMEOUT_S = 60
 
@@ -120,6 +129,7 @@ def folder_of_checkout(folder: Path) -> Path:
     """Make ``folder`` look like the checkout, as far as the documents name its folders."""
     (folder / "configs").symlink_to(shipped_folder("configs"))
     (folder / "procedures").symlink_to(shipped_folder("procedures"))
+    (folder / "examples").symlink_to(DOCS.parent / "examples")
     return folder
 
 
@@ -164,8 +174,21 @@ def check_part(part: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
-def test_every_block_does_what_it_says(name: str, tmp_path: Path) -> None:
+def test_every_block_does_what_it_says(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = folder_of_checkout(tmp_path)
+    if name not in SERVED:
+        check_blocks(name, folder)
+        return
+    home = tmp_path / "home"
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(home))
+    with served_lugre(home):
+        check_blocks(name, folder)
+
+
+def check_blocks(name: str, folder: Path) -> None:
+    """Check the blocks of a document in ``folder``."""
     unchecked, printed = 0, ""
     for block in blocks(name):
         where = f"{name}:{block.line}"

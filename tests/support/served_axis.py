@@ -136,7 +136,7 @@ class ServedAxis:
             notices=self.notices,
             looks=Looks(self.rig, self.folder, self.feed, monitored=False),
             changed=self.news.set,
-            ended=lambda _: self.interruptions.look(),
+            ended=lambda last: self.interruptions.ended(last.run),
         )
         self.service = RigService(
             Parts(

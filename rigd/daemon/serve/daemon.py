@@ -166,7 +166,7 @@ def _compose(
         notices=notices,
         looks=Looks(rig, folder, feed, monitored=options.monitored),
         changed=changed,
-        ended=lambda _: interruptions.look(),
+        ended=lambda last: interruptions.ended(last.run),
     )
     stack.callback(steering.close)
     audit.write("rigd", "serve", {"listen": list(rig.remote.listen)})

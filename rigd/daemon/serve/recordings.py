@@ -111,6 +111,13 @@ class Recordings:
                 found.append(info)
         return sorted(found, key=lambda info: info.path.name, reverse=True)
 
+    def interrupted(self, name: str) -> Interrupted | None:
+        """Return what a recording offers, if it is there and its run was interrupted."""
+        try:
+            return interrupted(_info(self.folder / name))
+        except RecordingError:
+            return None  # it is listed, with its problem
+
     def unreadable(self) -> Sequence[Path]:
         """Return the recordings that are torn."""
         torn = []

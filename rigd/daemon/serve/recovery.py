@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from typing import Final
 
 from rigd.daemon.serve.notices import Notices
@@ -24,7 +23,6 @@ class Interruptions:
 
     def __init__(self, rig: str, recordings: Recordings, notices: Notices) -> None:
         self._rig, self._recordings, self._notices = rig, recordings, notices
-        self._lock = threading.Lock()
         self._found: tuple[Interrupted, ...] = ()
 
     def views(self) -> tuple[Interrupted, ...]:
@@ -53,29 +51,25 @@ class Interruptions:
                 self._notices.note(str(error), "warning")
             else:
                 self._notices.note(f"{path.name} was torn and is repaired: {report.problem}")
-        self.look()
-        self._note_trips(trips)
-        for one in self._found[:1]:
+        runs = self._recordings.of(self._rig)
+        offered = [one for run in runs if (one := interrupted(run)) is not None]
+        self._found = tuple(offered[:OFFERED])
+        if runs and interrupted(runs[0]) is not None:
+            # What tripped after the daemon could no longer tell.
+            events, known_ns = Recording.open(runs[0].path).events(), trips.known_ns
+            trips.note(Acted.recorded(one) for one in events if _is_news(one, known_ns))
+        for one in offered[:1]:
             self._notices.note(
                 f"{one.run} ended after {one.trials_done} of {one.trials_total} trials "
                 f"({one.reason}); resume_run goes on with it",
                 "warning",
             )
 
-    def look(self) -> None:
-        """Look again which there are."""
-        with self._lock:
-            known = map(interrupted, self._recordings.of(self._rig))
-            self._found = tuple(one for one in known if one is not None)[:OFFERED]
-
-    def _note_trips(self, trips: TripMemory) -> None:
-        """Remember what tripped in the last run after its daemon could no longer tell."""
-        last = next(iter(self._recordings.of(self._rig)), None)
-        if last is None or interrupted(last) is None:
-            return
-        events = Recording.open(last.path).events()
-        known_ns = trips.known_ns
-        trips.note(Acted.recorded(one) for one in events if _is_news(one, known_ns))
+    def ended(self, run: str) -> None:
+        """Look again at a run that has ended; ``run`` is its file name, "" where it left none."""
+        others = tuple(one for one in self._found if one.run != run)
+        offered = self._recordings.interrupted(run) if run else None
+        self._found = others if offered is None else (offered, *others)[:OFFERED]
 
 
 def _is_news(event: Event, known_ns: int) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -50,7 +50,7 @@ from rigd.remote.protocol.arguments import (
     Start,
     StreamName,
 )
-from rigd.remote.protocol.results import Acted, DryRun, Events, History, Nothing, PieceView, Stopped
+from rigd.remote.protocol.results import Acted, DryRun, Events, Nothing, PieceView, Stopped
 from rigd.remote.protocol.status import Daemon, RefusedCounts, Trial
 
 #: Commands that say nothing about what was done: the lease is renewed every two seconds.
@@ -134,13 +134,11 @@ class RigService:
                 return parts.lease.view()
             case "latest", _:
                 return parts.feed.latest()
-            case "history", StreamName() as wanted:
-                return parts.feed.history(wanted.stream)
             case "events", Since() as since:
                 events, following = parts.feed.events(since.seq)
                 return Events(events=tuple(events), next=following)
             case "history", StreamName() as stream:
-                return self._history(stream.stream)
+                return parts.feed.history(stream.stream)
             case "procedures", _:
                 return parts.library.lines()
             case "procedure", ProcedureName() as procedure:
@@ -184,6 +182,7 @@ class RigService:
         if acted:  # what was asked before is asked again by whoever is impatient
             self._parts.notices.note(why, "warning")
             self._parts.audit.write(identity, verb, {"reason": reason})
+            self._tell(identity, verb, {"reason": reason})
         return Stopped(acted=acted)
 
     def tend(self) -> None:
@@ -242,12 +241,6 @@ class RigService:
         self._parts.steering.expect(args, done.duration_s)
         return done
 
-    def _history(self, stream: str) -> History:
-        try:
-            return self._parts.feed.history(stream)
-        except KeyError as error:
-            raise Refusal(Code.NOT_FOUND, f"there is no stream {stream}") from error
-
     def _fetch(self, piece: Piece) -> PieceView:
         path = self._finished(piece.run)
         return self._parts.recordings.piece(path, piece.offset, piece.length)
@@ -258,7 +251,10 @@ class RigService:
             return
         self._parts.audit.write(who, verb, _audited(args), result, role.value)
         if result == "done":
-            self._parts.feed.tell("command", {"who": who, "verb": verb})
+            self._tell(who, verb, _audited(args))
+
+    def _tell(self, who: str, verb: str, args: Mapping[str, Any]) -> None:
+        self._parts.feed.tell("command", {"who": who, "verb": verb, "args": dict(args)})
 
     def _finished(self, name: str) -> Path:
         """Return the path of a recording that nobody writes any more."""

@@ -42,6 +42,8 @@ from rigd.remote.protocol.status import LastRun
 HINT: Final = "its daemon takes procedures: rigd remote start PROCEDURE --rig {rig}"
 #: The simulation of a rig has this seed unless a client gives another, as with `rigd run`.
 SEED: Final = 1
+#: So many dry runs are remembered, the newest.
+_EXPECTED: Final = 32
 
 
 @dataclass(frozen=True)
@@ -227,12 +229,18 @@ class Steering:
 
     def client_lost(self, who: str) -> str:
         """Do what the run wants where whoever steered it has vanished; return it in words."""
-        running = self._running
-        return "nothing was running" if running is None else running.client_lost(who)
+        running, holder = self._running, self._lease.view().holder
+        if running is None:
+            return "nothing was running"
+        if holder is not None:
+            return f"the run goes on, {holder} has taken over"
+        return running.client_lost(who)
 
     def expect(self, args: Checked, duration_s: float) -> None:
         """Remember what a dry run took, for the time that is left of the run itself."""
         self._expected_s[_key(args)] = duration_s
+        if len(self._expected_s) > _EXPECTED:
+            del self._expected_s[next(iter(self._expected_s))]
 
     def show(self) -> None:
         """Show the channels, where that is wanted and nothing else happens on the rig."""

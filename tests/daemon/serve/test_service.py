@@ -219,6 +219,17 @@ def test_who_comes_back_may_let_the_run_go_on(tmp_path: Path) -> None:
         assert last.ending == "complete"
 
 
+def test_whoever_has_taken_over_steers_the_run_of_one_who_has_vanished(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.start()
+        served.until(lambda status: status.step == "go")
+        served.clock.ahead_ns += round(LEASE_S * 1e9)
+        served.command("lease_take", "bob")  # before the daemon came to look whose lease ran out
+        last = served.until_idle().last
+        assert last is not None
+        assert last.ending == "complete"
+
+
 def test_who_gives_the_lease_back_has_not_vanished(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start()

@@ -1,0 +1,42 @@
+"""The systemd unit that is shipped fits the daemon."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+
+import pytest
+
+from rigd.cli.main import build_parser
+from rigd.config.shipped import shipped_folder
+from rigd.daemon.serve.notify import SIGN_S
+
+
+def settings() -> Iterator[tuple[str, str]]:
+    for line in (shipped_folder("configs") / "rigd@.service").read_text().splitlines():
+        if "=" in line and not line.startswith("#"):
+            name, _, value = line.partition("=")
+            yield name, value
+
+
+@pytest.fixture(scope="module")
+def unit() -> dict[str, str]:
+    return dict(settings())
+
+
+def test_the_command_is_one_that_rigd_takes(unit: dict[str, str]) -> None:
+    program, *arguments = shlex.split(unit["ExecStart"])
+    assert program.endswith("/rigd")
+    args = build_parser().parse_args([one.replace("%i", "lugre-1") for one in arguments])
+    assert (args.rig, args.panel) == ("/etc/rigd/lugre-1.yaml", True)
+    assert str(args.runs).removeprefix("/var/lib/") == unit["StateDirectory"].replace(
+        "%i", "lugre-1"
+    )
+
+
+def test_the_daemon_is_waited_for_and_its_processes_are_left_to_end(unit: dict[str, str]) -> None:
+    assert unit["Type"] == "notify"
+    assert unit["KillMode"] == "process"
+    assert float(unit["WatchdogSec"]) >= 10 * SIGN_S
+    assert unit["Restart"] == "on-failure"
+    assert unit["LimitMEMLOCK"] == "infinity"
