@@ -8,6 +8,8 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from rigd.cli.remote.command import add_target, connect_async
+
 HELP = "serve the operator's page of a rig to browsers"
 EXAMPLES = """\
 examples:
@@ -28,12 +30,7 @@ IDENTITY = "panel"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    rig = parser.add_argument_group("the rig")
-    rig.add_argument("--rig", metavar="NAME", help="name of the rig")
-    rig.add_argument("--endpoint", metavar="ADDRESS", help="such as tls/rig.lab:7447")
-    rig.add_argument("--ca", type=Path, metavar="FILE", help="who signs the daemon's certificate")
-    rig.add_argument("--certificate", type=Path, metavar="FILE", help="the panel's own")
-    rig.add_argument("--key", type=Path, metavar="FILE", help="that certificate's key")
+    add_target(parser)
     page = parser.add_argument_group("the page")
     page.add_argument("--host", default="127.0.0.1", help="address to listen on (127.0.0.1)")
     page.add_argument("--port", type=int, help="default 8423, or another where that is taken")
@@ -52,21 +49,17 @@ def execute(args: argparse.Namespace) -> int:
     import asyncio
     import signal
 
-    from rigd.config.remote import TlsFiles
-    from rigd.model.errors import ConfigError, Exit
+    from rigd.model.errors import Exit
     from rigd.panel.server import Listen, serve
-    from rigd.remote.client import Connection, find_target
 
-    files = (args.ca, args.certificate, args.key)
-    if any(files) and not all(files):
-        raise ConfigError("--ca, --certificate and --key come together")
-    tls = TlsFiles(*(path.absolute() for path in files)) if all(files) else None
-    target = find_target(args.rig, args.endpoint, tls, None if tls else IDENTITY)
+    if args.certificate is None and args.identity is None:
+        args.identity = IDENTITY
+    client = connect_async(args)
     listen = Listen(args.host, args.port, tuple(args.name), args.https_certificate, args.https_key)
 
     async def panel() -> None:
-        async with await Connection.open(target) as rig:
-            await serve(rig, listen, lambda links: _announce(rig.rig, links, args.links))
+        async with client as rig:
+            await serve(rig.connection, listen, lambda links: _announce(rig.rig, links, args.links))
 
     async def until_signal() -> None:
         serving = asyncio.ensure_future(panel())

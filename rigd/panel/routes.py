@@ -26,7 +26,7 @@ ASKS: Final = frozenset(
 #: Commands that need no control, and those that do; the lease is the seat's business.
 FREE_COMMANDS: Final = frozenset({"dry_run"})
 COMMANDS: Final = frozenset(
-    {"start", "pause", "resume", "answer", "acknowledge", "resume_run", "identify"}
+    {"start", "pause", "resume", "answer", "acknowledge", "resume_run", "identify", "act"}
 )
 STOPS: Final = frozenset({"stop", "abort", "estop"})
 
@@ -130,13 +130,15 @@ class Doors:
         match request.path_params["verb"]:
             case "take":
                 return await self.seat.take(session)
+            case "seize":
+                return await self.seat.seize(session)
             case "release":
                 return await self.seat.release(session)
             case "ask":
                 return await self.seat.ask(session)
             case "give":
                 return await self.seat.give(session, args)
-        raise Refusal(Code.UNKNOWN_VERB, "control is taken, released, asked for or given")
+        raise Refusal(Code.UNKNOWN_VERB, "control is taken, seized, released, asked for or given")
 
     async def stop(self, request: Request, session: Session) -> Object:
         """Stop, abort or estop: whoever may see the page may do so."""

@@ -79,6 +79,16 @@ class Seat:
         self._sit(session)
         return answer
 
+    async def seize(self, session: Session) -> Object:
+        """Take control from whoever has it, here or elsewhere.
+
+        Raises:
+            Refusal: the rig file does not make the panel a maintainer.
+        """
+        answer = await self._rig.command("lease_seize", {})
+        self._sit(session)
+        return answer
+
     async def release(self, session: Session) -> Object:
         """Give control back.
 

@@ -97,6 +97,7 @@ async def serve(rig: Rig, listen: Listen, announce: Callable[[dict[Role, str]], 
 
     Raises:
         ConfigError: the address cannot be used.
+        RigdError: what the rig says is not understood.
     """
     with listen.bind() as bound:
         port = bound.getsockname()[1]
@@ -131,11 +132,14 @@ async def serve(rig: Rig, listen: Listen, announce: Callable[[dict[Role, str]], 
         )
         # Whatever of the three ends or fails ends the others: a panel that no longer follows the
         # rig must not go on serving its page.
-        async with asyncio.TaskGroup() as group:
-            beside = [group.create_task(panel.hub.run()), group.create_task(panel.seat.keep())]
-            await _serve(_Server(config), bound)
-            for task in beside:
-                task.cancel()
+        try:
+            async with asyncio.TaskGroup() as group:
+                beside = [group.create_task(panel.hub.run()), group.create_task(panel.seat.keep())]
+                await _serve(_Server(config), bound)
+                for task in beside:
+                    task.cancel()
+        except ExceptionGroup as failed:
+            raise _first(failed) from failed
 
 
 class _Server(uvicorn.Server):
@@ -156,6 +160,11 @@ async def _serve(server: uvicorn.Server, bound: socket.socket) -> None:
         server.should_exit = True
         await serving
         raise
+
+
+def _first(error: Exception) -> Exception:
+    """Return what failed first, of groups within groups: that is what a person can act on."""
+    return _first(error.exceptions[0]) if isinstance(error, ExceptionGroup) else error
 
 
 def _bound(host: str, port: int) -> socket.socket:

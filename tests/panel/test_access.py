@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from support.panel import ServedPanel, Visitor
+from support.played_campaign import RECORDING
 from support.played_rig import PlayedRig
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -109,8 +110,6 @@ def test_a_report_is_a_page_without_rights(panel: ServedPanel) -> None:
 
 
 def test_a_recording_comes_whole(panel: ServedPanel) -> None:
-    from support.played_rig import RECORDING
-
     status, headers, body = panel.visitor().get(f"/api/run/{panel.rig.runs[0].run}/recording")
     assert (status, body) == (200, RECORDING)
     assert headers["content-disposition"].startswith("attachment")
@@ -179,7 +178,7 @@ def test_only_what_the_page_needs_can_be_asked(panel: ServedPanel) -> None:
     visitor = panel.visitor()
     for what in ("fetch", "report", "lease", "anything"):
         assert visitor.post(f"/api/ask/{what}", args={})[0] == 404
-    for verb in ("lease_take", "lease_seize", "act", "anything"):
+    for verb in ("lease_take", "lease_seize", "lease_renew", "anything"):
         assert visitor.post(f"/api/command/{verb}", args={})[0] == 404
 
 

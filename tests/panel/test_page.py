@@ -10,7 +10,8 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 from support.browser import PATIENCE_MS, Watched, chromium
 from support.panel import ServedPanel
-from support.played_rig import PROMPT, TRIP, WEIGH, PlayedRig
+from support.played_campaign import PROMPT, TRIP, WEIGH
+from support.played_rig import PlayedRig
 
 expect.set_options(timeout=PATIENCE_MS)
 
@@ -234,6 +235,21 @@ def test_control_changes_hands_between_two_browsers(
     expect(bob.locator("#control")).to_contain_text("You have control")
     expect(ada.locator("#control")).to_contain_text("Bob has control")
     second.context.close()
+
+
+def test_a_maintainer_takes_over_and_tares(browser: Browser, watched: Watched) -> None:
+    rig = PlayedRig()
+    rig.is_maintained, rig.holder = True, "bob"
+    with ServedPanel(rig) as panel:
+        page = watched.enter(panel.links["operator"])
+        expect(page.locator("#control")).to_contain_text("bob has control")
+        tare = page.get_by_role("button", name="scale: tare")
+        expect(tare).to_be_disabled()
+        press(page, "Take it from them")
+        expect(page.locator("#control")).to_contain_text("You have control")
+        tare.click()
+        expect(page.locator(".toast")).to_contain_text("scale is tared")
+        assert given(panel, "act") == [{"device": "scale", "action": "tare"}]
 
 
 def test_who_only_watches_can_stop_and_nothing_else(panel: ServedPanel, watched: Watched) -> None:

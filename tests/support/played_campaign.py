@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rigd.remote.protocol.arguments import ProcedureFile
 from rigd.remote.protocol.results import (
+    ActionView,
     ChannelView,
     DryRun,
     InterlockView,
@@ -22,6 +23,7 @@ from rigd.remote.protocol.results import (
     StepView,
     StreamView,
 )
+from rigd.remote.protocol.status import PromptView, TripView
 
 STEP_S = 1e-3
 PROCEDURE_FILES = Path(__file__).parents[2] / "procedures"
@@ -79,6 +81,9 @@ INTERLOCKS = (
 )  # fmt: skip
 
 
+ACTIONS = (ActionView(device="scale", action="tare", doc="Zero the reading"),)
+
+
 def _procedure(name: str, title: str, *parameters: ParameterView) -> ProcedureView:
     text = (PROCEDURE_FILES / f"{name}.yaml").read_text()
     sha256 = hashlib.sha256(text.encode()).hexdigest()
@@ -111,6 +116,21 @@ PROCEDURES = {
         _procedure("lateral_sweep", "Lateral sweep of the bridge at five speeds"),
     )
 }  # fmt: skip
+
+PROMPT = PromptView(
+    id=7, name="lay_floor", kind="choice", choices=("stone",), answer="stone",
+    text="Lay the stone floor under the wheel. Which floor lies there now?",
+)  # fmt: skip
+WEIGH = PromptView(
+    id=8, name="weigh", kind="number", unit="g", low=1.0, high=6.0,
+    text="Weigh the carriage with its load. What does the scale show?",
+)  # fmt: skip
+TRIP = TripView(
+    interlock="overrun_far", action="abort", latched=True, acknowledged=False, since_ns=1,
+    message="carriage.position 1.68 m is above 1.65 m. The carriage is about to leave the far end "
+    "of the travel.",
+)  # fmt: skip
+RECORDING = bytes(range(256)) * 3000  # three pieces
 
 REPORT = """<!doctype html><html lang="en"><title>Report</title>
 <style>body{font:16px/1.5 system-ui;margin:2rem;max-width:60rem}td,th{padding:.3rem 1rem}</style>

@@ -15,12 +15,16 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import ValidationError
 from support.played_campaign import (
+    ACTIONS,
     CHANNELS,
     INTERLOCKS,
     PROCEDURES,
+    PROMPT,
+    RECORDING,
     REPORT,
     SETPOINTS,
     STREAMS,
+    TRIP,
     Carriage,
     dry_run,
 )
@@ -62,21 +66,6 @@ from rigd.remote.protocol.status import (
 )
 
 TICK_S = 1 / 30
-RECORDING = bytes(range(256)) * 3000  # three pieces
-
-PROMPT = PromptView(
-    id=7, name="lay_floor", kind="choice", choices=("stone",), answer="stone",
-    text="Lay the stone floor under the wheel. Which floor lies there now?",
-)  # fmt: skip
-WEIGH = PromptView(
-    id=8, name="weigh", kind="number", unit="g", low=1.0, high=6.0,
-    text="Weigh the carriage with its load. What does the scale show?",
-)  # fmt: skip
-TRIP = TripView(
-    interlock="overrun_far", action="abort", latched=True, acknowledged=False, since_ns=1,
-    message="carriage.position 1.68 m is above 1.65 m. The carriage is about to leave the far end "
-    "of the travel.",
-)  # fmt: skip
 
 
 class PlayedRig:
@@ -88,6 +77,7 @@ class PlayedRig:
         self.given: list[tuple[str, dict[str, Any]]] = []
         self.changes = 0  #: everything that a client changed
         self.is_silent = False
+        self.is_maintained = False
         self.prompts = prompts
         self.carriage = Carriage()
         self._asked: list[PromptView] = []
@@ -205,7 +195,8 @@ class PlayedRig:
                     Description(
                         rig="lugre-1", title="LuGre omni-wheel rig, simulated", simulated=True,
                         streams=tuple(STREAMS.values()), setpoints=SETPOINTS,
-                        interlocks=INTERLOCKS, role=Role.OPERATOR,
+                        interlocks=INTERLOCKS, actions=ACTIONS,
+                        role=Role.MAINTAINER if self.is_maintained else Role.OPERATOR,
                     )
                 )  # fmt: skip
             case "procedures":
@@ -256,6 +247,10 @@ class PlayedRig:
                 self.holder = self.identity
             case "lease_take":
                 raise Refusal(Code.LEASE_HELD, f"{self.holder} has control")
+            case "lease_seize":
+                if not self.is_maintained:
+                    raise Refusal(Code.FORBIDDEN, "lease_seize needs the role maintainer")
+                self.holder = self.identity
             case "lease_renew":
                 if self.holder != self.identity:
                     raise Refusal(Code.NO_LEASE, "the lease is not yours")
@@ -281,6 +276,8 @@ class PlayedRig:
                 await self._answer(_checked(Answered, args))
             case "acknowledge":
                 self._acknowledge(args.get("interlock"))
+            case "act":
+                return {"said": f"{args['device']} is tared"}
             case "identify":
                 return await self._identify(args)
             case _:

@@ -1,18 +1,21 @@
 // Every channel: value, unit, age, and where it stands within its limits.
 
 import { el, fill, flag, mark, say } from "./dom.js";
-import { age, short, steady, unit } from "./format.js";
+import { command } from "./api.js";
+import { age, short, steady, unit, words } from "./format.js";
 import { histories } from "./histories.js";
 import { channelInfo } from "./infos.js";
 import { chosen, colourOf, toggle, watchChosen } from "./choice.js";
-import { known, rigNow, watch } from "./store.js";
+import { hasControl, isMaintainer, known, rigNow, watch } from "./store.js";
+import { attempt, toast } from "./toasts.js";
 
 const EVERY_MS = 200; // values that change faster cannot be read
 const STALE_S = 1.5;
 
 export function mountChannels(root) {
   const body = el("div", { class: "channel-list" });
-  root.append(el("div", { class: "panel-head" }, el("h2", {}, "Channels")), body);
+  const actions = el("div", { class: "row actions" });
+  root.append(el("div", { class: "panel-head" }, el("h2", {}, "Channels")), body, actions);
   let rows = [];
   watch("describe", () => {
     rows = [];
@@ -28,6 +31,10 @@ export function mountChannels(root) {
           return row.element;
         })))));
     update();
+    fill(actions, isMaintainer() ? known.describe.actions.map(action) : null);
+  });
+  watch(["status", "link", "describe"], () => {
+    for (const button of actions.children) button.disabled = !hasControl() || known.status.run !== null;
   });
   watchChosen(() => rows.forEach(showChoice));
   setInterval(update, EVERY_MS);
@@ -36,6 +43,17 @@ export function mountChannels(root) {
     if (!root.offsetParent) return; // another page is open
     for (const row of rows) show(row);
   }
+}
+
+/** A button that lets a device do something of its own, such as a tare. */
+function action(one) {
+  const made = el("button", {
+    type: "button", title: one.doc, onclick: () => attempt(made, async () => {
+      const { said } = await command("act", { device: one.device, action: one.action });
+      toast(`${words(one.device)}: ${said || "done"}`);
+    }),
+  }, `${words(one.device)}: ${words(one.action)}`);
+  return made;
 }
 
 function makeRow(name) {

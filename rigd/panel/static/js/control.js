@@ -2,7 +2,7 @@
 
 import { control } from "./api.js";
 import { el, fill, icon } from "./dom.js";
-import { hasControl, isOperator, known, watch } from "./store.js";
+import { hasControl, isMaintainer, isOperator, known, watch } from "./store.js";
 import { attempt, toast } from "./toasts.js";
 
 /** What is shown of the lease, so that the page is only rebuilt where it differs. */
@@ -31,6 +31,7 @@ export function mountControl(root) {
       fill(
         root, icon("lock"), el("span", {}, `${who} has control`),
         isOperator() ? button("Ask for it", "ask", "", `${who} was asked to hand over control.`) : null,
+        isMaintainer() ? button("Take it from them", "seize") : null,
       );
     }
   });

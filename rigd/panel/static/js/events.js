@@ -1,8 +1,9 @@
 // What happened, newest first.
 
-import { el } from "./dom.js";
+import { el, fill, say } from "./dom.js";
 import { clock, short, words } from "./format.js";
 import { watchEvents } from "./link.js";
+import { known, watch } from "./store.js";
 
 const KEPT = 1000;
 const MOODS = { interlock: "bad", fault: "bad", error: "bad", limit: "warn", late: "warn", prompt: "ask" };
@@ -11,7 +12,12 @@ export function mountEvents(root) {
   const body = el("tbody");
   const wanted = el("input", { type: "search", id: "event-filter", placeholder: "such as interlock", autocomplete: "off" });
   const empty = el("p", { class: "empty" }, "Nothing has happened since the daemon started.");
-  root.append(el("section", { class: "panel wide" },
+  const notices = el("ul", { class: "notices" });
+  const refused = el("p", { class: "quiet" });
+  root.append(
+    el("section", { class: "panel", "aria-label": "Notices of the daemon" },
+      el("div", { class: "panel-head" }, el("h2", {}, "Notices of the daemon")), notices, refused),
+    el("section", { class: "panel wide", "aria-label": "Events" },
     el("div", { class: "panel-head" }, el("h2", {}, "Events"),
       el("label", { for: "event-filter" }, "Only with"), wanted),
     el("div", { class: "scroll" },
@@ -28,6 +34,17 @@ export function mountEvents(root) {
   });
   wanted.addEventListener("input", () => [...body.rows].forEach(filter));
 
+  let shown = "";
+  watch("status", () => {
+    const { status } = known;
+    const key = JSON.stringify([status.notices, status.refused]);
+    if (shown === key) return;
+    shown = key;
+    fill(notices, status.notices.length ? status.notices.toReversed().map(notice) : el("li", { class: "quiet" }, "None."));
+    const counts = Object.entries(status.refused).filter(([, count]) => count > 0).map(([kind, count]) => `${count} ${kind}`);
+    say(refused, counts.length ? `Messages refused since it started: ${counts.join(", ")}.` : "");
+  });
+
   function filter(row) {
     row.hidden = !row.textContent.toLowerCase().includes(wanted.value.trim().toLowerCase());
   }
@@ -40,6 +57,10 @@ function line({ t_ns, kind, trial, data }) {
     el("td", { class: "value" }, trial < 0 ? "" : String(trial)),
     el("td", {}, text(data)));
 }
+
+const notice = ({ t_ns, level, text: told }) =>
+  el("li", { data: { mood: { info: "calm", warning: "warn", error: "bad" }[level] } },
+    el("span", { class: "value" }, clock(t_ns / 1e6)), told);
 
 const gap = (skipped) => el("tr", { data: { mood: "warn" } },
   el("td", { colSpan: 4 }, `${skipped} events were left out: this computer is too slow for them. The recording has them all.`));

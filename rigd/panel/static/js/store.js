@@ -35,6 +35,9 @@ export function hasControl() {
 /** Whether this page's user may ever command: the rig file may let the panel itself only watch. */
 export const isOperator = () => known.me?.role === "operator" && known.describe?.role !== "observer";
 
+/** Whether the rig file lets this panel act on devices and take control from others. */
+export const isMaintainer = () => isOperator() && known.describe?.role === "maintainer";
+
 /** The rig's clock in ms since the epoch, which need not be this computer's. */
 let offset = 0;
 export function setClock(rigNanoseconds) {
