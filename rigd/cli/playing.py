@@ -4,18 +4,30 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 
 from rigd.cli.console import ConsoleAnswers, RunDisplay, conclude
+from rigd.cli.junit import suite_of, write_junit
 from rigd.daemon.execute import Recorded, RunRequest, execute
 from rigd.engine.answers import Answers, OwnAnswers
 
 
-def play(request: RunRequest, *, as_json: bool, quiet: bool, by_person: bool) -> int:
+def play(
+    request: RunRequest,
+    *,
+    as_json: bool,
+    quiet: bool,
+    by_person: bool,
+    junit: Path | None = None,
+) -> int:
     """Execute ``request``, show it, and return the exit code.
 
     ``by_person``: prompts are answered at this terminal, otherwise by the procedure itself.
+    ``junit`` is where the result goes as JUnit XML.
     """
     recorded = record(request, quiet=quiet or as_json, by_person=by_person)
+    if junit is not None:
+        write_junit(junit, suite_of(request.procedure, request.rig.name, recorded))
     if as_json:
         print(json.dumps(_result(recorded), indent=2))
     else:

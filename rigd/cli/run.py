@@ -18,6 +18,8 @@ examples:
   rigd run procedures/constant_current.yaml --rig configs/sim_lugre.yaml --set floor=pvc
   rigd run procedures/constant_current.yaml --rig lugre-1 --dry-run
                                     steps, duration and peaks, nothing moves, nothing is written
+  rigd run procedures/quick.yaml --rig lugre-1 --junit result.xml
+                                    for continuous integration: a test case for each trial
   rigd run --resume runs/interrupted.mcap
                                     go on where it ended: only the trials that are missing
 
@@ -81,11 +83,31 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--compression", choices=("zstd", "lz4", "none"), default="zstd", help="of the recording"
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    parser.add_argument(
+        "--junit", type=Path, metavar="FILE", help="write the result as JUnit XML, case by trial"
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress")
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Run, or rehearse."""
+    """Run, or rehearse; what goes wrong before also stands in the JUnit file."""
+    from rigd.cli.junit import check_writable, suite_of_error, write_junit
+    from rigd.model.errors import ConfigError, RigdError
+
+    if args.junit is None:
+        return _execute(args)
+    if args.dry_run:
+        raise ConfigError("--junit tells of a run, and a dry run is none", hint="leave one out")
+    check_writable(args.junit)
+    try:
+        return _execute(args)
+    except RigdError as error:
+        name = args.procedure or "rigd run"
+        write_junit(args.junit, suite_of_error(Path(name).stem, error))
+        raise
+
+
+def _execute(args: argparse.Namespace) -> int:
     from rigd.cli.playing import play
     from rigd.config.loader import load_rig
     from rigd.daemon.execute import RunRequest
@@ -149,7 +171,7 @@ def execute(args: argparse.Namespace) -> int:
         overrides=overrides,
     )
     by_person = args.ask or (rig.plant is None and rig.simulation is None and not args.yes)
-    return play(request, as_json=args.json, quiet=args.quiet, by_person=by_person)
+    return play(request, as_json=args.json, quiet=args.quiet, by_person=by_person, junit=args.junit)
 
 
 def _dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int, *, as_json: bool) -> int:

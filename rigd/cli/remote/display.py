@@ -61,6 +61,11 @@ class RemoteDisplay:
         finally:
             self._bar.start()
 
+    def announce(self, line: str) -> None:
+        """Say what is watched."""
+        if not self._quiet:
+            self._console.print(escape(line))
+
     def show(self, status: Status) -> None:
         """Show where the run stands."""
         if self._quiet:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from datetime import datetime
 from typing import TYPE_CHECKING
 
@@ -35,15 +34,16 @@ def _status(args: argparse.Namespace) -> int:
 def _watch(args: argparse.Namespace) -> int:
     import asyncio
 
-    from rigd.cli.remote.watching import watch
+    from rigd.cli.remote.watching import procedure_of, watch
     from rigd.model.errors import ConfigError
 
     async def follow() -> int:
         async with connect_async(args) as rig:
-            run = (await rig.status()).run
-            if run is None:
+            status = await rig.status()
+            if status.run is None or status.procedure is None:
                 raise ConfigError("nothing is running: there is no run to watch")
-            return await watch(rig, run, as_json=args.json)
+            procedure = await procedure_of(rig, status.procedure)
+            return await watch(rig, status.run, procedure, as_json=args.json)
 
     return asyncio.run(follow())
 
@@ -96,9 +96,12 @@ def _configure_events(parser: argparse.ArgumentParser) -> None:
 def _events(args: argparse.Namespace) -> int:
     with connect(args) as rig:
         events = rig.watch_events(args.since) if args.follow else rig.events(args.since).events
-        for event in events:
-            print(event.model_dump_json() if args.json else _line(event))
-            sys.stdout.flush()
+        try:
+            for event in events:
+                print(event.model_dump_json() if args.json else _line(event), flush=True)
+        except KeyboardInterrupt:
+            if not args.follow:
+                raise  # following ends in no other way
     return 0
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import sys
-import threading
+import termios
 from typing import Final, TextIO
 
 from rigd.cli.console import invitation
@@ -28,34 +29,31 @@ def as_prompt(view: PromptView) -> Prompt:
 
 
 class Lines:
-    """What a person types, line by line; made on the event loop that reads.
+    """What a person types at the terminal, line by line; used on one event loop."""
 
-    A thread reads, as a terminal can only be waited for; it dies with the process.
-    """
+    def __init__(self, terminal: TextIO) -> None:
+        self._terminal = terminal
 
-    def __init__(self, source: TextIO) -> None:
-        self._source = source
-        self._loop = asyncio.get_running_loop()
-        self._typed: asyncio.Queue[str] = asyncio.Queue()
-        self._reading = False
+    def forget(self) -> None:
+        """Drop what was typed before a question stands there."""
+        termios.tcflush(self._terminal.fileno(), termios.TCIFLUSH)
 
     async def next(self) -> str:
-        """Return the next line that is typed from now on; empty where the terminal went away."""
-        while not self._typed.empty():
-            self._typed.get_nowait()  # typed before the question stood there
-        if not self._reading:
-            self._reading = True
-            threading.Thread(target=self._read, name="terminal", daemon=True).start()
-        return await self._typed.get()
+        """Return the next line; empty where the terminal went away."""
+        loop, handle = asyncio.get_running_loop(), self._terminal.fileno()
+        typed: asyncio.Future[bytes] = loop.create_future()
 
-    def _read(self) -> None:
-        line = "more"
-        while line:
-            line = self._source.readline()
-            try:
-                self._loop.call_soon_threadsafe(self._typed.put_nowait, line)
-            except RuntimeError:  # the loop has ended: nobody reads any more
-                return
+        def read() -> None:
+            if not typed.done():
+                typed.set_result(_read(handle))
+
+        # No thread that reads through Python's own buffer: blocked there when the process ends, it
+        # would bring the interpreter down.
+        loop.add_reader(handle, read)
+        try:
+            return (await typed).decode(errors="replace")
+        finally:
+            loop.remove_reader(handle)
 
 
 async def ask(prompt: Prompt, objection: str, lines: Lines, screen: TextIO) -> Answer | None:
@@ -63,6 +61,7 @@ async def ask(prompt: Prompt, objection: str, lines: Lines, screen: TextIO) -> A
     if objection:
         screen.write(f"\n  {objection}\n")
     while True:
+        lines.forget()
         screen.write(f"\n{prompt.text}\n{invitation(prompt)}: ")
         screen.flush()
         line = await lines.next()
@@ -72,6 +71,14 @@ async def ask(prompt: Prompt, objection: str, lines: Lines, screen: TextIO) -> A
             return read_answer(prompt, line.strip())
         except ValueError as error:
             screen.write(f"  {error}\n")
+
+
+def _read(handle: int) -> bytes:
+    """Return what a terminal has: a line, or nothing where it went away."""
+    try:
+        return os.read(handle, 4096)
+    except OSError:  # Linux reports a terminal that was closed so
+        return b""
 
 
 def is_terminal() -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING
 
@@ -45,6 +44,10 @@ def _configure_watch(parser: argparse.ArgumentParser) -> None:
 
 
 def _start(args: argparse.Namespace) -> int:
+    from rigd.cli.remote.watching import procedure_of
+    from rigd.procedure.loader import load_procedure
+    from rigd.remote.client.procedures import is_path
+
     async def begin(rig: AsyncClient) -> Started:
         return await rig.start(
             args.procedure,
@@ -54,17 +57,31 @@ def _start(args: argparse.Namespace) -> int:
             on_client_loss=args.on_client_loss,
         )
 
-    return _begin(args, begin, _local(args.procedure))
+    # A file that is wrong is told before anybody is asked for anything.
+    local = load_procedure(args.procedure) if is_path(args.procedure) else None
+
+    async def procedure(rig: AsyncClient) -> Procedure | None:
+        return local or await procedure_of(rig, args.procedure)
+
+    return _begin(args, procedure, begin)
 
 
 def _resume(args: argparse.Namespace) -> int:
-    return _begin(args, lambda rig: rig.resume_run(args.run))
+    from rigd.cli.remote.watching import procedure_of
+
+    async def begin(rig: AsyncClient) -> Started:
+        return await rig.resume_run(args.run)
+
+    async def procedure(rig: AsyncClient) -> Procedure | None:
+        return await procedure_of(rig, (await rig.run(args.run)).line.procedure)
+
+    return _begin(args, procedure, begin)
 
 
 def _begin(
     args: argparse.Namespace,
+    procedure: Callable[[AsyncClient], Awaitable[Procedure | None]],
     begin: Callable[[AsyncClient], Awaitable[Started]],
-    procedure: Procedure | None = None,
 ) -> int:
     """Begin a run; watched, with the lease held all the while, else without anybody's."""
     import asyncio
@@ -74,14 +91,12 @@ def _begin(
 
     async def run() -> int:
         async with connect_async(args) as rig, rig.control(brief=not args.watch):
+            shown = await procedure(rig) if args.watch else None
             name = (await begin(rig)).run
             if name is None:
                 raise ProtocolError("the daemon began a run, and does not say which")
             if args.watch:
-                print(f"{rig.rig} records {name}", file=sys.stderr)
-                return await watch(
-                    rig, name, as_json=args.json, quiet=args.quiet, procedure=procedure
-                )
+                return await watch(rig, name, shown, as_json=args.json, quiet=args.quiet)
             if args.json:
                 print_json({"run": name})
             else:
@@ -89,14 +104,6 @@ def _begin(
             return 0
 
     return asyncio.run(run())
-
-
-def _local(given: str) -> Procedure | None:
-    """Return the procedure that is sent, where it is a file of this computer."""
-    from rigd.procedure.loader import load_procedure
-    from rigd.remote.client.procedures import is_path
-
-    return load_procedure(given) if is_path(given) else None
 
 
 COMMANDS = {

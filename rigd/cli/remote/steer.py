@@ -30,10 +30,14 @@ def _stopping(do: Callable[[Client, str], bool], verb: str) -> Callable[..., int
     def execute(args: argparse.Namespace) -> int:
         with connect(args) as rig:
             acted = do(rig, args.reason)
+            run = rig.status().run if args.wait else None
+            last = None if run is None else rig.wait(run)
         if args.json:
-            print_json({"acted": acted})
-        else:
-            print(f"{verb}: asked for" if acted else f"{verb}: nothing runs that was not told so")
+            print_json({"acted": acted} | ({} if last is None else last.model_dump(mode="json")))
+            return 0
+        print(f"{verb}: asked for" if acted else f"{verb}: nothing runs that was not told so")
+        if last is not None:
+            print(f"{last.run}: {last.ending}: {last.reason}")
         return 0
 
     return execute
@@ -101,6 +105,7 @@ def _configure_act(parser: argparse.ArgumentParser) -> None:
 
 def _configure_stop(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reason", default="", metavar="TEXT", help="shown, and recorded")
+    parser.add_argument("--wait", action="store_true", help="return once the run has ended")
     add_json(parser)
 
 

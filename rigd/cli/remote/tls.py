@@ -45,7 +45,7 @@ def _execute(args: argparse.Namespace) -> int:
         print(f"made  {path}")
     for path in made.kept:
         print(f"kept  {path}")
-    print(_advice(args.folder, args.host, args.client))
+    print(_advice(args.folder.absolute(), args.host, args.client))
     return 0
 
 

@@ -37,17 +37,15 @@ _LEAVE: Final = "leave"
 async def watch(
     rig: AsyncClient,
     run: str,
+    procedure: Procedure | None,
     *,
     as_json: bool = False,
     quiet: bool = False,
-    procedure: Procedure | None = None,
 ) -> int:
-    """Show ``run`` until it ends, or until a person leaves it; return the exit code.
+    """Show ``run`` of ``procedure`` until it ends, or a person leaves it; return the exit code.
 
-    Prompts are asked at this terminal while this client has control. ``procedure`` is what runs;
-    where it is not given, the daemon is asked for it.
+    Prompts are asked at this terminal while this client has control.
     """
-    procedure = procedure or await _procedure_of(rig)
     with RemoteDisplay(procedure, quiet=quiet or as_json) as display:
         last = await Watch(rig, run, display).follow()
     if last is None:
@@ -94,6 +92,7 @@ class Watch:
         """
         loop = asyncio.get_running_loop()
         loop.add_signal_handler(signal.SIGINT, self._press)
+        self._display.announce(f"{self._rig.rig} records {self._run}")
         try:
             return await self._follow()
         finally:
@@ -179,6 +178,7 @@ class Watch:
         self._ask(self._leave(), _LEAVE)
 
     async def _leave(self) -> None:
+        self._lines.forget()
         sys.stderr.write(LEAVING)
         sys.stderr.flush()
         match (await self._lines.next()).strip().lower():
@@ -238,11 +238,8 @@ async def _next(statuses: AsyncGenerator[Status, None]) -> Status:
     return await anext(statuses)
 
 
-async def _procedure_of(rig: AsyncClient) -> Procedure | None:
-    """Return what runs, where the daemon has it by that name: it may have come from elsewhere."""
-    name = (await rig.status()).procedure
-    if name is None:
-        return None
+async def procedure_of(rig: AsyncClient, name: str) -> Procedure | None:
+    """Return the procedure of that name, as the daemon has it; None where it has none."""
     try:
         file = (await rig.procedure(name)).procedure
     except Refusal:

@@ -6,7 +6,7 @@ from collections.abc import AsyncGenerator, AsyncIterator, Mapping
 from contextlib import aclosing, asynccontextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Literal, Self, TypeVar
+from typing import Any, Final, Literal, Self, TypeVar
 
 from rigd.config.remote import TlsFiles
 from rigd.model.errors import LinkError
@@ -22,24 +22,10 @@ from rigd.remote.protocol import (
     Kind,
     LeaseView,
     Message,
+    Refusal,
     Status,
+    as_json,
     decode_frame,
-)
-from rigd.remote.protocol.arguments import (
-    Act,
-    Answered,
-    Checked,
-    InterlockName,
-    NoArguments,
-    Piece,
-    ProcedureName,
-    Reason,
-    Receiver,
-    Run,
-    Runs,
-    Since,
-    Start,
-    StreamName,
 )
 from rigd.remote.protocol.results import (
     Acted,
@@ -159,20 +145,20 @@ class AsyncClient:
 
     async def describe(self) -> Description:
         """Return what does not change: channels, limits, interlocks, one's own role."""
-        return await self._ask("describe", NoArguments(), Description)
+        return await self._ask("describe", Description)
 
     async def latest(self) -> LatestValues:
         """Return the newest value of every channel, in SI, with its age."""
-        return await self._ask("latest", NoArguments(), LatestValues)
+        return await self._ask("latest", LatestValues)
 
     async def history(self, stream: str) -> Frame | None:
         """Return the last ten seconds of a stream, reduced; None where nothing came yet."""
-        found = await self._ask("history", StreamName(stream=stream), History)
+        found = await self._ask("history", History, stream=stream)
         return None if found.frame is None else decode_frame(found.frame)
 
     async def events(self, since: int = 0) -> Events:
         """Return the events numbered from ``since`` that the daemon still knows."""
-        return await self._ask("events", Since(seq=since), Events)
+        return await self._ask("events", Events, seq=since)
 
     def watch(self, patience_s: float | None = PATIENCE_S) -> AsyncGenerator[Status, None]:
         """Yield the status at every change and twice a second, the newest where it comes too fast.
@@ -218,25 +204,27 @@ class AsyncClient:
 
     async def procedures(self) -> Procedures:
         """Return the procedures that the daemon has."""
-        return await self._ask("procedures", NoArguments(), Procedures)
+        return await self._ask("procedures", Procedures)
 
     async def procedure(self, name: str) -> ProcedureView:
         """Return a procedure that the daemon has, and its parameters."""
-        return await self._ask("procedure", ProcedureName(name=name), ProcedureView)
+        return await self._ask("procedure", ProcedureView, name=name)
 
     async def check(self, procedure: str | Path, set: Mapping[str, str] | None = None) -> Check:
         """Return whether a procedure can run on the rig; see :meth:`start` for the arguments."""
-        return await self._ask("check", await self._checked(procedure, set), Check)
+        args = await self._checked(procedure, set)
+        return await self._ask("check", Check, **args)
 
     async def dry_run(self, procedure: str | Path, set: Mapping[str, str] | None = None) -> DryRun:
         """Return what a run would do, played on the simulated plant; may take minutes."""
-        return await self._command("dry_run", await self._checked(procedure, set), DryRun)
+        args = await self._checked(procedure, set)
+        return await self._command("dry_run", DryRun, **args)
 
     # The control lease
 
     async def lease(self) -> LeaseView:
         """Return who may command."""
-        return await self._ask("lease", NoArguments(), LeaseView)
+        return await self._ask("lease", LeaseView)
 
     async def lease_take(self) -> LeaseView:
         """Take the lease if it is free, and keep it until it is given back or lost."""
@@ -248,20 +236,20 @@ class AsyncClient:
 
     async def lease_renew(self) -> LeaseView:
         """Renew the lease for six seconds; done by itself while this client holds it."""
-        return await self._command("lease_renew", NoArguments(), LeaseView)
+        return await self._command("lease_renew", LeaseView)
 
     async def lease_release(self) -> LeaseView:
         """Give the lease back; a run under way goes on."""
         await self._holding.end()
-        return await self._command("lease_release", NoArguments(), LeaseView)
+        return await self._command("lease_release", LeaseView)
 
     async def lease_request(self) -> LeaseView:
         """Ask whoever has the lease to hand it over; they are shown who asks."""
-        return await self._command("lease_request", NoArguments(), LeaseView)
+        return await self._command("lease_request", LeaseView)
 
     async def lease_give(self, to: str) -> LeaseView:
         """Hand the lease over."""
-        view = await self._command("lease_give", Receiver(to=to), LeaseView)
+        view = await self._command("lease_give", LeaseView, to=to)
         await self._holding.end()
         return view
 
@@ -270,16 +258,18 @@ class AsyncClient:
         """Hold the control lease within a block.
 
         Left by an exception the lease is not given back but runs out, so that the daemon does what
-        the procedure says of a client that vanishes. ``brief`` gives it back even so: for single
-        commands to a run that needs nobody. A lease that was held before stays as it was.
+        the procedure says of a client that vanishes. Given back it is after a refusal, and by
+        ``brief`` after whatever happens: for single commands to a run that needs nobody. A lease
+        that was held before stays as it was.
         """
         holds = self._holding.holds
         was_ours = (await self.lease()).holder == self.identity
         await self.lease_take()
         try:
             yield
-        except BaseException:
-            await self._leave(holds, release=brief and not was_ours)
+        except BaseException as error:
+            orderly = brief or isinstance(error, Refusal)
+            await self._leave(holds, release=orderly and not was_ours)
             raise
         await self._leave(holds, release=not was_ours)
 
@@ -301,39 +291,34 @@ class AsyncClient:
         procedure its prompts ask nobody. ``on_client_loss`` is what happens to the run when this
         client vanishes with the lease; None: what the procedure says.
         """
-        checked = await self._checked(procedure, set)
-        args = Start(
-            procedure=checked.procedure,
-            set=checked.set,
-            seed=seed,
-            answers=answers,
-            on_client_loss=on_client_loss,
+        args = await self._checked(procedure, set)
+        return await self._command(
+            "start", Started, **args, seed=seed, answers=answers, on_client_loss=on_client_loss
         )
-        return await self._command("start", args, Started)
 
     async def resume_run(self, run: str) -> Started:
         """Go on with an interrupted run: only the trials that are missing."""
-        return await self._command("resume_run", Run(run=run), Started)
+        return await self._command("resume_run", Started, run=run)
 
     async def pause(self) -> None:
         """Pause after the trial under way."""
-        await self._command("pause", NoArguments(), Nothing)
+        await self._command("pause", Nothing)
 
     async def resume(self) -> None:
         """Go on after a pause."""
-        await self._command("resume", NoArguments(), Nothing)
+        await self._command("resume", Nothing)
 
     async def answer(self, value: float | str | bool, prompt_id: int) -> None:
         """Answer the prompt of that id (``status().prompt``): in SI, a word, or yes by True."""
-        await self._command("answer", Answered(prompt_id=prompt_id, value=value), Nothing)
+        await self._command("answer", Nothing, prompt_id=prompt_id, value=value)
 
     async def acknowledge(self, interlock: str) -> None:
         """Say that a person has looked at what an interlock stopped."""
-        await self._command("acknowledge", InterlockName(interlock=interlock), Nothing)
+        await self._command("acknowledge", Nothing, interlock=interlock)
 
     async def act(self, device: str, action: str) -> str:
         """Let a device do one of its actions, such as a tare; return what it answered."""
-        return (await self._command("act", Act(device=device, action=action), Acted)).said
+        return (await self._command("act", Acted, device=device, action=action)).said
 
     async def stop(self, reason: str = "") -> bool:
         """Stop the run in order: setpoints to rest, then its ``finish``.
@@ -357,15 +342,15 @@ class AsyncClient:
 
     async def runs(self, limit: int = 100, before: str | None = None) -> RunList:
         """Return the recordings, the newest first; ``before`` one of them, to see older ones."""
-        return await self._ask("runs", Runs(limit=limit, before=before), RunList)
+        return await self._ask("runs", RunList, limit=limit, before=before)
 
     async def run(self, run: str) -> RunView:
         """Return what is known of a recording; ``details`` are those of ``rigd info --json``."""
-        return await self._ask("run", Run(run=run), RunView)
+        return await self._ask("run", RunView, run=run)
 
     async def identify(self, run: str) -> Reported:
         """Let the daemon identify from a recording, and make the report; may take minutes."""
-        return await self._command("identify", Run(run=run), Reported)
+        return await self._command("identify", Reported, run=run)
 
     async def fetch(
         self, run: str, folder: Path | str = ".", progress: Progress | None = None
@@ -386,18 +371,18 @@ class AsyncClient:
         path = (Path(folder) / run).with_suffix(".html")
         return await self._fetch("report", run, path, progress)
 
-    async def _ask(self, what: str, args: Message, result: type[R]) -> R:
+    async def _ask(self, what: str, result: type[R], **args: Any) -> R:
         return await self.connection.request(Kind.ASK, what, args, result)
 
-    async def _command(self, verb: str, args: Message, result: type[R]) -> R:
+    async def _command(self, verb: str, result: type[R], **args: Any) -> R:
         return await self.connection.request(Kind.COMMAND, verb, args, result)
 
     async def _stop(self, verb: str, reason: str) -> bool:
-        args = Reason(reason=reason)
-        return (await self.connection.request(Kind.STOP, verb, args, Stopped)).acted
+        found = await self.connection.request(Kind.STOP, verb, {"reason": reason}, Stopped)
+        return found.acted
 
     async def _take(self, verb: str) -> LeaseView:
-        view = await self._command(verb, NoArguments(), LeaseView)
+        view = await self._command(verb, LeaseView)
         self._holding.begin()
         return view
 
@@ -410,15 +395,18 @@ class AsyncClient:
         else:
             await self._holding.end()
 
-    async def _checked(self, procedure: str | Path, set: Mapping[str, str] | None) -> Checked:
-        if isinstance(procedure, Path) or is_path(procedure):
+    async def _checked(
+        self, procedure: str | Path, set: Mapping[str, str] | None
+    ) -> dict[str, Any]:
+        """Return the arguments that say which procedure, with which values."""
+        if is_path(procedure):
             file = read_procedure(procedure)
         else:
-            file = (await self.procedure(procedure)).procedure
-        return Checked(procedure=file, set=dict(set or {}))
+            file = (await self.procedure(str(procedure))).procedure
+        return {"procedure": as_json(file), "set": dict(set or {})}
 
     async def _fetch(self, what: str, run: str, path: Path, progress: Progress | None) -> Path:
         async def piece(offset: int) -> PieceView:
-            return await self._ask(what, Piece(run=run, offset=offset), PieceView)
+            return await self._ask(what, PieceView, run=run, offset=offset)
 
         return await fetch(piece, path, progress)

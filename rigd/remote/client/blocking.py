@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import Any, Concatenate, Final, ParamSpec, Self, TypeVar
 
 from rigd.config.remote import TlsFiles
+from rigd.model.errors import LinkError
 from rigd.remote.client.asynchronous import AsyncClient
 
 P = ParamSpec("P")
@@ -169,7 +170,14 @@ class Client:
         self.run_async(control.__aexit__(None, None, None))
 
     def run_async(self, coroutine: Coroutine[Any, Any, T]) -> T:
-        """Return what ``coroutine`` returns on the loop of this client."""
+        """Return what ``coroutine`` returns on the loop of this client.
+
+        Raises:
+            LinkError: this client is closed.
+        """
+        if not self._thread.is_alive():
+            coroutine.close()
+            raise LinkError("this client is closed", hint="make another")
         future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
         try:
             return future.result()

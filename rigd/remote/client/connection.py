@@ -166,15 +166,16 @@ class Connection:
             "role in its rig file",
         )
 
-    async def request(self, kind: Kind, verb: str, args: Message, result: type[R]) -> R:
+    async def request(self, kind: Kind, verb: str, args: Mapping[str, Any], result: type[R]) -> R:
         """Make a request, and return its result.
 
         Raises:
             LinkError: nobody answered.
-            Refusal: it is not carried out.
+            Refusal: it is not carried out, or cannot be asked so.
             ProtocolError: the answer is none.
         """
-        request = new_request(args)
+        wanted = decode(find_verb(kind, verb).arguments, json.dumps(dict(args)).encode())
+        request = new_request(wanted)
         found = await self._insist(kind, verb, encode_request(request))
         if len(found) != 1:
             raise ProtocolError(
@@ -199,15 +200,15 @@ class Connection:
 
     async def ask(self, what: str, args: Mapping[str, Any]) -> Object:
         """Ask for something; changes nothing."""
-        return await self._pass(Kind.ASK, what, args)
+        return await self.request(Kind.ASK, what, args, dict[str, JsonValue])
 
     async def command(self, verb: str, args: Mapping[str, Any]) -> Object:
         """Give a command."""
-        return await self._pass(Kind.COMMAND, verb, args)
+        return await self.request(Kind.COMMAND, verb, args, dict[str, JsonValue])
 
     async def stop(self, verb: str, reason: str) -> Object:
         """``stop``, ``abort`` or ``estop``."""
-        return await self._pass(Kind.STOP, verb, {"reason": reason})
+        return await self.request(Kind.STOP, verb, {"reason": reason}, dict[str, JsonValue])
 
     async def statuses(self) -> AsyncIterator[Object]:
         """Yield the status at every change and twice a second; goes on after a silence."""
@@ -223,10 +224,6 @@ class Connection:
         """Yield the frames of all streams; those that come too fast are left out."""
         async for payload in self.listen(self.keys.every_live, FRAMES):
             yield payload
-
-    async def _pass(self, kind: Kind, verb: str, args: Mapping[str, Any]) -> Object:
-        wanted = decode(find_verb(kind, verb).arguments, json.dumps(dict(args)).encode())
-        return await self.request(kind, verb, wanted, dict[str, JsonValue])
 
     async def _insist(self, kind: Kind, verb: str, payload: bytes) -> list[Answer]:
         """Return the answers to a request, sent again where there were none.

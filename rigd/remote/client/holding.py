@@ -7,8 +7,8 @@ import logging
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 
-from rigd.model.errors import LinkError
-from rigd.remote.protocol import Refusal
+from rigd.model.errors import RigdError
+from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.limits import RENEW_S
 
 _log = logging.getLogger(__name__)
@@ -47,8 +47,9 @@ class Holding:
             await asyncio.sleep(RENEW_S)
             try:
                 await self._renew()
-            except LinkError as error:  # it may be there again before the lease runs out
+            except RigdError as error:
+                if isinstance(error, Refusal) and error.code is Code.NO_LEASE:
+                    _log.warning("the control lease is lost: %s", error.told)
+                    return
+                # Whatever keeps it from being renewed may be over before it runs out.
                 _log.warning("the control lease could not be renewed: %s", error.told)
-            except Refusal as refusal:
-                _log.warning("the control lease is lost: %s", refusal.told)
-                return

@@ -1,0 +1,138 @@
+"""A run as JUnit XML, which every continuous-integration service reads.
+
+One test case for each trial, and one for the run as a whole, which also fails for what no trial
+answers for: preflight, `prepare`, `finish`, the recording. Elements and attributes are those that
+Jenkins and GitLab read (JUnit 10 schema of the Jenkins xUnit plugin).
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from rigd.cli.console import describe_trial
+from rigd.daemon.execute import Recorded
+from rigd.model.errors import ConfigError, Exit, RigdError
+from rigd.procedure.program import CompiledProcedure
+from rigd.record import Recording, run_info
+from rigd.record.info import TrialInfo
+
+#: What XML 1.0 cannot hold in any form (section 2.2).
+_NOT_XML: Final = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One test case; with no ``failure``, ``error`` or ``skipped`` it has passed."""
+
+    name: str
+    time_s: float = 0.0
+    failure: str = ""  #: what did not end as demanded
+    error: str = ""  #: why it could not even be tried
+    skipped: str = ""  #: why it was not played
+
+
+@dataclass(frozen=True)
+class Suite:
+    """All cases of a run."""
+
+    name: str
+    cases: Sequence[Case]
+    properties: Mapping[str, str] = field(default_factory=dict)
+    started: str = ""  #: ISO 8601
+
+
+def suite_of(procedure: CompiledProcedure, rig: str, recorded: Recorded) -> Suite:
+    """Return what became of each trial, by its recording, and of the run.
+
+    Raises:
+        RecordingError: the recording cannot be read.
+    """
+    result = recorded.result
+    info = run_info(Recording.open(recorded.path))
+    played = {trial.number: trial for trial in info.trials}  # the last attempt counts
+    ended = f"{result.ending}: {result.reason}"
+    cases = [
+        _trial(describe_trial(plan, procedure), plan.number, played.get(plan.number), ended)
+        for plan in procedure.trials
+    ]
+    told = "\n".join((ended, *result.trips, *result.problems))
+    run = Case("run", result.run_s, failure="" if result.exit_code is Exit.OK else told)
+    properties = {"rig": rig, "recording": str(recorded.path), "ending": result.ending}
+    return Suite(procedure.name, [*cases, run], properties, info.started)
+
+
+def suite_of_error(procedure: str, error: RigdError) -> Suite:
+    """Return the suite of a run that did not come about."""
+    return Suite(procedure, [Case("run", error=str(error))])
+
+
+def check_writable(path: Path) -> None:
+    """Check before anything moves that the result will have a place.
+
+    Raises:
+        ConfigError: it has none.
+    """
+    if not path.absolute().parent.is_dir() or path.is_dir():
+        raise ConfigError(f"--junit {path}: there is no such folder, or it is one itself")
+
+
+def write_junit(path: Path, suite: Suite) -> None:
+    """Write ``suite`` to ``path``.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
+    counts = {
+        "tests": str(len(suite.cases)),
+        "failures": str(sum(bool(case.failure) for case in suite.cases)),
+        "errors": str(sum(bool(case.error) for case in suite.cases)),
+        "skipped": str(sum(bool(case.skipped) for case in suite.cases)),
+    }
+    root = ET.Element("testsuites", counts)
+    top = ET.SubElement(root, "testsuite", {"name": suite.name, **counts})
+    top.set("time", f"{suite.cases[-1].time_s:.3f}")  # the run itself, the last
+    if suite.started:
+        top.set("timestamp", suite.started)
+    if suite.properties:
+        properties = ET.SubElement(top, "properties")
+        for name, value in suite.properties.items():
+            ET.SubElement(properties, "property", {"name": name, "value": _clean(value)})
+    for case in suite.cases:
+        _add(top, suite.name, case)
+    ET.indent(root)
+    try:
+        ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+    except OSError as error:
+        raise ConfigError(f"--junit {path}: cannot be written: {error.strerror}") from error
+
+
+def _trial(name: str, number: int, trial: TrialInfo | None, ended: str) -> Case:
+    name = f"trial {number}: {name}"
+    if trial is None:
+        return Case(name, skipped=f"not played: {ended}")
+    if trial.end_ns is None:
+        return Case(name, failure=f"the run ended within it: {ended}")
+    time_s = (trial.end_ns - trial.start_ns) * 1e-9
+    return Case(name, time_s, failure="" if trial.complete else trial.reason or ended)
+
+
+def _add(top: ET.Element, suite: str, case: Case) -> None:
+    name = _clean(case.name)
+    element = ET.SubElement(
+        top, "testcase", {"classname": suite, "name": name, "time": f"{case.time_s:.3f}"}
+    )
+    outcomes = {"failure": case.failure, "error": case.error, "skipped": case.skipped}
+    for kind, told in outcomes.items():
+        if not told:
+            continue
+        message, _, rest = _clean(told).partition("\n")
+        ET.SubElement(element, kind, {"message": message}).text = rest or None
+
+
+def _clean(text: str) -> str:
+    return _NOT_XML.sub("�", text)

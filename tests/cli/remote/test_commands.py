@@ -1,0 +1,170 @@
+"""``rigd remote`` as a user meets it: processes, on a rig served over a real network."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from support.answering_rig import FILE, QUESTION, RECORDING, REPORT, TEXT, Served, served
+from support.command import Ended, rigd
+
+from rigd.remote.protocol.arguments import Answered, NoArguments, Start
+from rigd.remote.protocol.status import Interrupted, TripView
+
+
+@pytest.fixture
+def remote() -> Iterator[Served]:
+    with served() as one:
+        yield one
+
+
+@pytest.fixture
+def ask(remote: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Asking]:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    yield Asking(remote, tmp_path)
+
+
+class Asking:
+    """Runs ``rigd remote ...`` on the served rig."""
+
+    def __init__(self, remote: Served, folder: Path) -> None:
+        self.remote = remote
+        self.folder = folder
+
+    def __call__(self, *words: str, identity: str = "alice", code: int = 0) -> Ended:
+        where = ("--endpoint", self.remote.endpoint, "--as", identity)
+        ended = rigd("remote", *words, *where, cwd=self.folder)
+        assert ended.code == code, ended
+        return ended
+
+
+def test_status_shows_what_a_person_must_know(ask: Asking) -> None:
+    rig = ask.remote.rig
+    rig.running, rig.prompt = "a.mcap", QUESTION
+    rig.interrupted = (Interrupted(run="b.mcap", reason="x", trials_done=1, trials_total=3),)
+    rig.lease.obey("bob", "lease_take", NoArguments())
+    shown = ask("status").out
+    for text in ("lugre-1: running", "recording a.mcap", "waits for an answer: Put the weight on",
+                 "control: bob", "interrupted: b.mcap, 1 of 3 trials"):  # fmt: skip
+        assert text in shown
+    status = ask("status", "--json").json
+    assert (status["state"], status["prompt"]["id"]) == ("running", 7)
+
+
+def test_start_takes_control_for_as_long_as_it_needs(ask: Asking) -> None:
+    (ask.folder / "mine.yaml").write_text(TEXT)
+    out = ask("start", "mine.yaml", "--set", "floor=pvc", "--yes", "--seed", "7").out
+    assert "watch it:  rigd remote status --watch" in out
+    rig = ask.remote.rig
+    assert rig.verbs() == ["lease_take", "start", "lease_release"]
+    args = next(args for _, verb, args in rig.done if verb == "start")
+    assert isinstance(args, Start)
+    assert (args.procedure, args.set, args.seed, args.answers) == (
+        FILE, {"floor": "pvc"}, 7, "procedure",
+    )  # fmt: skip
+    assert rig.running is not None
+
+
+def test_a_file_that_is_wrong_is_told_with_its_place_before_anything_is_sent(ask: Asking) -> None:
+    (ask.folder / "mine.yaml").write_text(TEXT.replace("steps:", "stepz:"))
+    assert "mine.yaml:7:3: unknown key 'stepz'" in ask("start", "mine.yaml", code=2).err
+    assert ask.remote.rig.verbs() == []
+
+
+def test_each_command_to_a_run(ask: Asking) -> None:
+    rig = ask.remote.rig
+    rig.running, rig.prompt = "a.mcap", QUESTION
+    for words in (["pause"], ["resume"], ["ack", "overrun"], ["act", "scale", "tare"]):
+        ask(*words)
+    assert ask("answer", "1200 g").out == "weight: 1200 g\n"
+    given = [args.value for _, _, args in rig.done if isinstance(args, Answered)]
+    assert given == [1.2]
+    assert rig.lease.view().holder is None
+
+
+def test_an_answer_that_cannot_be_is_told_and_control_given_back(ask: Asking) -> None:
+    ask.remote.rig.prompt = QUESTION
+    assert "is not in kg" in ask("answer", "3 m", code=2).err
+    assert "no such prompt" in ask("answer", "1 kg", "--id", "3", code=3).err
+    assert ask.remote.rig.lease.view().holder is None
+
+
+@pytest.mark.parametrize("verb", ["stop", "abort", "estop"])
+def test_stopping_needs_no_control(ask: Asking, verb: str) -> None:
+    rig = ask.remote.rig
+    rig.running = "a.mcap"
+    rig.lease.obey("bob", "lease_take", NoArguments())
+    assert ask(verb, "--reason", "smoke").out == f"{verb}: asked for\n"
+    assert rig.done == [("alice", verb, "smoke")]
+    assert ask(verb, "--json").json == {"acted": False}
+
+
+def test_what_another_has_is_told(ask: Asking) -> None:
+    ask.remote.rig.lease.obey("bob", "lease_take", NoArguments())
+    err = ask("pause", code=3).err
+    assert "bob has the control lease" in err
+    assert "bob has control, for another" in ask("lease").out
+    assert "alice asks for it" in ask("lease", "request").out
+    assert ask("lease", "give", "alice", identity="bob").out.startswith("alice has control")
+    assert ask("lease", "release").out == "nobody has control\n"
+
+
+def test_events_and_recordings(ask: Asking) -> None:
+    ask.remote.tell("step", name="one")
+    assert "name=one" in ask("events").out
+    assert json.loads(ask("events", "--json").out)["data"] == {"name": "one"}
+    assert "a.mcap" in ask("runs").out
+    assert ask("runs", "--json").json["runs"][0]["run"] == "a.mcap"
+    assert ask("fetch", "a.mcap", "--to", "data").out == "data/a.mcap\n"
+    assert (ask.folder / "data" / "a.mcap").read_bytes() == RECORDING
+    assert ask("report", "a.mcap", "--make", "--json").json == {"path": "a.html", "size": 36}
+    assert (ask.folder / "a.html").read_bytes() == REPORT
+    assert "identify" in ask.remote.rig.verbs()
+
+
+def test_procedures_and_dry_runs(ask: Asking) -> None:
+    assert "small" in ask("procedures").out
+    assert "fit to run" in ask("dry-run", "small").out
+    assert ask("dry-run", "small", "--json").json["duration_s"] == 2.0
+
+
+def test_a_trip_is_shown_with_what_to_do(ask: Asking) -> None:
+    trip = TripView(
+        interlock="overrun", action="abort", message="beyond the end", since_ns=1,
+        latched=True, acknowledged=False,
+    )  # fmt: skip
+    ask.remote.rig.trips = (trip,)
+    assert "overrun acted (abort): beyond the end; rigd remote ack overrun" in ask("status").out
+
+
+def test_list_shows_who_is_alive_and_why_not(ask: Asking, tmp_path: Path) -> None:
+    config = tmp_path / "config" / "rigd"
+    config.mkdir(parents=True)
+    (config / "remotes.yaml").write_text(
+        f"remotes:\n  lugre-1: {{endpoint: {ask.remote.endpoint}}}\n"
+        "  gone-1: {endpoint: tcp/127.0.0.1:9}\n"
+    )
+    found = {one["rig"]: one for one in rigd("remote", "list", "--json", cwd=tmp_path).json}
+    assert found["lugre-1"]["status"]["state"] == "idle"
+    assert found["gone-1"]["alive"] is False
+    assert "nobody lets us in" in found["gone-1"]["problem"]
+    # By its name in the list, no address is needed.
+    assert rigd("remote", "status", "--rig", "lugre-1", cwd=tmp_path).code == 0
+
+
+def test_nobody_there_is_exit_code_4(tmp_path: Path) -> None:
+    ended = rigd("remote", "status", "--endpoint", "tcp/127.0.0.1:9", cwd=tmp_path)
+    assert ended.code == 4
+    assert "nobody lets us in at tcp/127.0.0.1:9" in ended.err
+
+
+def test_certificates_are_made_and_what_to_write_is_shown(tmp_path: Path) -> None:
+    words = ("remote", "setup-tls", "certs", "--host", "127.0.0.1", "--client", "alice")
+    out = rigd(*words, cwd=tmp_path).out
+    assert (tmp_path / "certs" / "alice.key").stat().st_mode & 0o077 == 0
+    assert "roles: {alice: operator}" in out
+    again = rigd(*words, "--client", "bob", "--json", cwd=tmp_path).json
+    assert again["made"] == ["certs/bob.crt", "certs/bob.key"]
+    assert rigd("remote", "setup-tls", "other", cwd=tmp_path).code == 2

@@ -1,0 +1,124 @@
+"""``rigd run --junit``: a test case for each trial, and one for the run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from support.command import rigd
+
+from rigd.cli.junit import Case, Suite, suite_of_error, write_junit
+from rigd.model.errors import Blocked
+
+#: Three trials of the wheel, held by the belt.
+SHAKE = """\
+procedure: shake
+title: Turns the wheel
+doc: For tests.
+parameters:
+  current: {doc: Amplitude, unit: A}
+sweep: {grid: {current: [0.1 A, 0.2 A, 0.3 A]}}
+trial:
+LIMITS
+  steps:
+    - step: shake
+      set: {wheel_servo.current: {sine: {amplitude: "${current}", frequency: 5 Hz}}}
+      for: 0.4 s
+finish:
+  - step: hold
+    set: {wheel_servo.current: 0 A}
+    for: 0.1 s
+"""
+
+
+def run(folder: Path, limits: str = "", *words: str) -> tuple[int, ElementTree.Element]:
+    """Run the procedure and return the exit code and the suite."""
+    (folder / "shake.yaml").write_text(SHAKE.replace("LIMITS\n", limits))
+    ended = rigd(
+        "run", "shake.yaml", "--rig", "lugre-1", "--junit", "out.xml", *words, cwd=folder
+    )  # fmt: skip
+    suite = ElementTree.parse(folder / "out.xml").getroot().find("testsuite")
+    assert suite is not None
+    return ended.code, suite
+
+
+def outcomes(suite: ElementTree.Element) -> dict[str, str]:
+    return {
+        case.get("name", ""): case[0].tag if len(case) else "passed"
+        for case in suite.iter("testcase")
+    }
+
+
+def test_each_trial_is_a_case_with_its_time(tmp_path: Path) -> None:
+    code, suite = run(tmp_path)
+    assert code == 0
+    assert outcomes(suite) == {
+        "trial 1: current 0.1 A": "passed",
+        "trial 2: current 0.2 A": "passed",
+        "trial 3: current 0.3 A": "passed",
+        "run": "passed",
+    }
+    assert (suite.get("name"), suite.get("tests"), suite.get("failures")) == ("shake", "4", "0")
+    times = [float(case.get("time", "nan")) for case in suite.iter("testcase")]
+    assert all(0.39 < time_s < 0.6 for time_s in times[:3])
+    assert times[3] > sum(times[:3])
+    assert suite.get("timestamp", "")[:2] == "20"
+    properties = {one.get("name"): one.get("value") for one in suite.iter("property")}
+    assert properties["rig"] == "lugre-1"
+    assert Path(properties["recording"] or "").suffix == ".mcap"
+
+
+def test_a_trial_that_ended_early_fails_with_its_reason(tmp_path: Path) -> None:
+    limits = "  limits: {wheel_servo.current: {low: -0.25 A, high: 0.25 A}}\n"
+    code, suite = run(tmp_path, limits)
+    assert code == 6
+    assert outcomes(suite) == {
+        "trial 1: current 0.1 A": "passed",
+        "trial 2: current 0.2 A": "passed",
+        "trial 3: current 0.3 A": "failure",
+        "run": "failure",
+    }
+    failed = suite.find("testcase[3]/failure")
+    assert failed is not None
+    assert "wheel_servo.current" in failed.get("message", "")
+    assert suite.get("failures") == "2"
+
+
+def test_a_file_that_is_wrong_is_an_error_of_the_run(tmp_path: Path) -> None:
+    code, suite = run(tmp_path, "", "--set", "curent=1 A")
+    assert code == 2
+    assert outcomes(suite) == {"run": "error"}
+    error = suite.find("testcase/error")
+    assert error is not None and "curent" in error.get("message", "")
+
+
+def test_where_it_cannot_be_written_nothing_runs(tmp_path: Path) -> None:
+    words = ("run", "quick", "--rig", "lugre-1", "--junit")
+    assert "no such folder" in rigd(*words, "missing/out.xml", cwd=tmp_path).err
+    assert rigd(*words, "out.xml", "--dry-run", cwd=tmp_path).code == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_xml_cannot_hold_is_replaced_and_lines_are_kept(tmp_path: Path) -> None:
+    path = tmp_path / "out.xml"
+    write_junit(path, Suite("odd", [Case("a\x00<b>", failure='first "&"\nsecond\x1b')]))
+    case = ElementTree.parse(path).getroot().find("testsuite/testcase")
+    assert case is not None
+    assert case.get("name") == "a�<b>"
+    assert (case[0].get("message"), case[0].text) == ('first "&"', "second�")
+
+
+def test_trials_that_were_not_played_are_skipped(tmp_path: Path) -> None:
+    path = tmp_path / "out.xml"
+    write_junit(path, Suite("s", [Case("one"), Case("two", skipped="not played: stopped")]))
+    suite = ElementTree.parse(path).getroot()[0]
+    assert outcomes(suite) == {"one": "passed", "two": "skipped"}
+    assert suite.get("skipped") == "1"
+
+
+def test_preflight_that_refuses_is_an_error_with_all_its_reasons(tmp_path: Path) -> None:
+    path = tmp_path / "out.xml"
+    write_junit(path, suite_of_error("shake", Blocked(["no watchdog", "no calibration"])))
+    error = ElementTree.parse(path).getroot().find("testsuite/testcase/error")
+    assert error is not None
+    assert "no calibration" in (error.text or "")

@@ -1,0 +1,58 @@
+"""What comes from a network thread, taken on an event loop."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+
+from rigd.remote.client.mailbox import Mailbox
+
+
+def test_what_one_thread_puts_another_takes_in_order() -> None:
+    async def take() -> list[bytes]:
+        mailbox = Mailbox(10_000)
+        sent = [str(number).encode() for number in range(5000)]
+        threading.Thread(target=lambda: [mailbox.put(one) for one in sent]).start()
+        taken = []
+        async for payload in mailbox:
+            taken.append(payload)
+            if len(taken) == len(sent):
+                break
+        assert taken == sent
+        return taken
+
+    asyncio.run(asyncio.wait_for(take(), 30))
+
+
+def test_where_too_many_wait_the_newest_are_kept() -> None:
+    async def take() -> None:
+        mailbox = Mailbox(3)
+        for number in range(10):
+            mailbox.put(bytes([number]))
+        mailbox.close()
+        assert [payload[0] async for payload in mailbox] == [7, 8, 9]
+
+    asyncio.run(take())
+
+
+def test_closing_ends_who_waits() -> None:
+    async def take() -> None:
+        mailbox = Mailbox(3)
+
+        async def read() -> list[bytes]:
+            return [payload async for payload in mailbox]
+
+        reading = asyncio.create_task(read())
+        await asyncio.sleep(0)
+        mailbox.close()
+        assert await asyncio.wait_for(reading, 30) == []
+
+    asyncio.run(take())
+
+
+def test_a_loop_that_has_ended_bothers_no_thread() -> None:
+    async def make() -> Mailbox:
+        return Mailbox(3)
+
+    mailbox = asyncio.run(make())
+    mailbox.put(b"late")

@@ -1,0 +1,101 @@
+"""Where a client finds a rig, and as whom it comes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rigd.config.remote import TlsFiles
+from rigd.model.errors import ConfigError
+from rigd.remote.client.remotes import find_target, list_path
+from rigd.remote.client.target import aim
+from rigd.remote.protocol import Refusal
+from rigd.remote.tls import files_of, setup_tls
+
+LIST = """\
+remotes:
+  lugre-1: {endpoint: tcp/127.0.0.1:7001, identity: ann}
+  wire-1:
+    endpoint: tls/rig.lab:7447
+    tls: {ca: certs/ca.crt, certificate: certs/alice.crt, key: certs/alice.key}
+"""
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of the client's list."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    (tmp_path / "rigd").mkdir()
+    return tmp_path / "rigd"
+
+
+def test_without_a_list_a_rig_is_on_this_machine(home: Path) -> None:
+    target = find_target("lugre-1")
+    assert (target.rig, target.endpoint, target.tls) == ("lugre-1", "tcp/127.0.0.1:7447", None)
+
+
+def test_the_list_says_where_and_as_whom(home: Path) -> None:
+    (home / "remotes.yaml").write_text(LIST)
+    target = find_target("lugre-1")
+    assert (target.endpoint, target.identity) == ("tcp/127.0.0.1:7001", "ann")
+    assert find_target("lugre-1", identity="bob").identity == "bob"
+    assert find_target("lugre-1", "tcp/127.0.0.1:9").endpoint == "tcp/127.0.0.1:9"
+
+
+def test_certificates_in_the_list_are_found_beside_it_and_name_the_client(home: Path) -> None:
+    setup_tls(home / "certs", ["rig.lab"], ["alice"])
+    (home / "remotes.yaml").write_text(LIST)
+    target = find_target("wire-1")
+    assert target.identity == "alice"
+    assert target.tls == files_of(home / "certs", "alice")
+
+
+def test_the_only_rig_of_the_list_needs_no_name(home: Path) -> None:
+    (home / "remotes.yaml").write_text("remotes: {far-1: {endpoint: tcp/127.0.0.1:7002}}\n")
+    assert find_target().rig == "far-1"
+
+
+def test_what_is_wrong_in_the_list_is_named_with_its_place(home: Path) -> None:
+    (home / "remotes.yaml").write_text("remotes:\n  lugre-1: {endpont: tcp/127.0.0.1:7001}\n")
+    with pytest.raises(ConfigError, match=r"remotes\.yaml:2:13: unknown key 'endpont'"):
+        find_target("lugre-1")
+    assert list_path() == home / "remotes.yaml"
+
+
+@pytest.mark.parametrize(
+    "endpoint", ["127.0.0.1:7447", "tcp/127.0.0.1", "udp/127.0.0.1:1", "tcp/a:1#iface=lo", ""]
+)
+def test_what_is_no_address_is_refused(endpoint: str) -> None:
+    with pytest.raises(ConfigError, match="is not the address of a daemon"):
+        aim("lugre-1", endpoint)
+
+
+def test_certificates_and_tls_come_together(tmp_path: Path) -> None:
+    files = TlsFiles(tmp_path / "ca.crt", tmp_path / "a.crt", tmp_path / "a.key")
+    with pytest.raises(ConfigError, match="needs certificates"):
+        aim("lugre-1", "tls/rig.lab:7447")
+    with pytest.raises(ConfigError, match="in the clear"):
+        aim("lugre-1", "tcp/127.0.0.1:7447", files)
+    with pytest.raises(ConfigError, match=r"there is no file .*ca\.crt"):
+        aim("lugre-1", "tls/rig.lab:7447", files)
+
+
+def test_a_certificate_is_its_owners(tmp_path: Path) -> None:
+    setup_tls(tmp_path, ["rig.lab"], ["alice"])
+    files = files_of(tmp_path, "alice")
+    with pytest.raises(ConfigError, match="is the certificate of alice, not of bob"):
+        aim("lugre-1", "tls/rig.lab:7447", files, "bob")
+    junk = tmp_path / "junk.crt"
+    junk.write_text("no certificate")
+    with pytest.raises(ConfigError, match="is no certificate in PEM"):
+        aim("lugre-1", "tls/rig.lab:7447", TlsFiles(files.ca, junk, files.key))
+
+
+def test_names_are_made_to_fit_a_key_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LOGNAME", "Zoë /*lab")
+    assert aim().identity == "Zo-lab"
+    with pytest.raises(Refusal, match="cannot stand in a key"):
+        aim(identity="a/b")
+    with pytest.raises(Refusal, match="cannot stand in a key"):
+        aim("configs/sim_lugre.yaml*")

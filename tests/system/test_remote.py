@@ -1,0 +1,165 @@
+"""The whole way of a remote user: commands and Python, on the daemon of a simulated rig."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from support.command import rigd, start
+from support.daemon import Daemon
+from support.served_lugre import RIG, served_lugre
+from support.terminal import Terminal
+
+from rigd.record import Recording, run_info
+from rigd.remote import Client
+from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol.limits import LEASE_S
+
+#: Asks, then turns the wheel while the belt holds the carriage, in each of two trials.
+ASKING = """\
+procedure: asking
+title: Asks, then turns the wheel
+doc: For tests.
+parameters:
+  current: {doc: Amplitude, unit: A, default: 0.3 A, min: 0 A, max: 0.5 A}
+  time: {doc: How long, unit: s, default: 0.5 s, max: 7200 s}
+repeats: 2
+prepare:
+  - prompt: weigh
+    text: What does the scale show?
+    unit: kg
+    min: 1 kg
+    max: 6 kg
+    answer: 3.9 kg
+trial:
+  steps:
+    - step: shake
+      set: {wheel_servo.current: {sine: {amplitude: "${current}", frequency: 2 Hz}}}
+      for: ${time}
+finish:
+  - step: hold
+    set: {wheel_servo.current: 0 A}
+    for: 0.2 s
+"""
+#: A crowded machine does everything within this.
+PATIENCE_S = 90.0
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    with served_lugre(tmp_path_factory.mktemp("remote")) as served:
+        yield served
+
+
+@pytest.fixture(autouse=True)
+def folder(daemon: Daemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of one's own, with the procedure; the rig is found by its name."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(daemon.runs.parent))
+    (tmp_path / "asking.yaml").write_text(ASKING)
+    return tmp_path
+
+
+def test_a_run_from_a_terminal(folder: Path) -> None:
+    terminal = Terminal.open(["remote", "start", "asking.yaml", "--watch"], folder)
+    try:
+        terminal.expect("lugre-1 records")
+        terminal.expect("What does the scale show?")
+        terminal.type("9 kg")
+        terminal.expect("outside")  # the daemon's own words, before the run hears of it
+        terminal.expect("What does the scale show?")
+        terminal.type("3900 g")
+        terminal.expect("complete")
+        terminal.expect("rigd remote fetch")
+        assert terminal.end() == 0
+    finally:
+        terminal.close()
+    name = rigd("remote", "runs", "--limit", "1", "--json", cwd=folder).json["runs"][0]["run"]
+    path = rigd("remote", "fetch", name, "--to", "data", cwd=folder).out.strip()
+    info = run_info(Recording.open(folder / path))
+    assert (info.state, info.trials_done) == ("complete", 2)
+
+
+def test_a_run_from_a_script(folder: Path) -> None:
+    with Client(RIG) as rig, rig.control():
+        run = rig.start(folder / "asking.yaml", {"current": "0.2 A"}, answers="procedure").run
+        assert run is not None
+        seen = {status.state for status in rig.watch() if not ended(rig, run)}
+        assert "running" in seen
+        last = rig.wait(run)
+        assert (last.ending, last.exit_code) == ("complete", 0)
+        recording = Recording.open(rig.fetch(run, folder))
+    parameters = run_info(recording).metadata["overrides"]
+    assert parameters == {"current": "0.2 A"}
+
+
+def ended(rig: Client, run: str) -> bool:
+    last = rig.status().last
+    return last is not None and last.run == run
+
+
+def test_only_the_watching_may_end(daemon: Daemon, folder: Path) -> None:
+    words = ["remote", "start", "asking.yaml", "--yes", "--watch", "--set", "time=7200 s"]
+    terminal = Terminal.open(words, folder)
+    try:
+        terminal.expect("shake")
+        terminal.process.send_signal(signal.SIGINT)
+        terminal.expect("only stop watching")
+        terminal.type("w")
+        assert terminal.end() == 0
+    finally:
+        terminal.close()
+    with Client(RIG, identity="bob") as rig:
+        statuses = rig.watch()
+        first_ns = next(statuses).t_ns
+        late = next(one for one in statuses if (one.t_ns - first_ns) * 1e-9 > LEASE_S + 1)
+        assert late.state == "running"  # nobody has vanished
+        assert rig.stop("enough") is True
+        assert late.run is not None
+        assert rig.wait(late.run).ending == "stopped"
+
+
+def test_a_watching_command_that_is_killed_has_vanished(folder: Path) -> None:
+    words = ["remote", "start", "asking.yaml", "--yes", "--watch", "--set", "time=7200 s"]
+    running = start(words, folder)
+    running.wait_for("trial 1/2")
+    running.signal(signal.SIGKILL)
+    running.end()
+    with Client(RIG) as rig:
+        run = rig.status().run
+        assert run is not None
+        last = rig.wait(run)
+    assert last.ending == "stopped"
+    assert "vanished" in last.reason
+
+
+def test_two_who_want_the_same(folder: Path) -> None:
+    with Client(RIG, identity="ann") as ann, Client(RIG, identity="bob") as bob:
+        with ann.control():
+            with pytest.raises(Refusal) as refused, bob.control():
+                pass
+            assert refused.value.code is Code.LEASE_HELD
+            bob.lease_request()
+            assert next(one for one in ann.watch() if one.lease.asked_by).lease.asked_by == ("bob",)
+            ann.lease_give("bob")
+        with bob.control():
+            assert bob.lease().holder == "bob"
+
+
+def test_what_cannot_run_is_told_with_its_place(folder: Path) -> None:
+    (folder / "wrong.yaml").write_text(
+        ASKING.replace("wheel_servo.current:", "wheel_servo.curent:")
+    )
+    ended = rigd("remote", "start", "wrong.yaml", cwd=folder)
+    assert ended.code == 3
+    assert "wrong.yaml" in ended.err or "asking.yaml:" in ended.err
+    assert "wheel_servo.curent" in ended.err
+
+
+def test_a_dry_run_elsewhere_is_the_same_as_here(folder: Path) -> None:
+    there = rigd("remote", "dry-run", "asking.yaml", "--json", cwd=folder)
+    here = rigd("run", "asking.yaml", "--rig", RIG, "--dry-run", "--json", cwd=folder)
+    assert (there.code, here.code) == (0, 0)
+    assert there.json["steps"] == here.json["steps"]
+    assert there.json["duration_s"] == pytest.approx(here.json["duration_s"])
