@@ -25,8 +25,8 @@ SILENCE_S: Final = 2.0
 BEAT_S: Final = 0.5
 #: How often the newest values are asked for while no frames come, in s.
 LATEST_EVERY_S: Final = 1.0
-#: How often the description is asked for while there is none, in s.
-RETRY_S: Final = 1.0
+#: How often it is looked whether the description is missing, in s.
+RETRY_S: Final = 0.25
 #: Events kept for a browser that joins late.
 KEPT_EVENTS: Final = 300
 
@@ -49,17 +49,11 @@ class Hub:
         self._events: deque[Object] = deque(maxlen=KEPT_EVENTS)
         self._heard_s = -SILENCE_S
         self._frame_s = -LATEST_EVERY_S
-        self.malformed = 0  #: frames that were none
 
     @property
     def alive(self) -> bool:
         """Whether the rig has spoken lately."""
         return monotonic() - self._heard_s < SILENCE_S
-
-    @property
-    def status(self) -> Object | None:
-        """The newest status, however old."""
-        return self._status
 
     @contextmanager
     def join(self) -> Iterator[Outbox]:
@@ -124,7 +118,6 @@ class Hub:
             try:
                 frame = decode_frame(data)
             except Refusal as error:
-                self.malformed += 1
                 log.warning("a live frame was left out: %s", error)
                 continue
             for outbox in self._drawing:

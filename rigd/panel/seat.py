@@ -21,7 +21,8 @@ from rigd.remote.protocol.refusal import Code, Refusal
 
 log = logging.getLogger(__name__)
 
-#: How long a page may be away, while it is loaded anew, until its user counts as gone.
+#: How long a page may be away, while it is loaded anew, until its user counts as gone. Shorter than
+#: the lease, which is not renewed meanwhile.
 GRACE_S: Final = 4.0
 
 
@@ -37,6 +38,8 @@ class Seat:
         self._changed = changed
         self._holder: Session | None = None
         self._asked_by: list[Session] = []
+        self._has_failed = False  # to renew the lease, the last time
+        self._changing = asyncio.Lock()  # held from looking who sits here until that has changed
 
     def describe(self, lease: Mapping[str, Any]) -> Object:
         """Return what the page shows of the daemon's ``lease``, with the panel's own users."""
@@ -73,11 +76,12 @@ class Seat:
         Raises:
             Refusal: somebody has it.
         """
-        if self._holder is not None and not self._sessions.is_gone(self._holder, GRACE_S):
-            self.require(session)
-        answer = await self._rig.command("lease_take", {})
-        self._sit(session)
-        return answer
+        async with self._changing:
+            if self._holder is not None and not self._sessions.is_gone(self._holder, GRACE_S):
+                self.require(session)
+            answer = await self._rig.command("lease_take", {})
+            self._sit(session)
+            return answer
 
     async def seize(self, session: Session) -> Object:
         """Take control from whoever has it, here or elsewhere.
@@ -85,9 +89,10 @@ class Seat:
         Raises:
             Refusal: the rig file does not make the panel a maintainer.
         """
-        answer = await self._rig.command("lease_seize", {})
-        self._sit(session)
-        return answer
+        async with self._changing:
+            answer = await self._rig.command("lease_seize", {})
+            self._sit(session)
+            return answer
 
     async def release(self, session: Session) -> Object:
         """Give control back.
@@ -95,10 +100,11 @@ class Seat:
         Raises:
             Refusal: ``session`` does not have it.
         """
-        self.require(session)
-        answer = await self._rig.command("lease_release", {})
-        self._sit(None)
-        return answer
+        async with self._changing:
+            self.require(session)
+            answer = await self._rig.command("lease_release", {})
+            self._sit(None)
+            return answer
 
     async def ask(self, session: Session) -> Object:
         """Ask whoever has control to hand it over."""
@@ -115,42 +121,49 @@ class Seat:
         Raises:
             Refusal: ``session`` does not have it, or nobody like this has asked.
         """
-        self.require(session)
-        match to:
-            case {"session": int(number)}:
-                for one in self._asking():
-                    if one.number == number:
-                        self._sit(one)
-                        return {}
-                raise Refusal(Code.NOT_FOUND, "that user is no longer at this panel")
-            case {"client": str(client)}:
-                answer = await self._rig.command("lease_give", {"to": client})
-                self._sit(None)
-                return answer
-        raise Refusal(Code.BAD_REQUEST, "says neither `session` nor `client`")
+        async with self._changing:
+            self.require(session)
+            match to:
+                case {"session": int(number)}:
+                    for one in self._asking():
+                        if one.number == number:
+                            self._sit(one)
+                            return {}
+                    raise Refusal(Code.NOT_FOUND, "that user is no longer at this panel")
+                case {"client": str(client)}:
+                    answer = await self._rig.command("lease_give", {"to": client})
+                    self._sit(None)
+                    return answer
+            raise Refusal(Code.BAD_REQUEST, "says neither `session` nor `client`")
 
     async def keep(self) -> None:
         """Renew the lease while its user is there, until cancelled."""
-        has_failed = False
         while True:
             await asyncio.sleep(RENEW_S)
-            if self._holder is None:
-                continue
-            if self._sessions.is_gone(self._holder, GRACE_S):
-                log.warning("%s has left without releasing control", self._holder.name)
-                self._sit(None)
-                continue
-            try:
-                await self._rig.command("lease_renew", {})
-            except Refusal as refusal:
-                log.warning("control is lost: %s", refusal)
-                self._sit(None)
-            except RigdError as error:
-                if not has_failed:
-                    log.warning("control could not be renewed: %s", error)
-                has_failed = True
-            else:
-                has_failed = False
+            async with self._changing:
+                await self._renew()
+
+    async def _renew(self) -> None:
+        holder = self._holder
+        if holder is None:
+            return
+        if self._sessions.is_gone(holder, GRACE_S):
+            log.warning("%s has left without releasing control", holder.name)
+            self._sit(None)
+            return
+        if holder.pages == 0:
+            return  # being loaded anew, or gone: the lease lasts long enough to find out
+        try:
+            await self._rig.command("lease_renew", {})
+        except Refusal as refusal:
+            log.warning("control is lost: %s", refusal)
+            self._sit(None)
+        except RigdError as error:
+            if not self._has_failed:
+                log.warning("control could not be renewed: %s", error)
+            self._has_failed = True
+        else:
+            self._has_failed = False
 
     def _asking(self) -> list[Session]:
         self._asked_by = [one for one in self._asked_by if not self._sessions.is_gone(one, GRACE_S)]

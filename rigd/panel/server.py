@@ -109,8 +109,8 @@ async def serve(rig: Rig, listen: Listen, announce: Callable[[dict[Role, str]], 
             http="h11",
             ws="websockets-sansio",
             ws_max_size=1024,  # a page says nothing long
-            ws_ping_interval=5.0,
-            ws_ping_timeout=15.0,
+            ws_ping_interval=2.0,  # a computer that has gone without a word is noticed in 7 s
+            ws_ping_timeout=5.0,
             ws_per_message_deflate=False,
             lifespan="off",
             access_log=False,

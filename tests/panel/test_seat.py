@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from support.panel import ServedPanel, Visitor
@@ -49,6 +50,15 @@ def test_one_at_a_time_and_the_other_is_told_who(panel: ServedPanel) -> None:
         assert "Ada" in answer["error"]["message"]
         assert bob.post("/api/command/pause", args={})[1]["error"]["code"] == "lease_held"
         assert "pause" not in [verb for verb, _ in panel.rig.given]
+
+
+def test_of_two_who_take_it_at_once_one_has_it(panel: ServedPanel) -> None:
+    ada = panel.visitor()
+    bob = further(panel, ada, "Bob")
+    with ada.page(), bob.page(), ThreadPoolExecutor(2) as pool:
+        panel.rig.delay_s = 0.2
+        takes = [pool.submit(one.post, "/api/control/take", args={}) for one in (ada, bob)]
+        assert sorted(take.result()[0] for take in takes) == [200, 409]
 
 
 def test_control_is_handed_over_to_who_has_asked_and_to_nobody_else(panel: ServedPanel) -> None:

@@ -66,10 +66,11 @@ from rigd.remote.protocol.status import (
 )
 
 TICK_S = 1 / 30
+RUN = "2026-11-21T14-02-11_constant_current.mcap"
 
 
 class PlayedRig:
-    """A rig in this process, on the loop of the panel; what was asked of it stands in ``given``."""
+    """A rig in this process, on the panel's loop; what was asked of it stands in ``given``."""
 
     identity = "panel"
 
@@ -78,6 +79,7 @@ class PlayedRig:
         self.changes = 0  #: everything that a client changed
         self.is_silent = False
         self.is_maintained = False
+        self.delay_s = 0.0  #: how long a command takes
         self.prompts = prompts
         self.carriage = Carriage()
         self._asked: list[PromptView] = []
@@ -117,7 +119,7 @@ class PlayedRig:
             seq=self._seq, daemon=Daemon(version="0.1.0", pid=1, started_ns=1),
             state="idle" if self.state == "done" else self.state,  # type: ignore[arg-type]
             procedure="constant_current" if plays else None,
-            run="2026-11-21T14-02-11_constant_current.mcap" if plays else None,
+            run=RUN if plays else None,
             step=played.step if plays else None,
             trial=Trial(number=played.trial, repeat=1,
                         parameters={"current": played.target, "floor": "stone"})
@@ -240,6 +242,7 @@ class PlayedRig:
     async def command(self, verb: str, args: Mapping[str, Any]) -> dict[str, Any]:
         """Obey."""
         self._hear(verb, args)
+        await asyncio.sleep(self.delay_s)
         if verb == "dry_run":
             return as_json(dry_run(float(args["set"].get("brake_at", "1.15 m").split()[0])))
         match verb:
@@ -267,7 +270,7 @@ class PlayedRig:
                 await self._start(_checked(Start, args))
                 self.changes += 1
                 await self.wake()
-                return as_json(Started(run="2026-11-21T14-02-11_constant_current.mcap"))
+                return as_json(Started(run=RUN))
             case "pause" if self.state == "running":
                 self.state = "pausing"
             case "resume" if self.state in ("pausing", "paused"):
@@ -305,8 +308,7 @@ class PlayedRig:
     async def end(self, ending: str, reason: str) -> None:
         """End the run."""
         self.state = "idle"
-        run = "2026-11-21T14-02-11_constant_current.mcap"
-        self.last = LastRun(run=run, ending=ending, reason=reason, exit_code=5)
+        self.last = LastRun(run=RUN, ending=ending, reason=reason, exit_code=5)
         await self.emit("run_end", ending=ending, reason=reason)
 
     async def trip(self, trip: TripView = TRIP) -> None:
