@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import AsyncGenerator, AsyncIterator, Mapping
 from contextlib import aclosing, asynccontextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Literal, Self, TypeVar
 
 from rigd.config.remote import TlsFiles
@@ -81,8 +80,6 @@ class AsyncClient:
         self._opened: Connection | None = None
         self._holding = Holding(self.lease_renew)
 
-    # Coming and going
-
     async def open(self) -> Self:
         """Connect.
 
@@ -108,21 +105,12 @@ class AsyncClient:
     async def __aenter__(self) -> Self:
         return await self.open()
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         await self.close()
 
     @property
     def connection(self) -> Connection:
-        """The connection beneath: JSON in, JSON out.
-
-        Raises:
-            LinkError: it is not open.
-        """
+        """The connection beneath; LinkError where it is not open."""
         if self._opened is None:
             raise LinkError("this client is not connected", hint="open() it, or use it by `with`")
         return self._opened
@@ -352,23 +340,21 @@ class AsyncClient:
         """Let the daemon identify from a recording, and make the report; may take minutes."""
         return await self._command("identify", Reported, run=run)
 
-    async def fetch(
-        self, run: str, folder: Path | str = ".", progress: Progress | None = None
-    ) -> Path:
-        """Fetch a recording into ``folder`` and return its path; goes on where it broke off.
+    async def fetch(self, run: str, to: Path | str = ".", progress: Progress | None = None) -> Path:
+        """Fetch a recording to the folder ``to``, and return its path; goes on where it broke off.
 
         ``progress`` is called with the bytes that have come and their number in all.
 
         Raises:
             RecordingError: it cannot be written, or did not come as it is.
         """
-        return await self._fetch("fetch", run, Path(folder) / run, progress)
+        return await self._fetch("fetch", run, Path(to) / run, progress)
 
     async def report(
-        self, run: str, folder: Path | str = ".", progress: Progress | None = None
+        self, run: str, to: Path | str = ".", progress: Progress | None = None
     ) -> Path:
         """Fetch the report of a recording; as :meth:`fetch`. :meth:`identify` makes it."""
-        path = (Path(folder) / run).with_suffix(".html")
+        path = (Path(to) / run).with_suffix(".html")
         return await self._fetch("report", run, path, progress)
 
     async def _ask(self, what: str, result: type[R], **args: Any) -> R:

@@ -1,0 +1,189 @@
+"""How fresh the panel's page is and what it costs, before a run on a simulated rig in real time.
+
+`rigd serve` on the simulated LuGre rig, its panel, and three headless Chromium pages. Measured: how
+old the newest sample is when it has been drawn (from the sample's own time to the end of the frame
+that shows it, so half a frame of 1/30 s is in it), frames drawn per second, and the share of a core
+that the panel and the daemon take with one page and with three.
+
+    python benchmarks/panel.py --seconds 10
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import signal
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from figures import noted
+from playwright.sync_api import Browser, Page, sync_playwright
+
+ROOT = Path(__file__).resolve().parents[1]
+PATIENCE_MS = 120_000
+
+#: Moves for long enough.
+SHAKE = """\
+procedure: shake
+title: Turns the wheel to and fro
+doc: For the benchmark of the panel.
+trial:
+  steps:
+    - step: shake
+      set: {wheel_servo.current: {sine: {amplitude: 0.3 A, frequency: 2 Hz}}}
+      for: 600 s
+finish:
+  - step: hold
+    set: {wheel_servo.current: 0 A}
+    for: 0.2 s
+"""
+
+#: Notes, behind each painted frame, how old the newest sample is that it shows.
+WATCH = """async (seconds) => {
+  const { newestTime } = await import("/static/js/histories.js");
+  const ages = [];
+  let shown = newestTime();
+  const end = performance.now() + 1000 * seconds;
+  await new Promise((done) => {
+    const frame = () => setTimeout(() => {
+      const newest = newestTime();
+      if (newest > shown) ages.push(Date.now() / 1000 - newest);
+      shown = newest;
+      if (performance.now() < end) requestAnimationFrame(frame); else done();
+    });
+    requestAnimationFrame(frame);
+  });
+  return ages;
+}"""
+
+
+@contextmanager
+def served(folder: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Serve a copy of the shipped rig; yield the daemon and the link to its panel."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    text = (ROOT / "configs" / "sim_lugre.yaml").read_text()
+    text = text.replace("parameters: plants/", f"parameters: {ROOT}/configs/plants/")
+    text = text.replace("rig: lugre-1", "rig: panel-bench")
+    (folder / "rig.yaml").write_text(f"{text}\nremote: {{listen: [{endpoint}]}}\n")
+    (folder / "procedures").mkdir()
+    (folder / "procedures" / "shake.yaml").write_text(SHAKE)
+    daemon = subprocess.Popen(
+        [sys.executable, "-m", "rigd", "serve", "--rig", str(folder / "rig.yaml"),
+         "--runs", str(folder / "runs"), "--procedures", str(folder / "procedures")],
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    try:
+        for line in daemon.stdout or ():
+            found = re.search(r"panel of .*: (http://\S+#\S+)", line)
+            if found:
+                yield daemon, found[1]
+                break
+        else:
+            raise SystemExit("the daemon did not start")
+    finally:
+        daemon.send_signal(signal.SIGTERM)
+        daemon.communicate(timeout=60)
+
+
+def cpu_s(pid: int) -> float:
+    """Return the CPU time of a process in s."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def panel_of(daemon: int) -> int:
+    """Return the process of the panel that a daemon has started."""
+    children = Path(f"/proc/{daemon}/task/{daemon}/children").read_text().split()
+    for pid in map(int, children):
+        if b"\0panel\0" in Path(f"/proc/{pid}/cmdline").read_bytes():
+            return pid
+    raise SystemExit("the daemon has no panel")
+
+
+def enter(browser: Browser, link: str, name: str) -> Page:
+    """Return a page that has been let in."""
+    page = browser.new_page(viewport={"width": 1440, "height": 900})
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(link)
+    page.get_by_label("Your name").fill(name)
+    page.get_by_role("button", name="Open the panel").click()
+    page.locator(".state-word").wait_for()
+    return page
+
+
+def invited(page: Page, name: str) -> str:
+    """Return a link for another page."""
+    page.get_by_role("button", name=name, exact=True).click()
+    page.get_by_role("button", name="Link to watch").click()
+    link = page.locator("output.link code").inner_text()
+    page.get_by_role("button", name="Close").click()
+    return link
+
+
+def start(page: Page) -> None:
+    """Start the run."""
+    page.get_by_role("button", name="Take control").click()
+    page.get_by_role("link", name="Procedures", exact=True).click()
+    page.get_by_role("button", name=re.compile("to and fro")).click()
+    page.get_by_role("button", name="Start…").click()
+    page.get_by_role("button", name="Start now").click()
+    page.locator(".state-word", has_text="Running").wait_for()
+
+
+def measure(page: Page, pids: dict[str, int], seconds: float) -> dict[str, float]:
+    """Return ages of drawn samples in ms, frames per second, and shares of a core."""
+    before, begun = {name: cpu_s(pid) for name, pid in pids.items()}, time.monotonic()
+    ages = sorted(1e3 * one for one in page.evaluate(WATCH, seconds))
+    took_s = time.monotonic() - begun
+    found = {name: (cpu_s(pid) - before[name]) / took_s for name, pid in pids.items()}
+    return found | {
+        "fps": len(ages) / seconds,
+        "p50": statistics.median(ages),
+        "p99": ages[int(0.99 * (len(ages) - 1))],
+    }
+
+
+def main() -> None:
+    """Measure, and print."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--seconds", type=float, default=10.0)
+    seconds = parser.parse_args().seconds
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        raise SystemExit("chromium is missing: scripts/need chromium")
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        daemon, link = stack.enter_context(served(folder))
+        playwright = stack.enter_context(sync_playwright())
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        stack.callback(browser.close)
+        page = enter(browser, link, "one")
+        start(page)
+        pids = {"daemon": daemon.pid, "panel": panel_of(daemon.pid)}
+        page.wait_for_timeout(3000)
+        for pages in (1, 3):
+            while len(browser.contexts) < pages:
+                number = len(browser.contexts) + 1
+                enter(browser, invited(page, "one"), f"page {number}")
+            found = measure(page, pids, seconds)
+            where = f"{pages} page{'s' * (pages > 1)} open"
+            noted(f"frames drawn, {where}", found["fps"], "1/s")
+            noted(f"age of the newest sample drawn, {where}, p50", found["p50"], "ms")
+            noted(f"age of the newest sample drawn, {where}, p99", found["p99"], "ms")
+            noted(f"panel's share of a core, {where}", 100 * found["panel"], "%")
+            noted(f"daemon's share of a core, {where}", 100 * found["daemon"], "%")
+
+
+if __name__ == "__main__":
+    main()
