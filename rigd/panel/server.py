@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import ipaddress
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ from rigd.model.errors import ConfigError
 from rigd.panel.app import build_panel
 from rigd.panel.guard import Place
 from rigd.panel.rig import Rig
-from rigd.panel.sessions import Role, Sessions
+from rigd.panel.sessions import Sessions
 
 #: Where the panel is found unless something else is there already.
 PORT: Final = 8423
@@ -89,7 +89,7 @@ class Listen:
         return Place(self.scheme, frozenset(hosts | (names if port == usual else set())))
 
 
-async def serve(rig: Rig, listen: Listen, announce: Callable[[dict[Role, str]], None]) -> None:
+async def serve(rig: Rig, listen: Listen, announce: Callable[[Mapping[str, str]], None]) -> None:
     """Serve the panel of ``rig`` until cancelled.
 
     ``announce`` is told a one-time link for each role once the panel can be reached. The code in

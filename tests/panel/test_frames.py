@@ -13,7 +13,7 @@ from rigd.remote.protocol.frame import Frame, decode_frame
 
 def a_frame(points: int, t0_ns: int = 0, channels: int = 2, seed: int = 0) -> Frame:
     values = np.random.default_rng(seed).normal(size=(channels, points)).astype("f4")
-    return Frame(3, 0, t0_ns, np.arange(points) * 1e-3, values - 1, values + 1)
+    return Frame(3, 0, t0_ns, np.arange(points, dtype=np.float64) * 1e-3, values - 1, values + 1)
 
 
 @settings(max_examples=60)

@@ -6,7 +6,7 @@ import asyncio
 import http.client
 import json
 import threading
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import Future
 from typing import Any
 from urllib.parse import urlsplit
@@ -16,7 +16,6 @@ from websockets import Origin
 from websockets.sync.client import ClientConnection, connect
 
 from rigd.panel.server import Listen, serve
-from rigd.panel.sessions import Role
 
 
 class ServedPanel:
@@ -24,16 +23,16 @@ class ServedPanel:
 
     def __init__(self, rig: PlayedRig | None = None) -> None:
         self.rig = rig or PlayedRig()
-        self.links: dict[Role, str] = {}
+        self.links: dict[str, str] = {}
         self.port = 0
-        self._told: Future[dict[Role, str]] = Future()
+        self._told: Future[Mapping[str, str]] = Future()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, name="panel")
         self._serving: asyncio.Task[None] | None = None
 
     def __enter__(self) -> ServedPanel:
         self._thread.start()
-        self.links = self._told.result(30)
+        self.links = dict(self._told.result(30))
         self.port = urlsplit(self.links["operator"]).port or 0
         return self
 
@@ -52,7 +51,7 @@ class ServedPanel:
         """Let something happen at the rig, on its own loop."""
         asyncio.run_coroutine_threadsafe(action(), self._loop).result(30)
 
-    def visitor(self, role: Role = "operator", name: str = "Ada") -> Visitor:
+    def visitor(self, role: str = "operator", name: str = "Ada") -> Visitor:
         """Return someone who has logged in by the link of their role, or by a further one."""
         visitor = Visitor(self)
         code = self.links.pop(role, "").partition("#")[2]

@@ -156,8 +156,10 @@ def test_everything_an_operator_does(daemon: subprocess.Popen[str], folder: Path
         before = drawn(page)
         wait_until(lambda: drawn(page) > before + 20)
         current = page.locator(".channel-table tr", has_text="current").last.locator(".value")
-        seen = {current.inner_text()}
-        wait_until(lambda: seen.add(current.inner_text()) or len(seen) > 5)  # type: ignore[func-returns-value]
+        seen: set[str] = set()
+        for _ in range(5):
+            seen.add(current.inner_text())
+            wait_until(lambda: current.inner_text() not in seen)
         press(page, "Pause")
         state(page, "Paused")
         press(page, "Resume")

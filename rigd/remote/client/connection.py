@@ -234,8 +234,13 @@ class Connection:
         key = self.keys.request(kind, self.identity, verb)
         patience_s = PATIENCE_S[find_verb(kind, verb).lane]
         timed_out = False
-        for _ in range(2):
-            await self._connected()
+        for again in (False, True):
+            try:
+                await self._connected()
+            except LinkError as error:
+                if again:
+                    raise self._in_doubt(verb, error.message) from error
+                raise
             try:
                 found = await self._while_it_speaks(
                     query(self._session, key, patience_s, payload), verb
@@ -246,10 +251,7 @@ class Connection:
             if found:
                 return found
         if timed_out:
-            raise LinkError(
-                f"{self.rig} did not answer in time: whether {verb} was carried out is not known",
-                hint="see its status, and the rig itself",
-            )
+            raise self._in_doubt(verb, f"{self.rig} did not answer in time")
         await self.status()  # where there is no daemon, this says so
         raise LinkError(
             f"{self.rig} does not even let {self.identity} ask for {verb}",
@@ -265,14 +267,16 @@ class Connection:
         try:
             while not (await asyncio.wait([task], timeout=_STILL_THERE_S))[0]:
                 if self.silent_s > SILENCE_S:
-                    raise LinkError(
-                        f"{self.rig} has fallen silent: whether {verb} was carried out is not "
-                        "known",
-                        hint="see its status once it speaks again, and the rig itself",
-                    )
+                    raise self._in_doubt(verb, f"{self.rig} has fallen silent")
             return task.result()
         finally:
             task.cancel()
+
+    def _in_doubt(self, verb: str, what: str) -> LinkError:
+        return LinkError(
+            f"{what}: whether {verb} was carried out is not known",
+            hint="look at the rig itself, and at its status once it speaks again",
+        )
 
     async def _connected(self) -> None:
         """Wait until there is a connection.
