@@ -29,6 +29,7 @@ BENCHES = (
     "recording",
     "recorder",
     "identify",
+    "angle_accuracy",
     "angle_campaign",
     "kill_table",
     "automatic_stop",

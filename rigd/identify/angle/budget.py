@@ -25,6 +25,8 @@ import numpy as np
 
 from rigd.identify.angle.data import AngleCalibration, AngleRig, Coefficient
 
+FORCE_TERMS = 8  #: torque and drags come first, then what concerns N, the surface last
+
 
 @dataclass(frozen=True)
 class Conditions:
@@ -128,6 +130,11 @@ class Budget:
     def measurement(self) -> float:
         """``better`` of this one run: without the last term, what varies from run to run."""
         return math.sqrt(math.fsum(t.better**2 for t in self.terms[:-1]))
+
+    @property
+    def force(self) -> float:
+        """Relative standard uncertainty of F_r alone, by the better method: all but N's terms."""
+        return math.sqrt(math.fsum(t.better**2 for t in self.terms[:FORCE_TERMS]))
 
     @property
     def systematic(self) -> float:

@@ -162,7 +162,7 @@ def with_zero(run: AngleRun, volts: float) -> AngleRun:
 def test_a_zero_is_taken_off_only_where_the_crosstalk_is_known(
     golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
-    run, drift_v = golden("r0").whole, 0.02
+    run, drift_v = golden("r0").whole, 0.005
     none = Bending(c=0.0, s=0.0, u=1e-5, runs=90, zero_u_nm=0.013)
 
     def mu(run: AngleRun, bending: Bending | None) -> float:

@@ -23,7 +23,8 @@ class BetterSettings:
     the start, by which the breakaway peak has passed. A run with fewer than
     ``min_sliding_blocks`` gives no coefficient.
 
-    Force balance: |residual|/N above ``balance_constant + balance_share mu`` is rubbing.
+    Force balance: a residual above ``balance_coverage`` times what it is uncertain by is rubbing;
+    3 leaves 0.3 % of good runs to chance.
 
     Standard uncertainties (k = 1) that neither a calibration nor the data give; assumed.
     """
@@ -37,14 +38,14 @@ class BetterSettings:
     sliding_speed_m_s: float = 0.05
     sliding_distance_m: float = 0.040
     min_sliding_blocks: int = 2
-    balance_constant: float = 0.02
-    balance_share: float = 0.04
+    balance_coverage: float = 3.0
     zero_u_v: float = 0.006  #: of (gauge a - gauge b), until a campaign shows its spread
     crosstalk_m: float = 0.0005  #: N m per N of load, likewise: two gauges a degree off
     inertia_u: float = 0.05  #: relative, of the wheel's moment of inertia (a drawing's)
     load_change_u: float = 0.013  #: relative change of N in a run beside its rise with the travel
     load_reading_u_n: float = 0.1  #: of one reading of the scale: resolution and noise, 10 g
     vibration_u: float = 0.001  #: relative, what the rollers' vibration of N leaves in a mean
+    linearity_u: float = 0.005  #: of a speed, relative: a potentiometer's linearity over a turn
     angle_u_rad: float = math.radians(0.2)  #: of the mounted approach angle
     scatter_u: float = 0.015  #: relative, between equal runs, until a campaign shows it
     limits: Limits = field(default_factory=Limits)  #: where a raw run stops being a good one
