@@ -213,10 +213,10 @@ def test_each_recording_has_its_own_calibration(
     wrong = calibration_text(campaign[0].run, torque=1.02)
     first = record(campaign[:6], "first.mcap")
     second = record(campaign[:6], "second.mcap", calibration=wrong)
-    runs = analyse(first, second).result.runs
-    for one, two in zip(runs[:6], runs[6:], strict=True):
+    found = analyse(first, second)
+    for one, two in zip(found.result.runs[:6], found.result.runs[6:], strict=True):
         assert two.paper.mu / one.paper.mu == pytest.approx(1.02, rel=1e-6)
-    assert len(analyse(first, second).calibrations_told) == 2
+    assert len(found.calibrations_told) == 2
 
 
 def test_without_a_calibration_there_is_no_number(
