@@ -58,8 +58,9 @@ def exchanged(rig: RigConfig, names: Iterable[str], identities: Mapping[str, str
         if device not in rig.devices:
             now = f"is no device of rig {rig.name}"
         yield (
-            f"{device} {now}, but {_list(theirs)} in {setup.path} was measured with "
-            f"{instrument!r}\n  {_remedy(rig, theirs)}"
+            f"{device} {now}, but {_list(theirs)} in {setup.path} "
+            f"{'was' if len(theirs) == 1 else 'were'} measured with {instrument!r}\n"
+            f"  {_remedy(rig, theirs)}"
         )
 
 

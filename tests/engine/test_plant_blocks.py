@@ -177,6 +177,20 @@ def test_blocks_that_stop_coming_are_a_fault_in_the_end(tmp_path: Path) -> None:
     end(host)
 
 
+def test_rows_that_come_too_old_are_none(tmp_path: Path) -> None:
+    """Blocks 1.2 s late keep coming, and nothing that the cycle sees is from within 1 s."""
+    clock = VirtualClock(PERIOD_NS, START_NS)
+    late = rig(PlantGrid, tmp_path, latency_ns=1_200_000_000)
+    cycle = wire(late, clock, Control(), 1).cycle
+    host = InProcessHost(cycle, clock, virtual=True, sink=Kept(), record=ALL)
+    assert host.open() == []
+    outcome = host.settle(1000)
+    assert outcome is not None
+    assert outcome.ending is Ending.FAULTED
+    assert "grid gave no row for 1000 ms" in outcome.reason
+    end(host)
+
+
 def test_a_row_ahead_of_the_plant_is_refused(tmp_path: Path) -> None:
     host, _, _ = host_of(rig(PlantGrid, tmp_path))
     end(host)
@@ -226,6 +240,18 @@ def test_a_program_that_follows_at_once_leaves_no_gap(tmp_path: Path) -> None:
     begun = kept.entered()
     assert kept.all("grid")["t_ns"][0] == begun["drive"]
     assert kept.all("grid")["t_ns"][-1] == begun["after"] - ROW_NS
+
+
+def test_what_was_taken_last_is_recorded_as_the_run_ends(tmp_path: Path) -> None:
+    """The last cycle has seen rows that no cycle after it decides about; then all is closed."""
+    during = Recorded(1, frozenset({"go"}))
+    quick = rig(PlantGrid, tmp_path, rows=1, latency_ns=0)
+    host, kept, _ = host_of(quick, {"grid": during, "cycle": during})
+    assert host.play(waits("go")).ending is Ending.DONE
+    end(host)
+    rows = kept.all("grid")
+    assert rows["t_ns"][0] == kept.entered()["go"]
+    assert rows["t_ns"][-1] == kept.all("cycle")["t_ns"][-1] - ROW_NS
 
 
 def test_a_way_out_closes_the_window(tmp_path: Path) -> None:
