@@ -9,15 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from rigd.identify.angle.better.result import BetterRun
 from rigd.identify.angle.budget import Budget
 from rigd.identify.angle.data import AngleRun, Coefficient, Flag, FloatArray, Regime, Severity
+from rigd.identify.angle.paper.result import PaperRun
 from rigd.identify.angle.result_json import campaign_json
-
-if TYPE_CHECKING:
-    from rigd.identify.angle.paper import PaperRun
 
 
 @dataclass(frozen=True)
