@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.grid import PERIOD_NS, Grid, PlantGrid, rig
+from support.grid import PERIOD_NS, ClockPlant, Grid, PlantGrid, rig
 
 from rigd.config.rig import RigConfig
 from rigd.engine.clock import VirtualClock
 from rigd.engine.control import Control
 from rigd.engine.in_process import InProcessHost
+from rigd.engine.plant_blocks import PlantBlocks
 from rigd.engine.player import Ending
 from rigd.engine.sink import Rows
 from rigd.engine.wiring import streams_of, wire
@@ -177,18 +178,17 @@ def test_blocks_that_stop_coming_are_a_fault_in_the_end(tmp_path: Path) -> None:
     end(host)
 
 
-def test_rows_that_come_too_old_are_none(tmp_path: Path) -> None:
-    """Blocks 1.2 s late keep coming, and nothing that the cycle sees is from within 1 s."""
-    clock = VirtualClock(PERIOD_NS, START_NS)
-    late = rig(PlantGrid, tmp_path, latency_ns=1_200_000_000)
-    cycle = wire(late, clock, Control(), 1).cycle
-    host = InProcessHost(cycle, clock, virtual=True, sink=Kept(), record=ALL)
-    assert host.open() == []
-    outcome = host.settle(1000)
-    assert outcome is not None
-    assert outcome.ending is Ending.FAULTED
-    assert "grid gave no row for 1000 ms" in outcome.reason
-    end(host)
+@pytest.mark.parametrize(("latency_ns", "fresh"), [(900_000_000, True), (1_100_000_000, False)])
+def test_a_row_that_comes_after_the_silence_of_its_device_is_none(
+    tmp_path: Path, latency_ns: int, fresh: bool
+) -> None:
+    late = rig(PlantGrid, tmp_path, rows=1, row_ns=PERIOD_NS, latency_ns=latency_ns)
+    blocks = PlantBlocks(late.devices["grid"], ClockPlant(None, period_ns=PERIOD_NS, seed=1))
+    blocks.open()
+    assert blocks.read(START_NS) is None
+    row = blocks.read(START_NS + 2_000_000_000)
+    assert (row is not None) is fresh
+    blocks.close()
 
 
 def test_a_row_ahead_of_the_plant_is_refused(tmp_path: Path) -> None:
