@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from support.angle_runs import TABLE_1
 
 from rigd.model.channels import Channel, Stream
 from rigd.model.rows import row_dtype
@@ -27,10 +28,6 @@ RATE_HZ: Final = 9600.0
 #: From one trial to the next, and from a trial's start to the relay command, in s.
 TRIAL_S: Final = 4.0
 COMMAND_S: Final = 1.5
-REFERENCE: Final = {
-    "clean_0": 0.1868, "clean_15": 0.2475, "clean_30": 0.4504, "clean_45": 0.5861,
-    "coated_0": 0.4430,
-}  # fmt: skip
 SIGNALS: Final = {
     "gauge_a": "daq.gauge_a_raw",
     "gauge_b": "daq.gauge_b_raw",
@@ -139,7 +136,7 @@ def write_campaign(
         "signals": json.dumps(dict(signals)),
         "constants": json.dumps(CONSTANTS),
         "group_by": json.dumps(["set"]),
-        "reference": json.dumps({f"{name}.maximum": mu for name, mu in REFERENCE.items()}),
+        "reference": json.dumps({f"{name}.maximum": mu for name, mu in TABLE_1.items()}),
         "reference_label": "Table 1 of the paper",
     }
     run = {"procedure": "approach_angles", "rig": "angle-1", "seed": "1", "trials": "200"}
