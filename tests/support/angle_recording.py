@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from support.angle_runs import TABLE_1
 
-from rigd.model.channels import Channel, Stream
+from rigd.model.channels import STALE, Channel, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import RecordingWriter
 from rigd.record.prefix import Attachment
@@ -72,6 +72,7 @@ class Recorded:
     complete: bool = True
     reason: str = ""
     stable: bool = True
+    stale: bool = False  #: one row of the card and one of the scale are no new ones
     rails: int = 0  #: status bits of the card in ten samples
     driven: bool = True
     stopped: bool = True
@@ -203,6 +204,8 @@ def _daq_rows(one: Recorded, command_ns: int) -> Rows:
     rows["device_time"] = 17.0 + run.t_s
     rows["clock_rate"] = RATE_HZ
     rows["status"][1000:1010] = one.rails
+    if one.stale:
+        rows["gauge_a_raw"][500], rows["status"][500] = 7.0, STALE
     return rows
 
 
@@ -227,4 +230,6 @@ def _scale_rows(one: Recorded, begin_ns: int, command_ns: int) -> Rows:
     rows["status"][2] = 0
     if not one.stable:
         rows["status"] = 0
+    if one.stale:
+        rows["mass"][-2], rows["status"][-2] = 7.0, STALE | STABLE
     return rows

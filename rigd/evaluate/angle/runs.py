@@ -232,7 +232,8 @@ def _scale_kg(
     """Return the mass that the scale showed at rest before the start, and whether it was at rest.
 
     That is the mean of its last readings in a row that it called stable: earlier ones may be of
-    the weights before. NaN where there is none of the last :data:`REST_NS`.
+    the weights before. NaN where there is none of the last :data:`REST_NS`. A scale without a
+    status word cannot say that it is not at rest: its last reading counts as if it were.
     """
     end = drive.start_ns if drive.start_ns is not None else trial.end_ns
     rows = sweep.recording.read(signals.scale, trial.start_ns, end)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,6 +64,27 @@ def test_a_scale_that_never_stands_gives_no_load(
     run = read(record([replace(campaign[0], stable=False)]))
     assert np.isnan(run.load_n)
     assert not run.load_stable
+
+
+def test_rows_that_are_not_new_are_not_taken(campaign: Sequence[Recorded], record: Record) -> None:
+    """What is missing then shows as a gap in the times; see missing_samples."""
+    one = campaign[0]
+    run = read(record([replace(one, stale=True)]))
+    assert np.array_equal(run.gauge_a_v, np.delete(one.run.gauge_a_v, 500))
+    assert run.load_n == pytest.approx(one.run.scale_kg * 9.81)
+
+
+def test_of_a_card_that_is_always_recorded_only_what_surrounds_the_drive_is_taken(
+    campaign: Sequence[Recorded], record: Record
+) -> None:
+    run = campaign[0].run
+    before_s = np.arange(-1.2, run.t_s[0] - 1e-6, 1 / 9600)
+    longer: dict[str, Any] = {"t_s": np.concatenate([before_s, run.t_s])}
+    for name in ("gauge_a_v", "gauge_b_v", "wheel_v", "platform_v"):
+        longer[name] = np.pad(getattr(run, name), (len(before_s), 0))
+    taken = read(record([replace(campaign[0], run=replace(run, **longer))]))
+    assert taken.t_s[0] == pytest.approx(-0.5, abs=1e-3)
+    assert taken.t_s[-1] == pytest.approx(run.t_s[-1], abs=1e-3)
 
 
 @pytest.mark.parametrize(
