@@ -204,6 +204,14 @@ def test_missing_repeats_are_named(played: Played) -> None:
     assert len(analyse_campaign(runs, PUBLISHED, repeats=3).sets[0].missing) == 9
 
 
+def test_a_set_that_was_run_twice_leaves_no_repeat_missing_in_the_others(played: Played) -> None:
+    again = of(played, "clean_45")
+    result = analyse_campaign([*again, *played.runs], PUBLISHED)
+    assert [one.name for one in result.sets] == list(SETS)  # by angle, whatever came first
+    assert [one.missing for one in result.sets] == [()] * len(SETS)
+    assert of_set(result, "clean_45").paper.raw == 2 * len(again)
+
+
 def test_a_set_that_hardly_slides_has_no_maximum(played: Played) -> None:
     few = [k for k in of(played, "clean_45") if k.run.voltage_v < 8.0]
     slow = [k for k in few if k.run.announced_load_kg > 4.0]
