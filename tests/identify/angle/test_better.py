@@ -209,6 +209,16 @@ def test_the_load_cell_gives_the_normal_force_where_there_is_one(
     assert found.mu_u < plain.mu_u
 
 
+def test_a_block_lost_behind_the_stop_changes_nothing() -> None:
+    known = trial("clean_0", 4.0, 10.0, 1, 1, rig=drawn_rig(0), seed=3).known
+    whole, stop = known.run, known.run.stop_s
+    lost = cut(whole, (whole.t_s < stop + 0.01) | (whole.t_s > stop + 0.03))
+    ends = cut(whole, whole.t_s < stop + 0.01)
+    found, expected = (analyse_better(run, known.calibration, known.rig) for run in (lost, ends))
+    assert math.isfinite(expected.mu)
+    assert (found.mu, found.slip, found.flags) == (expected.mu, expected.slip, expected.flags)
+
+
 @pytest.mark.parametrize("newton", [0.0, 1.3, math.nan])
 def test_a_load_cell_that_contradicts_the_scale_excludes_the_run(
     newton: float, golden: Golden, calibration: AngleCalibration, rig: AngleRig

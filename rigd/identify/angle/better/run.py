@@ -99,8 +99,7 @@ def evaluate(
 
     A run that the force balance speaks against keeps its residual and its slip, and no coefficient.
     """
-    flags += tuple(_load_flags(motion, settings))
-    if any(f.severity is Severity.EXCLUDED for f in flags) or motion.means.t_s.size == 0:
+    if motion.means.t_s.size == 0:
         return no_numbers(flags)
     means, normal, rig = motion.means, motion.means.normal_force_n, motion.known.rig
     torque = torque_at_gauges(motion, bending)
@@ -137,25 +136,6 @@ def evaluate(
         curves=motion.smoothed,
         budget=terms,
     )
-
-
-def _load_flags(motion: Motion, settings: BetterSettings) -> Iterator[Flag]:
-    """Tell a high-rate load cell that is dead, or does not show what the scale shows."""
-    run, calibration = motion.known.run, motion.known.calibration
-    if run.normal_force_v is None or calibration.normal_force is None:
-        return
-    scale, cell = calibration.load.value * run.load_n, motion.start_normal_n
-    lowest = float(np.min(motion.means.normal_force_n, initial=math.inf))
-    agrees = abs(cell - scale) <= settings.limits.load * scale + 2.0 * abs(
-        calibration.normal_force.value * calibration.normal_force_zero.u
-    )
-    if not (agrees and lowest > 0.0):
-        yield Flag(
-            "load_cell_disagrees",
-            f"Before the start the load cell shows {cell:.1f} N and the scale {scale:.1f} N; in "
-            f"the run it shows {lowest:.1f} N at the least: its zero, its calibration, or its "
-            "cable is wrong.",
-        )
 
 
 def _flags(sliding: BoolArray, balance: Balance, settings: BetterSettings) -> Iterator[Flag]:

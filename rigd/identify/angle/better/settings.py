@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from rigd.identify.angle.flags import Limits
+from rigd.identify.angle.limits import Limits
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class BetterSettings:
 
     wheel_cutoff_hz: float = 14.0
     platform_cutoff_hz: float = 16.0
-    decimation: int = 10  #: samples averaged before the smoother: 960 Hz, far above both cut-offs
+    smoothed_hz: float = 960.0  #: samples are averaged to about this rate, far above both cut-offs
     block_s: float = 0.020
     start_s: float = 0.080  #: first steady block: relay, backlash and breakaway are over
     min_tare_s: float = 0.040  #: two periods of the mains
