@@ -27,10 +27,9 @@ LIGHTEST_KG: Final = 1.0
 HEAVIEST_KG: Final = 12.0
 HIGHEST_V: Final = 12.0
 #: Readings of the scale that must agree before it calls them stable (2 s), how far they may lie
-#: apart, and where under- and overload begin (OIML R 76-1, 4.2.3), all in divisions.
+#: apart, and where overload begins beyond the capacity (OIML R 76-1, 4.2.3), both in divisions.
 AGREEING: Final = 8
 AGREEMENT: Final = 5.0
-UNDER_DIVISIONS: Final = 20.0
 OVER_DIVISIONS: Final = 9.0
 #: What of the state begins anew with a run.
 _MOVING: Final = (
@@ -231,8 +230,6 @@ class AnglePlant(Plant):
         mass = round(float(shown[0]), 9)  # a display shows 5.02, not 5.0200000000000005
         if mass > scale.capacity + OVER_DIVISIONS * scale.division:
             status = layout.OVERLOAD
-        elif mass < -UNDER_DIVISIONS * scale.division:
-            status = layout.UNDERLOAD
         return mass, status
 
     def change(self, quantity: str, value: float | str) -> None:
