@@ -107,8 +107,8 @@ def _curve_json(c: FrictionCurve) -> dict[str, object]:
     return {
         "coefficient": c.coefficient.value,
         "form": c.form,
-        "peak_sliding_speed_m_s": _finite(c.peak_speed_m_s),
-        "sliding_speed_m_s": _list(c.speed_m_s),
+        "peak_sliding_speed_m_per_s": _finite(c.peak_speed_m_s),
+        "sliding_speed_m_per_s": _list(c.speed_m_s),
         "mu": _list(c.mu),
         "mu_low_k2": _list(c.low),
         "mu_high_k2": _list(c.high),

@@ -75,14 +75,14 @@ def _demand(alpha: FloatArray, mu: FloatArray) -> DemandFit:
 
 def _sentence(line: LineFit, demand: DemandFit, alpha: FloatArray) -> str:
     both = (
-        f"The straight line leaves {line.rms:.3f} rms, ({demand.a:.3f} + {demand.b:.3f} sin a)/cos "
-        f"a, the force that mere rolling would ask for, {demand.rms:.3f}"
+        f"A straight line leaves {line.rms:.3f} rms; the force that mere rolling would ask for, "
+        f"({demand.a:.3f} + {demand.b:.3f} sin α)/cos α, leaves {demand.rms:.3f}"
     )
     if 0.5 < demand.rms / max(line.rms, 1e-300) < 2.0:
         return (
-            f"{both}: {alpha.size} maxima alone cannot tell a friction limit that rises with the "
+            f"{both}. {alpha.size} maxima alone cannot tell a friction limit that rises with the "
             "angle from a demand that does; what tells them apart is whether the wheel slid in "
             "the runs they come from."
         )
     better = "demand form" if demand.rms < line.rms else "line"
-    return f"{both}: the {better} describes these {alpha.size} maxima better."
+    return f"{both}. The {better} describes these {alpha.size} maxima better."

@@ -39,8 +39,8 @@ def test_the_demand_of_rolling_fits_table_1_as_well_and_that_is_said() -> None:
 def test_where_one_form_is_far_better_the_sentence_says_which() -> None:
     straight = trend("made", NAMES, ALPHA, [0.2 + 0.5 * a for a in ALPHA])
     rolling = trend("made", NAMES, ALPHA, [(0.2 + 0.3 * math.sin(a)) / math.cos(a) for a in ALPHA])
-    assert straight is not None and "the line describes" in straight.sentence
-    assert rolling is not None and "the demand form describes" in rolling.sentence
+    assert straight is not None and "The line describes" in straight.sentence
+    assert rolling is not None and "The demand form describes" in rolling.sentence
 
 
 def test_two_angles_are_no_trend() -> None:
