@@ -45,7 +45,7 @@ def _table(planned: Renewal) -> Table:
                 _spread(was.value, was.u),
                 was.source,
                 change,
-                f"{planned.deviation(name):+.1f}",
+                f"{planned.deviation(name):+.1f}".replace("-", "\N{MINUS SIGN}"),
             ]
         rows.append(Row(tuple(cells)))
     columns = (

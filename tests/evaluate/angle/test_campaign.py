@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from html import unescape
@@ -196,7 +197,7 @@ def test_another_calibration_replays_the_raw_volts(
         assert two.paper.mu / one.paper.mu == pytest.approx(1.02, rel=1e-6)
         assert np.array_equal(one.run.gauge_a_v, two.run.gauge_a_v)
     (line,) = after.calibrations_told
-    assert "given with --calibration: torque_scale: " in line
+    assert re.search(r"torque_scale: 2\.0\d{3} ± 0\.00\d\d N m/V -> 2\.0\d{3} ± ", line)
     assert "(+2.0 %)" in line
     for told in (texts(after.shown()), unescape(after.report())):
         assert line in told
