@@ -98,6 +98,10 @@ def test_of_a_card_that_is_always_recorded_only_what_surrounds_the_drive_is_take
         ({"driven": False}, "not_driven", "never told to close"),
         ({"stopped": False}, "no_stop", "not told to open"),
         ({"rails": 0b100}, "at_rail", "wheel_angle in 10 of"),
+        ({"again": True}, "driven_twice", "told to close 2 times"),
+        ({"card_s": lambda t_s: 0.5 * t_s}, "clocks_disagree", "another rate"),
+        ({"card_s": lambda t_s: t_s + (t_s > 0.5)}, "clocks_disagree", "samples were lost"),
+        ({"card_s": lambda t_s: np.full(len(t_s), np.nan)}, "clocks_disagree", "or no number"),
     ],
 )
 def test_what_the_recording_says_against_a_run_is_a_flag(
