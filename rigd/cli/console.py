@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -18,7 +20,7 @@ from rigd.engine.result import Progress as RunProgress
 from rigd.evaluate.models import needs_of
 from rigd.model.errors import Exit, ProcedureError
 from rigd.model.states import RunState
-from rigd.model.units import parse_quantity, parse_unit
+from rigd.model.units import format_quantity, parse_quantity, parse_unit
 from rigd.procedure.program import Answer, AnswerKind, CompiledProcedure, Prompt, TrialPlan
 
 
@@ -171,12 +173,12 @@ class ConsoleAnswers:
         """
         with self._quieten():
             if objection:
-                self._screen.write(f"\n  {objection}\n")
+                self._screen.write(f"\n{_wrapped(objection, indent='  ')}\n")
             return self._ask(prompt)
 
     def _ask(self, prompt: Prompt) -> Answer:
         while True:
-            self._screen.write(f"\n{prompt.text}\n{_invitation(prompt)}: ")
+            self._screen.write(f"\n{_wrapped(prompt.text)}\n{_invitation(prompt)}: ")
             self._screen.flush()
             line = self._lines.readline()
             if not line:
@@ -187,12 +189,26 @@ class ConsoleAnswers:
                 self._screen.write(f"  {error}\n")
 
 
+def _wrapped(text: str, indent: str = "") -> str:
+    """Return ``text`` broken between words to the width of the terminal."""
+    columns = shutil.get_terminal_size().columns
+    return "\n".join(
+        textwrap.fill(line, columns, initial_indent=indent, subsequent_indent=indent)
+        for line in text.splitlines()
+    )
+
+
 def _invitation(prompt: Prompt) -> str:
     match prompt.kind:
         case AnswerKind.CONFIRM:
             return "done? [yes/no]"
+        case AnswerKind.CHOICE if len(prompt.choices) == 1:
+            return f"type {prompt.choices[0]}"
         case AnswerKind.CHOICE:
             return f"one of {', '.join(prompt.choices)}"
+        case AnswerKind.NUMBER if prompt.low is not None and prompt.high is not None:
+            bounds = (format_quantity(one, prompt.unit) for one in (prompt.low, prompt.high))
+            return f"value with unit, {' to '.join(bounds)}"
         case AnswerKind.NUMBER:
             return f"value with unit, such as '1 {prompt.unit}'"
         case AnswerKind.TEXT:
@@ -213,7 +229,9 @@ def read_answer(prompt: Prompt, text: str) -> Answer:
         case AnswerKind.NUMBER:
             quantity = parse_quantity(text)
             if not quantity.unit.same_kind(parse_unit(prompt.unit)):
-                raise ValueError(f"{text!r} is not in {prompt.unit}")
+                unitless = quantity.unit.same_kind(parse_unit("1"))
+                such = f": write '{text} {prompt.unit}'" if unitless else ""
+                raise ValueError(f"{text!r} is not in {prompt.unit}{such}")
             return quantity.value
         case AnswerKind.CHOICE:
             if text not in prompt.choices:
