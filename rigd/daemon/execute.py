@@ -90,7 +90,7 @@ def execute(
         ConfigError: the recording to resume was made with another procedure or rig file.
     """
     control = control or Control()
-    rests_on = needed(request.procedure)
+    rests_on = needed(request.procedure, request.rig)
     resume = request.resume
     done = frozenset[int]() if resume is None else resume.done
     if resume is not None:

@@ -28,6 +28,7 @@ class ModelNeeds:
     optional_signals: tuple[str, ...] = ()
     calibrated: tuple[str, ...] = ()  #: values that the rig's calibration must have
     calibrated_with: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  #: of a signal
+    calibrated_if_known: tuple[str, ...] = ()  #: values that are used where known
     measures: tuple[str, ...] = ()  #: values that such a recording calibrates
 
     def calibration(self, plan: IdentifyPlan) -> tuple[str, ...]:
@@ -68,6 +69,7 @@ MODELS: Final = {
             "rail_viscous",
         ),
         calibrated_with={"normal_force": ("normal_force_scale", "normal_force_zero")},
+        calibrated_if_known=("load_rise",),
     ),
     "torque-calibration": ModelNeeds(
         module="rigd.evaluate.calibration",
@@ -101,6 +103,15 @@ MODELS: Final = {
         trial_parameters=("test",),
         calibrated=("torque_scale", "wheel_scale", "platform_scale", "rail_load"),
         measures=("bearing_constant", "bearing_viscous", "rail_constant", "rail_viscous"),
+    ),
+    "rise-calibration": ModelNeeds(
+        module="rigd.evaluate.calibration",
+        signals=("load", "platform_position"),
+        constants=("division",),
+        parameters=(),
+        trial_parameters=("load",),
+        calibrated=("platform_scale",),
+        measures=("load_rise",),
     ),
 }
 

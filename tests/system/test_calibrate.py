@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -58,7 +59,9 @@ def campaign(folder: Path) -> Ended:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("procedure", ["calibrate_torque", "calibrate_scale", "calibrate_friction"])
+@pytest.mark.parametrize(
+    "procedure", ["calibrate_torque", "calibrate_scale", "calibrate_friction", "calibrate_rise"]
+)
 def test_the_shipped_calibration_is_what_its_procedures_give(procedure: str, bench: Path) -> None:
     """Virtual time and the same seed: to the last digit that is written."""
     shipped = load_calibration(SHIPPED)
@@ -183,6 +186,22 @@ def test_an_expired_value_blocks_the_run_that_needs_it(bench: Path) -> None:
         "--output", "then.mcap", cwd=bench,
     )  # fmt: skip
     assert dated.code == 0, dated.err  # it was valid on the day that the run is said to be
+
+
+def test_a_value_that_need_not_be_known_blocks_the_run_where_it_has_expired(bench: Path) -> None:
+    """Without `load_rise` its uncertainty is larger; with an old one it would be wrong."""
+    text = (bench / FILE).read_text()
+    (value,) = re.findall(r"^  load_rise:\n(?:    .*\n)+", text, re.MULTILINE)
+    old = value.replace("made: 2026", "made: 2020").replace(
+        "valid_until: 2126", "valid_until: 2021"
+    )
+    (bench / FILE).write_text(text.replace(value, old))
+    done = campaign(bench)
+    assert done.code == 3
+    assert f"load_rise in {FILE} expired on 2021-10-28" in done.err
+    assert "rigd calibrate procedures/calibrate_rise.yaml --rig angle-1" in done.err
+    (bench / FILE).write_text(text.replace(value, ""))
+    assert campaign(bench).code == 0
 
 
 def test_a_missing_file_blocks_what_needs_it_and_not_what_makes_it(bench: Path) -> None:
