@@ -51,11 +51,11 @@ def edit(file: Path, old: str, new: str) -> None:
     file.write_text(text.replace(old, new))
 
 
-def campaign(folder: Path) -> Ended:
+def campaign(folder: Path, *options: str) -> Ended:
     """Run one trial's worth of the campaign on the bench of ``folder``."""
     return rigd(
         *CAMPAIGN, "--set", "voltage=10 V", "--rig", "bench.yaml", "--output", "run.mcap",
-        cwd=folder,
+        *options, cwd=folder,
     )  # fmt: skip
 
 
@@ -108,6 +108,11 @@ def test_without_a_terminal_and_without_yes_nothing_is_written(
     done = rigd("calibrate", "--from", torque, *OPERATOR, cwd=tmp_path)
     assert done.code == 3
     assert "nobody can be asked here; give --yes" in done.err
+    assert f"rigd calibrate --from {torque} --operator NAME --yes" in done.err
+    done = rigd("calibrate", "--from", torque, *OPERATOR, "--json", cwd=tmp_path)
+    assert done.code == 3
+    assert done.json["values"].keys() == {"torque_scale"}
+    assert done.json["written"] is None
     assert not (tmp_path / FILE).exists()
 
 
@@ -179,6 +184,12 @@ def test_an_expired_value_blocks_the_run_that_needs_it(bench: Path) -> None:
     done = campaign(bench)
     assert done.code == 3
     assert f"torque_scale in {FILE} expired on 2021-01-01" in done.err
+    dry = campaign(bench, "--dry-run")
+    assert dry.code == 3
+    assert f"torque_scale in {FILE} expired on 2021-01-01" in dry.out
+    told = rigd("check", FILE, "bench.yaml", cwd=bench)
+    assert told.code == 0
+    assert "the first expired on 2021-01-01: right" in told.out
     assert "rigd calibrate procedures/calibrate_torque.yaml --rig angle-1" in done.err
     assert not (bench / "run.mcap").exists()
     dated = rigd(
@@ -265,6 +276,21 @@ def test_a_recording_that_calibrates_nothing_is_refused(bench: Path) -> None:
     bare = rigd("calibrate", "calibrate_torque", "--rig", "lugre-1", *OPERATOR, cwd=bench)
     assert bare.code == 2
     assert "rig lugre-1 names no calibration file" in bare.err
+
+
+def test_a_calibration_that_was_cut_short_is_none(torque: Path, bench: Path) -> None:
+    """Six of its seven points would still make a line."""
+    text = (bench / FILE).read_text()
+    data = torque.read_bytes()
+    (bench / "cut.mcap").write_bytes(data[: 95 * len(data) // 100])
+    assert rigd("recover", "cut.mcap", cwd=bench).code == 0
+    done = rigd(
+        "calibrate", "--from", "cut.mcap", "--rig", "bench.yaml", *OPERATOR, "--yes", cwd=bench
+    )
+    assert done.code == 7
+    assert "did not come to its end (interrupted): nothing is calibrated" in done.err
+    assert "rigd run --resume cut.mcap" in done.err
+    assert (bench / FILE).read_text() == text
 
 
 def test_identify_shows_a_calibration_and_writes_only_a_report(torque: Path) -> None:
