@@ -114,7 +114,7 @@ def execute(
             watch=display.watch,
             extra_checks=(
                 lambda: _disk_check(path.parent),
-                lambda: unusable(request.rig, rests_on, _day(request)),
+                lambda: unusable(request.rig, rests_on, day_of(request.start_ns)),
             ),
             identity_check=lambda said: list(exchanged(request.rig, rests_on, said)),
         )
@@ -227,10 +227,13 @@ def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
     return records | calibration_metadata(request.rig)
 
 
-def _day(request: RunRequest) -> date:
-    """Return the day of the run for the operator's calendar, which virtual time does not follow."""
-    if request.start_ns is not None:
-        return datetime.fromtimestamp(request.start_ns * 1e-9, UTC).date()
+def day_of(start_ns: int | None) -> date:
+    """Return the day of a run for the operator's calendar, which virtual time does not follow.
+
+    ``start_ns`` is when it was asked to begin, None for now.
+    """
+    if start_ns is not None:
+        return datetime.fromtimestamp(start_ns * 1e-9, UTC).date()
     return datetime.now(UTC).date()
 
 
