@@ -158,7 +158,7 @@ def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
     overrides = dict(split_assignment(one) for one in args.set)
     procedure = compile_procedure(source, rig, overrides)
     plan, place = procedure.identify, source.document.key_place(("identify",))
-    if plan is None or not needs_of(plan, place, procedure.trials[0].parameters).measures:
+    if plan is None or not needs_of(plan, place, procedure.trials[0].parameters, rig).measures:
         known = ", ".join(name for name, model in MODELS.items() if model.measures)
         raise ConfigError(
             f"procedure {procedure.name} calibrates nothing",

@@ -94,6 +94,7 @@ def _check(given: str, rig: object) -> str:
             compiled.identify,
             procedure.document.key_place(("identify",)),
             compiled.trials[0].parameters,
+            rig,
         )
     count = len(compiled.trials)
     trials = "1 trial" if count == 1 else f"{count} trials"

@@ -134,6 +134,7 @@ def execute(args: argparse.Namespace) -> int:
             procedure.identify,
             source.document.key_place(("identify",)),
             procedure.trials[0].parameters,
+            rig,
         )
     seed = args.seed if args.seed is not None else 1 if resume is None else resume.seed
     if args.dry_run:
