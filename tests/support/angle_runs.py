@@ -56,6 +56,7 @@ def drawn_rig(seed: int) -> AngleRig:
         rail_constant=found(0.6, 0.1),
         rail_load=found(0.010, 0.1),
         rail_viscous=found(0.3, 0.1),
+        load_rise=found(0.1, 0.16),
     )
 
 
