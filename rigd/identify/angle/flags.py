@@ -92,13 +92,15 @@ def raw_flags(
 ) -> tuple[Flag, ...]:
     """Return what is wrong with ``run``: what its recording says, then what is found here.
 
-    Empty for a good run. Signals that are not :func:`whole` are judged no further.
+    Empty for a good run. Signals that are not :func:`whole` are judged no further. That a run which
+    was never driven has no samples of a drive is not said once more.
     """
     limits = Limits() if limits is None else limits
-    found = [*_record(run, limits), *load_flags(run, calibration, rig, limits)]
+    told = {flag.code for flag in run.flags}
+    found = [] if "not_driven" in told else list(_record(run, limits))
+    found += load_flags(run, calibration, rig, limits)
     if whole(run):
         found += _signals(run, calibration, limits)
-    told = {flag.code for flag in run.flags}
     return (*run.flags, *(flag for flag in found if flag.code not in told))
 
 

@@ -78,7 +78,8 @@ def _sentence(line: LineFit, demand: DemandFit, alpha: FloatArray) -> str:
         f"A straight line leaves {line.rms:.3f} rms; the force that mere rolling would ask for, "
         f"({demand.a:.3f} + {demand.b:.3f} sin α)/cos α, leaves {demand.rms:.3f}"
     )
-    if 0.5 < demand.rms / max(line.rms, 1e-300) < 2.0:
+    by_chance = line.dof < 2  # either form has two parameters: one of them may fit three points
+    if by_chance or 0.5 < demand.rms / max(line.rms, 1e-300) < 2.0:
         return (
             f"{both}. {alpha.size} maxima alone cannot tell a friction limit that rises with the "
             "angle from a demand that does; what tells them apart is whether the wheel slid in "

@@ -329,6 +329,14 @@ def test_what_the_recording_says_comes_first_and_is_not_said_twice(
     assert [flag.code for flag in found_in(run)].count("watchdog") == 1
 
 
+def test_a_run_that_was_never_driven_is_not_called_short_too(
+    golden: Golden, found_in: Callable[[AngleRun], tuple[Flag, ...]]
+) -> None:
+    undriven = Flag("not_driven", "The relay was never told to close.")
+    run = replace(cut(golden("r2").whole, slice(0, 0)), flags=(undriven,))
+    assert found_in(run) == (undriven,)
+
+
 def test_a_record_of_the_papers_kind_is_taken_when_asked_for(
     golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:

@@ -43,6 +43,11 @@ def test_where_one_form_is_far_better_the_sentence_says_which() -> None:
     assert rolling is not None and "The demand form describes" in rolling.sentence
 
 
+def test_three_maxima_on_a_line_do_not_tell_a_limit_from_a_demand() -> None:
+    found = trend("made", NAMES[:3], ALPHA[:3], [0.2 + 0.5 * a for a in ALPHA[:3]])
+    assert found is not None and "3 maxima alone cannot tell" in found.sentence
+
+
 def test_two_angles_are_no_trend() -> None:
     assert trend("made", NAMES[:2], ALPHA[:2], TABLE_1[:2]) is None
     assert trend("made", ("a", "b", "c"), (0.0, 0.0, 0.5), (0.1, 0.2, 0.3)) is None
