@@ -174,6 +174,7 @@ def _write_trial(writer: RecordingWriter, number: int, begin_ns: int, one: Recor
         "load": run.announced_load_kg,
         "voltage": run.voltage_v,
         "angle": run.alpha_rad,
+        "wheel": run.set_name.partition("_")[0],
     }
     writer.event(
         begin_ns, "trial_start", number,

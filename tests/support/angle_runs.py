@@ -82,6 +82,7 @@ def trial(
     run = AngleRun(
         label=f"{set_name} {load_kg:g} kg {voltage_v:g} V #{repeat}",
         set_name=set_name,
+        wheel=set_name.partition("_")[0],
         alpha_rad=done.alpha_rad,
         announced_load_kg=load_kg,
         voltage_v=voltage_v,

@@ -98,6 +98,7 @@ def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleR
         load_n=mass_kg * sweep.constant(trial, "gravity"),
         load_stable=stable,
         normal_force_v=volts.get("normal_force"),
+        wheel=_wheel(sweep, trial),
         number=trial.number,
         recording=sweep.path.name,
         flags=tuple(flags),
@@ -283,6 +284,12 @@ def _scale_kg(
 
 def _set_name(sweep: RecordedSweep, trial: TrialInfo) -> str:
     return ", ".join(sweep.parameter(trial, name) for name in sweep.plan.group_by or ("set",))
+
+
+def _wheel(sweep: RecordedSweep, trial: TrialInfo) -> str:
+    """Return which wheel was said to be fitted, else the one that was planned; "" for none."""
+    said = trial.answers.get("wheel", trial.parameters.get("wheel"))
+    return str(said) if said is not None else sweep.info.parameters.get("wheel", "")
 
 
 def _label(sweep: RecordedSweep, trial: TrialInfo) -> str:

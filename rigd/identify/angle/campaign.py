@@ -13,7 +13,7 @@ from rigd.identify.angle.data import Flag, KnownRun, SetReference
 from rigd.identify.angle.flags import raw_flags
 from rigd.identify.angle.paper import PaperSettings, analyse_paper
 from rigd.identify.angle.result import CampaignResult, RunResult, SetResult, Trend
-from rigd.identify.angle.sets import evaluate_set, wheel_of
+from rigd.identify.angle.sets import evaluate_set
 from rigd.identify.angle.trend import trend
 
 
@@ -63,8 +63,8 @@ def analyse_campaign(
 
 
 def _set_names(runs: Sequence[KnownRun]) -> list[str]:
-    angles = {k.run.set_name: k.run.alpha_rad for k in reversed(runs)}
-    return sorted(angles, key=lambda name: (wheel_of(name), angles[name]))
+    first = {k.run.set_name: k.run for k in reversed(runs)}
+    return sorted(first, key=lambda name: (first[name].wheel, first[name].alpha_rad))
 
 
 def _moved(known: KnownRun, settings: BetterSettings) -> tuple[tuple[Flag, ...], Motion | None]:
@@ -178,6 +178,3 @@ def _warnings(sets: Sequence[SetResult], trends: Mapping[str, Trend]) -> list[st
     if "better" not in trends:
         found.append("There is no trend over the angle: fewer than three angles have a maximum.")
     return found
-
-
-__all__ = ["analyse_campaign", "wheel_of"]

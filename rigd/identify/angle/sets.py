@@ -19,11 +19,6 @@ MIN_RUNS, FEW = 5, 10
 SAME_ANGLE = math.radians(0.05)
 
 
-def wheel_of(set_name: str) -> str:
-    """Return the wheel of a set, such as "clean" of "clean_45"."""
-    return set_name.partition("_")[0]
-
-
 def evaluate_set(
     name: str,
     known: Sequence[KnownRun],
@@ -67,7 +62,7 @@ def evaluate_set(
     return SetResult(
         name=name,
         alpha_rad=alphas[0],
-        wheel=wheel_of(name),
+        wheel=known[0].run.wheel,
         published=published,
         paper=_paper_maximum(results),
         curve=None if pooled is None else pooled.curve,

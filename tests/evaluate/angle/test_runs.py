@@ -128,6 +128,14 @@ def test_the_angle_that_was_mounted_counts(campaign: Sequence[Recorded], record:
         assert "angle 0.572958 deg (planned 0 deg)" in flag.reason
 
 
+def test_the_wheel_is_the_one_that_was_said_to_be_fitted(
+    campaign: Sequence[Recorded], record: Record
+) -> None:
+    fitted = {"name": "fit_wheel", "changes": "wheel", "planned": "clean", "answer": "worn"}
+    path = record([campaign[0], replace(campaign[1], answers=(fitted,))])
+    assert [read(path, index).wheel for index in (0, 1)] == ["clean", "worn"]
+
+
 def test_the_last_complete_attempt_at_a_trial_tells() -> None:
     def attempt(number: int, start_ns: int, *, complete: bool) -> TrialInfo:
         return TrialInfo(number, start_ns, complete=complete)

@@ -87,6 +87,17 @@ def test_the_slopes_over_the_angle_are_within_their_targets(played: Played) -> N
     assert played.result.trends["better"].sets == SETS[:4]
 
 
+def test_the_trend_is_that_of_one_wheel_whatever_its_sets_are_called(played: Played) -> None:
+    names = dict(zip(SETS, ("b", "d", "a", "c", "x"), strict=True))
+    runs = [
+        replace(known, run=replace(known.run, set_name=names[known.run.set_name]))
+        for known in of(played, *SETS)
+    ]
+    result = analyse_campaign(runs)
+    assert [found.name for found in result.sets] == ["b", "d", "a", "c", "x"]
+    assert result.trends["better"].sets == ("b", "d", "a", "c")
+
+
 def test_slip_is_within_its_target(played: Played) -> None:
     errors = []
     for one, found in zip(played.trials, played.result.runs, strict=True):
