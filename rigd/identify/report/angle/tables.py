@@ -35,8 +35,9 @@ SOURCES: Final = {
 
 
 def label(one: SetResult) -> str:
-    """Return a set as a person calls it, such as ``clean, 15°``."""
-    return f"{one.wheel}, {number(one.angle_deg, digits=3)}°"
+    """Return a set as a person calls it, such as ``clean, 15°``; the wheel where it is known."""
+    angle = f"{number(one.angle_deg, digits=3)}°"
+    return f"{one.wheel}, {angle}" if one.wheel else angle
 
 
 def coefficient(value: float | None) -> str:

@@ -45,6 +45,7 @@ def known_runs() -> list[KnownRun]:
             platform_v=run.platform_v, stop_s=run.stop_s,
             load_n=float("nan") if number == 4 else 9.81 * run.scale_kg,
             number=number,
+            wheel=run.set_name.partition("_")[0],
         )  # fmt: skip
         calibration = AngleCalibration(
             torque=Known(run.torque_scale, 0.005),

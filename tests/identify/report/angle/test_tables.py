@@ -12,7 +12,7 @@ from rigd.identify.angle.better.run import no_numbers
 from rigd.identify.angle.data import AngleRun, Flag, Regime, Severity
 from rigd.identify.angle.paper import PaperRun
 from rigd.identify.angle.result import CampaignResult, PaperMaximum, RunResult, SetResult
-from rigd.identify.report.angle.tables import flagged_rows, set_rows
+from rigd.identify.report.angle.tables import flagged_rows, label, set_rows
 
 
 def flagged(*flags: Flag) -> RunResult:
@@ -52,3 +52,14 @@ def test_a_maximum_of_the_paper_from_a_run_that_did_not_slide_says_so(
     assert row.paper_regime == told
     assert row.paper == ("–" if value is None else "0.1868")
     assert (row.maximum, row.usable, row.resultant, row.deviation) == ("–", "–", "–", "")
+
+
+@pytest.mark.parametrize(("wheel", "told"), [("clean", "clean, 30°"), ("", "30°")])
+def test_a_set_is_called_by_its_angle_and_by_its_wheel_where_that_is_known(
+    wheel: str, told: str
+) -> None:
+    paper = PaperMaximum(None, None, "", None, raw=0, flagged=0, used=0)
+    alpha = math.radians(30.0)
+    assert told == label(
+        SetResult("a", alpha, wheel, None, paper, None, None, None, None, None, 0, None)
+    )
