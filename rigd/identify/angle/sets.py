@@ -15,6 +15,8 @@ from rigd.identify.angle.result import Estimate, PaperMaximum, RunResult, SetRes
 
 #: Fewer sliding runs than these give no maximum; fewer than ``FEW`` one with a warning.
 MIN_RUNS, FEW = 5, 10
+#: What is the same in all runs of one rig, whatever calibration they were made under.
+CONSTANTS = ("wheel_radius_m", "wheel_inertia", "platform_mass_kg", "gravity")
 #: Sets whose angles differ by more than this are mixed up, rad.
 SAME_ANGLE = math.radians(0.05)
 
@@ -145,6 +147,12 @@ def _record_warnings(
         found.append(
             "its runs were made under several calibrations; the budget is that of the first"
         )
+    found += [
+        f"its runs have several values of {name} ({', '.join(f'{v:g}' for v in values)}): are they "
+        "of one rig?"
+        for name in CONSTANTS
+        if len(values := dict.fromkeys(getattr(k.rig, name) for k in known)) > 1
+    ]
     return found
 
 

@@ -299,3 +299,11 @@ def test_the_result_does_not_depend_on_what_was_published(played: Played) -> Non
     with_it, without = analyse_campaign(runs[:12], other), analyse_campaign(runs[:12])
     assert with_it.sets[0].maximum == without.sets[0].maximum is not None
     assert (with_it.sets[0].published, without.sets[0].published) == (0.9, None)
+
+
+def test_runs_of_two_rigs_in_a_set_are_told(played: Played) -> None:
+    runs = of(played, "clean_0")
+    other = replace(runs[0].rig, wheel_radius_m=0.049)
+    result = analyse_campaign([replace(runs[0], rig=other), *runs[1:]])
+    (told,) = [text for text in result.sets[0].warnings if "of one rig?" in text]
+    assert "wheel_radius_m (0.049, 0.05)" in told
