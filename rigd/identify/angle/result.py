@@ -131,7 +131,8 @@ class SetResult:
 class LineFit:
     """mu = intercept + slope angle over the clean sets; slope per degree, u of k = 1.
 
-    ``slope_low``, ``slope_high``: 95 % interval by the t-distribution with ``dof`` degrees.
+    ``slope_low``, ``slope_high``: 95 % interval, of the scatter by the t-distribution with ``dof``
+    degrees, or of what the maxima are uncertain by where that is wider.
     """
 
     slope_per_deg: float
