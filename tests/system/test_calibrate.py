@@ -218,7 +218,7 @@ def test_a_value_that_need_not_be_known_blocks_the_run_where_it_has_expired(benc
 def test_a_missing_file_blocks_what_needs_it_and_not_what_makes_it(bench: Path) -> None:
     edit(bench / "bench.yaml", "calibration: calibrations/approach_angle.yaml",
          "calibration: mine.yaml")  # fmt: skip
-    assert "its calibration file is missing" in rigd("check", "bench.yaml", cwd=bench).out
+    assert "there is no calibration file mine.yaml" in rigd("check", "bench.yaml", cwd=bench).out
     done = campaign(bench)
     assert done.code == 3
     assert "there is no calibration file mine.yaml" in done.err
