@@ -31,6 +31,7 @@ BENCHES = (
     "live_feed",
     "remote_fuzz",
     "identify",
+    "angle_accuracy",
     "angle_campaign",
     "kill_table",
     "automatic_stop",

@@ -98,21 +98,23 @@ def execute(args: argparse.Namespace) -> int:
     planned = renewal(rig, place, evaluation, Signature(args.operator, made, args.valid))
     if not args.json:
         print_renewal(evaluation, planned)
-    if not _agreed(planned, yes=args.yes):
-        return int(Exit.BLOCKED)
-    planned.write()
+    agreed = args.yes or _agreed(planned, recording, may_ask=not args.json)
+    if agreed:
+        planned.write()
     if args.json:
-        print(json.dumps(renewal_json(evaluation, planned), indent=2, allow_nan=False))
-    else:
+        told = renewal_json(evaluation, planned, written=agreed)
+        print(json.dumps(told, indent=2, allow_nan=False))
+    elif agreed:
         _conclude(planned)
-    return int(Exit.OK)
+    return int(Exit.OK if agreed else Exit.BLOCKED)
 
 
 def _rig_of(args: argparse.Namespace) -> RigConfig:
     """Return the rig to calibrate: the one given, or that of the recording."""
     from rigd.config.loader import load_rig
-    from rigd.model.errors import ConfigError
-    from rigd.record import Recording
+    from rigd.model.errors import ConfigError, DataError
+    from rigd.record import Recording, run_info
+    from rigd.record.info import COMPLETE
 
     if args.recording is None:
         if args.procedure is None or args.rig is None:
@@ -124,12 +126,19 @@ def _rig_of(args: argparse.Namespace) -> RigConfig:
         return load_rig(args.rig)
     if args.procedure is not None:
         raise ConfigError("--from evaluates a recording; leave the procedure out")
-    recorded = Recording.open(args.recording).metadata.get("run", {}).get("rig", "")
-    rig = load_rig(args.rig or recorded)
-    if rig.name != recorded:
+    info = run_info(Recording.open(args.recording))
+    rig = load_rig(args.rig or info.rig)
+    if rig.name != info.rig:
         raise ConfigError(
-            f"{args.recording} was recorded on rig {recorded}, not on {rig.name}",
+            f"{args.recording} was recorded on rig {info.rig}, not on {rig.name}",
             hint="a calibration belongs to the rig that it was measured on",
+        )
+    if info.state != COMPLETE:
+        raise DataError(
+            f"{args.recording} is of a run that did not come to its end ({info.state}): nothing "
+            "is calibrated",
+            hint=f"`rigd run --resume {args.recording}` plays the rest, "
+            f"`rigd identify {args.recording}` shows what there is",
         )
     return rig
 
@@ -149,7 +158,7 @@ def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
     overrides = dict(split_assignment(one) for one in args.set)
     procedure = compile_procedure(source, rig, overrides)
     plan, place = procedure.identify, source.document.key_place(("identify",))
-    if plan is None or not needs_of(plan, place, procedure.trials[0].parameters).measures:
+    if plan is None or not needs_of(plan, place, procedure.trials[0].parameters, rig).measures:
         known = ", ".join(name for name, model in MODELS.items() if model.measures)
         raise ConfigError(
             f"procedure {procedure.name} calibrates nothing",
@@ -181,12 +190,14 @@ def _evaluate(recording: Path, known: Path | None) -> CalibrationEvaluation:
     return evaluation
 
 
-def _agreed(planned: Renewal, *, yes: bool) -> bool:
-    """Return whether the file may be written; without a terminal and without --yes it may not."""
-    if yes:
-        return True
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        print("rigd: not written: nobody can be asked here; give --yes", file=sys.stderr)
+def _agreed(planned: Renewal, recording: Path, *, may_ask: bool) -> bool:
+    """Return whether a person at this terminal wants the file written; without one, it is not."""
+    if not (may_ask and sys.stdin.isatty() and sys.stderr.isatty()):
+        print(
+            "rigd: not written: nobody can be asked here; give --yes\n"
+            f"  rigd calibrate --from {recording} --operator NAME --yes",
+            file=sys.stderr,
+        )
         return False
     sys.stderr.write(f"\nWrite this to {planned.new.path}? [yes/no]: ")
     sys.stderr.flush()

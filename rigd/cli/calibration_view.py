@@ -20,13 +20,15 @@ def print_renewal(evaluation: CalibrationEvaluation, planned: Renewal) -> None:
     print_shown((*evaluation.findings(), _table(planned), *_remarks(planned)))
 
 
-def renewal_json(evaluation: CalibrationEvaluation, planned: Renewal) -> dict[str, object]:
+def renewal_json(
+    evaluation: CalibrationEvaluation, planned: Renewal, *, written: bool
+) -> dict[str, object]:
     """Return the evaluation, and what was written where, as an object for ``json.dumps``."""
     deviations = {name: planned.deviation(name) for name in planned.measured}
     return {
         **evaluation.to_json(),
-        "written": str(planned.new.path),
-        "sha256": planned.new.sha256,
+        "written": str(planned.new.path) if written else None,
+        "sha256": planned.new.sha256 if written else None,
         "deviation": {k: v for k, v in deviations.items() if not math.isnan(v)},
     }
 
@@ -45,7 +47,7 @@ def _table(planned: Renewal) -> Table:
                 _spread(was.value, was.u),
                 was.source,
                 change,
-                f"{planned.deviation(name):+.1f}",
+                f"{planned.deviation(name):+.1f}".replace("-", "\N{MINUS SIGN}"),
             ]
         rows.append(Row(tuple(cells)))
     columns = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 
 HELP = "check rig, procedure and calibration files without running anything"
@@ -68,6 +69,8 @@ def _check(given: str, rig: object) -> str:
         calibration = load_calibration(Path(given))
         last = calibration.valid_until
         valid = "none expires" if last is None else f"all valid until {last}"
+        if last is not None and last < datetime.now(UTC).date():
+            valid = f"not all of them valid: the first expired on {last}"
         return f"calibration {calibration.name}, {len(calibration.values)} values, {valid}: right"
     if kind == "rig":
         checked = load_rig(given)
@@ -77,7 +80,10 @@ def _check(given: str, rig: object) -> str:
         parts = [f"rig {checked.name}", f"{len(checked.devices)} devices", f"{channels} channels"]
         if checked.calibration is not None:
             held = checked.calibration.held
-            parts.append(f"calibration {held.name}" if held else "its calibration file is missing")
+            if held is None:
+                missing = f"right, but there is no calibration file {checked.calibration.path} yet"
+                return f"{', '.join(parts)}: {missing}"
+            parts.append(f"calibration {held.name}")
         return ", ".join(parts) + ": right"
     procedure = load_procedure(find_file(given, "procedures"))
     if not isinstance(rig, RigConfig):
@@ -88,6 +94,7 @@ def _check(given: str, rig: object) -> str:
             compiled.identify,
             procedure.document.key_place(("identify",)),
             compiled.trials[0].parameters,
+            rig,
         )
     count = len(compiled.trials)
     trials = "1 trial" if count == 1 else f"{count} trials"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -19,6 +21,7 @@ from rigd.engine.result import Progress as RunProgress
 from rigd.evaluate.models import needs_of
 from rigd.model.errors import Exit, ProcedureError
 from rigd.model.states import RunState
+from rigd.model.units import format_quantity
 from rigd.procedure.program import Answer, AnswerKind, CompiledProcedure, Prompt, TrialPlan
 
 
@@ -171,7 +174,7 @@ class ConsoleAnswers:
         """
         with self._quieten():
             if objection:
-                self._screen.write(f"\n  {objection}\n")
+                self._screen.write(f"\n{wrapped(objection, indent='  ')}\n")
             return self._ask(prompt)
 
     def withdraw(self) -> None:
@@ -179,7 +182,7 @@ class ConsoleAnswers:
 
     def _ask(self, prompt: Prompt) -> Answer:
         while True:
-            self._screen.write(f"\n{prompt.text}\n{invitation(prompt)}: ")
+            self._screen.write(f"\n{wrapped(prompt.text)}\n{invitation(prompt)}: ")
             self._screen.flush()
             line = self._lines.readline()
             if not line:
@@ -190,13 +193,27 @@ class ConsoleAnswers:
                 self._screen.write(f"  {error}\n")
 
 
+def wrapped(text: str, indent: str = "") -> str:
+    """Return ``text`` broken between words to the width of the terminal."""
+    columns = shutil.get_terminal_size().columns
+    return "\n".join(
+        textwrap.fill(line, columns, initial_indent=indent, subsequent_indent=indent)
+        for line in text.splitlines()
+    )
+
+
 def invitation(prompt: Prompt) -> str:
     """Return in which form a prompt is answered."""
     match prompt.kind:
         case AnswerKind.CONFIRM:
             return "done? [yes/no]"
+        case AnswerKind.CHOICE if len(prompt.choices) == 1:
+            return f"type {prompt.choices[0]}"
         case AnswerKind.CHOICE:
             return f"one of {', '.join(prompt.choices)}"
+        case AnswerKind.NUMBER if prompt.low is not None and prompt.high is not None:
+            bounds = (format_quantity(one, prompt.unit) for one in (prompt.low, prompt.high))
+            return f"value with unit, {' to '.join(bounds)}"
         case AnswerKind.NUMBER:
             return f"value with unit, such as '1 {prompt.unit}'"
         case AnswerKind.TEXT:

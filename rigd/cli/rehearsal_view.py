@@ -44,9 +44,9 @@ def print_rehearsal(rehearsal: Rehearsal) -> None:
     console.print(f"estimated duration: [bold]{rehearsal.duration_s:.1f} s[/] of rig time\n")
     console.print(_peaks(rehearsal))
     if rehearsal.refusals:
-        console.print("[red]refused[/]: this procedure would not run clean")
+        console.print("[red]refused[/]: this run would be blocked, or not run clean")
         for line in rehearsal.refusals:
-            console.print(f"  {escape(line)}")
+            console.print(f"  {escape(line)}", soft_wrap=True)
     else:
         console.print("[green]fit to run[/]: every predicted peak is inside its limit")
 

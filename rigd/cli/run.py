@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -110,7 +112,8 @@ def execute(args: argparse.Namespace) -> int:
 def _execute(args: argparse.Namespace) -> int:
     from rigd.cli.playing import play
     from rigd.config.loader import load_rig
-    from rigd.daemon.execute import RunRequest
+    from rigd.daemon.calibration import needed, unusable
+    from rigd.daemon.execute import RunRequest, day_of
     from rigd.daemon.resume import read_resume_point
     from rigd.evaluate.models import needs_of
     from rigd.model.errors import ConfigError
@@ -153,10 +156,12 @@ def _execute(args: argparse.Namespace) -> int:
             procedure.identify,
             source.document.key_place(("identify",)),
             procedure.trials[0].parameters,
+            rig,
         )
     seed = args.seed if args.seed is not None else 1 if resume is None else resume.seed
     if args.dry_run:
-        return _dry_run(procedure, rig, seed, as_json=args.json)
+        unfit = unusable(rig, needed(procedure, rig), day_of(args.start))
+        return _dry_run(procedure, rig, seed, unfit, as_json=args.json)
     request = RunRequest(
         procedure,
         source.file.text,
@@ -174,12 +179,16 @@ def _execute(args: argparse.Namespace) -> int:
     return play(request, as_json=args.json, quiet=args.quiet, by_person=by_person, junit=args.junit)
 
 
-def _dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int, *, as_json: bool) -> int:
+def _dry_run(
+    procedure: CompiledProcedure, rig: RigConfig, seed: int, unfit: Sequence[str], *, as_json: bool
+) -> int:
+    """Rehearse and show it; ``unfit`` says why the calibration would not let the run begin."""
     from rigd.cli.rehearsal_view import print_rehearsal, rehearsal_json
     from rigd.model.errors import Exit
     from rigd.rehearsal import rehearse
 
     rehearsal = rehearse(procedure, rig, seed)
+    rehearsal = replace(rehearsal, refusals=(*rehearsal.refusals, *unfit))
     if as_json:
         print(json.dumps(rehearsal_json(rehearsal), indent=2))
     else:

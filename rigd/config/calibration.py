@@ -29,6 +29,9 @@ from rigd.config.shipped import shipped_folder
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import format_quantity
 
+#: No value of a rig is beyond this in SI, and no scale below its inverse: it is a slip of the pen.
+LARGEST: Final = 1e9
+
 #: The name under which a recording carries the calibration of its run.
 ATTACHMENT: Final = "calibration.yaml"
 
@@ -200,6 +203,11 @@ def _value(
     place = document.place((*path, "value"))
     if known.sign == "positive" and value <= 0:
         problems.add(place, f"{source.value} must be above 0", known.doc)
+    elif abs(value) > LARGEST or (known.sign == "positive" and value < 1 / LARGEST):
+        problems.add(place, f"{source.value} cannot be: no rig has it", known.doc)
+    elif u > (value if known.sign == "positive" else LARGEST):
+        message = f"with an uncertainty of {source.u} nothing is known of {source.value}"
+        problems.add(document.place((*path, "u")), message, "give the standard uncertainty (k = 1)")
     if known.sign == "not negative" and value < 0:
         problems.add(place, f"{source.value} must not be below 0", known.doc)
     if u < 0:

@@ -59,7 +59,9 @@ CALIBRATABLE: Final = {
     "bearing_load": Calibratable("N m/N", "torque of the wheel's bearings per normal force"),
     "rolling_resistance": Calibratable("1", "moment of rolling resistance over N R"),
     "roller_drag": Calibratable("1", "axial drag of the free rollers over N"),
-    "load_rise": Calibratable("1/m", "relative rise of N per travel of the platform", sign="any"),
+    "load_rise": Calibratable(
+        "1/m", "relative rise of N per travel of the platform", "calibrate_rise", "any"
+    ),
     "rail_constant": Calibratable(
         "N", "friction of the rails, whatever load and speed", "calibrate_friction"
     ),

@@ -14,13 +14,19 @@ from rigd.model.errors import ConfigError
 from rigd.procedure.program import CompiledProcedure
 
 
-def needed(procedure: CompiledProcedure) -> tuple[str, ...]:
-    """Return the calibrated values that the identification of ``procedure`` rests on.
+def needed(procedure: CompiledProcedure, rig: RigConfig) -> tuple[str, ...]:
+    """Return the calibrated values that the identification of ``procedure`` on ``rig`` rests on.
 
-    A procedure that identifies nothing, or that calibrates, needs none.
+    Among them are those that it uses only where they are known, if the calibration has them. A
+    procedure that identifies nothing, or that rests on nothing calibrated, needs none.
     """
     plan = procedure.identify
-    return () if plan is None else needs_of(plan).calibration(plan)
+    if plan is None:
+        return ()
+    needs, setup = needs_of(plan), rig.calibration
+    held = {} if setup is None or setup.held is None else setup.held.values
+    known = (name for name in needs.calibrated_if_known if name in held)
+    return (*needs.calibration(plan), *known)
 
 
 def unusable(rig: RigConfig, names: Sequence[str], on: date) -> list[str]:
@@ -58,8 +64,9 @@ def exchanged(rig: RigConfig, names: Iterable[str], identities: Mapping[str, str
         if device not in rig.devices:
             now = f"is no device of rig {rig.name}"
         yield (
-            f"{device} {now}, but {_list(theirs)} in {setup.path} was measured with "
-            f"{instrument!r}\n  {_remedy(rig, theirs)}"
+            f"{device} {now}, but {_list(theirs)} in {setup.path} "
+            f"{'was' if len(theirs) == 1 else 'were'} measured with {instrument!r}\n"
+            f"  {_remedy(rig, theirs)}"
         )
 
 

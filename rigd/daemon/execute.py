@@ -117,7 +117,7 @@ def perform(
         RecordingError: the recording cannot be written; the rig is safe.
         ConfigError: the recording to resume was made with another procedure or rig file.
     """
-    rests_on = needed(request.procedure)
+    rests_on = needed(request.procedure, request.rig)
     resume = request.resume
     done = frozenset[int]() if resume is None else resume.done
     if resume is not None:
@@ -139,7 +139,7 @@ def perform(
             watch=watch,
             extra_checks=(
                 lambda: _disk_check(path.parent),
-                lambda: unusable(request.rig, rests_on, _day(request)),
+                lambda: unusable(request.rig, rests_on, day_of(request.start_ns)),
             ),
             identity_check=lambda said: list(exchanged(request.rig, rests_on, said)),
         )
@@ -275,10 +275,13 @@ def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
     return records | calibration_metadata(request.rig)
 
 
-def _day(request: RunRequest) -> date:
-    """Return the day of the run for the operator's calendar, which virtual time does not follow."""
-    if request.start_ns is not None:
-        return datetime.fromtimestamp(request.start_ns * 1e-9, UTC).date()
+def day_of(start_ns: int | None) -> date:
+    """Return the day of a run for the operator's calendar, which virtual time does not follow.
+
+    ``start_ns`` is when it was asked to begin, None for now.
+    """
+    if start_ns is not None:
+        return datetime.fromtimestamp(start_ns * 1e-9, UTC).date()
     return datetime.now(UTC).date()
 
 

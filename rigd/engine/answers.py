@@ -74,7 +74,9 @@ def read_answer(prompt: Prompt, text: str) -> Answer:
         case AnswerKind.NUMBER:
             quantity = parse_quantity(text)
             if not quantity.unit.same_kind(parse_unit(prompt.unit)):
-                raise ValueError(f"{text!r} is not in {prompt.unit}")
+                unitless = quantity.unit.same_kind(parse_unit("1"))
+                such = f": write '{text} {prompt.unit}'" if unitless else ""
+                raise ValueError(f"{text!r} is not in {prompt.unit}{such}")
             return quantity.value
         case AnswerKind.CHOICE:
             if text not in prompt.choices:

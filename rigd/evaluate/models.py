@@ -5,10 +5,14 @@ from __future__ import annotations
 import difflib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rigd.model.errors import ConfigError, Place
+from rigd.model.units import parse_unit
 from rigd.procedure.program import IdentifyPlan
+
+if TYPE_CHECKING:
+    from rigd.config.rig import RigConfig
 
 
 @dataclass(frozen=True)
@@ -26,8 +30,10 @@ class ModelNeeds:
     trial_parameters: tuple[str, ...]
     optional: tuple[str, ...] = ()
     optional_signals: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)  #: of signals, of the kind of this one
     calibrated: tuple[str, ...] = ()  #: values that the rig's calibration must have
     calibrated_with: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  #: of a signal
+    calibrated_if_known: tuple[str, ...] = ()  #: values that are used where known
     measures: tuple[str, ...] = ()  #: values that such a recording calibrates
 
     def calibration(self, plan: IdentifyPlan) -> tuple[str, ...]:
@@ -36,10 +42,26 @@ class ModelNeeds:
         return (*self.calibrated, *(name for names in further for name in names))
 
 
+#: Of the approach-angle rig: volts, which a calibration turns into quantities, and the scale.
+_RAW: Final = {
+    "gauge_a": "V",
+    "gauge_b": "V",
+    "wheel_angle": "V",
+    "platform_position": "V",
+    "normal_force": "V",
+    "load": "kg",
+}
+
 MODELS: Final = {
     "lugre": ModelNeeds(
         module="rigd.evaluate.lugre",
         signals=("wheel_angle", "carriage_position", "acceleration", "motor_current"),
+        units={
+            "wheel_angle": "rad",
+            "carriage_position": "m",
+            "acceleration": "m/s^2",
+            "motor_current": "A",
+        },
         constants=("mass", "wheel_radius", "guide_friction", "rolling_resistance", "gravity"),
         parameters=("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2"),
         trial_parameters=("current",),
@@ -52,6 +74,7 @@ MODELS: Final = {
         parameters=("maximum",),
         trial_parameters=("set", "load", "voltage"),
         optional_signals=("normal_force",),
+        units=_RAW,
         calibrated=(
             "torque_scale",
             "wheel_scale",
@@ -68,10 +91,12 @@ MODELS: Final = {
             "rail_viscous",
         ),
         calibrated_with={"normal_force": ("normal_force_scale", "normal_force_zero")},
+        calibrated_if_known=("load_rise",),
     ),
     "torque-calibration": ModelNeeds(
         module="rigd.evaluate.calibration",
         signals=("gauge_a", "gauge_b"),
+        units=_RAW,
         constants=(
             "arm",
             "arm_uncertainty",
@@ -88,6 +113,7 @@ MODELS: Final = {
     "scale-calibration": ModelNeeds(
         module="rigd.evaluate.calibration",
         signals=("load",),
+        units=_RAW,
         constants=("weight_uncertainty", "division"),
         parameters=(),
         trial_parameters=("weight",),
@@ -96,11 +122,22 @@ MODELS: Final = {
     "friction-calibration": ModelNeeds(
         module="rigd.evaluate.calibration",
         signals=("gauge_a", "gauge_b", "wheel_angle", "platform_position"),
+        units=_RAW,
         constants=("platform_mass", "platform_mass_uncertainty", "gravity", "wheel_inertia"),
         parameters=(),
         trial_parameters=("test",),
         calibrated=("torque_scale", "wheel_scale", "platform_scale", "rail_load"),
         measures=("bearing_constant", "bearing_viscous", "rail_constant", "rail_viscous"),
+    ),
+    "rise-calibration": ModelNeeds(
+        module="rigd.evaluate.calibration",
+        signals=("load", "platform_position"),
+        units=_RAW,
+        constants=("division",),
+        parameters=(),
+        trial_parameters=("load",),
+        calibrated=("platform_scale",),
+        measures=("load_rise",),
     ),
 }
 
@@ -109,14 +146,16 @@ def needs_of(
     plan: IdentifyPlan,
     place: Place | None = None,
     trial_parameters: Collection[str] | None = None,
+    rig: RigConfig | None = None,
 ) -> ModelNeeds:
     """Return what the model of ``plan`` needs, once the plan gives all of it and nothing else.
 
     ``place`` is where the plan stands in its file, for the error; ``trial_parameters`` are those
-    that the trials have, where that is known.
+    that the trials have, ``rig`` the one whose channels are the signals, where that is known.
 
     Raises:
-        ConfigError: no such model, or a signal, constant or reference that is missing or unknown.
+        ConfigError: no such model; a signal, constant or reference that is missing or unknown; or
+            a signal of another kind than the model works from.
     """
     if plan.model not in MODELS:
         raise ConfigError(
@@ -155,7 +194,23 @@ def needs_of(
                 hint=_nearest(name, trial_parameters),
                 place=place,
             )
+    if rig is not None:
+        for name, unit in needs.units.items():
+            _check_unit(name, unit, plan.signals.get(name, ""), rig, place)
     return needs
+
+
+def _check_unit(signal: str, unit: str, written: str, rig: RigConfig, place: Place | None) -> None:
+    channel = rig.channel(written)
+    if channel is None or parse_unit(channel.unit).same_kind(parse_unit(unit)):
+        return
+    raw = rig.channel(f"{written}_raw")
+    raise ConfigError(
+        f"identify: the signal {signal} is {written}, in {channel.unit}; the model works from "
+        f"{unit}",
+        hint="" if raw is None else f"did you mean '{written}_raw'?",
+        place=place,
+    )
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:

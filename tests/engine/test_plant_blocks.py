@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.grid import PERIOD_NS, Grid, PlantGrid, rig
+from support.grid import PERIOD_NS, ClockPlant, Grid, PlantGrid, rig
 
 from rigd.config.rig import RigConfig
 from rigd.engine.clock import VirtualClock
 from rigd.engine.control import Control
 from rigd.engine.in_process import InProcessHost
+from rigd.engine.plant_blocks import PlantBlocks
 from rigd.engine.player import Ending
 from rigd.engine.sink import Rows
 from rigd.engine.wiring import streams_of, wire
@@ -177,6 +178,19 @@ def test_blocks_that_stop_coming_are_a_fault_in_the_end(tmp_path: Path) -> None:
     end(host)
 
 
+@pytest.mark.parametrize(("latency_ns", "fresh"), [(900_000_000, True), (1_100_000_000, False)])
+def test_a_row_that_comes_after_the_silence_of_its_device_is_none(
+    tmp_path: Path, latency_ns: int, fresh: bool
+) -> None:
+    late = rig(PlantGrid, tmp_path, rows=1, row_ns=PERIOD_NS, latency_ns=latency_ns)
+    blocks = PlantBlocks(late.devices["grid"], ClockPlant(None, period_ns=PERIOD_NS, seed=1))
+    blocks.open()
+    assert blocks.read(START_NS) is None
+    row = blocks.read(START_NS + 2_000_000_000)
+    assert (row is not None) is fresh
+    blocks.close()
+
+
 def test_a_row_ahead_of_the_plant_is_refused(tmp_path: Path) -> None:
     host, _, _ = host_of(rig(PlantGrid, tmp_path))
     end(host)
@@ -226,6 +240,18 @@ def test_a_program_that_follows_at_once_leaves_no_gap(tmp_path: Path) -> None:
     begun = kept.entered()
     assert kept.all("grid")["t_ns"][0] == begun["drive"]
     assert kept.all("grid")["t_ns"][-1] == begun["after"] - ROW_NS
+
+
+def test_what_was_taken_last_is_recorded_as_the_run_ends(tmp_path: Path) -> None:
+    """The last cycle has seen rows that no cycle after it decides about; then all is closed."""
+    during = Recorded(1, frozenset({"go"}))
+    quick = rig(PlantGrid, tmp_path, rows=1, latency_ns=0)
+    host, kept, _ = host_of(quick, {"grid": during, "cycle": during})
+    assert host.play(waits("go")).ending is Ending.DONE
+    end(host)
+    rows = kept.all("grid")
+    assert rows["t_ns"][0] == kept.entered()["go"]
+    assert rows["t_ns"][-1] == kept.all("cycle")["t_ns"][-1] - ROW_NS
 
 
 def test_a_way_out_closes_the_window(tmp_path: Path) -> None:

@@ -24,13 +24,7 @@ from rigd.procedure.program import CycleProgram, Recorded, Segment
 WINDOWED = {"grid": Recorded(1, frozenset({"drive", "again"})), "cycle": Recorded()}
 ROW_NS = 500_000
 
-
-@pytest.fixture(autouse=True)
-def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    state = tmp_path / "state"
-    state.mkdir(mode=0o700)
-    monkeypatch.setenv("RIGD_STATE", str(state))
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
+pytestmark = pytest.mark.usefixtures("own_state")
 
 
 @contextmanager

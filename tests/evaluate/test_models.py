@@ -53,6 +53,15 @@ def test_trials_need_the_parameters_that_the_campaign_varies() -> None:
         needs_of(PLAN, trial_parameters=("set", "load"))
 
 
+def test_signals_are_of_the_kind_that_the_model_works_from() -> None:
+    rig = load_rig("angle-1")
+    needs_of(PLAN, rig=rig)
+    converted = replace(PLAN, signals={**SIGNALS, "gauge_b": "daq.gauge_b"})
+    with pytest.raises(ConfigError, match=r"gauge_b is daq\.gauge_b, in 1; .* from V") as caught:
+        needs_of(converted, rig=rig)
+    assert caught.value.hint == "did you mean 'daq.gauge_b_raw'?"
+
+
 def test_a_model_of_converted_values_takes_no_calibration(tmp_path: Path) -> None:
     rig, source = load_rig("lugre-1"), load_procedure("constant_current")
     procedure = compile_procedure(source, rig, {"current": "1.5 A"})

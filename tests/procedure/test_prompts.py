@@ -68,6 +68,11 @@ def test_a_share_of_the_answer_that_is_given(rig: RigConfig) -> None:
     assert check == CycleProgram((Segment("put_on", until=(inside,), timeout_s=15.0),))
 
 
+def test_a_share_of_a_negative_answer_is_a_band_too() -> None:
+    agrees = Agreement("belt.speed", 0.05, True, 0.0, None)
+    assert band(agrees, -2.0) == pytest.approx((-2.1, -1.9))
+
+
 def test_a_distance_in_the_unit_of_the_channel(rig: RigConfig) -> None:
     prompt = prompt_of(TEXT.replace("5 %", "100 g").replace(", for: 1 s", ""), rig)
     assert prompt.agrees == Agreement("scale.mass", 0.1, False, 0.0, STABLE)

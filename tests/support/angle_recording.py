@@ -7,7 +7,7 @@ engine would take; each fault of a recording can be made here.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -15,8 +15,9 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from support.angle_runs import TABLE_1
 
-from rigd.model.channels import Channel, Stream
+from rigd.model.channels import STALE, Channel, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import RecordingWriter
 from rigd.record.prefix import Attachment
@@ -27,10 +28,6 @@ RATE_HZ: Final = 9600.0
 #: From one trial to the next, and from a trial's start to the relay command, in s.
 TRIAL_S: Final = 4.0
 COMMAND_S: Final = 1.5
-REFERENCE: Final = {
-    "clean_0": 0.1868, "clean_15": 0.2475, "clean_30": 0.4504, "clean_45": 0.5861,
-    "coated_0": 0.4430,
-}  # fmt: skip
 SIGNALS: Final = {
     "gauge_a": "daq.gauge_a_raw",
     "gauge_b": "daq.gauge_b_raw",
@@ -64,6 +61,7 @@ SCALE: Final = Stream("scale", (Channel("mass", "kg"),), has_status=True)
 STABLE: Final = 1
 
 Rows = NDArray[np.void]
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -75,9 +73,12 @@ class Recorded:
     complete: bool = True
     reason: str = ""
     stable: bool = True
+    stale: bool = False  #: one row of the card and one of the scale are no new ones
     rails: int = 0  #: status bits of the card in ten samples
     driven: bool = True
     stopped: bool = True
+    again: bool = False  #: the relay closes once more, 0.1 s behind the stop
+    card_s: Callable[[FloatArray], FloatArray] = np.copy  #: time to what the card's clock shows
     answers: tuple[Mapping[str, Any], ...] = ()  #: of events
 
 
@@ -139,7 +140,7 @@ def write_campaign(
         "signals": json.dumps(dict(signals)),
         "constants": json.dumps(CONSTANTS),
         "group_by": json.dumps(["set"]),
-        "reference": json.dumps({f"{name}.maximum": mu for name, mu in REFERENCE.items()}),
+        "reference": json.dumps({f"{name}.maximum": mu for name, mu in TABLE_1.items()}),
         "reference_label": "Table 1 of the paper",
     }
     run = {"procedure": "approach_angles", "rig": "angle-1", "seed": "1", "trials": "200"}
@@ -173,6 +174,7 @@ def _write_trial(writer: RecordingWriter, number: int, begin_ns: int, one: Recor
         "load": run.announced_load_kg,
         "voltage": run.voltage_v,
         "angle": run.alpha_rad,
+        "wheel": run.set_name.partition("_")[0],
     }
     writer.event(
         begin_ns, "trial_start", number,
@@ -203,9 +205,11 @@ def _daq_rows(one: Recorded, command_ns: int) -> Rows:
         ("platform_position", run.platform_v),
     ):
         rows[f"{name}_raw"] = volts
-    rows["device_time"] = 17.0 + run.t_s
+    rows["device_time"] = 17.0 + one.card_s(run.t_s)
     rows["clock_rate"] = RATE_HZ
     rows["status"][1000:1010] = one.rails
+    if one.stale:
+        rows["gauge_a_raw"][500], rows["status"][500] = 7.0, STALE
     return rows
 
 
@@ -215,6 +219,7 @@ def _relay_rows(one: Recorded, begin_ns: int, command_ns: int) -> Rows:
     rows["t_ns"] = begin_ns + np.arange(count) * 1_000_000
     since_s = (rows["t_ns"] - command_ns) * 1e-9
     closed = (since_s >= 0.0) & ((since_s < one.run.stop_s) | (not one.stopped))
+    closed |= one.again & (np.abs(since_s - one.run.stop_s - 0.2) < 0.1)
     rows["closed_setpoint"] = closed & one.driven
     return rows
 
@@ -230,4 +235,6 @@ def _scale_rows(one: Recorded, begin_ns: int, command_ns: int) -> Rows:
     rows["status"][2] = 0
     if not one.stable:
         rows["status"] = 0
+    if one.stale:
+        rows["mass"][-2], rows["status"][-2] = 7.0, STALE | STABLE
     return rows

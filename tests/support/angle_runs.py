@@ -56,6 +56,7 @@ def drawn_rig(seed: int) -> AngleRig:
         rail_constant=found(0.6, 0.1),
         rail_load=found(0.010, 0.1),
         rail_viscous=found(0.3, 0.1),
+        load_rise=found(0.1, 0.16),
     )
 
 
@@ -81,6 +82,7 @@ def trial(
     run = AngleRun(
         label=f"{set_name} {load_kg:g} kg {voltage_v:g} V #{repeat}",
         set_name=set_name,
+        wheel=set_name.partition("_")[0],
         alpha_rad=done.alpha_rad,
         announced_load_kg=load_kg,
         voltage_v=voltage_v,

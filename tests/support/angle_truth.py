@@ -10,6 +10,15 @@ import numpy as np
 from rigd_sim.plants.angle.headless import SimulatedRun
 
 RADIUS_M = 0.05
+#: Where the largest of a set's T/(R N) may lie relative to Table 1 (angle.md, acceptance target
+#: 2): too large by inertia, drags and the choice of a maximum; nearer to 0 something is missing.
+WINDOWS = {
+    "clean_0": (0.09, 0.25),
+    "clean_15": (0.08, 0.21),
+    "clean_30": (0.03, 0.15),
+    "clean_45": (0.01, 0.14),
+    "coated_0": (0.0, 0.18),
+}
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,6 @@ _PROCEDURE = {"name": "one", "text": "procedure: one", "sha256": "0" * 64}
 ARGUMENTS: dict[str, dict[str, Any]] = {
     "events": {"seq": 0},
     "history": {"stream": "wheel"},
-    "history": {"stream": "cycle"},
     "procedure": {"name": "one"},
     "check": {"procedure": _PROCEDURE, "set": {"floor": "pvc"}},
     "runs": {"limit": 10},

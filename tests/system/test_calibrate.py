@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -50,15 +51,17 @@ def edit(file: Path, old: str, new: str) -> None:
     file.write_text(text.replace(old, new))
 
 
-def campaign(folder: Path) -> Ended:
+def campaign(folder: Path, *options: str) -> Ended:
     """Run one trial's worth of the campaign on the bench of ``folder``."""
     return rigd(
         *CAMPAIGN, "--set", "voltage=10 V", "--rig", "bench.yaml", "--output", "run.mcap",
-        cwd=folder,
+        *options, cwd=folder,
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("procedure", ["calibrate_torque", "calibrate_scale", "calibrate_friction"])
+@pytest.mark.parametrize(
+    "procedure", ["calibrate_torque", "calibrate_scale", "calibrate_friction", "calibrate_rise"]
+)
 def test_the_shipped_calibration_is_what_its_procedures_give(procedure: str, bench: Path) -> None:
     """Virtual time and the same seed: to the last digit that is written."""
     shipped = load_calibration(SHIPPED)
@@ -105,6 +108,11 @@ def test_without_a_terminal_and_without_yes_nothing_is_written(
     done = rigd("calibrate", "--from", torque, *OPERATOR, cwd=tmp_path)
     assert done.code == 3
     assert "nobody can be asked here; give --yes" in done.err
+    assert f"rigd calibrate --from {torque} --operator NAME --yes" in done.err
+    done = rigd("calibrate", "--from", torque, *OPERATOR, "--json", cwd=tmp_path)
+    assert done.code == 3
+    assert done.json["values"].keys() == {"torque_scale"}
+    assert done.json["written"] is None
     assert not (tmp_path / FILE).exists()
 
 
@@ -176,6 +184,12 @@ def test_an_expired_value_blocks_the_run_that_needs_it(bench: Path) -> None:
     done = campaign(bench)
     assert done.code == 3
     assert f"torque_scale in {FILE} expired on 2021-01-01" in done.err
+    dry = campaign(bench, "--dry-run")
+    assert dry.code == 3
+    assert f"torque_scale in {FILE} expired on 2021-01-01" in dry.out
+    told = rigd("check", FILE, "bench.yaml", cwd=bench)
+    assert told.code == 0
+    assert "the first expired on 2021-01-01: right" in told.out
     assert "rigd calibrate procedures/calibrate_torque.yaml --rig angle-1" in done.err
     assert not (bench / "run.mcap").exists()
     dated = rigd(
@@ -185,10 +199,26 @@ def test_an_expired_value_blocks_the_run_that_needs_it(bench: Path) -> None:
     assert dated.code == 0, dated.err  # it was valid on the day that the run is said to be
 
 
+def test_a_value_that_need_not_be_known_blocks_the_run_where_it_has_expired(bench: Path) -> None:
+    """Without `load_rise` its uncertainty is larger; with an old one it would be wrong."""
+    text = (bench / FILE).read_text()
+    (value,) = re.findall(r"^  load_rise:\n(?:    .*\n)+", text, re.MULTILINE)
+    old = value.replace("made: 2026", "made: 2020").replace(
+        "valid_until: 2126", "valid_until: 2021"
+    )
+    (bench / FILE).write_text(text.replace(value, old))
+    done = campaign(bench)
+    assert done.code == 3
+    assert f"load_rise in {FILE} expired on 2021-10-28" in done.err
+    assert "rigd calibrate procedures/calibrate_rise.yaml --rig angle-1" in done.err
+    (bench / FILE).write_text(text.replace(value, ""))
+    assert campaign(bench).code == 0
+
+
 def test_a_missing_file_blocks_what_needs_it_and_not_what_makes_it(bench: Path) -> None:
     edit(bench / "bench.yaml", "calibration: calibrations/approach_angle.yaml",
          "calibration: mine.yaml")  # fmt: skip
-    assert "its calibration file is missing" in rigd("check", "bench.yaml", cwd=bench).out
+    assert "there is no calibration file mine.yaml" in rigd("check", "bench.yaml", cwd=bench).out
     done = campaign(bench)
     assert done.code == 3
     assert "there is no calibration file mine.yaml" in done.err
@@ -205,7 +235,7 @@ def test_another_instrument_blocks_the_run(bench: Path) -> None:
     done = campaign(bench)
     assert done.code == 3
     assert "serial number 0000000C" in done.err
-    assert "was measured with 'serial number 00000001'" in done.err
+    assert "measured with 'serial number 00000001'" in done.err
     calibrated = rigd(
         "calibrate", "calibrate_torque", "--rig", "bench.yaml", *OPERATOR, "--yes", cwd=bench
     )
@@ -221,7 +251,7 @@ def test_the_instrument_is_looked_at_where_devices_have_processes_of_their_own(
     edit(bench / "bench.yaml", "individual: 1 ", "individual: 12 ")
     done = rigd(*CAMPAIGN, "--rig", "bench.yaml", "--pace", "1", cwd=bench)
     assert done.code == 3
-    assert "was measured with 'serial number 00000001'" in done.err
+    assert "measured with 'serial number 00000001'" in done.err
 
 
 def test_the_calibration_of_another_rig_blocks_and_is_not_taken_over(bench: Path) -> None:
@@ -246,6 +276,21 @@ def test_a_recording_that_calibrates_nothing_is_refused(bench: Path) -> None:
     bare = rigd("calibrate", "calibrate_torque", "--rig", "lugre-1", *OPERATOR, cwd=bench)
     assert bare.code == 2
     assert "rig lugre-1 names no calibration file" in bare.err
+
+
+def test_a_calibration_that_was_cut_short_is_none(torque: Path, bench: Path) -> None:
+    """Six of its seven points would still make a line."""
+    text = (bench / FILE).read_text()
+    data = torque.read_bytes()
+    (bench / "cut.mcap").write_bytes(data[: 95 * len(data) // 100])
+    assert rigd("recover", "cut.mcap", cwd=bench).code == 0
+    done = rigd(
+        "calibrate", "--from", "cut.mcap", "--rig", "bench.yaml", *OPERATOR, "--yes", cwd=bench
+    )
+    assert done.code == 7
+    assert "did not come to its end (interrupted): nothing is calibrated" in done.err
+    assert "rigd run --resume cut.mcap" in done.err
+    assert (bench / FILE).read_text() == text
 
 
 def test_identify_shows_a_calibration_and_writes_only_a_report(torque: Path) -> None:

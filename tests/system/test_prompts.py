@@ -23,7 +23,9 @@ def terminal(open_terminal: Callable[..., Terminal]) -> Terminal:
 
 def test_an_answer_is_asked_until_it_fits_and_then_recorded(terminal: Terminal) -> None:
     terminal.expect("Which floor lies there now?")
+    terminal.expect("type pvc:")
     terminal.type("carpet")
+    terminal.expect(" carpet")  # echoed behind the question, on its line
     terminal.expect("'carpet' is not one of pvc")
     terminal.type("pvc")
     assert terminal.end() == 0
@@ -86,6 +88,9 @@ def test_a_person_is_asked_again_until_the_rig_shows_what_they_say(
     (tmp_path / "checked.yaml").write_text(CHECKED, "utf-8")
     terminal = open_terminal("checked.yaml", "--rig", "lugre-1", "--ask", *form)
     terminal.expect("Where does the carriage stand")
+    terminal.expect("value with unit, -1000 mm to 1000 mm: ")
+    terminal.type("300")
+    terminal.expect("'300' is not in mm: write '300 mm'")
     terminal.type("3 m")
     terminal.expect("3000 mm is outside -1000 mm .. 1000 mm")
     terminal.expect("Where does the carriage stand")

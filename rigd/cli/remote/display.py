@@ -80,7 +80,7 @@ class RemoteDisplay:
             self.tell(f"{status.state}; rigd remote resume goes on"
                       if status.state == "paused" else status.state)  # fmt: skip
         self._trial, self._state = trial, status.state
-        what = status.state
+        what: str = status.state
         if trial is not None:
             what = self._describe(trial) + (f" · {status.step}" if status.step else "")
         left = "" if status.left_s is None else f"{status.left_s:.0f} s left"

@@ -8,7 +8,7 @@ import sys
 import termios
 from typing import Final, TextIO
 
-from rigd.cli.console import invitation
+from rigd.cli.console import invitation, wrapped
 from rigd.engine.answers import read_answer
 from rigd.procedure.program import Answer, AnswerKind, Prompt
 from rigd.remote.protocol.status import PromptView
@@ -62,7 +62,7 @@ async def ask(prompt: Prompt, objection: str, lines: Lines, screen: TextIO) -> A
         screen.write(f"\n  {objection}\n")
     while True:
         lines.forget()
-        screen.write(f"\n{prompt.text}\n{invitation(prompt)}: ")
+        screen.write(f"\n{wrapped(prompt.text)}\n{invitation(prompt)}: ")
         screen.flush()
         line = await lines.next()
         if not line:

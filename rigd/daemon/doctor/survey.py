@@ -156,7 +156,9 @@ def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Stat
         found += f"noise {seen.deviation:.3g}{unit}"
     else:
         found += "one value"
-    if seen.low <= channel.low or seen.high >= channel.high:
+    limit = device.limits.get(channel.name)
+    rests = limit is not None and seen.low == limit.rest == seen.high  # an open relay reads 0
+    if not rests and (seen.low <= channel.low or seen.high >= channel.high):
         end = channel.low if seen.low <= channel.low else channel.high
         advice = f"it stands at the end of its range, {end:g}{unit}: saturated, or its wire is off?"
         return Check(group, name, Verdict.WARN, found, advice, figures)

@@ -16,9 +16,9 @@ from rigd.config.calibration import (
 from rigd.evaluate.models import needs_of
 from rigd.evaluate.source import RecordedSweep
 from rigd.identify.angle.data import UNKNOWN_RISE, AngleCalibration, AngleRig, Known
-from rigd.identify.report.rounding import percent
+from rigd.identify.report.rounding import number, percent, places_for
 from rigd.model.errors import DataError
-from rigd.model.units import format_quantity
+from rigd.model.units import parse_unit
 from rigd.record import TrialInfo
 
 
@@ -77,12 +77,16 @@ def _changes(
             change = (
                 f" ({percent(b.value / a.value - 1.0)})" if a.value and b.value != a.value else ""
             )
-            was, now = (
-                f"{format_quantity(one.value, one.unit)} ± {format_quantity(one.u, one.unit)}"
-                for one in (a, b)
-            )
-            lines.append(f"{name}: {was} -> {now}{change}")
+            lines.append(f"{name}: {_spread(a)} -> {_spread(b)}{change}")
     return tuple(lines) or ("no value differs",)
+
+
+def _spread(one: CalibratedValue) -> str:
+    """Return value ± u in the value's unit, to the digits that u leaves meaning."""
+    factor = parse_unit(one.unit).factor
+    value, u = one.value / factor, one.u / factor
+    places = places_for(u)
+    return f"{number(value, places)} ± {number(u, places)} {one.unit}".removesuffix(" 1")
 
 
 def angle_calibration(sweep: RecordedSweep, calibration: Calibration) -> AngleCalibration:

@@ -32,6 +32,8 @@ DEVICE_TIME: Final = "device_time"
 STABLE: Final = 1
 #: A reading at rest counts if none that was not at rest came for longer after it.
 REST_NS: Final = 2_000_000_000
+#: The card's clock and rigd's may drift apart by so much over a run; blocks come late by less.
+CLOCKS_S: Final = 0.02
 #: Signals that one card samples; the last is optional.
 SAMPLED: Final = ("gauge_a", "gauge_b", "wheel_angle", "platform_position", "normal_force")
 
@@ -56,6 +58,7 @@ class _Drive:
 
     start_ns: int | None
     stop_ns: int | None
+    count: int = 1  #: how often it was told to close in the trial
 
 
 def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleRun:
@@ -76,6 +79,7 @@ def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleR
     flags += _rails(signals, card)
     zero_ns = trial.start_ns if drive.start_ns is None else drive.start_ns
     t_s = _times_s(card, zero_ns)
+    flags += _clocks(card, t_s, zero_ns)
     mass_kg, stable = _scale_kg(sweep, trial, signals, drive)
     volts = {name: np.ascontiguousarray(card[field]) for name, field in signals.fields.items()}
     return AngleRun(
@@ -94,6 +98,7 @@ def read_run(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> AngleR
         load_n=mass_kg * sweep.constant(trial, "gravity"),
         load_stable=stable,
         normal_force_v=volts.get("normal_force"),
+        wheel=_wheel(sweep, trial),
         number=trial.number,
         recording=sweep.path.name,
         flags=tuple(flags),
@@ -159,7 +164,8 @@ def _drive(sweep: RecordedSweep, trial: TrialInfo, signals: Signals) -> _Drive:
     first = int(np.argmax(closed))
     opened = np.flatnonzero(~closed[first:])
     stop = None if not len(opened) else int(rows[TIME_FIELD][first + int(opened[0])])
-    return _Drive(int(rows[TIME_FIELD][first]), stop)
+    count = 1 + int(np.count_nonzero(closed[first + 1 :] & ~closed[first:-1]))
+    return _Drive(int(rows[TIME_FIELD][first]), stop, count)
 
 
 def _unfinished(trial: TrialInfo, drive: _Drive) -> list[Flag]:
@@ -172,6 +178,14 @@ def _unfinished(trial: TrialInfo, drive: _Drive) -> list[Flag]:
         flags.append(Flag("not_driven", "The relay was never told to close."))
     elif drive.stop_ns is None:
         flags.append(Flag("no_stop", "The relay was not told to open again within the trial."))
+    elif drive.count > 1:
+        flags.append(
+            Flag(
+                "driven_twice",
+                f"The relay was told to close {drive.count} times within the trial: the platform "
+                "did not begin each push at rest, at its start.",
+            )
+        )
     return flags
 
 
@@ -204,6 +218,22 @@ def _times_s(card: Rows, zero_ns: int) -> FloatArray:
     return np.asarray(device_s + np.median(t_s - device_s))
 
 
+def _clocks(card: Rows, t_s: FloatArray, zero_ns: int) -> list[Flag]:
+    """Return a flag where the card's own clock, which ``t_s`` follows, is not rigd's."""
+    apart = np.abs(t_s - (card[TIME_FIELD] - zero_ns) * 1e-9)
+    bad = int(np.count_nonzero(~(apart <= CLOCKS_S)))
+    if not bad:
+        return []
+    return [
+        Flag(
+            "clocks_disagree",
+            f"The card's clock is not that of rigd in {bad} of {len(apart)} samples (apart by more "
+            f"than {1e3 * CLOCKS_S:.0f} ms, or no number): another rate than the card was set to, "
+            "or samples were lost.",
+        )
+    ]
+
+
 def _rails(signals: Signals, card: Rows) -> list[Flag]:
     """Return a flag where inputs stood at an end of their range: bit i is of the i-th input."""
     if not signals.card.has_status or not len(card):
@@ -232,7 +262,8 @@ def _scale_kg(
     """Return the mass that the scale showed at rest before the start, and whether it was at rest.
 
     That is the mean of its last readings in a row that it called stable: earlier ones may be of
-    the weights before. NaN where there is none of the last :data:`REST_NS`.
+    the weights before. NaN where there is none of the last :data:`REST_NS`. A scale without a
+    status word cannot say that it is not at rest: its last reading counts as if it were.
     """
     end = drive.start_ns if drive.start_ns is not None else trial.end_ns
     rows = sweep.recording.read(signals.scale, trial.start_ns, end)
@@ -253,6 +284,12 @@ def _scale_kg(
 
 def _set_name(sweep: RecordedSweep, trial: TrialInfo) -> str:
     return ", ".join(sweep.parameter(trial, name) for name in sweep.plan.group_by or ("set",))
+
+
+def _wheel(sweep: RecordedSweep, trial: TrialInfo) -> str:
+    """Return which wheel was said to be fitted, else the one that was planned; "" for none."""
+    said = trial.answers.get("wheel", trial.parameters.get("wheel"))
+    return str(said) if said is not None else sweep.info.parameters.get("wheel", "")
 
 
 def _label(sweep: RecordedSweep, trial: TrialInfo) -> str:

@@ -84,7 +84,7 @@ def _legend(rows: Sequence[SetRow]) -> str:
 def _trends(result: CampaignResult) -> Table:
     columns = (
         Column("over the angle"),
-        Column("slope per degree", right=True),
+        Column("slope ± u per degree", right=True),
         Column("95 % interval", right=True),
         Column("intercept", right=True),
         Column("r²", right=True),
@@ -113,14 +113,17 @@ def _trends(result: CampaignResult) -> Table:
 def _flagged(result: CampaignResult) -> str:
     """Return the flagged runs counted by reason, the first few of each named."""
     excluded = sum(run.excluded for run in result.runs)
-    head = f"{len(result.runs)} runs, {excluded} flagged and left out"
+    head = f"{len(result.runs)} runs, {excluded or 'none'} of them left out"
     rows = flagged_rows(result)
-    return "\n".join([f"{head}{':' if rows else ''}", *(f"  {_reason(row)}" for row in rows)])
+    return "\n".join(
+        [f"{head}{'; flagged:' if rows else ''}", *(f"  {_reason(row)}" for row in rows)]
+    )
 
 
 def _reason(row: FlaggedRow) -> str:
     """Return a reason with its first run at length and the next few by name."""
-    names = [f"trial {run.run.number} ({run.run.label})" for run in row.runs[:NAMED]]
+    named = zip(row.trials[:NAMED], row.runs, strict=False)
+    names = [f"trial {trial} ({run.run.label})" for trial, run in named]
     others = f"; also {', '.join(names[1:])}" if len(names) > 1 else ""
     more = f" and {row.count - NAMED} more" if row.count > NAMED else ""
     used = "" if row.excluded else ", used"

@@ -1,4 +1,4 @@
-"""Evaluation of recordings that calibrate a rig: torque, scale, friction of rails and bearings."""
+"""Evaluation of recordings that calibrate a rig: torque, scale, friction, rise of the load."""
 
 from rigd.evaluate.calibration.evaluation import CalibrationEvaluation, evaluate
 

@@ -11,6 +11,7 @@ from typing import Final
 from rigd.config.calibration import load_calibration
 from rigd.evaluate.calibration.friction import friction_result
 from rigd.evaluate.calibration.reading import Steps
+from rigd.evaluate.calibration.rise import rise_result
 from rigd.evaluate.calibration.scale import scale_result
 from rigd.evaluate.calibration.torque import torque_result
 from rigd.evaluate.evaluation import Evaluation, Options
@@ -27,6 +28,7 @@ _METHODS: Final[Mapping[str, Callable[[Steps], CalibrationResult]]] = {
     "torque-calibration": torque_result,
     "scale-calibration": scale_result,
     "friction-calibration": friction_result,
+    "rise-calibration": rise_result,
 }
 #: What the mode of a run in virtual time says; its dates are not the operator's.
 _VIRTUAL: Final = "virtual time"

@@ -25,6 +25,8 @@ import numpy as np
 
 from rigd.identify.angle.data import AngleCalibration, AngleRig, Coefficient
 
+FORCE_TERMS = 8  #: torque and drags come first, then what concerns N, the surface last
+
 
 @dataclass(frozen=True)
 class Conditions:
@@ -130,6 +132,11 @@ class Budget:
         return math.sqrt(math.fsum(t.better**2 for t in self.terms[:-1]))
 
     @property
+    def force(self) -> float:
+        """Relative standard uncertainty of F_r alone, by the better method: all but N's terms."""
+        return math.sqrt(math.fsum(t.better**2 for t in self.terms[:FORCE_TERMS]))
+
+    @property
     def systematic(self) -> float:
         """That part of ``better`` which more runs do not lessen."""
         return math.sqrt(math.fsum(t.better**2 for t in self.terms if t.systematic))
@@ -212,7 +219,8 @@ def _torque_terms(
     # A mean over whole turns holds no crosstalk; over a part of one it holds up to its amplitude.
     share = 1.0 / np.sqrt(2.0) / max(1.0, np.pi * at.turns)
     crosstalk = sizes.crosstalk * at.normal_force_n * share
-    left = sizes.crosstalk_u * at.normal_force_n * share if sizes.tared else crosstalk
+    # What is wrong at the start's angle goes into the zero and stays, whatever the wheel turns.
+    left = sizes.crosstalk_u * at.normal_force_n * math.hypot(1.0, math.sqrt(2.0) * share)
     return (
         _term("torque calibration", scale.u, "N m/V", at.torque_nm * per_nm / scale.value,
               "the calibration's own uncertainty: mass, arm, gravity, fit"),
@@ -222,7 +230,7 @@ def _torque_terms(
         _term("gauge noise and hum", noise, "N m", per_nm,
               "spread of neighbouring samples, over the number of samples; blocks are whole "
               "periods of the mains", kind="A", systematic=False),
-        _term("bending crosstalk", left, "N m", per_nm,
+        _term("bending crosstalk", left if sizes.tared else crosstalk, "N m", per_nm,
               "once-per-turn part of the torque in the campaign's sliding runs, over the turns "
               "of a run", paper=crosstalk * per_nm, kind="A", uncorrected=True),
     )  # fmt: skip

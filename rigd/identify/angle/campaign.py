@@ -13,7 +13,7 @@ from rigd.identify.angle.data import Flag, KnownRun, SetReference
 from rigd.identify.angle.flags import raw_flags
 from rigd.identify.angle.paper import PaperSettings, analyse_paper
 from rigd.identify.angle.result import CampaignResult, RunResult, SetResult, Trend
-from rigd.identify.angle.sets import evaluate_set, wheel_of
+from rigd.identify.angle.sets import evaluate_set
 from rigd.identify.angle.trend import trend
 
 
@@ -27,7 +27,8 @@ def analyse_campaign(
     """Return what the campaign says; never raises for bad runs, however many.
 
     ``reference`` is printed beside and never used. ``repeats`` is how often each combination of
-    set, load, and voltage was to run; by default as often as the most repeated one did.
+    set, load, and voltage was to run; by default up to the highest repeat that was recorded. Sets
+    come in the order of their wheels and angles, whatever the order of the recordings.
     """
     paper, better = paper or PaperSettings(), better or BetterSettings()
     moved = [_moved(known, better) for known in runs]
@@ -37,7 +38,7 @@ def analyse_campaign(
         for known, (flags, moves) in zip(runs, moved, strict=True)
     ]
     cells = _cells(runs)
-    expected = max([*cells.values(), 1]) if repeats is None else repeats
+    expected = max([k.run.repeat for k in runs], default=1) if repeats is None else repeats
     published = {} if reference is None else reference.values
     sets = tuple(
         evaluate_set(
@@ -48,7 +49,7 @@ def analyse_campaign(
             missing=_missing(name, cells, expected),
             settings=better,
         )
-        for name in dict.fromkeys(known.run.set_name for known in runs)
+        for name in _set_names(runs)
     )
     trends = _trends(sets)
     return CampaignResult(
@@ -59,6 +60,11 @@ def analyse_campaign(
         statements=_statements(bending, better),
         warnings=tuple(_warnings(sets, trends)),
     )
+
+
+def _set_names(runs: Sequence[KnownRun]) -> list[str]:
+    first = {k.run.set_name: k.run for k in reversed(runs)}
+    return sorted(first, key=lambda name: (first[name].wheel, first[name].alpha_rad))
 
 
 def _moved(known: KnownRun, settings: BetterSettings) -> tuple[tuple[Flag, ...], Motion | None]:
@@ -172,6 +178,3 @@ def _warnings(sets: Sequence[SetResult], trends: Mapping[str, Trend]) -> list[st
     if "better" not in trends:
         found.append("There is no trend over the angle: fewer than three angles have a maximum.")
     return found
-
-
-__all__ = ["analyse_campaign", "wheel_of"]

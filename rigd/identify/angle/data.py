@@ -116,6 +116,7 @@ class AngleRun:
     load_n: float
     load_stable: bool = True  #: whether the scale's reading had come to rest
     normal_force_v: FloatArray | None = None
+    wheel: str = ""  #: which wheel ran, such as clean; the sets of one wheel make a trend
     number: int = 0  #: of the trial
     recording: str = ""
     flags: tuple[Flag, ...] = ()  #: what the recording says against the run, such as incomplete

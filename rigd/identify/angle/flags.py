@@ -3,29 +3,34 @@
 One broken wire or one forgotten weight gives a friction coefficient that looks good. Each check
 here tests a run for one such fault and says what was found and what was expected:
 
-================  ========  ====================================================================
-code              severity  found when
-================  ========  ====================================================================
-no_pre_trigger    excluded  less than 50 ms before the relay command: t = 0 and the zero of the
-                            gauges are taken on trust, and the zero's drift is 4.5 % of mu
-too_short         excluded  less than 0.2 s from command to stop, or the record ends before it
-nan_samples       excluded  a signal has samples that are no number
-missing_samples   excluded  a gap in the times: filters and the Fourier step see a jump
-at_rail           excluded  a signal is at the limit of the converter
-moving_at_start   excluded  wheel or platform moves before the command: not at rest, no tare
-watchdog          excluded  stopped by time, not by travel
-load_missing      excluded  no reading of the scale
-scale_unsteady    excluded  the reading of the scale had not come to rest
-load_disagrees    excluded  the reading is not the load that was announced
-no_drive          excluded  neither torque nor movement: the motor did not run
-no_torque         excluded  movement without torque: the gauges' amplifier is off
-negative_torque   excluded  torque below 0 in the first 100 ms: the gauges are swapped
-gauges_disagree   excluded  one of the two does not see the torque, or reversed: T is half, or less
-negative_speed    excluded  wheel or platform runs backwards: potentiometer leads swapped
-pot_dead          excluded  a potentiometer stands still while the gauges show torque
-pot_at_end        excluded  a potentiometer is at the end of its ten turns (it does not wrap)
-pot_near_end      note      it did not reach its end, but a run could have
-================  ========  ====================================================================
+===================  ========  ====================================================================
+code                 severity  found when
+===================  ========  ====================================================================
+no_pre_trigger       excluded  less than 50 ms before the relay command: t = 0 and the zero of the
+                               gauges are taken on trust, and the zero's drift is 4.5 % of mu
+too_short            excluded  less than 0.2 s from command to stop, or the record ends before it
+nan_samples          excluded  a signal has samples that are no number, or that no card can give
+missing_samples      excluded  a gap in the times: filters and the Fourier step see a jump
+at_rail              excluded  a signal is at the limit of the converter
+noisy                excluded  a signal has many times its usual noise: a broken wire, its screen
+moving_at_start      excluded  wheel or platform moves before the command: not at rest, no tare
+watchdog             excluded  stopped by time, not by travel
+load_missing         excluded  no reading of the scale, or none that is a load
+scale_unsteady       excluded  the reading of the scale had not come to rest
+load_disagrees       excluded  the reading is not the load that was announced
+load_cell_disagrees  excluded  the load cell does not show what the scale shows
+no_drive             excluded  neither torque nor movement: the motor did not run
+no_torque            excluded  movement without torque: the gauges' amplifier is off
+gauges_off_zero      excluded  the gauges show torque before the command, when nothing drives; the
+                               paper's method takes no zero off
+negative_torque      excluded  torque below 0 in the first 100 ms: the gauges are swapped
+gauges_disagree      excluded  one of the two does not see the torque, or reversed: T is too small
+negative_speed       excluded  wheel or platform runs backwards: potentiometer leads swapped
+pot_dead             excluded  a potentiometer stands still while the gauges show torque
+pot_jumps            excluded  a potentiometer moves faster than anything on the rig: wiper, thread
+pot_at_end           excluded  a potentiometer is at the end of its ten turns (it does not wrap)
+pot_near_end         note      it did not reach its end, but a run could have
+===================  ========  ====================================================================
 
 "Excluded" is what leaves no number of the run that could be defended, "note" what the number
 survives. No sign is mended and no lead swapped back by the analysis: the wiring is wrong, and what
@@ -49,6 +54,9 @@ from rigd.identify.angle.data import (
     FloatArray,
     Severity,
 )
+from rigd.identify.angle.limits import Limits
+from rigd.identify.angle.load_flags import load_flags
+from rigd.identify.angle.samples import readable
 
 #: The relay takes 8 ms to pick up: until this time after the command all is at rest.
 REST_S = 0.005
@@ -56,35 +64,8 @@ REST_S = 0.005
 FEWEST_SAMPLES = 100
 #: The end of a range is believed from this many samples on; one is a spike.
 AT_END_SAMPLES = 10
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Where a run stops being a good one.
-
-    ``pre_trigger_s`` 0 accepts records that have none, as the paper's own. ``early_s``: signs are
-    judged this long after the command. ``torque_nm``: the least mean torque until then that counts
-    as one (good runs show 0.4 N m or more, the zero drifts by 0.02 N m). ``gauge_share``: the
-    least part of it that either gauge must see (a half each, if bending does not reach them).
-    ``wheel_rad``, ``platform_m``: less movement than this is none, over the first 100 ms and over
-    each later quarter of the run (good runs: at least 0.4 rad and 8 mm).
-    """
-
-    pre_trigger_s: float = 0.05
-    shortest_s: float = 0.2  #: good runs take 0.3 to 0.7 s
-    gap: float = 1.5  #: of the usual time between samples
-    rail_v: float = 9.99  #: of the converter's +-10 V
-    watchdog_s: float = 1.4  #: the procedure's own is 1.5 s
-    load: float = 0.05  #: relative; bolts and scale scatter by 1 %, loads differ by 20 %
-    early_s: float = 0.1
-    torque_nm: float = 0.05
-    gauge_share: float = 0.15
-    wheel_rad: float = 0.1
-    platform_m: float = 0.002
-    turns: float = 10.0  #: of either potentiometer (paper)
-    end_share: float = 0.01  #: of their range, at both ends
-    wheel_room_rad: float = 8.0 * math.pi  #: four turns, what a spinning run may take
-    platform_room_m: float = 0.35  #: travel to the stop, and overshoot
+#: Speeds of potentiometers are judged over so long, s.
+JUMP_S = 0.0025
 
 
 @dataclass(frozen=True)
@@ -111,13 +92,15 @@ def raw_flags(
 ) -> tuple[Flag, ...]:
     """Return what is wrong with ``run``: what its recording says, then what is found here.
 
-    Empty for a good run. Signals that are not :func:`whole` are judged no further.
+    Empty for a good run. Signals that are not :func:`whole` are judged no further. That a run which
+    was never driven has no samples of a drive is not said once more.
     """
     limits = Limits() if limits is None else limits
-    found = [*_record(run, limits), *_load(run, calibration, rig, limits)]
+    told = {flag.code for flag in run.flags}
+    found = [] if "not_driven" in told else list(_record(run, limits))
+    found += load_flags(run, calibration, rig, limits)
     if whole(run):
         found += _signals(run, calibration, limits)
-    told = {flag.code for flag in run.flags}
     return (*run.flags, *(flag for flag in found if flag.code not in told))
 
 
@@ -131,8 +114,9 @@ def whole(run: AngleRun) -> bool:
     used = run.t_s <= run.stop_s
     return (
         int(np.count_nonzero(driven(run))) >= FEWEST_SAMPLES
+        and bool(np.all(np.isfinite(run.t_s)))
         and bool(np.all(np.diff(run.t_s[used]) > 0.0))
-        and all(bool(np.all(np.isfinite(volts[used]))) for volts in _volts(run).values())
+        and all(bool(np.all(readable(volts[used]))) for volts in _volts(run).values())
     )
 
 
@@ -148,6 +132,9 @@ def _volts(run: AngleRun) -> dict[str, FloatArray]:
 def _record(run: AngleRun, limits: Limits) -> Iterator[Flag]:
     if run.t_s.size == 0:
         yield Flag("too_short", "The recording holds no samples of this run.")
+        return
+    if bad := int(np.count_nonzero(~np.isfinite(run.t_s))):
+        yield Flag("nan_samples", f"The times of {bad} of {run.t_s.size} samples are no numbers.")
         return
     first, last = float(run.t_s[0]), float(run.t_s[-1])
     if first > -limits.pre_trigger_s:
@@ -170,6 +157,12 @@ def _record(run: AngleRun, limits: Limits) -> Iterator[Flag]:
         yield Flag(
             "too_short", f"The record ends at {last:.3f} s, before the stop at {run.stop_s:.3f} s."
         )
+    elif (samples := int(np.count_nonzero(driven(run)))) < FEWEST_SAMPLES:
+        yield Flag(
+            "too_short",
+            f"Only {samples} samples lie between the relay command and the stop, need "
+            f"{FEWEST_SAMPLES}.",
+        )
     if run.stop_s >= limits.watchdog_s:
         yield Flag(
             "watchdog",
@@ -177,7 +170,8 @@ def _record(run: AngleRun, limits: Limits) -> Iterator[Flag]:
             "potentiometer, a blocked wheel, or too little voltage.",
         )
     used = run.t_s <= run.stop_s
-    uneven = used[1:] & ((steps > limits.gap * usual) | (steps <= 0.0))
+    before_stop = run.t_s[:-1] + limits.gap * usual <= run.stop_s
+    uneven = before_stop & ((steps > limits.gap * usual) | (steps <= 0.0))
     if np.any(uneven):
         at = int(np.argmax(uneven))
         yield Flag(
@@ -187,8 +181,8 @@ def _record(run: AngleRun, limits: Limits) -> Iterator[Flag]:
             f"{1e3 * usual:.3f} ms.",
         )
     for name, volts in _volts(run).items():
-        if bad := int(np.count_nonzero(~np.isfinite(volts[used]))):
-            yield Flag("nan_samples", f"{bad} samples of {name} are no numbers.")
+        if bad := int(np.count_nonzero(~readable(volts[used]))):
+            yield Flag("nan_samples", f"{bad} samples of {name} are no numbers of a card.")
         if np.count_nonzero(np.abs(volts[used]) >= limits.rail_v) >= AT_END_SAMPLES:
             yield Flag(
                 "at_rail",
@@ -197,26 +191,23 @@ def _record(run: AngleRun, limits: Limits) -> Iterator[Flag]:
             )
 
 
-def _load(
-    run: AngleRun, calibration: AngleCalibration, rig: AngleRig, limits: Limits
-) -> Iterator[Flag]:
-    if not run.load_stable:
-        yield Flag("scale_unsteady", "The scale had not come to rest before the start.")
-    elif not run.load_n > 0.0:
-        yield Flag("load_missing", "The scale gave no load before the start.")
-        return
-    load, announced = calibration.load.value * run.load_n, run.announced_load_kg * rig.gravity
-    if math.isfinite(load) and not abs(load - announced) <= limits.load * announced:
-        yield Flag(
-            "load_disagrees",
-            f"The scale showed {load:.1f} N, announced were {run.announced_load_kg:g} kg "
-            f"({announced:.1f} N): other weights, a wrong tare, or kg taken for N.",
-        )
-
-
 def _signals(run: AngleRun, calibration: AngleCalibration, limits: Limits) -> Iterator[Flag]:
     used = run.t_s <= run.stop_s
     t_s = run.t_s[used]
+    noisy = [
+        f"{name} {noise:.3g} V"
+        for name, volts in _volts(run).items()
+        if (noise := _noise(volts[used]))
+        > (limits.gauge_noise_v if "gauge" in name else limits.pot_noise_v)
+    ]
+    if noisy:
+        yield Flag(
+            "noisy",
+            f"Noise of each sample: {', '.join(noisy)}; at most {limits.gauge_noise_v} V of a "
+            f"gauge and {limits.pot_noise_v} V of a potentiometer are explained: a broken wire, a "
+            "loose screen, an amplifier that oscillates.",
+        )
+        return
     pots = (
         _Pot("wheel", "rad", t_s, run.wheel_v[used], calibration.wheel.value,
              limits.wheel_rad, limits.wheel_room_rad),
@@ -239,6 +230,15 @@ def _signals(run: AngleRun, calibration: AngleCalibration, limits: Limits) -> It
         for volts in (run.gauge_a_v, run.gauge_b_v)
     )
     torque = calibration.torque.value * (rise_a - rise_b)
+    before = calibration.torque.value * float(
+        np.mean((run.gauge_a_v - run.gauge_b_v)[used][t_s < 0.0]) if t_s[0] < 0.0 else 0.0
+    )
+    if abs(before) > limits.zero_nm:
+        yield Flag(
+            "gauges_off_zero",
+            f"The gauges show {before:+.2f} N m before the relay command, must be within "
+            f"{limits.zero_nm} N m: balance their amplifier.",
+        )
     standstills = [_standstill(pot, run.stop_s) for pot in pots]
     if abs(torque) < limits.torque_nm and all(standstills):
         yield Flag(
@@ -296,6 +296,14 @@ def _potentiometer(
             f"from {start:.2f} s to {end:.2f} s while the gauges show torque: broken wire, slack "
             "thread, at its end, or the wheel is blocked.",
         )
+    fastest, when_s = _fastest(pot)
+    if fastest > limits.pot_v_per_s:
+        yield Flag(
+            "pot_jumps",
+            f"The {pot.name}'s potentiometer jumps by {JUMP_S * fastest:.2f} V "
+            f"({abs(pot.scale) * JUMP_S * fastest:.3g} {pot.unit}) at {when_s:.3f} s, faster than "
+            "anything moves: its wiper lifts off, or its thread slips.",
+        )
     margin = limits.end_share * excitation_v
     at_end = (pot.volts < margin) | (pot.volts > excitation_v - margin)
     if np.count_nonzero(at_end) >= AT_END_SAMPLES:
@@ -318,12 +326,28 @@ def _potentiometer(
 
 
 def _standstill(pot: _Pot, stop_s: float) -> tuple[float, float] | None:
-    """Return the first later quarter of the run in which ``pot`` does not move, if there is one."""
-    for k in (1, 2, 3):
-        start, end = 0.25 * k * stop_s, 0.25 * (k + 1) * stop_s
+    """Return the first eighth of the run, from the third on, in which ``pot`` does not move."""
+    for k in range(2, 8):
+        start, end = 0.125 * k * stop_s, 0.125 * (k + 1) * stop_s
         if abs(pot.moved(start, end)) < pot.least:
             return start, end
     return None
+
+
+def _fastest(pot: _Pot) -> tuple[float, float]:
+    """Return the largest speed of ``pot`` in V/s between medians over 2.5 ms, and its time."""
+    period_s = float(pot.t_s[-1] - pot.t_s[0]) / (pot.t_s.size - 1)
+    size = max(round(JUMP_S / period_s), 1)
+    blocks = pot.t_s.size // size
+    levels = np.median(pot.volts[: blocks * size].reshape(blocks, size), axis=1)
+    steps = np.abs(np.diff(levels))
+    at = int(np.argmax(steps))
+    return float(steps[at]) / (size * period_s), float(pot.t_s[(at + 1) * size])
+
+
+def _noise(volts: FloatArray) -> float:
+    """Return the noise of one sample in V, from second differences; blind to spikes and slopes."""
+    return float(np.median(np.abs(np.diff(volts, 2)))) / (0.6745 * math.sqrt(6.0))
 
 
 def _level(t_s: FloatArray, volts: FloatArray, at_s: float) -> float:

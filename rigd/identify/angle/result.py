@@ -9,15 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from rigd.identify.angle.better.result import BetterRun
 from rigd.identify.angle.budget import Budget
 from rigd.identify.angle.data import AngleRun, Coefficient, Flag, FloatArray, Regime, Severity
+from rigd.identify.angle.paper.result import PaperRun
 from rigd.identify.angle.result_json import campaign_json
-
-if TYPE_CHECKING:
-    from rigd.identify.angle.paper import PaperRun
 
 
 @dataclass(frozen=True)
@@ -134,7 +131,8 @@ class SetResult:
 class LineFit:
     """mu = intercept + slope angle over the clean sets; slope per degree, u of k = 1.
 
-    ``slope_low``, ``slope_high``: 95 % interval by the t-distribution with ``dof`` degrees.
+    ``slope_low``, ``slope_high``: 95 % interval, of the scatter by the t-distribution with ``dof``
+    degrees, or of what the maxima are uncertain by where that is wider.
     """
 
     slope_per_deg: float

@@ -76,7 +76,7 @@ def _flags_json(flags: tuple[Flag, ...]) -> list[dict[str, object]]:
 
 def _set_json(s: SetResult) -> dict[str, object]:
     return {
-        "angle_deg": s.angle_deg,
+        "angle_deg": _finite(s.angle_deg),
         "wheel": s.wheel,
         "published": None
         if s.published is None
@@ -107,8 +107,8 @@ def _curve_json(c: FrictionCurve) -> dict[str, object]:
     return {
         "coefficient": c.coefficient.value,
         "form": c.form,
-        "peak_sliding_speed_m_s": _finite(c.peak_speed_m_s),
-        "sliding_speed_m_s": _list(c.speed_m_s),
+        "peak_sliding_speed_m_per_s": _finite(c.peak_speed_m_s),
+        "sliding_speed_m_per_s": _list(c.speed_m_s),
         "mu": _list(c.mu),
         "mu_low_k2": _list(c.low),
         "mu_high_k2": _list(c.high),
@@ -174,10 +174,10 @@ def _run_json(r: RunResult) -> dict[str, object]:
         "trial": r.run.number,
         "recording": r.run.recording,
         "set": r.run.set_name,
-        "angle_deg": math.degrees(r.run.alpha_rad),
-        "announced_load_kg": r.run.announced_load_kg,
+        "angle_deg": _finite(math.degrees(r.run.alpha_rad)),
+        "announced_load_kg": _finite(r.run.announced_load_kg),
         "load_N": _finite(r.run.load_n),
-        "motor_voltage_V": r.run.voltage_v,
+        "motor_voltage_V": _finite(r.run.voltage_v),
         "repeat": r.run.repeat,
         "excluded": r.excluded,
         "paper": {

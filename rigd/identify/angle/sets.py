@@ -15,13 +15,10 @@ from rigd.identify.angle.result import Estimate, PaperMaximum, RunResult, SetRes
 
 #: Fewer sliding runs than these give no maximum; fewer than ``FEW`` one with a warning.
 MIN_RUNS, FEW = 5, 10
+#: What is the same in all runs of one rig, whatever calibration they were made under.
+CONSTANTS = ("wheel_radius_m", "wheel_inertia", "platform_mass_kg", "gravity")
 #: Sets whose angles differ by more than this are mixed up, rad.
 SAME_ANGLE = math.radians(0.05)
-
-
-def wheel_of(set_name: str) -> str:
-    """Return the wheel of a set, such as "clean" of "clean_45"."""
-    return set_name.partition("_")[0]
 
 
 def evaluate_set(
@@ -67,7 +64,7 @@ def evaluate_set(
     return SetResult(
         name=name,
         alpha_rad=alphas[0],
-        wheel=wheel_of(name),
+        wheel=known[0].run.wheel,
         published=published,
         paper=_paper_maximum(results),
         curve=None if pooled is None else pooled.curve,
@@ -150,6 +147,12 @@ def _record_warnings(
         found.append(
             "its runs were made under several calibrations; the budget is that of the first"
         )
+    found += [
+        f"its runs have several values of {name} ({', '.join(f'{v:g}' for v in values)}): are they "
+        "of one rig?"
+        for name in CONSTANTS
+        if len(values := dict.fromkeys(getattr(k.rig, name) for k in known)) > 1
+    ]
     return found
 
 

@@ -68,7 +68,7 @@ def percent(share: float) -> str:
     value = 100.0 * share
     if not math.isfinite(value):
         return "undefined"
-    places = 0 if abs(value) >= 9.95 else 1
+    places = 0 if abs(value) >= 9.95 else 1 if abs(value) >= 0.05 else 2
     return _signed(f"{value:+.{places}f} %")
 
 

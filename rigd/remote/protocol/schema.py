@@ -22,11 +22,12 @@ def remote_schema() -> dict[str, Any]:
         for kind, table in VERBS.items()
         for name, verb in table.items()
     }
-    messages = [Status, Event, Reply, ErrorReply]
+    requests: dict[str, Any] = {key: request_kind(verb.arguments) for key, verb in verbs.items()}
+    messages: list[Any] = [Status, Event, Reply, ErrorReply]
     messages += [verb.result for verb in verbs.values()]
-    requests = {key: request_kind(verb.arguments) for key, verb in verbs.items()}
+    messages += requests.values()
     references, schema = models_json_schema(
-        [(one, "validation") for one in dict.fromkeys([*messages, *requests.values()])]
+        [(one, "validation") for one in dict.fromkeys(messages)]
     )
     refer = {model: reference for (model, _), reference in references.items()}
     return {

@@ -29,8 +29,8 @@ class _Sensor(Driver):
 class AngleScale(_Sensor):
     """The scale under the rig's base, at a pace of its own.
 
-    A row is the mass in kg and a status word: stable 1, overload 2, underload 4. Beyond its range
-    the value is NaN, so that interlocks trip.
+    A row is the mass in kg and a status word: stable 1, overload 2, underload 4 (which nothing at
+    this bench brings about). Under overload the value is NaN, so that interlocks trip.
     """
 
     title: ClassVar[str] = "scale of the simulated approach-angle rig"
@@ -55,7 +55,7 @@ class AngleScale(_Sensor):
             return None
         self._seen = self.link.scale_readings
         mass, status = self.link.scale()
-        return (math.nan if status in (layout.OVERLOAD, layout.UNDERLOAD) else mass), status
+        return (math.nan if status == layout.OVERLOAD else mass), status
 
 
 class AngleTruth(_Sensor):

@@ -53,6 +53,15 @@ def test_a_channel_at_the_end_of_its_range_is_saturated() -> None:
     assert "10 m/s^2" in check.advice
 
 
+def test_a_relay_that_reads_open_at_rest_is_at_no_end_of_anything() -> None:
+    relay = load_rig("angle-1").devices["relay"]
+    (closed,) = relay.channels
+    for value, verdict in ((0.0, Verdict.OK), (1.0, Verdict.WARN)):
+        seen = Statistics()
+        seen.add(np.full(10, value))
+        assert judge_channel("channels", relay, closed, seen).verdict is verdict
+
+
 def test_a_channel_without_numbers_fails() -> None:
     assert channel([1.0, math.nan]).verdict is Verdict.FAIL
     assert channel([]).verdict is Verdict.FAIL

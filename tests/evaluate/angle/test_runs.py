@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -65,6 +66,27 @@ def test_a_scale_that_never_stands_gives_no_load(
     assert not run.load_stable
 
 
+def test_rows_that_are_not_new_are_not_taken(campaign: Sequence[Recorded], record: Record) -> None:
+    """What is missing then shows as a gap in the times; see missing_samples."""
+    one = campaign[0]
+    run = read(record([replace(one, stale=True)]))
+    assert np.array_equal(run.gauge_a_v, np.delete(one.run.gauge_a_v, 500))
+    assert run.load_n == pytest.approx(one.run.scale_kg * 9.81)
+
+
+def test_of_a_card_that_is_always_recorded_only_what_surrounds_the_drive_is_taken(
+    campaign: Sequence[Recorded], record: Record
+) -> None:
+    run = campaign[0].run
+    before_s = np.arange(-1.2, run.t_s[0] - 1e-6, 1 / 9600)
+    longer: dict[str, Any] = {"t_s": np.concatenate([before_s, run.t_s])}
+    for name in ("gauge_a_v", "gauge_b_v", "wheel_v", "platform_v"):
+        longer[name] = np.pad(getattr(run, name), (len(before_s), 0))
+    taken = read(record([replace(campaign[0], run=replace(run, **longer))]))
+    assert taken.t_s[0] == pytest.approx(-0.5, abs=1e-3)
+    assert taken.t_s[-1] == pytest.approx(run.t_s[-1], abs=1e-3)
+
+
 @pytest.mark.parametrize(
     ("change", "code", "words"),
     [
@@ -76,6 +98,10 @@ def test_a_scale_that_never_stands_gives_no_load(
         ({"driven": False}, "not_driven", "never told to close"),
         ({"stopped": False}, "no_stop", "not told to open"),
         ({"rails": 0b100}, "at_rail", "wheel_angle in 10 of"),
+        ({"again": True}, "driven_twice", "told to close 2 times"),
+        ({"card_s": lambda t_s: 0.5 * t_s}, "clocks_disagree", "another rate"),
+        ({"card_s": lambda t_s: t_s + (t_s > 0.5)}, "clocks_disagree", "samples were lost"),
+        ({"card_s": lambda t_s: np.full(len(t_s), np.nan)}, "clocks_disagree", "or no number"),
     ],
 )
 def test_what_the_recording_says_against_a_run_is_a_flag(
@@ -100,6 +126,14 @@ def test_the_angle_that_was_mounted_counts(campaign: Sequence[Recorded], record:
         assert flag.severity is Severity.NOTE
         assert "load 4.1 kg (planned 4 kg)" in flag.reason
         assert "angle 0.572958 deg (planned 0 deg)" in flag.reason
+
+
+def test_the_wheel_is_the_one_that_was_said_to_be_fitted(
+    campaign: Sequence[Recorded], record: Record
+) -> None:
+    fitted = {"name": "fit_wheel", "changes": "wheel", "planned": "clean", "answer": "worn"}
+    path = record([campaign[0], replace(campaign[1], answers=(fitted,))])
+    assert [read(path, index).wheel for index in (0, 1)] == ["clean", "worn"]
 
 
 def test_the_last_complete_attempt_at_a_trial_tells() -> None:

@@ -125,7 +125,7 @@ def test_a_zero_that_was_not_tared_keeps_its_whole_drift_and_crosstalk(
     for name in ("gauge zero", "bending crosstalk"):
         (with_it,) = [t for t in tared.terms if t.name == name]
         (without,) = [t for t in not_tared.terms if t.name == name]
-        assert with_it.better < 0.2 * without.better
+        assert with_it.better < 0.3 * without.better
         assert without.better == without.paper == with_it.paper
 
 

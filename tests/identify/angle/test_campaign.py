@@ -87,6 +87,17 @@ def test_the_slopes_over_the_angle_are_within_their_targets(played: Played) -> N
     assert played.result.trends["better"].sets == SETS[:4]
 
 
+def test_the_trend_is_that_of_one_wheel_whatever_its_sets_are_called(played: Played) -> None:
+    names = dict(zip(SETS, ("b", "d", "a", "c", "x"), strict=True))
+    runs = [
+        replace(known, run=replace(known.run, set_name=names[known.run.set_name]))
+        for known in of(played, *SETS)
+    ]
+    result = analyse_campaign(runs)
+    assert [found.name for found in result.sets] == ["b", "d", "a", "c", "x"]
+    assert result.trends["better"].sets == ("b", "d", "a", "c")
+
+
 def test_slip_is_within_its_target(played: Played) -> None:
     errors = []
     for one, found in zip(played.trials, played.result.runs, strict=True):
@@ -204,6 +215,14 @@ def test_missing_repeats_are_named(played: Played) -> None:
     assert len(analyse_campaign(runs, PUBLISHED, repeats=3).sets[0].missing) == 9
 
 
+def test_a_set_that_was_run_twice_leaves_no_repeat_missing_in_the_others(played: Played) -> None:
+    again = of(played, "clean_45")
+    result = analyse_campaign([*again, *played.runs], PUBLISHED)
+    assert [one.name for one in result.sets] == list(SETS)  # by angle, whatever came first
+    assert [one.missing for one in result.sets] == [()] * len(SETS)
+    assert of_set(result, "clean_45").paper.raw == 2 * len(again)
+
+
 def test_a_set_that_hardly_slides_has_no_maximum(played: Played) -> None:
     few = [k for k in of(played, "clean_45") if k.run.voltage_v < 8.0]
     slow = [k for k in few if k.run.announced_load_kg > 4.0]
@@ -280,3 +299,11 @@ def test_the_result_does_not_depend_on_what_was_published(played: Played) -> Non
     with_it, without = analyse_campaign(runs[:12], other), analyse_campaign(runs[:12])
     assert with_it.sets[0].maximum == without.sets[0].maximum is not None
     assert (with_it.sets[0].published, without.sets[0].published) == (0.9, None)
+
+
+def test_runs_of_two_rigs_in_a_set_are_told(played: Played) -> None:
+    runs = of(played, "clean_0")
+    other = replace(runs[0].rig, wheel_radius_m=0.049)
+    result = analyse_campaign([replace(runs[0], rig=other), *runs[1:]])
+    (told,) = [text for text in result.sets[0].warnings if "of one rig?" in text]
+    assert "wheel_radius_m (0.049, 0.05)" in told

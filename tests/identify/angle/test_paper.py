@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rigd.identify.angle.data import AngleCalibration, AngleRig, AngleRun, Regime, Severity
-from rigd.identify.angle.flags import Limits
+from rigd.identify.angle.limits import Limits
 from rigd.identify.angle.paper import Ends, PaperRun, PaperSettings, analyse_paper
 
 RUNS = ("r0", "r2", "r3", "r5")

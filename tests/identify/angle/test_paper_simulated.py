@@ -9,20 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from support.angle_runs import SETS, TABLE_1, Trial, campaign, drawn_rig, trial
-from support.angle_truth import Steady, slip_error, steady
+from support.angle_truth import WINDOWS, Steady, slip_error, steady
 
 from rigd.identify.angle.data import Regime
 from rigd.identify.angle.paper import PaperRun, analyse_paper
-
-#: Where the largest of a set's T/(R N) may lie relative to Table 1 (angle.md, acceptance target
-#: 2): too large by inertia, drags and the choice of a maximum; nearer to 0 something is missing.
-WINDOWS = {
-    "clean_0": (0.09, 0.25),
-    "clean_15": (0.08, 0.21),
-    "clean_30": (0.03, 0.15),
-    "clean_45": (0.01, 0.14),
-    "coated_0": (0.0, 0.18),
-}
 
 
 @dataclass(frozen=True)

@@ -119,6 +119,19 @@ def test_bearings_are_recovered_with_their_interval() -> None:
     assert np.all(np.mean(np.abs(scores) < 2.0, axis=0) >= 0.9)
 
 
+def test_torque_that_still_accelerates_the_wheel_is_not_put_down_to_its_bearings() -> None:
+    steady, gaining = (
+        [
+            Spin((0.012 + 2e-4 * w + 4e-4 * dw) / 2.04 + 1e-6 * (-1) ** n, w, dw, 1.4)
+            for n, w in enumerate((6.0, 10.0, 17.0, 24.0) * 2)
+        ]
+        for dw in (0.0, 0.4)
+    )
+    for spinning in (steady, gaining):
+        measured = calibrate_bearings(spinning, BEARINGS).measured
+        assert measured["bearing_constant"].value == pytest.approx(0.012, rel=1e-3)
+
+
 def test_a_viscosity_that_is_not_seen_is_kept_and_said() -> None:
     result = calibrate_bearings(spins(1, viscous=0.0), BEARINGS)
     assert "bearing_constant" in result.measured

@@ -87,4 +87,5 @@ def test_tiny_p_value_is_only_bounded() -> None:
 def test_percent_and_count() -> None:
     assert percent(0.0412) == "+4.1 %"
     assert percent(-0.3) == "−30 %"
+    assert percent(-0.00017) == "−0.02 %"
     assert count(17312) == "17\N{NARROW NO-BREAK SPACE}312"

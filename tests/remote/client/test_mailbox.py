@@ -8,11 +8,16 @@ import threading
 from rigd.remote.client.mailbox import Mailbox
 
 
+def put_all(mailbox: Mailbox, payloads: list[bytes]) -> None:
+    for one in payloads:
+        mailbox.put(one)
+
+
 def test_what_one_thread_puts_another_takes_in_order() -> None:
     async def take() -> list[bytes]:
         mailbox = Mailbox(10_000)
         sent = [str(number).encode() for number in range(5000)]
-        threading.Thread(target=lambda: [mailbox.put(one) for one in sent]).start()
+        threading.Thread(target=lambda: put_all(mailbox, sent)).start()
         taken = []
         async for payload in mailbox:
             taken.append(payload)

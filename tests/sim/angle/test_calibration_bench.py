@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from support.angle_plant import history, make_plant, mean_volts, pass_time, shipped, truth
+from support.angle_plant import history, make_plant, mean_volts, pass_time, shipped, truth, varied
 
+from rigd_sim.plants.angle import layout
 from rigd_sim.plants.angle.plant import AnglePlant
 
 
@@ -87,6 +88,34 @@ def test_a_pushed_platform_is_slowed_by_its_rails() -> None:
     assert v[0] == pytest.approx(0.5, rel=1e-3)
     assert mass * (v[0] - v[-1]) == pytest.approx(lost, rel=1e-3)
     assert x[-1] < rails.bumper
+
+
+@pytest.mark.parametrize(("set_name", "lift"), [("clean_0", "down"), ("clean_45", "down"),
+                                               ("clean_0", "lifted")])  # fmt: skip
+def test_a_platform_that_is_pushed_to_its_end_rests_there_and_the_wheel_rolls_along(
+    set_name: str, lift: str
+) -> None:
+    plant = make_plant(set_name, parameters=varied(normal_force={"rise_spread": 0.0}))
+    plant.change("wheel_lift", lift)
+    pass_time(plant, 0.1)
+    before = plant.history[plant.steps % layout.HISTORY_ROWS].copy()
+    plant.change("platform", "end")
+    pass_time(plant, 0.1)
+    gained = dict(
+        zip(layout.HISTORY, plant.history[plant.steps % layout.HISTORY_ROWS] - before, strict=True)
+    )
+    travel = 0.3 * math.cos(math.radians(layout.SETS[set_name][0])) if lift == "down" else 0.0
+    assert plant.resting
+    assert gained["platform_position"] == pytest.approx(0.3)
+    assert gained["wheel_angle"] == pytest.approx(travel / (0.995 * 0.05))
+    rise = 0.0 if lift == "lifted" else 0.03 * before[layout.HISTORY.index("normal_force")]
+    assert gained["normal_force"] == pytest.approx(rise, abs=1e-9)
+    pots = shipped().potentiometers
+    volts = 0.3 / pots.pulley * pots.volts_per_rad
+    assert gained["platform_position_v"] == pytest.approx(volts, rel=0.01)
+    plant.command(True)
+    pass_time(plant, 0.1)
+    assert (truth(plant, "wheel_speed") > 1.0) and not plant.resting
 
 
 def test_known_weights_show_the_gain_of_the_scale() -> None:

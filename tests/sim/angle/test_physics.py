@@ -222,3 +222,33 @@ def test_the_normal_force_vibrates_at_the_rollers_and_is_constant_without_noise(
     assert strongest == pytest.approx(roller_hz, rel=0.06)
     calm = driven(make_plant("clean_0", 4.0, 10.0, noise=False))
     np.testing.assert_allclose(calm["normal_force"], 4.0 * 9.81, rtol=1e-12)
+
+
+def smooth_wheel(**changed: float) -> AngleParameters:
+    """Return parameters of a rig whose normal force does not vibrate, and varies as given only."""
+    still = dict.fromkeys(
+        ("profile_rollers", "profile_sides", "rise", "rise_spread", "tilting", "relaxation"), 0.0
+    )
+    return varied(normal_force={**still, **changed})
+
+
+def test_the_normal_force_rises_along_the_travel_and_with_the_traction() -> None:
+    """N = N_0 (1 + 0.03 x/(0.3 m)) + 0.02 F_r."""
+    plant = make_plant("clean_45", parameters=smooth_wheel(rise=0.03, tilting=0.02))
+    at_rest = truth(plant, "normal_force")
+    known = driven(plant)
+    expected = at_rest * (1.0 + 0.1 * known["platform_position"]) + 0.02 * known["rolling_force"]
+    np.testing.assert_allclose(known["normal_force"], expected, rtol=1e-9)
+    assert np.ptp(known["normal_force"]) > 0.02 * at_rest
+
+
+def test_the_surface_relaxes_from_when_it_is_driven() -> None:
+    """By a hundredth, with a time constant of 0.2 s, 8 ms after the command."""
+    plant = make_plant(parameters=smooth_wheel(relaxation=0.01))
+    pass_time(plant, 1.0)
+    at_rest = truth(plant, "normal_force")
+    plant.command(True)
+    pass_time(plant, 0.208)
+    assert truth(plant, "normal_force") / at_rest - 1.0 == pytest.approx(
+        0.01 * math.expm1(-1.0), rel=1e-3
+    )

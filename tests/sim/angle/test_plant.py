@@ -122,7 +122,7 @@ def test_waiting_at_rest_takes_no_physics() -> None:
         ("load", 0.2, "expected 1 to 12 kg"),
         ("load", math.nan, "expected 1 to 12 kg"),
         ("voltage", 24.0, "expected 0 to 12 V"),
-        ("platform", "end", "one of start"),
+        ("platform", "middle", "one of start, end"),
         ("push", 9.0, "expected -2 to 2 m/s"),
         ("wheel_lift", "up", "one of lifted, down"),
         ("shaft", "bent", "one of free, clamped"),
@@ -153,15 +153,16 @@ def test_a_combination_of_which_nothing_is_published_may_be_mounted_but_not_run(
     assert truth(plant, "platform_speed") > 0.0
 
 
-def test_nobody_pushes_a_platform_back_that_is_driven_or_whose_shaft_is_clamped() -> None:
+@pytest.mark.parametrize("place", ["start", "end"])
+def test_nobody_pushes_a_platform_that_is_driven_or_whose_shaft_is_clamped(place: str) -> None:
     plant = make_plant()
     plant.command(True)
     with pytest.raises(ValueError, match="the relay is closed"):
-        plant.change("platform", "start")
+        plant.change("platform", place)
     plant.command(False)
     plant.change("shaft", "clamped")
     with pytest.raises(ValueError, match="the shaft is clamped"):
-        plant.change("platform", "start")
+        plant.change("platform", place)
 
 
 def test_a_rig_file_names_angle_wheel_load_voltage_with_units() -> None:

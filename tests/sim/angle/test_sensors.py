@@ -201,7 +201,7 @@ def test_the_scale_is_slow_lags_and_calls_only_a_reading_at_rest_stable() -> Non
     np.testing.assert_allclose(masses, np.round(masses, 2), atol=1e-12)  # 10 g
 
 
-def test_the_scale_shows_over_and_underload() -> None:
+def test_the_scale_shows_an_overload() -> None:
     plant = make_plant()
     plant.change("wheel_lift", "lifted")
     plant.change("scale_weight", 15.5)

@@ -205,7 +205,7 @@ def test_when_the_master_dies_the_outputs_hold_and_the_one_shot_stops_the_drives
     rig.setpoints["wheel_servo"] = (1.0,)
     rig.cycle()
     died_ns = time.monotonic_ns()
-    state = brief.wait_for(lambda state: not state["enabled"])
+    state = brief.wait_for(lambda state: not state["enabled"] and state["safe_since_ns"])
     assert state["da0"] == pytest.approx(5.0, abs=2e-3), "the card has no watchdog"
     assert state["lines"] & 1, "nor lets go of the enable line"
     assert state["safe_since_ns"] - died_ns > 0.8e9 * BRIEF_S

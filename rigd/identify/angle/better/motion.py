@@ -10,6 +10,10 @@ from rigd.identify.angle.better.result import Smoothed
 from rigd.identify.angle.better.settings import BetterSettings
 from rigd.identify.angle.better.smoother import Track, smooth
 from rigd.identify.angle.data import AngleRun, FloatArray, KnownRun
+from rigd.identify.angle.samples import readable
+
+#: Times further apart than this, of the usual, are a gap.
+GAP = 1.5
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ def motion(known: KnownRun, settings: BetterSettings) -> Motion:
     known = replace(known, run=_readable(known.run))
     run, calibration = known.run, known.calibration
     period = float(run.t_s[-1] - run.t_s[0]) / (run.t_s.size - 1)
-    factor = settings.decimation
+    factor = max(1, round(1.0 / (period * settings.smoothed_hz)))
     t = _decimated(run.t_s, factor)
     wheel = smooth(
         calibration.wheel.value * _decimated(run.wheel_v, factor),
@@ -114,12 +118,14 @@ def motion(known: KnownRun, settings: BetterSettings) -> Motion:
 
 
 def _readable(run: AngleRun) -> AngleRun:
-    """Return ``run`` up to the first sample after the stop that is no number; all if there is none.
+    """Return ``run`` up to the first fault after the stop: no number, or a gap; all without one.
 
     What lies behind the stop only helps the smoother, so its faults do not speak against the run.
     """
     signals = [run.gauge_a_v, run.gauge_b_v, run.wheel_v, run.platform_v]
-    bad = np.any([~np.isfinite(s) for s in signals], axis=0) & (run.t_s > run.stop_s)
+    steps = np.diff(run.t_s, prepend=run.t_s[0])
+    even = (steps >= 0.0) & (steps < GAP * float(np.median(steps)))
+    bad = np.any([~even, *(~readable(s) for s in signals)], axis=0) & (run.t_s > run.stop_s)
     if not np.any(bad):
         return run
     end = int(np.argmax(bad))

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rigd.identify.angle.better.balance import Balance, force_balance
 from rigd.identify.angle.better.bending import Bending
-from rigd.identify.angle.better.forces import demanded_force, rolling_force
+from rigd.identify.angle.better.forces import rolling_force
 from rigd.identify.angle.better.motion import Motion, motion
 from rigd.identify.angle.better.result import BetterRun, Blocks, BoolArray
 from rigd.identify.angle.better.settings import BetterSettings
@@ -98,8 +99,7 @@ def evaluate(
 
     A run that the force balance speaks against keeps its residual and its slip, and no coefficient.
     """
-    flags += tuple(_load_flags(motion, settings))
-    if any(f.severity is Severity.EXCLUDED for f in flags) or motion.means.t_s.size == 0:
+    if motion.means.t_s.size == 0:
         return no_numbers(flags)
     means, normal, rig = motion.means, motion.means.normal_force_n, motion.known.rig
     torque = torque_at_gauges(motion, bending)
@@ -108,15 +108,17 @@ def evaluate(
     slides = int(np.count_nonzero(sliding)) >= settings.min_sliding_blocks
     used = sliding if slides else np.ones_like(sliding)
     share = float(np.sum(force[used]) / np.sum(normal[used]))
-    residual, limit = _balance(force, motion, settings)
-    rubs = residual > limit
-    terms = _uncertainty(motion, torque, share, used, settings, bending) if slides else None
-    counts = terms is not None and not rubs
+    everywhere = _budget(motion, torque, force, np.ones_like(sliding), settings, bending)
+    balance = force_balance(force, motion, everywhere, settings)
+    rubs = balance.residual > balance.limit
+    terms = None
+    if slides and not rubs:
+        terms = _budget(motion, torque, force, used, settings, bending)
     slip = mean_slip(motion, settings)
-    found = [*flags, *_flags(sliding, residual, limit, settings)]
+    found = [*flags, *_flags(sliding, balance, settings)]
     return BetterRun(
-        mu=share if counts else NAN,
-        mu_u=abs(share) * terms.measurement if terms and counts else NAN,
+        mu=NAN if terms is None else share,
+        mu_u=NAN if terms is None else abs(share) * terms.measurement,
         demand=NAN if rubs else float(np.sum(force) / np.sum(normal)),
         torque_nm=float(np.mean(torque[used])),
         normal_force_n=float(np.mean(normal[used])),
@@ -127,51 +129,16 @@ def evaluate(
         relative_speed_m_s=slip.relative_speed_m_s,
         regime=slip.regime,
         blocks=Blocks(means.t_s, means.sliding_speed_m_s, force / normal, normal, sliding),
-        force_residual=residual,
-        force_residual_limit=limit,
+        force_residual=balance.residual,
+        force_residual_limit=balance.limit,
         tare_v=motion.tare_v,
         flags=tuple(found),
         curves=motion.smoothed,
-        budget=terms if counts else None,
+        budget=terms,
     )
 
 
-def _balance(force: FloatArray, motion: Motion, settings: BetterSettings) -> tuple[float, float]:
-    """Return residual and limit of the force balance, relative to N, over all steady blocks.
-
-    Torque that is lost between gauges and wheel (bad clamping) shows as a force which does not
-    move the platform.
-    """
-    known, means = motion.known, motion.means
-    normal = float(np.mean(means.normal_force_n))
-    needed = demanded_force(force, means, known.rig, known.run.alpha_rad)
-    excess = float(np.mean(force - needed)) / normal
-    share = abs(float(np.mean(force))) / normal
-    return abs(excess), settings.balance_constant + settings.balance_share * share
-
-
-def _load_flags(motion: Motion, settings: BetterSettings) -> Iterator[Flag]:
-    """Tell a high-rate load cell that is dead, or does not show what the scale shows."""
-    run, calibration = motion.known.run, motion.known.calibration
-    if run.normal_force_v is None or calibration.normal_force is None:
-        return
-    scale, cell = calibration.load.value * run.load_n, motion.start_normal_n
-    lowest = float(np.min(motion.means.normal_force_n, initial=math.inf))
-    agrees = abs(cell - scale) <= settings.limits.load * scale + 2.0 * abs(
-        calibration.normal_force.value * calibration.normal_force_zero.u
-    )
-    if not (agrees and lowest > 0.0):
-        yield Flag(
-            "load_cell_disagrees",
-            f"Before the start the load cell shows {cell:.1f} N and the scale {scale:.1f} N; in "
-            f"the run it shows {lowest:.1f} N at the least: its zero, its calibration, or its "
-            "cable is wrong.",
-        )
-
-
-def _flags(
-    sliding: BoolArray, residual: float, limit: float, settings: BetterSettings
-) -> Iterator[Flag]:
+def _flags(sliding: BoolArray, balance: Balance, settings: BetterSettings) -> Iterator[Flag]:
     count = int(np.count_nonzero(sliding))
     if count < settings.min_sliding_blocks:
         yield Flag(
@@ -181,31 +148,31 @@ def _flags(
             "the motion asked for, not a limit of friction.",
             Severity.NOTE,
         )
-    if residual > limit:
+    if balance.residual > balance.limit:
         yield Flag(
             "rubbing",
-            f"The gauges show {residual:.3f} N per N of load more or less than the platform's "
-            f"motion and the rails need, at most {limit:.3f} is explained: torque is lost between "
-            "gauges and wheel (bad clamping), or a calibration is wrong.",
+            f"The gauges show {balance.residual:.3f} N per N of load more or less than the "
+            f"platform's motion and the rails need, at most {balance.limit:.3f} is explained: "
+            "torque is lost between gauges and wheel (bad clamping), or a calibration is wrong.",
         )
 
 
-def _uncertainty(
+def _budget(
     motion: Motion,
     torque: FloatArray,
-    mu: float,
+    force: FloatArray,
     used: BoolArray,
     settings: BetterSettings,
     bending: Bending | None,
 ) -> Budget:
-    """Return the budget of this run's F_r/N."""
+    """Return the budget of this run's F_r/N over the ``used`` blocks."""
     means, calibration = motion.means, motion.known.calibration
     scale = calibration.torque.value
     speed = float(np.mean(means.wheel_speed_rad_s[used]))
     seconds = settings.block_s * float(np.count_nonzero(used))
     learnt = bending is not None and math.isfinite(bending.zero_u_nm)
     at = Conditions(
-        mu=abs(mu),
+        mu=max(abs(float(np.sum(force[used]) / np.sum(means.normal_force_n[used]))), 1e-6),
         torque_nm=float(np.mean(torque[used])),
         normal_force_n=float(np.mean(means.normal_force_n[used])),
         wheel_speed_rad_s=speed,

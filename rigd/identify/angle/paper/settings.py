@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
-from rigd.identify.angle.flags import Limits
+from rigd.identify.angle.limits import Limits
 
 
 class Ends(Enum):

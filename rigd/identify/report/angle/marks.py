@@ -30,7 +30,7 @@ OF_REGIME: Final = {
     Regime.MIXED: Mark("^", True, "mixed"),
     Regime.ROLLING: Mark("s", False, "rolling: the demand, no limit"),
 }
-LEFT_OUT: Final = Mark("x", True, "flagged, left out")
+LEFT_OUT: Final = Mark("x", True, "left out")
 
 
 def dots(

@@ -35,8 +35,9 @@ SOURCES: Final = {
 
 
 def label(one: SetResult) -> str:
-    """Return a set as a person calls it, such as ``clean, 15°``."""
-    return f"{one.wheel}, {number(one.angle_deg, digits=3)}°"
+    """Return a set as a person calls it, such as ``clean, 15°``; the wheel where it is known."""
+    angle = f"{number(one.angle_deg, digits=3)}°"
+    return f"{one.wheel}, {angle}" if one.wheel else angle
 
 
 def coefficient(value: float | None) -> str:
@@ -89,7 +90,7 @@ def _set_row(one: SetResult) -> SetRow:
         published=coefficient(one.published),
         paper=_paper(one),
         paper_regime="" if slid or paper.regime is None else paper.regime.value,
-        counts=f"{paper.used} used, {paper.flagged} flagged",
+        counts=f"{paper.used} used, {paper.flagged} left out",
         maximum=estimate(one.maximum),
         deviation=_deviation(one),
         usable=estimate(one.usable),
@@ -199,6 +200,12 @@ def share(value: float) -> str:
     return f"{number(100.0 * value, 2)} %"
 
 
+def trial_of(run: RunResult, result: CampaignResult) -> str:
+    """Return ``6``, or ``6 of second.mcap`` where the campaign stands in several recordings."""
+    several = len({one.run.recording for one in result.runs}) > 1
+    return f"{run.run.number} of {run.run.recording}" if several else str(run.run.number)
+
+
 @dataclass(frozen=True)
 class FlaggedRow:
     """One reason, with the runs it was found in."""
@@ -206,6 +213,7 @@ class FlaggedRow:
     code: str
     excluded: bool
     runs: tuple[RunResult, ...]
+    trials: tuple[str, ...]  #: number of each run, with its file where there are several
     reasons: tuple[str, ...]  #: one for each run
 
     @property
@@ -225,6 +233,7 @@ def flagged_rows(result: CampaignResult) -> tuple[FlaggedRow, ...]:
             code,
             severity is Severity.EXCLUDED,
             tuple(run for run, _ in of_code),
+            tuple(trial_of(run, result) for run, _ in of_code),
             tuple(flag.reason for _, flag in of_code),
         )
         for (code, severity), of_code in found.items()
@@ -237,7 +246,7 @@ class RunRow:
     """One run: what was set, what both methods say, and what speaks against it."""
 
     label: str
-    trial: int
+    trial: str
     load: str
     torque: str
     regime: str
@@ -250,12 +259,12 @@ class RunRow:
     flags: tuple[str, ...]
 
 
-def run_rows(runs: Sequence[RunResult]) -> tuple[RunRow, ...]:
-    """Return a row for each run, in their order."""
+def run_rows(name: str, result: CampaignResult) -> tuple[RunRow, ...]:
+    """Return a row for each run of the set ``name``, in their order."""
     return tuple(
         RunRow(
             label=one.run.label,
-            trial=one.run.number,
+            trial=trial_of(one, result),
             load=quantity(one.run.load_n, 1),
             torque=quantity(one.paper.torque_nm, 3),
             regime=NONE if one.paper.regime is None else one.paper.regime.value,
@@ -267,7 +276,8 @@ def run_rows(runs: Sequence[RunResult]) -> tuple[RunRow, ...]:
             excluded=one.excluded,
             flags=tuple(flag.reason for flag in one.flags),
         )
-        for one in runs
+        for one in result.runs
+        if one.run.set_name == name
     )
 
 

@@ -29,6 +29,7 @@ from rigd.identify.report.angle.tables import (
     share,
     trend_rows,
     trend_sentence,
+    trial_of,
 )
 from rigd.identify.report.rounding import number
 from rigd.identify.report.svg import Drawing, draw
@@ -205,10 +206,10 @@ def _chapter(
         anchor=anchor,
         row=row,
         facts=_facts(one),
-        typical=_typical(anchor, one, result.runs),
+        typical=_typical(anchor, one, result),
         curve=None if one.curve is None else _pooled(anchor, one, one.curve, colour),
         budget=_budget(one),
-        runs=run_rows([run for run in result.runs if run.run.set_name == one.name]),
+        runs=run_rows(one.name, result),
     )
 
 
@@ -220,7 +221,7 @@ def _facts(one: SetResult) -> tuple[tuple[str, str], ...]:
         ("Resultant", estimate(one.resultant)),
         ("Paper's maximum, from", paper.run or "no run"),
         ("Runs recorded", str(paper.raw)),
-        ("Flagged and left out", str(paper.flagged)),
+        ("Left out", str(paper.flagged)),
         ("Used", str(paper.used)),
         ("Of these with sliding blocks", str(one.sliding_runs)),
     ]
@@ -233,15 +234,17 @@ def _facts(one: SetResult) -> tuple[tuple[str, str], ...]:
     return tuple(facts)
 
 
-def _typical(anchor: str, one: SetResult, runs: Sequence[RunResult]) -> Drawing | None:
-    found = typical_run(one, runs)
+def _typical(anchor: str, one: SetResult, result: CampaignResult) -> Drawing | None:
+    found = typical_run(one, result.runs)
     if found is None:
         return None
     run, why = found
     figure = run_plots.one_run(run)
     if figure is None:
         return None
-    caption = f"Trial {run.run.number}, {run.run.label}: {why}. Times since the relay command."
+    caption = (
+        f"Trial {trial_of(run, result)}, {run.run.label}: {why}. Times since the relay command."
+    )
     alt = (
         f"{run.run.label}: gauge signals with their Fourier fit, torque with Gaussian and steady "
         "segment, positions and speeds as recorded and smoothed, friction by blocks, over time."

@@ -77,8 +77,8 @@ def with_unit(name: str, unit: str) -> str:
 
 
 def unit_text(unit: str) -> str:
-    """Return a unit to print; ``1`` and nothing are a dash."""
-    return unit if unit not in ("", "1", "-") else "–"
+    """Return a unit to print, powers raised; ``1`` and nothing are a dash."""
+    return unit.replace("^2", "²").replace("^3", "³") if unit not in ("", "1", "-") else "–"
 
 
 def words(name: str) -> str:

@@ -52,4 +52,4 @@ FAULTS: Final = {
 #: The scale's status word.
 STABLE: Final = 1
 OVERLOAD: Final = 2
-UNDERLOAD: Final = 4
+UNDERLOAD: Final = 4  # a real one has it; nobody can lift this one

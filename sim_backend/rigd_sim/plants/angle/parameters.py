@@ -10,7 +10,7 @@ import math
 from typing import Annotated, Self
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import model_validator
 
 from rigd.sdk import In
 from rigd_sim.plants.angle.layout import SETS, STEPS_PER_S
@@ -22,6 +22,7 @@ from rigd_sim.plants.angle.sensor_parameters import (
     Potentiometers,
     Scale,
 )
+from rigd_sim.plants.parameter_group import ParameterGroup
 
 #: Spring rates (rad/s) and rates of decay (1/s) that the explicit integrator can take.
 FASTEST_PER_S = 1.5 * STEPS_PER_S
@@ -32,11 +33,7 @@ Length = Annotated[float, In("m"), Gt(0), Le(2)]
 Time = Annotated[float, In("s"), Gt(0), Le(5)]
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
-
-
-class Motor(_Part):
+class Motor(ParameterGroup):
     """The DC motor with its gearbox, as seen at the gearbox's output."""
 
     back_emf: Annotated[float, In("V s/rad"), Gt(0), Le(10)]
@@ -70,7 +67,7 @@ class Motor(_Part):
         return self
 
 
-class Relay(_Part):
+class Relay(ParameterGroup):
     """The relay between voltage regulator and motor."""
 
     pick_up: Annotated[float, In("s"), Ge(0), Le(0.1)]
@@ -83,7 +80,7 @@ class Relay(_Part):
     """Whether a contact shorts the motor while the relay is open; otherwise it coasts."""
 
 
-class Shaft(_Part):
+class Shaft(ParameterGroup):
     """The shaft between gearbox and wheel, which carries the gauges."""
 
     radius: Length
@@ -116,7 +113,7 @@ class Shaft(_Part):
         return self.youngs_modulus * math.pi / 4 * self.radius**4
 
 
-class Wheel(_Part):
+class Wheel(ParameterGroup):
     """The omni-wheel and its bearings, downstream of the gauges."""
 
     radius: Annotated[float, In("m"), Ge(0.005), Le(0.5)]
@@ -139,7 +136,7 @@ class Wheel(_Part):
     """bN, in N m per N."""
 
 
-class Platform(_Part):
+class Platform(ParameterGroup):
     """The platform that the wheel drives along its rails."""
 
     mass: Annotated[float, In("kg"), Gt(0.1), Le(50)]
@@ -171,7 +168,7 @@ class Platform(_Part):
         return self
 
 
-class NormalForce(_Part):
+class NormalForce(ParameterGroup):
     """How the normal force departs from the load that was set."""
 
     setting_spread: Share
@@ -196,7 +193,7 @@ class NormalForce(_Part):
     """Amplitude of the wheel's profile from side to side."""
 
 
-class Contact(_Part):
+class Contact(ParameterGroup):
     """The friction between wheel and surface: bristles that rolling carries away."""
 
     peak_speed: Annotated[float, In("m/s"), Gt(0), Le(10)]
@@ -221,7 +218,7 @@ class Contact(_Part):
     """Spread of the surface from run to run."""
 
 
-class Limits(_Part):
+class Limits(ParameterGroup):
     """Largest F_r/N of each set."""
 
     clean_0: Annotated[float, In("1"), Gt(0.02), Le(2)]
@@ -243,7 +240,7 @@ class Limits(_Part):
         return None
 
 
-class AngleParameters(_Part):
+class AngleParameters(ParameterGroup):
     """Everything physical about the rig."""
 
     gravity: Annotated[float, In("m/s^2"), Gt(0), Le(30)]

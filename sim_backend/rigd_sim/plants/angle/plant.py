@@ -13,6 +13,7 @@ from pydantic import ValidationInfo, field_validator
 
 from rigd.sdk import In, Plant, PlantConfig
 from rigd_sim.plants.angle import layout
+from rigd_sim.plants.angle.answers import choice, mounted_deg, number
 from rigd_sim.plants.angle.files import find_parameters, load_parameters
 
 if TYPE_CHECKING:  # the physics (numpy, numba) loads when a plant is built, not when checked
@@ -26,10 +27,9 @@ LIGHTEST_KG: Final = 1.0
 HEAVIEST_KG: Final = 12.0
 HIGHEST_V: Final = 12.0
 #: Readings of the scale that must agree before it calls them stable (2 s), how far they may lie
-#: apart, and where under- and overload begin (OIML R 76-1, 4.2.3), all in divisions.
+#: apart, and where overload begins beyond the capacity (OIML R 76-1, 4.2.3), both in divisions.
 AGREEING: Final = 8
 AGREEMENT: Final = 5.0
-UNDER_DIVISIONS: Final = 20.0
 OVER_DIVISIONS: Final = 9.0
 #: What of the state begins anew with a run.
 _MOVING: Final = (
@@ -63,7 +63,7 @@ class AngleConfig(PlantConfig):
     @field_validator("angle")
     @classmethod
     def _angle_can_be_mounted(cls, angle: float) -> float:
-        return math.radians(_mounted_deg(angle))
+        return math.radians(mounted_deg(angle))
 
     @field_validator("parameters")
     @classmethod
@@ -230,8 +230,6 @@ class AnglePlant(Plant):
         mass = round(float(shown[0]), 9)  # a display shows 5.02, not 5.0200000000000005
         if mass > scale.capacity + OVER_DIVISIONS * scale.division:
             status = layout.OVERLOAD
-        elif mass < -UNDER_DIVISIONS * scale.division:
-            status = layout.UNDERLOAD
         return mass, status
 
     def change(self, quantity: str, value: float | str) -> None:
@@ -240,9 +238,9 @@ class AnglePlant(Plant):
         For a run: ``angle`` (rad: 0, 15, 30, 45 deg), ``wheel`` (clean, coated), ``load`` (kg),
         ``voltage`` (V), ``platform`` (start: pushed back, and the wheel turned back). For a
         calibration: ``shaft`` (free, clamped), ``arm_mass`` (kg, on the arm of the clamped shaft),
-        ``wheel_lift`` (lifted, down), ``push`` (m/s, given to the platform), ``scale_weight`` (kg,
-        laid on the scale). To spoil runs: ``rubbing`` (N m, downstream of the gauges) and
-        ``fault`` (``layout.FAULTS``).
+        ``wheel_lift`` (lifted, down), ``push`` (m/s, given to the platform), ``platform`` (end:
+        pushed to where runs stop), ``scale_weight`` (kg, laid on the scale). To spoil runs:
+        ``rubbing`` (N m, downstream of the gauges) and ``fault`` (``layout.FAULTS``).
 
         Raises:
             ValueError: no such quantity, or a value that cannot be.
@@ -253,7 +251,7 @@ class AnglePlant(Plant):
             "wheel": self._fit_wheel,
             "load": self._set_load,
             "voltage": self._set_voltage,
-            "platform": self._push_back,
+            "platform": self._push_platform,
             "push": self._push,
             "wheel_lift": self._lift_wheel,
             "shaft": self._clamp_shaft,
@@ -270,11 +268,11 @@ class AnglePlant(Plant):
     # What people do at the bench.
 
     def _set_angle(self, value: float | str) -> None:
-        self._angle = _mounted_deg(_number("angle", value, "rad", -math.pi, math.pi))
+        self._angle = mounted_deg(number("angle", value, "rad", -math.pi, math.pi))
         self._surface()
 
     def _fit_wheel(self, value: float | str) -> None:
-        self._wheel = _choice("wheel", value, layout.WHEELS)
+        self._wheel = choice("wheel", value, layout.WHEELS)
         self._surface()
 
     def _surface(self) -> None:
@@ -283,7 +281,7 @@ class AnglePlant(Plant):
         self._touch_anew()
 
     def _set_load(self, value: float | str) -> None:
-        mass = _number("load", value, "kg", LIGHTEST_KG, HEAVIEST_KG)
+        mass = number("load", value, "kg", LIGHTEST_KG, HEAVIEST_KG)
         scatter = (
             self._draws.load_scatter(self.parameters, self.seed, self._loads) if self.noise else 1.0
         )
@@ -291,16 +289,31 @@ class AnglePlant(Plant):
         self._set(load_n=mass * self.parameters.gravity * scatter)
 
     def _set_voltage(self, value: float | str) -> None:
-        self._set(voltage=_number("voltage", value, "V", 0.0, HIGHEST_V))
+        self._set(voltage=number("voltage", value, "V", 0.0, HIGHEST_V))
 
-    def _push_back(self, value: float | str) -> None:
-        _choice("platform", value, ("start",))
+    def _push_platform(self, value: float | str) -> None:
+        place = choice("platform", value, ("start", "end"))
         if self._state["command"][0] > 0.5:
-            raise ValueError("the relay is closed: nobody pushes the platform back now")
+            raise ValueError("the relay is closed: nobody pushes the platform now")
         if self._bench.clamped:
-            raise ValueError("the shaft is clamped: the wheel cannot be turned back; free it first")
-        self._limit_known()
-        self._begin_run()
+            raise ValueError("the shaft is clamped: the wheel cannot turn along; free it first")
+        if place == "end":
+            self._push_to_end()
+        else:
+            self._limit_known()
+            self._begin_run()
+
+    def _push_to_end(self) -> None:
+        """Bring the platform to where runs stop; the wheel, and the motor with it, rolls along."""
+        state, c = self._state, self._constants
+        if not self._bench.lifted:
+            turned = (c["stop"] - state["x"]) * c["cosine"] / c["effective_radius"]
+            state["wheel"] += turned
+            state["rotor"] += turned
+        state["x"] = c["stop"]
+        for name in ("i", "rotor_speed", "w", "v", "awake"):
+            state[name] = 0.0
+        self._touch_anew()
 
     def _begin_run(self) -> None:
         if self.noise:
@@ -314,34 +327,34 @@ class AnglePlant(Plant):
         self._touch_anew()
 
     def _push(self, value: float | str) -> None:
-        self._state["v"] = _number("push", value, "m/s", -2.0, 2.0)
+        self._state["v"] = number("push", value, "m/s", -2.0, 2.0)
         self._state["awake"] = 1.0
 
     def _lift_wheel(self, value: float | str) -> None:
-        self._set(lifted=_choice("wheel_lift", value, ("lifted", "down")) == "lifted")
+        self._set(lifted=choice("wheel_lift", value, ("lifted", "down")) == "lifted")
         self._touch_anew()
 
     def _clamp_shaft(self, value: float | str) -> None:
-        clamped = _choice("shaft", value, ("free", "clamped")) == "clamped"
+        clamped = choice("shaft", value, ("free", "clamped")) == "clamped"
         if clamped:
             for name in ("rotor_speed", "w"):
                 self._state[name] = 0.0
         self._set(clamped=clamped, arm_mass=self._bench.arm_mass if clamped else 0.0)
 
     def _load_arm(self, value: float | str) -> None:
-        mass = _number("arm_mass", value, "kg", 0.0, 10.0)
+        mass = number("arm_mass", value, "kg", 0.0, 10.0)
         if mass > 0.0 and not self._bench.clamped:
             raise ValueError("the arm holds no weight on a free shaft; clamp the shaft first")
         self._set(arm_mass=mass)
 
     def _load_scale(self, value: float | str) -> None:
-        self._set(known_mass=_number("scale_weight", value, "kg", 0.0, 50.0))
+        self._set(known_mass=number("scale_weight", value, "kg", 0.0, 50.0))
 
     def _rub(self, value: float | str) -> None:
-        self._set(rubbing=_number("rubbing", value, "N m", 0.0, 2.0))
+        self._set(rubbing=number("rubbing", value, "N m", 0.0, 2.0))
 
     def _spoil(self, value: float | str) -> None:
-        self._set(fault=_choice("fault", value, tuple(layout.FAULTS)))
+        self._set(fault=choice("fault", value, tuple(layout.FAULTS)))
 
     # What follows from it.
 
@@ -367,27 +380,3 @@ class AnglePlant(Plant):
                 f"no friction is published for the {self._wheel} wheel at {self._angle:g} deg; "
                 f"known are {', '.join(layout.SETS)}"
             )
-
-
-def _mounted_deg(angle: float) -> float:
-    """Return in degrees at which of the known angles the bearings are mounted."""
-    known = sorted({degrees for degrees, _ in layout.SETS.values()})
-    degrees = math.degrees(angle)
-    for one in known:
-        if abs(degrees - one) < 0.01:
-            return float(one)
-    raise ValueError(
-        f"angle {degrees:g} deg: the bearings can be mounted at {', '.join(map(str, known))} deg"
-    )
-
-
-def _number(name: str, value: float | str, unit: str, low: float, high: float) -> float:
-    if isinstance(value, str) or not low <= value <= high:
-        raise ValueError(f"{name} {value!r}: expected {low:g} to {high:g} {unit}")
-    return float(value)
-
-
-def _choice(name: str, value: float | str, choices: tuple[str, ...]) -> str:
-    if value not in choices:
-        raise ValueError(f"{name} {value!r}: one of {', '.join(choices)}")
-    return str(value)

@@ -6,9 +6,9 @@ import math
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
-from pydantic import BaseModel, ConfigDict
 
 from rigd.sdk import In
+from rigd_sim.plants.parameter_group import ParameterGroup
 
 Share = Annotated[float, In("1"), Ge(0), Le(0.2)]
 Correlation = Annotated[float, In("1"), Ge(0), Le(1)]
@@ -17,11 +17,7 @@ Strain = Annotated[float, In("strain"), Ge(0), Le(1e-3)]
 Volts = Annotated[float, In("V"), Ge(0), Le(1)]
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
-
-
-class Gauges(_Part):
+class Gauges(ParameterGroup):
     """The two strain gauges at +45 and -45 degrees, each with its own amplifier."""
 
     sensitivity: Annotated[float, In("V"), Gt(0), Le(1e6)]
@@ -48,7 +44,7 @@ class Gauges(_Part):
     """Angle of gauge b beyond -45 degrees."""
 
 
-class Potentiometers(_Part):
+class Potentiometers(ParameterGroup):
     """The two ten-turn potentiometers, on the wheel and on the platform's thread."""
 
     excitation: Annotated[float, In("V"), Gt(0), Le(30)]
@@ -78,7 +74,7 @@ class Potentiometers(_Part):
         return self.excitation / (2 * math.pi * self.turns)
 
 
-class Scale(_Part):
+class Scale(ParameterGroup):
     """The scale under the rig's base."""
 
     capacity: Annotated[float, In("kg"), Gt(0), Le(1000)]
@@ -95,7 +91,7 @@ class Scale(_Part):
     """Spread of the gain."""
 
 
-class LoadCell(_Part):
+class LoadCell(ParameterGroup):
     """The load cell under the contact, the optional fifth input."""
 
     sensitivity: Annotated[float, In("V/N"), Gt(0), Le(10)]
@@ -108,7 +104,7 @@ class LoadCell(_Part):
     """Spread of the voltage at no force."""
 
 
-class Card(_Part):
+class Card(ParameterGroup):
     """The data acquisition card: one converter for all inputs."""
 
     range: Annotated[float, In("V"), Gt(0), Le(100)]
@@ -123,7 +119,7 @@ class Card(_Part):
         return float(2 * self.range / 2 ** (self.bits - (inputs > 4)))
 
 
-class Arm(_Part):
+class Arm(ParameterGroup):
     """The arm that is put on the clamped shaft for calibration."""
 
     length: Length

@@ -9,10 +9,11 @@ from __future__ import annotations
 from typing import Annotated, Final, Literal, Self
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import model_validator
 
 from rigd.sdk import In
 from rigd_sim.plants.lugre.layout import STEP_NS
+from rigd_sim.plants.parameter_group import ParameterGroup
 
 #: Gain 2 |s| c / j of the loop between lateral force and row loads at which it is refused; at 1
 #: the rollers would lock themselves (Eqs. 22, 25, 26 lose their solution).
@@ -23,11 +24,7 @@ Length = Annotated[float, In("m"), Gt(0), Le(2)]
 Arm = Annotated[float, In("m"), Ge(-1), Le(1)]
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
-
-
-class EndStops(_Part):
+class EndStops(ParameterGroup):
     """Spring and damper at either end of a travel; they push, never pull."""
 
     low: Annotated[float, In("m")]
@@ -49,7 +46,7 @@ class EndStops(_Part):
         return self
 
 
-class Guide(_Part):
+class Guide(ParameterGroup):
     """Friction of the linear guide and the arms of the moment on it (Eqs. 21 to 24)."""
 
     dry: Coefficient
@@ -66,7 +63,7 @@ class Guide(_Part):
     """Height c of D over the floor."""
 
 
-class Carriage(_Part):
+class Carriage(ParameterGroup):
     """The quarter model that the wheel drives along the guide."""
 
     mass: Annotated[float, In("kg"), Ge(0.5), Le(20)]
@@ -77,7 +74,7 @@ class Carriage(_Part):
     """Ends of the travel along the guide."""
 
 
-class Rollers(_Part):
+class Rollers(ParameterGroup):
     """Friction of the passive rollers in lateral motion (Eqs. 25 and 26)."""
 
     dry: Coefficient
@@ -101,7 +98,7 @@ class Rollers(_Part):
         return self
 
 
-class Bearings(_Part):
+class Bearings(ParameterGroup):
     """Friction of the wheel's bearings (Eqs. 48 and 49)."""
 
     dry: Coefficient
@@ -116,7 +113,7 @@ class Bearings(_Part):
     """Overhang b of the wheel."""
 
 
-class Wheel(_Part):
+class Wheel(ParameterGroup):
     """The omni-wheel."""
 
     radius: Annotated[float, In("m"), Ge(0.005), Le(0.5)]
@@ -133,7 +130,7 @@ class Wheel(_Part):
     """The bearings of the wheel shaft."""
 
 
-class Drive(_Part):
+class Drive(ParameterGroup):
     """Motor, gear and current-mode amplifier (Eqs. 45 to 47, 51)."""
 
     supply: Annotated[float, In("V"), Gt(0), Le(100)]
@@ -181,7 +178,7 @@ class Drive(_Part):
         return self
 
 
-class Bridge(_Part):
+class Bridge(ParameterGroup):
     """What carries the guide across the rig (Eqs. 18, 19, 27)."""
 
     mass: Annotated[float, In("kg"), Gt(0), Le(200)]
@@ -194,7 +191,7 @@ class Bridge(_Part):
     """Ends of the travel across the guide."""
 
 
-class Belt(_Part):
+class Belt(ParameterGroup):
     """Speed servo of one belt: proportional and integral, limited in force."""
 
     proportional: Annotated[float, In("N s/m"), Gt(0), Le(1e4)]
@@ -207,7 +204,7 @@ class Belt(_Part):
     """Largest speed the servo accepts."""
 
 
-class Belts(_Part):
+class Belts(ParameterGroup):
     """The two belt drives."""
 
     longitudinal: Belt
@@ -216,7 +213,7 @@ class Belts(_Part):
     """Across the guide: moves the bridge."""
 
 
-class Floor(_Part):
+class Floor(ParameterGroup):
     """LuGre parameters of one floor (Eqs. 4 to 6, table I) and its rolling resistance."""
 
     stribeck_speed: Annotated[float, In("m/s"), Gt(0), Le(100)]
@@ -243,7 +240,7 @@ class Floor(_Part):
         return self
 
 
-class Floors(_Part):
+class Floors(ParameterGroup):
     """The three floors of the paper."""
 
     stone: Floor
@@ -254,7 +251,7 @@ class Floors(_Part):
     """Paperboard laid on the floor."""
 
 
-class Accelerometer(_Part):
+class Accelerometer(ParameterGroup):
     """Accelerometer on the carriage."""
 
     sensitivity: Annotated[float, In("V s^2/m"), Gt(0), Le(10)]
@@ -269,7 +266,7 @@ class Accelerometer(_Part):
     """Amplitude felt by the sensor alone at twice the transitions, per speed."""
 
 
-class CurrentMonitor(_Part):
+class CurrentMonitor(ParameterGroup):
     """Analogue current monitor of the amplifier."""
 
     sensitivity: Annotated[float, In("V/A"), Ge(-10), Le(10)]
@@ -280,7 +277,7 @@ class CurrentMonitor(_Part):
     """Reading at no current."""
 
 
-class Sensors(_Part):
+class Sensors(ParameterGroup):
     """Encoders, card, accelerometer, current monitor and the drives' own measurements."""
 
     motor_counts: Annotated[float, In("count/rad"), Gt(0)]
@@ -301,7 +298,7 @@ class Sensors(_Part):
     """Resolution of the force that a belt drive reports."""
 
 
-class LugreParameters(_Part):
+class LugreParameters(ParameterGroup):
     """Everything physical about the rig."""
 
     gravity: Annotated[float, In("m/s^2"), Gt(0), Le(30)]

@@ -6,9 +6,10 @@ import re
 from dataclasses import replace
 from html import escape, unescape
 
+import numpy as np
 import pytest
-from support.angle_recording import REFERENCE, small_campaign
-from support.angle_runs import drawn_rig
+from support.angle_recording import small_campaign
+from support.angle_runs import TABLE_1, drawn_rig
 from support.html import outline
 
 from rigd.identify.angle.campaign import analyse_campaign
@@ -24,6 +25,7 @@ from rigd.identify.angle.data import (
 from rigd.identify.angle.result import CampaignResult, RunResult
 from rigd.identify.report import Attachment, Facts, Provenance
 from rigd.identify.report.angle import render_campaign
+from rigd.identify.report.angle.run_plots import one_run
 from rigd.identify.report.angle.view import typical_run
 
 HOSTILE = "<script>alert(1)</script> & \"x\" 'y' $\\alpha$ ]]> --> {{ 7*7 }}"
@@ -43,6 +45,7 @@ def known_runs() -> list[KnownRun]:
             platform_v=run.platform_v, stop_s=run.stop_s,
             load_n=float("nan") if number == 4 else 9.81 * run.scale_kg,
             number=number,
+            wheel=run.set_name.partition("_")[0],
         )  # fmt: skip
         calibration = AngleCalibration(
             torque=Known(run.torque_scale, 0.005),
@@ -56,7 +59,7 @@ def known_runs() -> list[KnownRun]:
 
 @pytest.fixture(scope="module")
 def result() -> CampaignResult:
-    return analyse_campaign(known_runs(), SetReference("Table 1 of the paper", REFERENCE))
+    return analyse_campaign(known_runs(), SetReference("Table 1 of the paper", TABLE_1))
 
 
 @pytest.fixture(scope="module")
@@ -108,6 +111,19 @@ def test_every_figure_of_the_paper_is_there_for_every_set(
         assert f"Trial {chosen[0].run.number}, {chosen[0].run.label}: {chosen[1]}." in text
 
 
+def test_nothing_is_drawn_beneath_the_legend_of_the_blocks(result: CampaignResult) -> None:
+    run = next(one for one in result.runs if np.isfinite(one.better.mu))
+    figure = one_run(run)
+    assert figure is not None
+    figure.draw_without_rendering()
+    (axes,) = [ax for ax in figure.axes if "blocks" in ax.get_title()]
+    legend = axes.get_legend()
+    assert legend is not None
+    bottom = axes.transData.inverted().transform(legend.get_window_extent())[0][1]
+    drawn = np.concatenate([np.ravel(line.get_ydata()) for line in axes.lines])
+    assert drawn.max() < bottom
+
+
 def test_table_1_has_all_three_sources_and_names_each_coefficient(
     page: str, result: CampaignResult
 ) -> None:
@@ -116,7 +132,7 @@ def test_table_1_has_all_three_sources_and_names_each_coefficient(
         assert name in table
     for one in result.sets:
         row = table.split(f'<span class="meaning">{one.name}</span>')[1].split("</tr>")[0]
-        assert f">{REFERENCE[one.name]:.4f}<" in row
+        assert f">{TABLE_1[one.name]:.4f}<" in row
         assert one.paper.value is not None
         assert one.budget is not None
         shown = [(float(value), float(u)) for value, u in re.findall(r"([\d.]+) ± ([\d.]+)", row)]
@@ -125,7 +141,7 @@ def test_table_1_has_all_three_sources_and_names_each_coefficient(
             assert estimate is not None
             expected.append((estimate.value, estimate.expanded))
         assert shown == [pytest.approx(pair, abs=6e-4) for pair in expected]
-        used = "5 used, 1 flagged" if one.name == "clean_0" else "6 used, 0 flagged"
+        used = "5 used, 1 left out" if one.name == "clean_0" else "6 used, 0 left out"
         assert used in row
 
 
@@ -201,7 +217,7 @@ def test_a_campaign_of_bad_runs_only_has_a_page_without_numbers() -> None:
     result = analyse_campaign(known)
     page = render_campaign(result, PROVENANCE, title="Bad")
     assert outline(page).faults == []
-    assert "2 of them flagged and left out" in page
+    assert "2 of them left out" in page
     assert result.sets[0].maximum is None
     table = page.split('<table class="overview">')[1].split("</tbody>")[0]
     assert table.count(">–<") == 5
