@@ -41,6 +41,7 @@ def code(client: ZenohClient, kind: str, verb: str, payload: bytes) -> str:
         ("lease_take", request("lease_take", sent_ns=0), "replayed", "replayed"),
         ("act", request("act"), "forbidden", "forbidden"),
     ],
+    ids=lambda value: f"{len(value)} bytes" if isinstance(value, bytes) else None,
 )
 def test_what_is_refused_is_told_and_counted(
     on_loopback: Served,

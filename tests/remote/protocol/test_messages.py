@@ -82,6 +82,7 @@ def test_no_two_requests_have_the_same_id() -> None:
         request_bytes().replace(b'"set": {}', b'"set": {"a": 1}'),
         request_bytes().replace(b'"set": {}', b'"set": {"a": "\\ud800"}'),
     ],
+    ids=lambda payload: f"{len(payload)} bytes",
 )
 def test_what_is_not_a_request_is_refused(payload: bytes) -> None:
     assert refused(payload).code is Code.BAD_REQUEST
