@@ -128,12 +128,14 @@ def _finite(text: str) -> float:
 
 
 def _refusal(error: ValidationError) -> Refusal:
-    found = error.errors(include_url=False, include_input=False, include_context=False)
-    if any(one["loc"] == ("v",) and one["type"] == "literal_error" for one in found):
-        return Refusal(
-            Code.VERSION,
-            f"the message is not of version {VERSION} of the protocol",
-            hint="install the same rigd at both ends",
-        )
+    found = error.errors(include_url=False, include_context=False)
+    for one in found:
+        if one["loc"] == ("v",) and one["type"] == "literal_error":
+            return Refusal(
+                Code.VERSION,
+                f"the message is of version {one['input']!r:.20} of the protocol, "
+                f"here it is {VERSION}",
+                hint="install the same rigd at both ends",
+            )
     told = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in found[:3])
     return Refusal(Code.BAD_REQUEST, told[:_MAX_TOLD])

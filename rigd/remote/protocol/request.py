@@ -47,9 +47,12 @@ class Error(Message):
 
 
 class ErrorReply(Message):
-    """A request that was not carried out."""
+    """A request that was not carried out; of the same form in every version to come.
 
-    v: Version
+    So a client that is older or newer than the daemon still reads why.
+    """
+
+    v: Annotated[int, Field(ge=1)]
     id: RequestId | Annotated[str, StringConstraints(max_length=0)]
     """That of the request; empty where none could be read."""
     error: Error

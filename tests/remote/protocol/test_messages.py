@@ -89,7 +89,15 @@ def test_what_is_not_a_request_is_refused(payload: bytes) -> None:
 
 
 def test_a_version_to_come_is_told_from_nonsense() -> None:
-    assert refused(request_bytes(v=2, new="key")).code is Code.VERSION
+    found = refused(request_bytes(v=2, new="key"))
+    assert found.code is Code.VERSION
+    assert "version 2 of the protocol, here it is 1" in found.message
+
+
+def test_what_a_daemon_of_another_version_refuses_is_understood() -> None:
+    sent = json.loads(encode_refusal("0" * 32, Refusal(Code.VERSION, "here it is 2")))
+    got = decode_refusal(json.dumps(sent | {"v": 2}).encode())
+    assert (got.code, got.message) == (Code.VERSION, "here it is 2")
 
 
 def test_a_missing_version_is_not_taken_for_this_one() -> None:
