@@ -94,11 +94,11 @@ def _panel_of(rig: RigConfig) -> Sequence[str]:
     """
     from rigd.cli.panel import IDENTITY
     from rigd.model.errors import ConfigError
-    from rigd.remote.tls import files_of
+    from rigd.remote.tls import HERE, files_of
 
     protocol, _, address = rig.remote.listen[0].partition("/")
     host, _, port = address.rpartition(":")
-    host = "localhost" if host in ("0.0.0.0", "[::]") else host
+    host = HERE if host in ("0.0.0.0", "[::]") else host
     command = [sys.executable, "-P", "-m", "rigd", "panel", "--rig", rig.name]
     command += ["--endpoint", f"{protocol}/{host}:{port}"]
     if rig.remote.tls is not None:

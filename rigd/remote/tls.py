@@ -38,6 +38,8 @@ _HOST: Final = re.compile(r"(?!-)[A-Za-z0-9-]{1,63}(?:\.[A-Za-z0-9-]{1,63})*")
 #: Names of the files of an authority and of a rig's server.
 CA: Final = "ca"
 SERVER: Final = "rigd"
+#: By this name the panel beside a daemon reaches it, wherever else that listens.
+HERE: Final = "localhost"
 
 
 @dataclass(frozen=True)
@@ -63,9 +65,9 @@ def setup_tls(
 ) -> Made:
     """Make what is missing in ``folder``: the authority, the server for ``hosts``, the clients.
 
-    ``hosts`` are the names and addresses by which clients reach the rig. What is there is never
-    written over, so that more clients can be added later; a private key is readable by its owner
-    only.
+    ``hosts`` are the names and addresses by which clients reach the rig; :data:`HERE` is added.
+    What is there is never written over, so that more clients can be added later; a private key is
+    readable by its owner only.
 
     Raises:
         Refusal: a client's name cannot stand in a key.
@@ -77,7 +79,7 @@ def setup_tls(
         check_name(name, "client name")
         if name in (CA, SERVER):
             raise ConfigError(f"a client cannot be named {name!r}: that is a file of the rig's own")
-    reached_by = [_general_name(host) for host in hosts]
+    reached_by = [_general_name(host) for host in dict.fromkeys([*hosts, HERE])]
     folder.mkdir(parents=True, exist_ok=True)
     made: list[Path] = []
     kept: list[Path] = []
@@ -97,7 +99,7 @@ def setup_tls(
         _make_authority(folder, now)
     authority = _read_authority(folder)
     if missing(SERVER):
-        if not reached_by:
+        if not hosts:
             raise ConfigError(
                 "nobody could trust a server without a name",
                 hint="give the names or addresses by which clients reach the rig",
