@@ -92,14 +92,16 @@ class Server:
     def close(self) -> None:
         """Let nobody in any more; what is under way is finished, what waits is not begun."""
         self._closing.set()
-        self._declared.close()
-        for inbox in self._inboxes.values():
-            for waiting in inbox.close():
-                waiting.query.drop()
-        deadline_s = time.monotonic() + _LAST_REQUEST_S
-        for thread in self._threads:
-            thread.join(max(0.0, deadline_s - time.monotonic()))
-        self._session.close()
+        try:
+            self._declared.close()
+            for inbox in self._inboxes.values():
+                for waiting in inbox.close():
+                    waiting.query.drop()
+            deadline_s = time.monotonic() + _LAST_REQUEST_S
+            for thread in self._threads:
+                thread.join(max(0.0, deadline_s - time.monotonic()))
+        finally:
+            self._session.close()  # left open, its threads would keep the process from ending
 
     def __enter__(self) -> Self:
         return self
