@@ -115,6 +115,23 @@ def test_it_tells_since_when_it_is_safe(tmp_path: Path) -> None:
     run(scenario())
 
 
+def test_it_tells_since_when_the_motor_gets_what_it_gets(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with drive(tmp_path) as (node, client, _):
+            await operational(client)
+            at_rest_ns = node.state()["given_since_ns"]
+            await enabled(client)
+            assert node.state()["given_since_ns"] == at_rest_ns, "still nothing"
+            for target, current in (("f4 01", 0.5), ("f4 01", 0.5), ("00 00", 0.0)):
+                before, was = time.monotonic_ns(), node.state()["current"]
+                await cycle(client, f"0f 00 {target}")
+                await cycle(client, f"0f 00 {target}")  # it acts after it has answered
+                assert node.state()["current"] == current
+                assert (int(node.state()["given_since_ns"]) >= before) == (was != current)
+
+    run(scenario())
+
+
 async def _alive(client: Client, *setup: str, mode: str = "0a") -> None:
     """Enable the drive with half its current or 1 turn/s, watched by heartbeats."""
     await operational(client, WATCHED, STAY_OPERATIONAL, *setup, mode=mode)

@@ -123,7 +123,7 @@ class Cia402Drive(CanopenNode):
         self._rpdo_timer = rpdo_timer
         self._machine = StateMachine()
         self._demand = Demand()
-        self._safe_since_ns = time.monotonic_ns()
+        self._given_since_ns = self._safe_since_ns = time.monotonic_ns()
         self._fault_follows = False
         self._stopping = Watch(self._look_whether_it_stands)
         self._rated_torque = ratings.nominal_current * ratings.torque_constant
@@ -183,7 +183,8 @@ class Cia402Drive(CanopenNode):
         """Return the state, and what the motor really gets: ``current`` in A, or ``speed`` in m/s.
 
         ``safe_since_ns`` is the CLOCK_MONOTONIC time since which the drive has given no torque of
-        its own (CST), or has braked (CSV); 0 while it follows its setpoint.
+        its own (CST), or has braked (CSV); 0 while it follows its setpoint. ``given_since_ns`` is
+        that since which the motor has got what it gets.
         """
         applied, value = "current", self._demand.value
         if self._ratings.mode is Mode.CSV:
@@ -196,6 +197,7 @@ class Cia402Drive(CanopenNode):
             "released": self._demand.released,
             "error_code": self._error_code.value,
             "safe_since_ns": self._safe_since_ns,
+            "given_since_ns": self._given_since_ns,
         }
 
     def inject(self, fault: str, **options: Any) -> None:
@@ -266,6 +268,8 @@ class Cia402Drive(CanopenNode):
             demand = Demand(powered=self._ratings.mode is Mode.CSV)
             if not self._stopping.running:
                 self._stopping.feed(LOOK_S)
+        if demand.value != self._demand.value:
+            self._given_since_ns = t_ns
         if demand != self._demand:
             self._demand = demand
             self._motor.command(t_ns, demand)
