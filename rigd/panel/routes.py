@@ -17,18 +17,16 @@ from rigd.panel.rates import Bucket
 from rigd.panel.rig import Object, Rig
 from rigd.panel.seat import Seat
 from rigd.panel.sessions import Role, Session, Sessions
-from rigd.remote.protocol.refusal import Code, Refusal
+from rigd.remote.protocol import VERBS, Code, Kind, Lane, Refusal
 
 #: What a page may ask for; files travel by routes of their own.
 ASKS: Final = frozenset(
     {"describe", "procedures", "procedure", "check", "runs", "run", "events", "latest"}
 )
-#: Commands that need no control, and those that do; the lease is the seat's business.
-FREE_COMMANDS: Final = frozenset({"dry_run"})
-COMMANDS: Final = frozenset(
-    {"start", "pause", "resume", "answer", "acknowledge", "resume_run", "identify", "act"}
-)
-STOPS: Final = frozenset({"stop", "abort", "estop"})
+#: What it may command; the lease is the seat's business.
+COMMANDS: Final = {
+    name: verb for name, verb in VERBS[Kind.COMMAND].items() if verb.lane is not Lane.LEASE
+}
 
 #: Characters of a user's name.
 MOST_NAME: Final = 40
@@ -115,11 +113,11 @@ class Doors:
     async def command(self, request: Request, session: Session) -> Object:
         """Command the rig."""
         verb = request.path_params["verb"]
-        if verb not in COMMANDS | FREE_COMMANDS:
+        if verb not in COMMANDS:
             raise Refusal(Code.UNKNOWN_VERB, f"there is no command {verb[:40]!r}")
         args = object_of(await read_object(request), "args")
         _require_operator(session)
-        if verb in COMMANDS:
+        if COMMANDS[verb].needs_lease:
             self.seat.require(session)
         return await self.rig.command(verb, args)
 
@@ -143,7 +141,7 @@ class Doors:
     async def stop(self, request: Request, session: Session) -> Object:
         """Stop, abort or estop: whoever may see the page may do so."""
         verb = request.path_params["verb"]
-        if verb not in STOPS:
+        if verb not in VERBS[Kind.STOP]:
             raise Refusal(Code.UNKNOWN_VERB, f"there is no {verb[:40]!r}")
         return await self.rig.stop(verb, f"{session.name} at the panel")
 

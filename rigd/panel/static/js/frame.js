@@ -1,4 +1,4 @@
-// Live frames: see docs/remote.md. Little endian, as every browser's typed arrays are by now.
+// Live frames: see docs/protocol.md. Little endian, as every browser's typed arrays are by now.
 
 const HEAD = 24;
 

@@ -17,7 +17,9 @@ export function mountProcedures(root) {
       el("div", { class: "panel-head" }, el("h2", {}, "Procedures")), list),
     el("section", { class: "panel wide", "aria-label": "The procedure" }, sheet));
   let open = null;
+  let shown = null; // the sheet of the procedure that is open
 
+  watch(["status", "link"], () => shown?.permit());
   onShow("procedures", async () => {
     try {
       const { procedures } = await ask("procedures");
@@ -34,7 +36,8 @@ export function mountProcedures(root) {
         const view = await ask("procedure", { name: one.name });
         open = one.name;
         for (const other of list.querySelectorAll("button")) other.setAttribute("aria-pressed", String(other === button));
-        fill(sheet, new Sheet(view).element);
+        shown = new Sheet(view);
+        fill(sheet, shown.element);
       }),
     }, el("strong", {}, one.title || words(one.name)), el("span", { class: "quiet" }, one.problem ?? one.name));
     return el("li", {}, button);
@@ -57,8 +60,7 @@ class Sheet {
       this.#options(),
       isOperator() ? el("div", { class: "row" }, this.try, this.start) : null,
       this.why, this.preview, this.dialog);
-    watch(["status", "link"], () => this.element.isConnected && this.#permit());
-    this.#permit();
+    this.permit();
   }
 
   #options() {
@@ -75,7 +77,7 @@ class Sheet {
   }
 
   /** What cannot be started says why. */
-  #permit() {
+  permit() {
     let why = "";
     if (!isOperator()) why = "This page watches; it cannot start a run.";
     else if (known.link !== "ok") why = "Not connected.";
@@ -114,7 +116,7 @@ class Sheet {
   async #confirm() {
     this.form.blame([]);
     const check = await attempt(this.start, () => ask("check", this.#given()));
-    this.#permit();
+    this.permit();
     if (check === null) return;
     if (!check.ok) {
       this.form.blame(check.problems);
