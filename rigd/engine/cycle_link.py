@@ -125,7 +125,11 @@ class CycleLink:
         bound_ns = self._silence_ns.get(CycleState(self._board[Word.CYCLE_STATE]))
         silent_ns = now - self._board[Word.BEAT_CYCLE]
         if bound_ns is not None and away_ns < AWAY_NS and silent_ns > bound_ns:
-            return f"the cycle process gave no sign of life for {silent_ns / 1e6:.0f} ms"
+            return (
+                f"the cycle process gave no sign of life for {silent_ns / 1e6:.0f} ms, "
+                f"at most {bound_ns / 1e6:.0f} ms are allowed: a driver that waits, or a machine "
+                "that stalls (`rigd doctor` measures it; `supervision:` in the rig file)"
+            )
         return None
 
     def wait(self, timeout_s: float) -> None:

@@ -138,7 +138,9 @@ def test_bad_options_of_two_devices_are_reported_together(rig_text: str) -> None
 
 
 def test_a_cycle_is_not_taken_for_dead_before_it_could_speak(spoil: Spoil) -> None:
-    text = spoil("cycle: 1 kHz", "cycle: 100 Hz\nsupervision: {cycle_silence: 25 ms}")
+    text = spoil("cycle: 1 kHz", "cycle: 100 Hz").replace(
+        "cycle_silence: 250 ms", "cycle_silence: 25 ms"
+    )
     with pytest.raises(ConfigError, match=r"cycle_silence 0\.025 s is less than 3 cycles"):
         parse_rig(text, FILE)
     parse_rig(text.replace("25 ms", "30 ms"), FILE)
