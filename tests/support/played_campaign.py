@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import random
 from pathlib import Path
@@ -86,8 +85,7 @@ ACTIONS = (ActionView(device="scale", action="tare", doc="Zero the reading"),)
 
 def _procedure(name: str, title: str, *parameters: ParameterView) -> ProcedureView:
     text = (PROCEDURE_FILES / f"{name}.yaml").read_text()
-    sha256 = hashlib.sha256(text.encode()).hexdigest()
-    file = ProcedureFile(name=name, text=text, sha256=sha256)
+    file = ProcedureFile.of(name, text)
     doc = (
         "The motor gets one constant current per trial, from 0.15 A to 1.5 A in steps of 0.15 A, "
         "until the carriage has gone far enough to be stopped safely; then it is brought back and "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import secrets
 import socket
@@ -21,7 +22,8 @@ from rigd.remote.server import Server
 
 RIG = "lugre-1"
 
-_PROCEDURE = {"name": "one", "text": "procedure: one", "sha256": "0" * 64}
+_TEXT = "procedure: one"
+_PROCEDURE = {"name": "one", "text": _TEXT, "sha256": hashlib.sha256(_TEXT.encode()).hexdigest()}
 
 #: Arguments that each verb takes; none where it is not named.
 ARGUMENTS: dict[str, dict[str, Any]] = {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -61,9 +60,7 @@ class Library:
 
         Raises:
             ConfigError: it does not fit; names every problem with its place.
-            Refusal: it is not what was sent.
         """
-        check_whole(args.procedure)
         # Errors give this name in front of line and column; a path of this machine helps nobody.
         source = parse_procedure(args.procedure.text, Path(f"{args.procedure.name}.yaml"))
         return compile_procedure(source, self._rig, args.set)
@@ -78,7 +75,7 @@ class Library:
         return ProcedureLine(
             name=procedure.name,
             title=procedure.source.title,
-            sha256=_sha256(procedure.file.text),
+            sha256=_file_of(procedure).sha256,
             problem=problem,
         )
 
@@ -97,27 +94,8 @@ class Library:
                     continue  # being written, or none: `rigd check` says what is wrong with it
 
 
-def check_whole(file: ProcedureFile) -> None:
-    """Check that a procedure is what its sender has read.
-
-    Raises:
-        Refusal: it is not.
-    """
-    if _sha256(file.text) != file.sha256:
-        raise Refusal(
-            Code.BAD_REQUEST,
-            f"the text of {file.name} has the SHA-256 {_sha256(file.text)[:12]}..., "
-            f"not {file.sha256[:12]}... as its sender says",
-        )
-
-
-def refusal_of(error: ConfigError) -> Refusal:
-    """Return why a procedure cannot run, as a client is told."""
-    return Refusal(Code.REFUSED, str(error))
-
-
 def _view(procedure: Procedure) -> ProcedureView:
-    source, text = procedure.source, procedure.file.text
+    source = procedure.source
     swept = {*source.sweep.grid, *source.sweep.zip}
     parameters = tuple(
         ParameterView(
@@ -133,7 +111,7 @@ def _view(procedure: Procedure) -> ProcedureView:
         for name, one in source.parameters.items()
     )
     return ProcedureView(
-        procedure=ProcedureFile(name=procedure.name, text=text, sha256=_sha256(text)),
+        procedure=_file_of(procedure),
         title=source.title,
         doc=source.doc,
         parameters=parameters,
@@ -162,5 +140,5 @@ def _problem(error: ConfigError) -> ProblemView:
     )
 
 
-def _sha256(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()
+def _file_of(procedure: Procedure) -> ProcedureFile:
+    return ProcedureFile.of(procedure.name, procedure.file.text)

@@ -16,7 +16,7 @@ from rigd.daemon.live import Feed
 from rigd.daemon.serve.aside import Aside
 from rigd.daemon.serve.audit import AuditLog
 from rigd.daemon.serve.describe import describe
-from rigd.daemon.serve.library import Library, check_whole
+from rigd.daemon.serve.library import Library
 from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.recordings import Recordings
 from rigd.daemon.serve.recovery import Interruptions
@@ -234,7 +234,6 @@ class RigService:
                 f"rig {rig.name} has no `plant`: a dry run plays on physics simulated in process",
                 hint="try it on the simulated sibling of this rig",
             )
-        check_whole(args.procedure)
         done = self._parts.aside.dry_run(
             rig.source.text, rig.source.path, args.procedure.text, args.set
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 from rigd.procedure.loader import load_procedure
@@ -16,10 +15,7 @@ def read_procedure(given: str | Path) -> ProcedureFile:
         ConfigError: there is no such file, or it is wrong; names every problem with its place.
     """
     procedure = load_procedure(given)
-    text = procedure.file.text
-    return ProcedureFile(
-        name=procedure.name, text=text, sha256=hashlib.sha256(text.encode()).hexdigest()
-    )
+    return ProcedureFile.of(procedure.name, procedure.file.text)
 
 
 def is_path(given: str | Path) -> bool:

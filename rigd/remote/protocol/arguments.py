@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import hashlib
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, StringConstraints
+from pydantic import Field, StringConstraints, model_validator
 
 from rigd.remote.protocol.limits import MAX_PIECE_BYTES
 from rigd.remote.protocol.message import Message, Name, Text
@@ -30,6 +31,21 @@ class ProcedureFile(Message):
     """The file, as its author wrote it."""
     sha256: Sha256
     """Of the text in UTF-8: what was read is what runs."""
+
+    @classmethod
+    def of(cls, name: str, text: str) -> Self:
+        """Return a procedure, ready to travel."""
+        return cls(name=name, text=text, sha256=_digest(text))
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> Self:
+        found = _digest(self.text)
+        if found != self.sha256:
+            raise ValueError(
+                f"the text of {self.name} has the SHA-256 {found[:12]}..., "
+                f"not {self.sha256[:12]}... as its sender says"
+            )
+        return self
 
 
 class ProcedureName(Message):
@@ -124,3 +140,7 @@ class Reason(Message):
     """Why a person stops the rig; shown, and recorded."""
 
     reason: Annotated[str, StringConstraints(max_length=300)] = ""
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -30,7 +30,7 @@ from rigd.remote.protocol.request import Reply
 from rigd.remote.protocol.results import PieceView
 from rigd.remote.protocol.status import Daemon, State, Trial
 
-START = Start(procedure=ProcedureFile(name="one", text="procedure: one", sha256="0" * 64))
+START = Start(procedure=ProcedureFile.of("one", "procedure: one"))
 
 
 def request_bytes(**changes: Any) -> bytes:
@@ -144,6 +144,13 @@ def test_a_recording_is_named_never_a_path(name: str) -> None:
         Run(run=name)
     with pytest.raises(ValidationError):
         Piece(run=name)
+
+
+def test_a_procedure_that_is_not_what_was_sent_is_refused() -> None:
+    spoilt = encode_request(new_request(START)).replace(b"procedure: one", b"procedure: two")
+    found = refused(spoilt)
+    assert found.code is Code.BAD_REQUEST
+    assert "the text of one has the SHA-256" in found.message
 
 
 def test_an_answer_keeps_its_type() -> None:
