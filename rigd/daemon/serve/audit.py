@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
@@ -23,11 +24,13 @@ class AuditLog:
     A line says ``time`` (UTC), ``who``, ``role`` where it is known, ``what``, its ``args`` and
     its ``result``: ``done``, or the code and the message of the refusal. Each is on disk before
     :meth:`write` returns. The file is opened anew for each line, so that it may be moved away.
+    Where lines could not be written, the next one that can says how many are missing.
     """
 
     def __init__(self, path: Path, clock: Callable[[], int] = time_ns) -> None:
         self.path = path
         self.broken = ""  #: why the last line could not be written, or ""
+        self._missing = 0  #: lines that could not be written since one could
         self._clock = clock
         self._lock = threading.Lock()
 
@@ -35,17 +38,19 @@ class AuditLog:
         self, who: str, what: str, args: Mapping[str, Any], result: str = "done", role: str = ""
     ) -> None:
         """Append one line; where that fails, :attr:`broken` says so until one could be."""
-        moment = datetime.fromtimestamp(self._clock() * 1e-9, UTC)
-        line = {"time": moment.isoformat(timespec="milliseconds"), "who": who}
-        if role:
-            line["role"] = role
-        whole = json.dumps({**line, "what": what, "args": dict(args), "result": result})
+        told = {"who": who, **({"role": role} if role else {})}
+        line = self._line({**told, "what": what, "args": dict(args), "result": result})
         with self._lock:
             try:
-                self._append(whole.encode() + b"\n")
+                if self._missing:
+                    missing = {"who": "rigd", "what": "audit", "args": {"missing": self._missing}}
+                    self._append(self._line({**missing, "result": "kept again"}))
+                    self._missing = 0
+                self._append(line)
             except OSError as error:
+                self._missing += 1
                 self.broken = f"{self.path} cannot be written: {error.strerror}"
-                _LOG.error("audit: %s; not kept: %s", self.broken, whole)
+                _LOG.error("audit: %s; not kept: %s", self.broken, line)
             else:
                 self.broken = ""
 
@@ -56,7 +61,7 @@ class AuditLog:
             RecordingError: the file cannot be written.
         """
         if self.broken:
-            self.write("rigd", "audit", {}, "kept again")
+            self.write("rigd", "audit", {}, "tried again")
         else:
             try:
                 os.close(self._open())
@@ -68,15 +73,27 @@ class AuditLog:
                 hint="free its disk, or correct its owner; then ask again",
             )
 
-    def _append(self, line: bytes) -> None:
+    def _line(self, said: Mapping[str, Any]) -> str:
+        moment = datetime.fromtimestamp(self._clock() * 1e-9, UTC)
+        return json.dumps({"time": moment.isoformat(timespec="milliseconds"), **said})
+
+    def _append(self, line: str) -> None:
         fd = self._open()
         try:
+            # What a full disk or a power failure has torn gets an end; it stays as it is.
+            whole = f"{'' if _ends(fd) else chr(10)}{line}\n".encode()
             # One write: lines of two processes never mix (O_APPEND).
-            if os.write(fd, line) < len(line):
-                raise OSError(28, "no space left for a whole line")
+            if os.write(fd, whole) < len(whole):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fsync(fd)
         finally:
             os.close(fd)
 
     def _open(self) -> int:
-        return os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o640)
+        return os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o640)
+
+
+def _ends(fd: int) -> bool:
+    """Return whether the last line of a file has its end."""
+    size = os.fstat(fd).st_size
+    return size == 0 or os.pread(fd, 1, size - 1) == b"\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Literal, cast
+from typing import cast
 
 from rigd.config.rig import RigConfig
 from rigd.daemon.manual import actions_of
@@ -18,12 +18,11 @@ from rigd.remote.protocol.results import (
     ChannelView,
     Description,
     InterlockView,
+    PriorityName,
     SetpointView,
     StreamView,
 )
-
-_Action = Literal["warn", "end_trial", "stop", "abort", "estop"]
-_Priority = Literal["low", "medium", "high", "critical"]
+from rigd.remote.protocol.status import ActionName
 
 
 def describe(rig: RigConfig, role: Role) -> Description:
@@ -82,8 +81,8 @@ def _interlock(interlock: Interlock) -> InterlockView:
         source=interlock.source,
         low=interlock.low,
         high=interlock.high,
-        action=cast(_Action, interlock.action.name.lower()),
-        priority=cast(_Priority, interlock.priority.name.lower()),
+        action=cast(ActionName, interlock.action.name.lower()),
+        priority=cast(PriorityName, interlock.priority.name.lower()),
         latch=interlock.latch,
         message=interlock.message,
     )

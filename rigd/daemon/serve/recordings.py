@@ -17,17 +17,16 @@ from rigd.model.errors import RecordingError
 from rigd.record import Recording, RunInfo, info_json, run_info
 from rigd.record.info import INTERRUPTED
 from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol.arguments import RUN_NAME
 from rigd.remote.protocol.results import PieceView, RunLine, RunList, RunView
 from rigd.remote.protocol.status import Interrupted
 
 #: What clients may call a recording; others in the folder are left out.
-_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,199}")
+_NAME: Final = re.compile(RUN_NAME)
 #: Digests of so many files are remembered: a transfer asks for that of its file with each piece.
 _DIGESTS: Final = 8
 #: So many trials of a recording are told in one message, the newest.
 _TRIALS: Final = 1000
-#: Files are hashed in blocks of this size, between which others may run.
-_BLOCK: Final = 1 << 20
 
 
 class Recordings:
@@ -143,11 +142,8 @@ class Recordings:
         known = path.stat()
         key = path, known.st_size, known.st_mtime_ns
         if key not in self._digests:
-            whole = hashlib.sha256()
             with path.open("rb") as file:
-                while block := file.read(_BLOCK):
-                    whole.update(block)
-            self._digests[key] = whole.hexdigest()
+                self._digests[key] = hashlib.file_digest(file, "sha256").hexdigest()
             if len(self._digests) > _DIGESTS:
                 self._digests.popitem(last=False)
         self._digests.move_to_end(key)

@@ -14,14 +14,14 @@ import threading
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Literal, cast
+from typing import Any, Final, cast
 
 from rigd.engine.interlocks import Trip
 from rigd.model.errors import RecordingError
 from rigd.model.limits import Action
 from rigd.record import Event
 from rigd.remote.protocol import Code, Refusal
-from rigd.remote.protocol.status import TripView
+from rigd.remote.protocol.status import ActionName, TripView
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -71,7 +71,7 @@ class Acted:
         """As the status shows it."""
         return TripView(
             interlock=self.interlock,
-            action=cast('Literal["warn", "end_trial", "stop", "abort", "estop"]', self.action),
+            action=cast(ActionName, self.action),
             message=self.message,
             since_ns=self.since_ns,
             latched=self.bars,

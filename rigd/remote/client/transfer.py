@@ -7,7 +7,7 @@ import hashlib
 import os
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import IO, Final
+from typing import IO
 
 from rigd.model.errors import RecordingError
 from rigd.remote.protocol.results import PieceView
@@ -16,8 +16,6 @@ from rigd.remote.protocol.results import PieceView
 AskPiece = Callable[[int], Awaitable[PieceView]]
 #: ``progress(done, size)`` in bytes.
 Progress = Callable[[int, int], None]
-
-_BLOCK: Final = 1 << 20
 
 
 async def fetch(ask: AskPiece, path: Path, progress: Progress | None = None) -> Path:
@@ -84,8 +82,5 @@ async def _append(
 
 def digest_of(path: Path) -> str:
     """Return the SHA-256 of a file, as hexadecimal digits."""
-    whole = hashlib.sha256()
     with path.open("rb") as file:
-        while block := file.read(_BLOCK):
-            whole.update(block)
-    return whole.hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from typing import Annotated, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
@@ -11,7 +11,8 @@ from rigd.remote.protocol.limits import MAX_PIECE_BYTES
 from rigd.remote.protocol.message import Message, Name, Text
 
 #: File name of a recording: never a path.
-RunName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_][A-Za-z0-9._-]{0,199}$")]
+RUN_NAME: Final = r"[A-Za-z0-9_][A-Za-z0-9._-]{0,199}"
+RunName = Annotated[str, StringConstraints(pattern=f"^{RUN_NAME}$")]
 #: Of a procedure, an interlock, a device, a parameter.
 FileWord = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,59}$")]
 #: What `--set NAME=VALUE` says, by name: quantities and words as a person writes them.

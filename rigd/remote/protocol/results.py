@@ -21,7 +21,10 @@ from rigd.remote.protocol.limits import (
 )
 from rigd.remote.protocol.message import Message, Name, Text
 from rigd.remote.protocol.roles import Role
-from rigd.remote.protocol.status import Count, Event, Nanoseconds
+from rigd.remote.protocol.status import ActionName, Count, Event, Nanoseconds
+
+#: How urgently a person must look (:class:`rigd.model.limits.Priority`).
+PriorityName = Literal["low", "medium", "high", "critical"]
 
 
 class ChannelView(Message):
@@ -67,8 +70,8 @@ class InterlockView(Message):
     source: Text
     low: float | str | None = None
     high: float | str | None = None
-    action: Literal["warn", "end_trial", "stop", "abort", "estop"]
-    priority: Literal["low", "medium", "high", "critical"]
+    action: ActionName
+    priority: PriorityName
     latch: bool
     message: Text
 

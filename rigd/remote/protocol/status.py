@@ -18,6 +18,10 @@ State = Literal[
 ]  # fmt: skip
 
 
+#: What an interlock does (:class:`rigd.model.limits.Action`).
+ActionName = Literal["warn", "end_trial", "stop", "abort", "estop"]
+
+
 class Daemon(Message):
     """The process that speaks."""
 
@@ -68,7 +72,7 @@ class TripView(Message):
     """An interlock that has acted."""
 
     interlock: Text
-    action: Literal["warn", "end_trial", "stop", "abort", "estop"]
+    action: ActionName
     message: Text
     since_ns: Nanoseconds
     latched: bool
