@@ -114,12 +114,17 @@ class AngleDaq(BlockDriver):
         zero = (0.0, 0.0, wheel / slope, platform / (slope * pulley), 0.0)
         self._scale, self._zero = np.array(scale[: self._inputs]), np.array(zero[: self._inputs])
         self.identity = f"simulated card, serial number {self.link.config.individual:08X}"
+        # Loads what samples, compiled: the cycle that starts the card must not wait for that.
+        self._acquisition()
 
     def start(self) -> None:
         """Sample from the plant's present on."""
+        self._card = self._acquisition()
+
+    def _acquisition(self) -> Acquisition:
         from rigd_sim.plants.angle.acquisition import Acquisition
 
-        self._card = Acquisition(
+        return Acquisition(
             self.link,
             start_ns=self.link.now_ns,
             rate_hz=self.config.rate,

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,6 +41,18 @@ def blocks(daq: AngleDaq, cycles: int) -> list[tuple[int, Block]]:
 @pytest.mark.parametrize("driver", [AngleDaq, AngleRelay, AngleScale, AngleTruth])
 def test_conforms(driver: type) -> None:
     check_driver(driver, {})
+
+
+def test_what_takes_long_the_first_time_is_done_when_the_card_is_opened() -> None:
+    # In a cycle it would be a silence for which the cycle is taken for dead.
+    code = """
+from support.angle_plant import make_plant
+from rigd_sim.devices.angle_daq import AngleDaq, DaqConfig
+AngleDaq(DaqConfig(), make_plant()).open()
+from rigd_sim.plants.angle.sampling import sample
+assert sample.signatures, "it compiles with the first block"
+"""
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])
 
 
 @pytest.mark.parametrize("load_cell", [False, True])
