@@ -35,10 +35,9 @@ from rigd.daemon.live.foxglove import FoxgloveServer
 from rigd.engine.rates import most_rows_hz
 from rigd.engine.shared import Job, RunFolder, Word
 from rigd.engine.wiring import streams_of
-from rigd.remote.lease import Lease
 from rigd.remote.protocol import Event
 from rigd.remote.protocol.frame import HEADER
-from rigd.remote.server import Server
+from rigd.remote.server import Lease, Server
 
 RIGS = ("lugre-1", "angle-1")
 #: Stands for the cycle; prints the median cost of pushing one row, ns. Streams above 2 kHz come

@@ -16,7 +16,6 @@ import numpy as np
 from support.served_rig import free_port
 
 from rigd.config.remote import RemoteSetup
-from rigd.remote.lease import Lease
 from rigd.remote.protocol import (
     VERSION,
     Code,
@@ -63,8 +62,7 @@ from rigd.remote.protocol.results import (
     StreamView,
 )
 from rigd.remote.protocol.status import Daemon, Interrupted, LastRun, PromptView, TripView
-from rigd.remote.server import Server
-from rigd.remote.service import Result
+from rigd.remote.server import Lease, Result, Server
 
 TEXT = """\
 procedure: small

@@ -5,11 +5,10 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 
-from rigd.remote.lease import Lease
 from rigd.remote.protocol import VERSION, Message, Role, Status
 from rigd.remote.protocol.arguments import NoArguments
 from rigd.remote.protocol.status import Daemon
-from rigd.remote.service import Result
+from rigd.remote.server import Lease, Result
 
 
 @dataclass

@@ -26,9 +26,9 @@ from rigd.daemon.serve.service import Parts, RigService
 from rigd.daemon.serve.steering import Steering
 from rigd.daemon.serve.trips import TripMemory
 from rigd.engine.shared import RunFolder
-from rigd.remote.lease import Lease
 from rigd.remote.protocol import Event, Kind, Message, Role, Status, as_json, encode, find_verb
 from rigd.remote.protocol.status import RefusedCounts
+from rigd.remote.server import Lease
 
 #: A crowded machine does everything within this.
 TIMEOUT_S = 60.0

@@ -17,8 +17,7 @@ from support.recorded_rig import RecordedRig
 from support.zenoh_client import ZenohClient, config
 
 from rigd.config.remote import RemoteSetup
-from rigd.remote.lease import Lease
-from rigd.remote.server import Server
+from rigd.remote.server import Lease, Server
 
 RIG = "lugre-1"
 

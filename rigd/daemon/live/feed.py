@@ -34,7 +34,7 @@ QUIET_S: Final = 10.0
 
 
 class Outlet(Protocol):
-    """Where frames and events go; never waits long (:class:`rigd.remote.publisher.Publisher`)."""
+    """Where frames and events go; never waits long (:class:`rigd.remote.server.Publisher`)."""
 
     def frame(self, stream: str, payload: bytes, /) -> None:
         """Take a frame of ``stream``, encoded."""

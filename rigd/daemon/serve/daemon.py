@@ -30,10 +30,8 @@ from rigd.engine.shared import RunFolder
 from rigd.engine.shared.folder import folder_name
 from rigd.engine.sink import Rows
 from rigd.model.errors import RecordingError
-from rigd.remote.desk import role_of
-from rigd.remote.lease import Lease
 from rigd.remote.protocol import Role
-from rigd.remote.server import Server
+from rigd.remote.server import Lease, Server, role_of
 
 #: The daemon looks around this often, and at once when something has changed.
 TICK_S: Final = 0.25

@@ -1,4 +1,4 @@
-"""What clients ask, command and stop, done on one rig (:class:`rigd.remote.service.Service`)."""
+"""What clients ask, command and stop, done on one rig (:class:`rigd.remote.server.Service`)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ from rigd.daemon.serve.trips import TripMemory
 from rigd.engine.control import Verb
 from rigd.model.errors import ConfigError, RigdError
 from rigd.procedure.program import TrialPlan
-from rigd.remote.lease import Lease
 from rigd.remote.protocol import (
     VERSION,
     Code,
@@ -52,6 +51,7 @@ from rigd.remote.protocol.arguments import (
 )
 from rigd.remote.protocol.results import Acted, DryRun, Events, Nothing, PieceView, Stopped
 from rigd.remote.protocol.status import Daemon, RefusedCounts, Trial
+from rigd.remote.server import Lease
 
 #: Commands that say nothing about what was done: the lease is renewed every two seconds.
 UNAUDITED: Final = frozenset({"lease_renew"})

@@ -32,11 +32,11 @@ from rigd.model.errors import RigdError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import OnClientLoss
-from rigd.remote.lease import Lease
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.arguments import Act, Checked, Start
 from rigd.remote.protocol.results import Started
 from rigd.remote.protocol.status import LastRun
+from rigd.remote.server import Lease
 
 #: What whoever finds the rig in use is told to do instead.
 HINT: Final = "its daemon takes procedures: rigd remote start PROCEDURE --rig {rig}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from rigd.remote.inbox import MAX_SENDERS, MAX_WAITING, Inbox
+from rigd.remote.server.inbox import MAX_SENDERS, MAX_WAITING, Inbox
 
 
 def test_in_the_order_of_one_sender() -> None:

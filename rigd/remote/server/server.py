@@ -21,17 +21,17 @@ import zenoh
 
 from rigd.config.remote import RemoteSetup
 from rigd.model.errors import LinkError
-from rigd.remote.desk import Desk, Letter
-from rigd.remote.inbox import Inbox
-from rigd.remote.lease import Lease
 from rigd.remote.network import server_config
 from rigd.remote.protocol import Code, Keys, Kind, Lane, Refusal, encode_refusal
 from rigd.remote.protocol.limits import HEARTBEAT_S
 from rigd.remote.protocol.status import RefusedCounts
-from rigd.remote.publisher import Publisher
-from rigd.remote.refused import Refused
-from rigd.remote.requests import Answer
-from rigd.remote.service import Service
+from rigd.remote.server.desk import Desk, Letter
+from rigd.remote.server.inbox import Inbox
+from rigd.remote.server.lease import Lease
+from rigd.remote.server.publisher import Publisher
+from rigd.remote.server.refused import Refused
+from rigd.remote.server.requests import Answer
+from rigd.remote.server.service import Service
 
 _log = logging.getLogger(__name__)
 

@@ -12,10 +12,9 @@ from support.zenoh_client import Refused, ZenohClient, config
 
 from rigd.config.remote import RemoteSetup, TlsFiles
 from rigd.model import LinkError
-from rigd.remote.lease import Lease
 from rigd.remote.protocol import Event, Status, encode
 from rigd.remote.protocol.limits import VERSION
-from rigd.remote.server import Server
+from rigd.remote.server import Lease, Server
 
 
 def setup() -> RemoteSetup:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from rigd.remote.lease import ASKING_S, MAX_ASKING, Lease
 from rigd.remote.protocol import Code, LeaseView, Refusal
 from rigd.remote.protocol.arguments import NoArguments, Receiver
 from rigd.remote.protocol.limits import LEASE_S
+from rigd.remote.server.lease import ASKING_S, MAX_ASKING, Lease
 
 #: Wall clock at the monotonic clock's zero, ns.
 WALL_NS = 1_700_000_000_000_000_000

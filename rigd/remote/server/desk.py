@@ -15,7 +15,6 @@ from typing import Final
 
 from rigd.config.remote import RemoteSetup
 from rigd.model.errors import RigdError
-from rigd.remote.lease import Lease
 from rigd.remote.protocol import (
     Address,
     Code,
@@ -38,9 +37,10 @@ from rigd.remote.protocol import (
 from rigd.remote.protocol.arguments import Reason
 from rigd.remote.protocol.limits import MAX_REQUEST_BYTES
 from rigd.remote.protocol.message import check_size
-from rigd.remote.refused import Refused
-from rigd.remote.requests import Answer, Requests
-from rigd.remote.service import Result, Service
+from rigd.remote.server.lease import Lease
+from rigd.remote.server.refused import Refused
+from rigd.remote.server.requests import Answer, Requests
+from rigd.remote.server.service import Result, Service
 
 _log = logging.getLogger(__name__)
 

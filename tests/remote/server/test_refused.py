@@ -8,7 +8,7 @@ import pytest
 
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.status import RefusedCounts
-from rigd.remote.refused import Refused
+from rigd.remote.server.refused import Refused
 
 
 def test_a_flood_is_counted_in_full_and_logged_in_a_line_a_second(

@@ -6,7 +6,7 @@ import pytest
 
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.limits import FRESH_S
-from rigd.remote.requests import MAX_REQUESTS, MAX_SENDERS, MEMORY_S, Answer, Requests
+from rigd.remote.server.requests import MAX_REQUESTS, MAX_SENDERS, MEMORY_S, Answer, Requests
 
 DONE = Answer(True, b"done")
 
