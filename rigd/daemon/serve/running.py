@@ -131,15 +131,18 @@ class Running:
                 held=self.folder,
             ).result
         except Blocked as error:
-            kept = name if self.recording.exists() else ""
-            return _last(kept, "blocked", "; ".join(error.reasons), error.exit_code)
+            return self._failed("blocked", "; ".join(error.reasons), error.exit_code)
         except RigdError as error:
-            return _last(name, "faulted", error.told, error.exit_code)
+            return self._failed("faulted", error.told, error.exit_code)
         except Exception as error:  # noqa: BLE001 - the thread's boundary: the rig is safe, the daemon lives on
             _LOG.exception("the run failed by a bug in rigd")
-            return _last(name, "faulted", f"{type(error).__name__}: {error}", Exit.INTERNAL)
+            return self._failed("faulted", f"{type(error).__name__}: {error}", Exit.INTERNAL)
         reason = "; ".join([result.reason, *result.problems])
         return _last(name, result.ending, reason, result.exit_code)
+
+    def _failed(self, ending: str, reason: str, code: Exit) -> LastRun:
+        """Return how a run ended that may not even have begun its file."""
+        return _last(self.recording.name if self.recording.exists() else "", ending, reason, code)
 
 
 def _place(progress: Progress) -> tuple[object, ...]:
@@ -148,4 +151,4 @@ def _place(progress: Progress) -> tuple[object, ...]:
 
 
 def _last(run: str, ending: str, reason: str, code: Exit) -> LastRun:
-    return LastRun(run=run, ending=ending, reason=reason[:4000], exit_code=int(code))
+    return LastRun(run=run, ending=ending, reason=reason, exit_code=int(code))

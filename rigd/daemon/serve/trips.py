@@ -47,7 +47,7 @@ class Acted:
         return cls(
             trip.interlock.name,
             trip.interlock.action.name.lower(),
-            " - ".join(filter(None, told))[:2000],
+            " - ".join(filter(None, told)),
             trip.t_ns,
             _bars(trip.interlock.action, latched=trip.interlock.latch),
         )
@@ -61,7 +61,7 @@ class Acted:
         return cls(
             str(data["name"]),
             str(data["action"]),
-            " - ".join(filter(None, told))[:2000],
+            " - ".join(filter(None, told)),
             event.t_ns,
             _bars(action, latched=bool(data["latched"])),
         )

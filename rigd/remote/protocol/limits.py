@@ -17,6 +17,8 @@ MAX_PIECE_BYTES: Final = 256 * 1024
 MAX_DEPTH: Final = 16
 #: Characters of a name in a key: of a rig, a stream, an identity or a verb.
 MAX_NAME: Final = 64
+#: Characters of a line or a few for a person.
+MAX_TEXT: Final = 4000
 #: Points and channels of a frame.
 MAX_FRAME_POINTS: Final = 4096
 MAX_FRAME_CHANNELS: Final = 256

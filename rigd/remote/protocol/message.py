@@ -10,13 +10,14 @@ import json
 import math
 from typing import Annotated, Any, Final, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, StringConstraints, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, StringConstraints, ValidationError
 
 from rigd.remote.protocol.limits import (
     MAX_DEPTH,
     MAX_MESSAGE_BYTES,
     MAX_NAME,
     MAX_REQUEST_BYTES,
+    MAX_TEXT,
     VERSION,
 )
 from rigd.remote.protocol.refusal import Code, Refusal
@@ -24,7 +25,11 @@ from rigd.remote.protocol.refusal import Code, Refusal
 #: A part of a key: no character that zenoh, a shell or a path reads as anything but itself.
 Name = Annotated[str, StringConstraints(pattern=rf"^[A-Za-z0-9._-]{{1,{MAX_NAME}}}$")]
 #: A line or a few for a person.
-Text = Annotated[str, StringConstraints(max_length=4000)]
+Text = Annotated[str, StringConstraints(max_length=MAX_TEXT)]
+#: Such lines from the daemon, whatever some file says: cut, and without what UTF-8 has no form for.
+Told = Annotated[
+    Text, BeforeValidator(lambda text: _tellable(text) if isinstance(text, str) else text)
+]
 #: The version that a message of its own carries.
 Version = Literal[1]
 
@@ -82,6 +87,10 @@ def check_size(payload: bytes, limit_bytes: int) -> None:
         raise Refusal(
             Code.TOO_LARGE, f"the message has {len(payload)} bytes, at most {limit_bytes} may be"
         )
+
+
+def _tellable(text: str) -> str:
+    return text[:MAX_TEXT].encode(errors="replace").decode()
 
 
 def _check_json(payload: bytes) -> None:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Generic, TypeVar
 from pydantic import Field, JsonValue, StringConstraints
 
 from rigd.remote.protocol.limits import MAX_REQUEST_BYTES, VERSION
-from rigd.remote.protocol.message import Message, Text, Version, decode, encode
+from rigd.remote.protocol.message import Message, Told, Version, decode, encode
 from rigd.remote.protocol.refusal import Code, Refusal
 
 #: 16 random bytes; unique among all requests ever made.
@@ -42,8 +42,8 @@ class Error(Message):
     """Why a request was not carried out."""
 
     code: Code
-    message: Text
-    hint: Text | None = None
+    message: Told
+    hint: Told | None = None
 
 
 class ErrorReply(Message):
@@ -90,8 +90,7 @@ def encode_reply(request_id: str, result: Mapping[str, Any]) -> bytes:
 
 def encode_refusal(request_id: str, refusal: Refusal) -> bytes:
     """Return the payload of an error reply."""
-    hint = None if refusal.hint is None else refusal.hint[:4000]
-    error = Error(code=refusal.code, message=refusal.message[:4000], hint=hint)
+    error = Error(code=refusal.code, message=refusal.message, hint=refusal.hint)
     return encode(ErrorReply(v=VERSION, id=request_id, error=error))
 
 

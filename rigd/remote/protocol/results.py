@@ -19,7 +19,7 @@ from rigd.remote.protocol.limits import (
     MAX_REQUEST_BYTES,
     RENEW_S,
 )
-from rigd.remote.protocol.message import Message, Name, Text
+from rigd.remote.protocol.message import Message, Name, Told
 from rigd.remote.protocol.roles import Role
 from rigd.remote.protocol.status import ActionName, Count, Event, Nanoseconds
 
@@ -30,14 +30,14 @@ PriorityName = Literal["low", "medium", "high", "critical"]
 class ChannelView(Message):
     """A channel of a stream."""
 
-    name: Text
-    unit: Text
+    name: Told
+    unit: Told
     """SI; values come in it."""
-    doc: Text = ""
+    doc: Told = ""
     low: float | None = None
     """What the device can measure."""
     high: float | None = None
-    raw_of: Text | None = None
+    raw_of: Told | None = None
 
 
 class StreamView(Message):
@@ -53,9 +53,9 @@ class StreamView(Message):
 class SetpointView(Message):
     """A setpoint with the limits of the rig file."""
 
-    name: Text
+    name: Told
     """`device.setpoint`."""
-    unit: Text
+    unit: Told
     low: float
     high: float
     rate: float | None = None
@@ -66,14 +66,14 @@ class SetpointView(Message):
 class InterlockView(Message):
     """An interlock as the rig file has it; a bound is a value in SI or the name of a channel."""
 
-    name: Text
-    source: Text
+    name: Told
+    source: Told
     low: float | str | None = None
     high: float | str | None = None
     action: ActionName
     priority: PriorityName
     latch: bool
-    message: Text
+    message: Told
 
 
 class ActionView(Message):
@@ -81,7 +81,7 @@ class ActionView(Message):
 
     device: FileWord
     action: FileWord
-    doc: Text = ""
+    doc: Told = ""
 
 
 class Sizes(Message):
@@ -100,7 +100,7 @@ class Description(Message):
     """`describe`: what does not change while the daemon lives."""
 
     rig: Name
-    title: Text
+    title: Told
     simulated: bool
     streams: tuple[StreamView, ...]
     setpoints: tuple[SetpointView, ...] = ()
@@ -116,9 +116,9 @@ class ProcedureLine(Message):
     """One procedure that the daemon has."""
 
     name: FileWord
-    title: Text
+    title: Told
     sha256: Sha256
-    problem: Text | None = None
+    problem: Told | None = None
     """Why it cannot run on this rig."""
 
 
@@ -132,14 +132,14 @@ class ParameterView(Message):
     """A parameter of a procedure: a word where it has choices, else a quantity."""
 
     name: FileWord
-    doc: Text
-    unit: Text = "1"
+    doc: Told
+    unit: Told = "1"
     """In which people read it."""
-    choices: tuple[Text, ...] = ()
-    default: Text | None = None
+    choices: tuple[Told, ...] = ()
+    default: Told | None = None
     """As the author wrote it; None: the sweep gives it, or a person must."""
-    min: Text | None = None
-    max: Text | None = None
+    min: Told | None = None
+    max: Told | None = None
     swept: bool = False
     """Whether the sweep gives it; a value set by hand takes the place of the sweep."""
 
@@ -148,8 +148,8 @@ class ProcedureView(Message):
     """`procedure`: its file, and what its form needs."""
 
     procedure: ProcedureFile
-    title: Text
-    doc: Text
+    title: Told
+    doc: Told
     parameters: tuple[ParameterView, ...]
     on_client_loss: Literal["continue", "finish_trial", "stop"]
 
@@ -157,8 +157,8 @@ class ProcedureView(Message):
 class ProblemView(Message):
     """What is wrong with a procedure, and where; line and column count from 1."""
 
-    message: Text
-    hint: Text | None = None
+    message: Told
+    hint: Told | None = None
     line: int | None = None
     column: int | None = None
 
@@ -176,10 +176,10 @@ class StepView(Message):
     """A step of a dry run, over all trials."""
 
     block: Literal["prepare", "trial", "after", "finish"]
-    name: Text
-    setpoints: tuple[Text, ...] = ()
+    name: Told
+    setpoints: tuple[Told, ...] = ()
     """A line each; what the sweep varies stands as a range."""
-    ends: tuple[Text, ...] = ()
+    ends: tuple[Told, ...] = ()
     """What ends it, a line each."""
     played: Count
     shortest_s: float
@@ -189,13 +189,13 @@ class StepView(Message):
 class PeakView(Message):
     """The predicted extremes of a channel beside its limits, in SI."""
 
-    channel: Text
-    unit: Text
+    channel: Told
+    unit: Told
     lowest: float | None
     highest: float | None
     low: float | None
     high: float | None
-    limit_by: Text
+    limit_by: Told
     inside: bool
 
 
@@ -207,15 +207,15 @@ class DryRun(Message):
     trials: Count
     steps: tuple[StepView, ...] = ()
     peaks: tuple[PeakView, ...] = ()
-    refusals: tuple[Text, ...] = ()
+    refusals: tuple[Told, ...] = ()
 
 
 class RunLine(Message):
     """One recording."""
 
     run: RunName
-    procedure: Text
-    state: Text
+    procedure: Told
+    state: Told
     """How it ended."""
     started_ns: Nanoseconds
     duration_s: float
@@ -224,7 +224,7 @@ class RunLine(Message):
     size: Count
     """In bytes."""
     has_report: bool
-    problem: Text | None = None
+    problem: Told | None = None
     """Why it cannot be read."""
 
 
@@ -304,7 +304,7 @@ class Reported(Message):
 class Acted(Message):
     """`act`."""
 
-    said: Text
+    said: Told
     """What the device answered."""
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, JsonValue
 
-from rigd.remote.protocol.message import Message, Name, Text, Version
+from rigd.remote.protocol.message import Message, Name, Told, Version
 
 Count = Annotated[int, Field(ge=0)]
 Nanoseconds = Annotated[int, Field(ge=0, lt=2**63)]
@@ -25,7 +25,7 @@ ActionName = Literal["warn", "end_trial", "stop", "abort", "estop"]
 class Daemon(Message):
     """The process that speaks."""
 
-    version: Text
+    version: Told
     pid: Count
     started_ns: Nanoseconds
 
@@ -44,17 +44,17 @@ class PromptView(Message):
 
     id: Count
     """Each time a prompt is put, it has an id of its own."""
-    name: Text
-    text: Text
+    name: Told
+    text: Told
     kind: Literal["confirm", "number", "choice", "text"]
-    unit: Text = "1"
+    unit: Told = "1"
     """Of a number; the answer, `low` and `high` are in SI."""
     low: float | None = None
     high: float | None = None
-    choices: tuple[Text, ...] = ()
+    choices: tuple[Told, ...] = ()
     answer: float | str | bool | None = None
     """What the procedure itself would answer."""
-    objection: Text = ""
+    objection: Told = ""
     """What spoke against the answer given before."""
 
 
@@ -71,9 +71,9 @@ class LeaseView(Message):
 class TripView(Message):
     """An interlock that has acted."""
 
-    interlock: Text
+    interlock: Told
     action: ActionName
-    message: Text
+    message: Told
     since_ns: Nanoseconds
     latched: bool
     """Whether it waits for a person to acknowledge it."""
@@ -83,8 +83,8 @@ class TripView(Message):
 class Interrupted(Message):
     """A run that ended before its last trial; `resume_run` goes on with it."""
 
-    run: Text
-    reason: Text
+    run: Told
+    reason: Told
     trials_done: Count
     trials_total: Count
 
@@ -92,9 +92,9 @@ class Interrupted(Message):
 class LastRun(Message):
     """How the last run ended."""
 
-    run: Text
-    ending: Text
-    reason: Text
+    run: Told
+    ending: Told
+    reason: Told
     exit_code: Count
     """As `rigd run` would have exited."""
 
@@ -113,7 +113,7 @@ class Notice(Message):
 
     t_ns: Nanoseconds
     level: Literal["info", "warning", "error"]
-    text: Text
+    text: Told
 
 
 class Status(Message):
@@ -121,17 +121,17 @@ class Status(Message):
 
     v: Version
     rig: Name
-    title: Text
+    title: Told
     t_ns: Nanoseconds
     """When it was said, in ns since the Unix epoch."""
     seq: Count
     """Counts the status messages of this daemon."""
     daemon: Daemon
     state: State
-    procedure: Text | None = None
-    run: Text | None = None
+    procedure: Told | None = None
+    run: Told | None = None
     """File name of the recording under way."""
-    step: Text | None = None
+    step: Told | None = None
     trial: Trial | None = None
     trials_done: Count = 0
     trials_total: Count = 0
@@ -156,7 +156,7 @@ class Event(Message):
     seq: Count
     """Counts the events of this daemon: a gap is one that was missed, and `events` has it."""
     t_ns: Nanoseconds
-    kind: Text
+    kind: Told
     trial: int = -1
     """-1 outside of every trial."""
     data: dict[str, JsonValue] = Field(default_factory=dict)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import threading
 from pathlib import Path
 
@@ -63,4 +64,21 @@ def test_a_disk_that_refuses_is_said_until_it_no_longer_does(tmp_path: Path) -> 
     (tmp_path / "gone").mkdir()
     log.check()
     assert not log.broken
-    assert json.loads(log.path.read_text())["result"] == "kept again"
+    missing, tried = map(json.loads, log.path.read_text().splitlines())
+    assert (missing["args"], missing["result"]) == ({"missing": 2}, "kept again")
+    assert tried["result"] == "tried again"
+
+
+def test_a_line_that_a_full_disk_has_torn_spoils_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, write = AuditLog(tmp_path / "audit.jsonl"), os.write
+    log.write("alice", "pause", {})
+    monkeypatch.setattr(os, "write", lambda fd, data: write(fd, data[:20]))
+    log.write("alice", "resume", {})
+    assert "No space left" in log.broken
+    monkeypatch.undo()
+    log.write("bob", "pause", {})
+    whole, torn, missing, last = log.path.read_text().splitlines()
+    assert len(torn) == 20
+    assert [json.loads(one)["who"] for one in (whole, missing, last)] == ["alice", "rigd", "bob"]

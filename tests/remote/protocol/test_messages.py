@@ -25,10 +25,10 @@ from rigd.remote.protocol import (
     new_request,
 )
 from rigd.remote.protocol.arguments import Answered, Piece, ProcedureFile, Run, Start
-from rigd.remote.protocol.limits import MAX_DEPTH, MAX_REQUEST_BYTES
+from rigd.remote.protocol.limits import MAX_DEPTH, MAX_REQUEST_BYTES, MAX_TEXT
 from rigd.remote.protocol.request import Reply
 from rigd.remote.protocol.results import PieceView
-from rigd.remote.protocol.status import Daemon, State, Trial
+from rigd.remote.protocol.status import Daemon, PromptView, State, Trial
 
 START = Start(procedure=ProcedureFile.of("one", "procedure: one"))
 
@@ -199,6 +199,12 @@ def test_a_status_survives_the_wire() -> None:
     assert got == status
     assert got.trial is not None
     assert got.trial.parameters["up"] is True
+
+
+def test_what_a_file_says_at_any_length_can_be_told() -> None:
+    """The text of a prompt is its author's; a status that cannot be told hides the rig."""
+    prompt = PromptView(id=1, name="ready", text="\ud800" + "x" * 10_000, kind="confirm")
+    assert decode(PromptView, encode(prompt)).text == "?" + "x" * (MAX_TEXT - 1)
 
 
 def test_an_event_refuses_what_json_cannot_say() -> None:
