@@ -31,9 +31,10 @@ class Notices:
         self._kept: deque[Notice] = deque(maxlen=KEPT)
 
     def note(self, text: str, level: Level = "info") -> None:
-        """Add a line."""
-        _LOG.log(_LEVELS[level], "%s", text)
-        self._kept.append(Notice(t_ns=self._clock(), level=level, text=text[:_LENGTH]))
+        """Add a line; what it says may be a client's own words."""
+        line = "".join(one if one.isprintable() else " " for one in text[:_LENGTH])
+        _LOG.log(_LEVELS[level], "%s", line)
+        self._kept.append(Notice(t_ns=self._clock(), level=level, text=line))
         self._changed()
 
     def views(self) -> tuple[Notice, ...]:

@@ -1,0 +1,30 @@
+"""Notices are lines, whatever a client made them say."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from rigd.daemon.serve.notices import KEPT, Notices
+
+
+def test_a_clients_words_break_no_line_and_steer_no_terminal(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    notices = Notices(lambda: None)
+    with caplog.at_level(logging.INFO):
+        notices.note("stop by eve: \x1b[2J\n12:00:00 all is well" + "x" * 5000)
+    [notice] = notices.views()
+    assert notice.text.startswith("stop by eve:  [2J 12:00:00 all is well")
+    assert len(notice.text) == 1000
+    assert caplog.records[0].getMessage() == notice.text
+
+
+def test_the_newest_are_kept_the_newest_last() -> None:
+    news: list[int] = []
+    notices = Notices(lambda: news.append(1), clock=lambda: len(news))
+    for number in range(KEPT + 5):
+        notices.note(str(number))
+    assert [one.text for one in notices.views()] == [str(n) for n in range(5, KEPT + 5)]
+    assert len(news) == KEPT + 5
