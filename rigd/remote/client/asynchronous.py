@@ -21,7 +21,6 @@ from rigd.remote.protocol import (
     Kind,
     LeaseView,
     Message,
-    Refusal,
     Status,
     as_json,
     decode_frame,
@@ -78,7 +77,7 @@ class AsyncClient:
     ) -> None:
         self._target = find_target(rig, endpoint, tls, identity)
         self._opened: Connection | None = None
-        self._holding = Holding(self.lease_renew)
+        self._holding = Holding(self.lease_renew, self._release)
 
     async def open(self) -> Self:
         """Connect.
@@ -229,7 +228,7 @@ class AsyncClient:
     async def lease_release(self) -> LeaseView:
         """Give the lease back; a run under way goes on."""
         await self._holding.end()
-        return await self._command("lease_release", LeaseView)
+        return await self._release()
 
     async def lease_request(self) -> LeaseView:
         """Ask whoever has the lease to hand it over; they are shown who asks."""
@@ -250,16 +249,14 @@ class AsyncClient:
         ``brief`` after whatever happens: for single commands to a run that needs nobody. A lease
         that was held before stays as it was.
         """
-        holds = self._holding.holds
+        held = self._holding.holds
         was_ours = (await self.lease()).holder == self.identity
         await self.lease_take()
-        try:
+        if held:
             yield
-        except BaseException as error:
-            orderly = brief or isinstance(error, Refusal)
-            await self._leave(holds, release=orderly and not was_ours)
-            raise
-        await self._leave(holds, release=not was_ours)
+            return
+        async with self._holding.until_left(brief=brief, give_back=not was_ours):
+            yield
 
     # Running
 
@@ -367,19 +364,13 @@ class AsyncClient:
         found = await self.connection.request(Kind.STOP, verb, {"reason": reason}, Stopped)
         return found.acted
 
+    async def _release(self) -> LeaseView:
+        return await self._command("lease_release", LeaseView)
+
     async def _take(self, verb: str) -> LeaseView:
         view = await self._command(verb, LeaseView)
         self._holding.begin()
         return view
-
-    async def _leave(self, held: bool, *, release: bool) -> None:
-        """Stop holding the lease, unless it was held before."""
-        if held:
-            return
-        if release and self._holding.holds:
-            await self.lease_release()
-        else:
-            await self._holding.end()
 
     async def _checked(
         self, procedure: str | Path, set: Mapping[str, str] | None

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable
-from contextlib import suppress
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager, suppress
 
 from rigd.model.errors import RigdError
 from rigd.remote.protocol import Code, Refusal
@@ -20,8 +20,11 @@ class Holding:
     It stops where the daemon says that the lease is another's; the next command then says so too.
     """
 
-    def __init__(self, renew: Callable[[], Awaitable[object]]) -> None:
+    def __init__(
+        self, renew: Callable[[], Awaitable[object]], release: Callable[[], Awaitable[object]]
+    ) -> None:
         self._renew = renew
+        self._release = release
         self._task: asyncio.Task[None] | None = None
 
     @property
@@ -42,6 +45,39 @@ class Holding:
             with suppress(asyncio.CancelledError):
                 await task
 
+    @asynccontextmanager
+    async def until_left(self, *, brief: bool, give_back: bool) -> AsyncIterator[None]:
+        """End with a block, in order or not; see :meth:`AsyncClient.control`.
+
+        ``give_back``: release the lease where the block is left in order.
+        """
+        try:
+            yield
+        except BaseException as error:
+            if not (give_back and (brief or isinstance(error, Refusal))):
+                await self.end()
+                raise
+            try:
+                await self._give_back()
+            except RigdError as second:  # the first error says what became of the command
+                _log.warning("control could not be given back: %s", second.told)
+            raise
+        if give_back:
+            await self._give_back()
+        else:
+            await self.end()
+
+    async def _give_back(self) -> None:
+        holds = self.holds
+        await self.end()
+        if not holds:
+            return
+        try:
+            await self._release()
+        except Refusal as refusal:
+            if refusal.code is not Code.NO_LEASE:  # else another has it: nothing to give back
+                raise
+
     async def _keep(self) -> None:
         while True:
             await asyncio.sleep(RENEW_S)
@@ -49,7 +85,7 @@ class Holding:
                 await self._renew()
             except RigdError as error:
                 if isinstance(error, Refusal) and error.code is Code.NO_LEASE:
-                    _log.warning("the control lease is lost: %s", error.told)
+                    _log.warning("control is lost: %s", error.message)
                     return
                 # Whatever keeps it from being renewed may be over before it runs out.
-                _log.warning("the control lease could not be renewed: %s", error.told)
+                _log.warning("control could not be renewed: %s", error.told)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -23,9 +23,10 @@ from pydantic import Field
 
 from rigd.config.binding import bind
 from rigd.config.document import read_document
-from rigd.config.problems import Problems
+from rigd.config.problems import Problems, suggest
 from rigd.config.remote import DEFAULT_ENDPOINT, TlsFiles
 from rigd.config.source import Identity, Source, TlsSource
+from rigd.model.errors import ConfigError
 from rigd.remote.client.target import Target, aim
 
 
@@ -87,19 +88,28 @@ def find_target(
 ) -> Target:
     """Return where ``rig`` is found: as the list says, save for what is given here.
 
-    Without a name it is the only rig of the list, or else the only one on this machine.
+    Without a name it is the only rig of the list or, where that is empty, the only one on this
+    machine.
 
     Raises:
-        ConfigError: the list or an argument is wrong.
+        ConfigError: the list or an argument is wrong, or it has several rigs and none is named.
         Refusal: a name cannot stand in a key.
     """
     if endpoint is not None:
         return aim(rig, endpoint, tls, identity)
     known = read_remotes()
-    if rig is None and len(known) == 1:
+    if rig is None and len(known) > 1:
+        raise ConfigError(
+            f"which rig? {list_path()} has {', '.join(sorted(known))}", hint="name one"
+        )
+    if rig is None and known:
         rig = next(iter(known))
     found = Remote() if rig is None else known.get(rig, Remote())
-    return aim(rig, found.endpoint, tls or found.tls, identity or found.identity)
+    target = aim(rig, found.endpoint, tls or found.tls, identity or found.identity)
+    if rig is None or rig in known or not known:
+        return target
+    unknown = f"{rig} is not in {list_path()} ({suggest(rig, known)})"
+    return replace(target, note=f"{unknown}, so it was looked for on this machine; ")
 
 
 def _remote(line: RemoteLine, folder: Path) -> Remote:

@@ -45,7 +45,7 @@ def open_session(target: Target) -> zenoh.Session:
     try:
         return zenoh.open(client_config([target.endpoint], target.tls))
     except zenoh.ZError as error:
-        hint = "is the daemon running there (rigd serve), and is the address right?"
+        hint = f"{target.note}is the daemon running there (rigd serve), and is the address right?"
         if target.tls is not None:
             hint += (
                 f" Is {target.tls.certificate} still valid, and signed by the authority that the "

@@ -31,6 +31,8 @@ class Target:
     tls: TlsFiles | None
     identity: str
     """The name under which the daemon knows the client."""
+    note: str = ""
+    """Why it was looked for there, to be told where nobody is."""
 
 
 def aim(

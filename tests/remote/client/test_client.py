@@ -162,6 +162,12 @@ def test_control_left_by_a_refusal_is_given_back(client: Client) -> None:
     assert client.lease().holder is None
 
 
+def test_control_that_another_was_given_meanwhile_is_theirs(client: Client) -> None:
+    with client.control():
+        client.run_async(client.asynchronous.connection.command("lease_give", {"to": "bob"}))
+    assert client.lease().holder == "bob"
+
+
 def test_brief_control_is_given_back_whatever_happens(client: Client) -> None:
     with pytest.raises(ZeroDivisionError), client.control(brief=True):
         raise ZeroDivisionError

@@ -56,6 +56,13 @@ def test_the_only_rig_of_the_list_needs_no_name(home: Path) -> None:
     assert find_target().rig == "far-1"
 
 
+def test_of_several_rigs_one_must_be_named(home: Path) -> None:
+    (home / "remotes.yaml").write_text(LIST)
+    with pytest.raises(ConfigError, match=r"which rig\? .* has lugre-1, wire-1"):
+        find_target()
+    assert "did you mean 'lugre-1'" in find_target("lugre1").note
+
+
 def test_what_is_wrong_in_the_list_is_named_with_its_place(home: Path) -> None:
     (home / "remotes.yaml").write_text("remotes:\n  lugre-1: {endpont: tcp/127.0.0.1:7001}\n")
     with pytest.raises(ConfigError, match=r"remotes\.yaml:2:13: unknown key 'endpont'"):
