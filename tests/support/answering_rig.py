@@ -64,6 +64,8 @@ from rigd.remote.protocol.results import (
 from rigd.remote.protocol.status import Daemon, Interrupted, LastRun, PromptView, TripView
 from rigd.remote.server import Lease, Result, Server
 
+#: So long that on a crowded machine it runs out for nobody who keeps it, in s.
+LEASE_S = 600.0
 TEXT = """\
 procedure: small
 title: A small procedure
@@ -260,6 +262,10 @@ class Served:
     server: Server
     endpoint: str
 
+    def show(self) -> None:
+        """Tell the status as it is now: what a test changes is else shown by the next heartbeat."""
+        self.server.publisher.status(self.rig.status())
+
     def tell(self, kind: str, **data: Any) -> None:
         """Let something happen, and tell it to who listens."""
         self.server.publisher.event(self.rig.tell(kind, **data))
@@ -267,9 +273,9 @@ class Served:
 
 @contextmanager
 def served(name: str = "lugre-1", setup: RemoteSetup | None = None) -> Iterator[Served]:
-    """Serve an answering rig on a free port, or as ``setup`` says."""
-    setup = setup or RemoteSetup((f"tcp/127.0.0.1:{free_port()}",))
-    lease = Lease(lambda _: True)
+    """Serve an answering rig, by default on a free port, with carol as its maintainer."""
+    setup = setup or RemoteSetup((f"tcp/127.0.0.1:{free_port()}",), roles={"carol": "maintainer"})
+    lease = Lease(lambda _: True, duration_s=LEASE_S)
     with Server(name, setup, lease) as server:
         rig = AnsweringRig(name, lease)
         server.start(rig)

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import subprocess
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Final, Self
+
+#: What takes longer has hung.
+TIMEOUT_S: Final = 60.0
+#: Colours and movements of the cursor (ECMA-48, 5.4): a person sees what they do, not them.
+_CONTROL: Final = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]")
 
 
 @dataclass
@@ -34,14 +42,10 @@ class Terminal:
 
     def expect(self, text: str) -> None:
         """Read until the screen shows ``text`` (each only once)."""
-        while text not in self.seen:
-            try:
-                piece = os.read(self.master, 4096)
-            except OSError:  # Linux reports the end of a pty so
-                piece = b""
-            if not piece:
-                raise AssertionError(f"never showed {text!r}, only: {self.seen}")
-            self.seen += piece.decode(errors="replace")
+        with self._ended_in_time():
+            while text not in self.seen:
+                if not self._read():
+                    raise AssertionError(f"never showed {text!r}, only: {self.seen}")
         self.seen = self.seen.partition(text)[2]
 
     def type(self, line: str) -> None:
@@ -50,15 +54,33 @@ class Terminal:
 
     def end(self) -> int:
         """Wait for its end and return its exit code."""
-        try:
-            while os.read(self.master, 4096):
+        with self._ended_in_time():
+            while self._read():
                 pass
-        except OSError:
-            pass
-        return self.process.wait(timeout=60)
+            return self.process.wait()
 
     def close(self) -> None:
         """End it, whatever it does."""
         self.process.kill()
         self.process.wait()
         os.close(self.master)
+
+    def _read(self) -> bool:
+        """Take what stands on the screen next; False where the command has ended."""
+        try:
+            piece = os.read(self.master, 4096)
+        except OSError:  # Linux reports the end of a pty so
+            return False
+        # A sequence that is cut in two is whole once the next piece has come.
+        self.seen = _CONTROL.sub("", self.seen + piece.decode(errors="replace"))
+        return bool(piece)
+
+    @contextmanager
+    def _ended_in_time(self) -> Iterator[None]:
+        """Kill a command that hangs, so that its screen ends."""
+        watchdog = threading.Timer(TIMEOUT_S, self.process.kill)
+        watchdog.start()
+        try:
+            yield
+        finally:
+            watchdog.cancel()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,6 +87,20 @@ def _tls(args: argparse.Namespace) -> TlsFiles | None:
     if len(given) < len(files):
         raise ConfigError("--ca, --certificate and --key come together")
     return TlsFiles(*given)
+
+
+def again(args: argparse.Namespace) -> str:
+    """Return the options by which the rig was found, to stand behind a command that is advised."""
+    named = {
+        "--rig": args.rig,
+        "--endpoint": args.endpoint,
+        "--ca": args.ca,
+        "--certificate": args.certificate,
+        "--key": args.key,
+        "--as": args.identity,
+    }
+    given = {option: value for option, value in named.items() if value is not None}
+    return "".join(f" {option} {shlex.quote(str(value))}" for option, value in given.items())
 
 
 def print_json(result: Mapping[str, Any] | Sequence[Any]) -> None:

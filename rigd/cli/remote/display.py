@@ -72,17 +72,16 @@ class RemoteDisplay:
             return
         trial = status.trial
         if trial is not None and trial != self._trial and not self._console.is_terminal:
-            self._console.print(
-                f"trial {status.trials_done + 1}/{status.trials_total}: "
-                f"{escape(self._describe(trial))}"
-            )
+            which = f"trial {status.trials_done + 1}/{status.trials_total}"
+            self._console.print(escape(": ".join(filter(None, (which, self._describe(trial))))))
         if status.state != self._state and status.state in ("pausing", "paused", "stopping"):
             self.tell(f"{status.state}; rigd remote resume goes on"
                       if status.state == "paused" else status.state)  # fmt: skip
         self._trial, self._state = trial, status.state
         what: str = status.state
         if trial is not None:
-            what = self._describe(trial) + (f" · {status.step}" if status.step else "")
+            what = self._describe(trial) or f"trial {trial.number}"
+            what += f" · {status.step}" if status.step else ""
         left = "" if status.left_s is None else f"{status.left_s:.0f} s left"
         self._bar.update(
             self._task,
@@ -106,22 +105,20 @@ class RemoteDisplay:
             for name, value in trial.parameters.items()
             if name in self._swept or not self._units
         ]
-        text = ", ".join(words) or f"trial {trial.number}"
-        return text if trial.repeat == 1 else f"{text}, repeat {trial.repeat}"
+        return ", ".join([*words, *([f"repeat {trial.repeat}"] if trial.repeat > 1 else [])])
 
 
-def conclude(last: LastRun, line: RunLine, rig: str) -> None:
-    """Say how the run ended and what to do next."""
+def conclude(last: LastRun, line: RunLine, where: str) -> None:
+    """Say how the run ended and what to do next; ``where`` are the options that find the rig."""
     colour = "red" if last.exit_code else "green"
     console = Console(highlight=False, soft_wrap=True)
     console.print(
         f"[{colour}]{last.ending}[/]: {escape(last.reason)}; "
         f"{line.trials_done} of {line.trials_total} trials, {line.duration_s:.1f} s of rig time"
     )
-    run = escape(last.run)
     if line.trials_done < line.trials_total:
-        console.print(f"go on with:  rigd remote resume-run {run} --rig {rig}")
-    console.print(f"fetch it:    rigd remote fetch {run} --rig {rig}")
+        console.print(escape(f"go on with:  rigd remote resume-run {last.run}{where}"))
+    console.print(escape(f"fetch it:    rigd remote fetch {last.run}{where}"))
 
 
 def _parameters(procedure: Procedure | None) -> tuple[Mapping[str, str], frozenset[str]]:

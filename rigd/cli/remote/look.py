@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import argparse
 from datetime import datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
-from rigd.cli.remote.command import Command, add_json, connect, connect_async, print_json
+from rigd.cli.remote.command import Command, add_json, again, connect, connect_async, print_json
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pydantic import JsonValue
+
     from rigd.remote.protocol import Event, Status
+
+#: What says nothing about an event.
+_EMPTY: Final[tuple[JsonValue, ...]] = (None, "", [], {})
 
 
 def _configure_status(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--watch", action="store_true", help="follow the run under way to its end")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
     add_json(parser)
 
 
@@ -27,7 +35,7 @@ def _status(args: argparse.Namespace) -> int:
     if args.json:
         print_json(as_json(status))
     else:
-        _print(status)
+        _print(status, again(args))
     return 0
 
 
@@ -43,12 +51,12 @@ def _watch(args: argparse.Namespace) -> int:
             if status.run is None or status.procedure is None:
                 raise ConfigError("nothing is running: there is no run to watch")
             procedure = await procedure_of(rig, status.procedure)
-            return await watch(rig, status.run, procedure, as_json=args.json)
+            return await watch(rig, status.run, procedure, args, steers=False)
 
     return asyncio.run(follow())
 
 
-def _print(status: Status) -> None:
+def _print(status: Status, where: str) -> None:
     from rich.console import Console
     from rich.markup import escape
 
@@ -68,17 +76,18 @@ def _print(status: Status) -> None:
         )
     if status.prompt is not None:
         say(f"  waits for an answer: {status.prompt.text}", "yellow")
-        say("    rigd remote answer VALUE")
+        say(f"    rigd remote answer VALUE{where}")
     if status.lease.holder is not None:
         say(f"  control: {status.lease.holder}")
     for name in status.lease.asked_by:
         say(f"    {name} asks for it")
     for trip in status.trips:
-        done = "acknowledged" if trip.acknowledged else f"rigd remote ack {trip.interlock}"
+        ack = f"rigd remote ack {trip.interlock}{where}"
+        done = "acknowledged" if trip.acknowledged else ack
         say(f"  {trip.interlock} acted ({trip.action}): {trip.message}; {done}", "red")
     for one in status.interrupted:
         say(f"  interrupted: {one.run}, {one.trials_done} of {one.trials_total} trials")
-        say(f"    rigd remote resume-run {one.run}")
+        say(f"    rigd remote resume-run {one.run}{where}")
     if status.last is not None:
         say(f"  last run: {status.last.run}, {status.last.ending}: {status.last.reason}")
     for notice in status.notices[-5:]:
@@ -106,9 +115,40 @@ def _events(args: argparse.Namespace) -> int:
 
 
 def _line(event: Event) -> str:
-    data = ", ".join(f"{name}={value}" for name, value in event.data.items())
-    trial = "" if event.trial < 0 else f"trial {event.trial}  "
-    return f"{event.seq:6d}  {_clock(event.t_ns)}  {event.kind:16s}  {trial}{data}"
+    trial = "" if event.trial < 0 else f"trial {event.trial}"
+    told = _told(event.data)
+    return f"{event.seq:6d}  {_clock(event.t_ns)}  {event.kind:12s} {trial:9s} {told}".rstrip()
+
+
+def _told(data: Mapping[str, JsonValue]) -> str:
+    """Return what belongs to an event: its name first, without what is empty."""
+    if data.keys() == {"who", "verb", "args"}:
+        return f"{data['who']}: {data['verb']} {_plain(data['args'])}".rstrip()
+    units = data.get("units")
+    parts: list[str] = []
+    for name, value in data.items():
+        if name == "name":
+            parts.insert(0, _plain(value))
+        elif name == "parameters" and isinstance(value, dict) and isinstance(units, dict):
+            shown = (f"{one} {_plain(of)} {units.get(one) or ''}" for one, of in value.items())
+            parts.append(", ".join(shown).rstrip())
+        elif name != "units" and value not in _EMPTY:
+            parts.append(f"{name.replace('_', ' ')} {_plain(value)}")
+    return "; ".join(parts) or ", ".join(data)
+
+
+def _plain(value: JsonValue) -> str:
+    match value:
+        case bool():
+            return "yes" if value else "no"
+        case float():
+            return f"{value:.6g}"
+        case list():
+            return ", ".join(map(_plain, value))
+        case dict():
+            kept = ((name, one) for name, one in value.items() if name != "sha256")
+            return ", ".join(f"{name} {_plain(one)}" for name, one in kept if one not in _EMPTY)
+    return str(value)
 
 
 def _clock(t_ns: int) -> str:

@@ -10,14 +10,14 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rigd.cli.remote.command import Command, add_json, connect, print_json
+from rigd.cli.remote.command import Command, add_json, again, connect, print_json
 
 if TYPE_CHECKING:
     from rigd.remote.protocol.results import RunList
 
 
 def _configure_runs(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--limit", type=int, default=20, metavar="N", help="how many (20)")
+    parser.add_argument("--limit", type=_count, default=20, metavar="N", help="how many (20)")
     parser.add_argument("--before", metavar="RUN", help="only older ones than this")
     add_json(parser)
 
@@ -28,16 +28,19 @@ def _runs(args: argparse.Namespace) -> int:
     if args.json:
         print_json(found.model_dump(mode="json"))
     else:
-        _print(found)
+        _print(found, again(args))
     return 0
 
 
-def _print(found: RunList) -> None:
+def _print(found: RunList, where: str) -> None:
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
+    if not found.runs:
+        console.print("no recordings yet")
+        return
     table = Table(box=None, pad_edge=False)
     for name in ("recording", "procedure", "state", "began"):
         table.add_column(name, overflow="fold")
@@ -60,7 +63,8 @@ def _print(found: RunList) -> None:
     console.print(table)
     if found.more:
         console.print(
-            f"older ones:  rigd remote runs --before {escape(found.runs[-1].run)}", soft_wrap=True
+            escape(f"older ones:  rigd remote runs --before {found.runs[-1].run}{where}"),
+            soft_wrap=True,
         )
 
 
@@ -93,6 +97,12 @@ def _report(args: argparse.Namespace) -> int:
         path = rig.report(args.run, args.to, progress)
     _tell(args, path)
     return 0
+
+
+def _count(text: str) -> int:
+    if text.isdecimal() and int(text) > 0:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 on")
 
 
 @contextmanager

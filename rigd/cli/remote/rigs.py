@@ -46,7 +46,9 @@ def _print(found: list[Seen]) -> None:
     for one in found:
         status = one.status
         if status is None:
-            table.add_row(escape(one.rig), escape(one.endpoint), f"[red]{escape(one.problem)}[/]")
+            silent = "[red]not reached[/]"
+            table.add_row(escape(one.rig), escape(one.endpoint), silent, "", "", "",
+                          escape(one.problem))  # fmt: skip
             continue
         trials = f"{status.trials_done}/{status.trials_total}" if status.procedure else ""
         texts = (

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING
 
-from rigd.cli.remote.command import Command, add_json, connect_async, print_json
+from rigd.cli.remote.command import Command, add_json, again, connect_async, print_json
 from rigd.cli.remote.procedures import add_procedure, values_of
 
 if TYPE_CHECKING:
@@ -96,14 +96,24 @@ def _begin(
             if name is None:
                 raise ProtocolError("the daemon began a run, and does not say which")
             if args.watch:
-                return await watch(rig, name, shown, as_json=args.json, quiet=args.quiet)
-            if args.json:
-                print_json({"run": name})
-            else:
-                print(f"{name}\nwatch it:  rigd remote status --watch --rig {rig.rig}")
-            return 0
+                return await watch(rig, name, shown, args, steers=True)
+        # Control is given back by now: what is said of it is true.
+        if args.json:
+            print_json({"run": name})
+        else:
+            print(_what_next(name, again(args)))
+        return 0
 
     return asyncio.run(run())
+
+
+def _what_next(run: str, where: str) -> str:
+    return f"""\
+{run}
+It goes on by itself: nobody has control, and nobody is needed. Prompts wait for an answer.
+  rigd remote status --watch{where}
+  rigd remote answer VALUE{where}
+  rigd remote stop{where}"""
 
 
 COMMANDS = {

@@ -30,12 +30,13 @@ def _stopping(do: Callable[[Client, str], bool], verb: str) -> Callable[..., int
     def execute(args: argparse.Namespace) -> int:
         with connect(args) as rig:
             acted = do(rig, args.reason)
-            run = rig.status().run if args.wait else None
-            last = None if run is None else rig.wait(run)
+            run = rig.status().run if args.wait or not acted else None
+            last = rig.wait(run) if args.wait and run is not None else None
         if args.json:
             print_json({"acted": acted} | ({} if last is None else last.model_dump(mode="json")))
             return 0
-        print(f"{verb}: asked for" if acted else f"{verb}: nothing runs that was not told so")
+        idle = "nothing is running" if run is None else f"{run} has been told so already"
+        print(f"{verb}: asked for" if acted else f"{verb}: {idle}")
         if last is not None:
             print(f"{last.run}: {last.ending}: {last.reason}")
         return 0

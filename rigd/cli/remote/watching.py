@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import signal
 import sys
@@ -10,7 +11,7 @@ from contextlib import aclosing
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from rigd.cli.remote.command import print_json
+from rigd.cli.remote.command import again, print_json
 from rigd.cli.remote.display import RemoteDisplay, conclude
 from rigd.cli.remote.prompting import LEAVING, Lines, as_prompt, ask, is_terminal
 from rigd.model.errors import Exit, LinkError, RigdError
@@ -38,21 +39,23 @@ async def watch(
     rig: AsyncClient,
     run: str,
     procedure: Procedure | None,
+    args: argparse.Namespace,
     *,
-    as_json: bool = False,
-    quiet: bool = False,
+    steers: bool,
 ) -> int:
     """Show ``run`` of ``procedure`` until it ends, or a person leaves it; return the exit code.
 
-    Prompts are asked at this terminal while this client has control.
+    Prompts are asked at this terminal while this client has control. ``steers``: whether the run
+    is this command's own, so that Ctrl-C stops it where nobody can be asked what is meant.
     """
-    with RemoteDisplay(procedure, quiet=quiet or as_json) as display:
-        last = await Watch(rig, run, display).follow()
+    where = again(args)
+    with RemoteDisplay(procedure, quiet=args.quiet or args.json) as display:
+        last = await Watch(rig, run, display, where, steers=steers).follow()
     if last is None:
-        print(f"{run} goes on:  rigd remote status --watch --rig {rig.rig}", file=sys.stderr)
+        print(f"{run} goes on:  rigd remote status --watch{where}", file=sys.stderr)
         return int(Exit.OK)
     line = (await rig.run(run)).line
-    if as_json:
+    if args.json:
         print_json(
             {
                 "recording": last.run,
@@ -65,17 +68,21 @@ async def watch(
             }
         )
     else:
-        conclude(last, line, rig.rig)
+        conclude(last, line, where)
     return last.exit_code
 
 
 class Watch:
     """Follows one run at a terminal; :meth:`follow` is called once."""
 
-    def __init__(self, rig: AsyncClient, run: str, display: RemoteDisplay) -> None:
+    def __init__(
+        self, rig: AsyncClient, run: str, display: RemoteDisplay, where: str, *, steers: bool
+    ) -> None:
         self._rig = rig
         self._run = run
         self._display = display
+        self._where = where
+        self._steers = steers
         self._lines = Lines(sys.stdin)
         self._question: asyncio.Task[None] | None = None  # the one that stands at the terminal
         self._prompt: PromptView | None = None  # the prompt that was shown last
@@ -93,6 +100,8 @@ class Watch:
         loop = asyncio.get_running_loop()
         loop.add_signal_handler(signal.SIGINT, self._press)
         self._display.announce(f"{self._rig.rig} records {self._run}")
+        if is_terminal():
+            self._display.announce("Ctrl-C asks what to do")
         try:
             return await self._follow()
         finally:
@@ -136,7 +145,9 @@ class Watch:
         asked_by = status.lease.asked_by
         if self._holds(status) and asked_by != self._told_asking:
             for name in asked_by:
-                self._display.tell(f"{name} asks for control: rigd remote lease give {name}")
+                self._display.tell(
+                    f"{name} asks for control: rigd remote lease give {name}{self._where}"
+                )
         self._told_asking = asked_by
 
     def _see_prompt(self, status: Status) -> None:
@@ -153,12 +164,12 @@ class Watch:
         if is_terminal() and self._holds(status):
             self._ask(self._answer(prompt), _PROMPT)
         else:
-            self._display.tell(f"waits for an answer: {prompt.text}  (rigd remote answer VALUE)")
+            self._display.tell(f"waits for an answer: {prompt.text}  ({self._how_to_answer})")
 
     async def _answer(self, prompt: PromptView) -> None:
         given = await ask(as_prompt(prompt), prompt.objection, self._lines, sys.stderr)
         if given is None:
-            self._display.tell("this terminal is gone: rigd remote answer VALUE")
+            self._display.tell(f"this terminal is gone: {self._how_to_answer}")
             return
         try:
             await self._rig.answer(given, prompt.id)
@@ -167,7 +178,13 @@ class Watch:
             self._prompt = None  # where it still waits, it is asked again
 
     def _press(self) -> None:
-        """Ctrl-C: ask what is meant by it; where nobody can be asked, or once more, stop."""
+        """Ctrl-C: ask what is meant by it; once more, stop.
+
+        Where nobody can be asked, it ends what this command is about: the run, or the watching.
+        """
+        if not is_terminal() and not self._steers:
+            self._left = True
+            return
         asked = self._question is not None and self._question.get_name() == _LEAVE
         if not is_terminal() or asked or len(self._firmer) < len(_STOPS):
             self._withdraw()
@@ -225,6 +242,10 @@ class Watch:
         question, self._question = self._question, None
         if question is not None:
             question.cancel()
+
+    @property
+    def _how_to_answer(self) -> str:
+        return f"rigd remote answer VALUE{self._where}"
 
     @property
     def _asks_prompt(self) -> bool:

@@ -34,6 +34,7 @@ class Asking:
         self.folder = folder
 
     def __call__(self, *words: str, identity: str = "alice", code: int = 0) -> Ended:
+        self.remote.show()
         where = ("--endpoint", self.remote.endpoint, "--as", identity)
         ended = rigd("remote", *words, *where, cwd=self.folder)
         assert ended.code == code, ended
@@ -56,7 +57,7 @@ def test_status_shows_what_a_person_must_know(ask: Asking) -> None:
 def test_start_takes_control_for_as_long_as_it_needs(ask: Asking) -> None:
     (ask.folder / "mine.yaml").write_text(TEXT)
     out = ask("start", "mine.yaml", "--set", "floor=pvc", "--yes", "--seed", "7").out
-    assert "watch it:  rigd remote status --watch" in out
+    assert f"rigd remote status --watch --endpoint {ask.remote.endpoint} --as alice" in out
     rig = ask.remote.rig
     assert rig.verbs() == ["lease_take", "start", "lease_release"]
     args = next(args for _, verb, args in rig.done if verb == "start")
@@ -76,8 +77,10 @@ def test_a_file_that_is_wrong_is_told_with_its_place_before_anything_is_sent(ask
 def test_each_command_to_a_run(ask: Asking) -> None:
     rig = ask.remote.rig
     rig.running, rig.prompt = "a.mcap", QUESTION
-    for words in (["pause"], ["resume"], ["ack", "overrun"], ["act", "scale", "tare"]):
+    for words in (["pause"], ["resume"], ["ack", "overrun"]):
         ask(*words)
+    assert "needs the role maintainer" in ask("act", "scale", "tare", code=3).err
+    ask("act", "scale", "tare", identity="carol")
     assert ask("answer", "1200 g").out == "weight: 1200 g\n"
     given = [args.value for _, _, args in rig.done if isinstance(args, Answered)]
     assert given == [1.2]
@@ -113,8 +116,13 @@ def test_what_another_has_is_told(ask: Asking) -> None:
 
 def test_events_and_recordings(ask: Asking) -> None:
     ask.remote.tell("step", name="one")
-    assert "name=one" in ask("events").out
-    assert json.loads(ask("events", "--json").out)["data"] == {"name": "one"}
+    ask.remote.tell("trial_start", number=1, parameters={"current": 0.3}, units={"current": "A"})
+    ask.remote.tell("devices", scale="", drive="")
+    lines = ask("events").out.splitlines()
+    assert [" ".join(line.split()[2:]) for line in lines] == [
+        "step one", "trial_start number 1; current 0.3 A", "devices scale, drive",
+    ]  # fmt: skip
+    assert json.loads(ask("events", "--json").out.splitlines()[0])["data"] == {"name": "one"}
     assert "a.mcap" in ask("runs").out
     assert ask("runs", "--json").json["runs"][0]["run"] == "a.mcap"
     assert ask("fetch", "a.mcap", "--to", "data").out == "data/a.mcap\n"

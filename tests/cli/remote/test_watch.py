@@ -153,8 +153,22 @@ def test_without_a_terminal_ctrl_c_stops_at_once(remote: Served, tmp_path: Path)
     assert ended.out.startswith("stopped: as a test wants it")
 
 
+def test_without_a_terminal_ctrl_c_ends_only_the_look_of_who_only_looks(
+    remote: Served, tmp_path: Path
+) -> None:
+    remote.rig.running = "a.mcap"
+    remote.show()
+    running = start(["remote", "status", "--watch", "--endpoint", remote.endpoint], tmp_path)
+    running.wait_for("records a.mcap")
+    running.signal(signal.SIGINT)
+    ended = running.end()
+    assert (ended.code, remote.rig.running) == (0, "a.mcap")
+    assert f"rigd remote status --watch --endpoint {remote.endpoint}" in ended.err
+
+
 def test_a_run_that_another_began_is_watched_to_its_end(remote: Served, tmp_path: Path) -> None:
     remote.rig.running = "a.mcap"
+    remote.show()
     running = start(["remote", "status", "--watch", "--endpoint", remote.endpoint], tmp_path)
     running.wait_for("records a.mcap")
     remote.rig.end()
