@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -74,10 +75,11 @@ HEADING = (
 
 @dataclass(frozen=True)
 class Beside:
-    """What ran beside: two loops, and when the machine was away, CLOCK_MONOTONIC ns, (n, 2)."""
+    """What ran beside: loops, and when the machine was away, CLOCK_MONOTONIC ns, (n, 2)."""
 
     loop: Lateness
     cyclictest: Lateness
+    witnesses: Mapping[int, Lateness]  #: by processor
     away_ns: NDArray[np.int64]
 
     def was_away(
@@ -129,18 +131,11 @@ class RunningBeside:
 
     def results(self) -> Beside:
         """Return what they saw, once all have ended."""
-        found = json.loads(self._output(self._loop))
-        loop = Lateness(
-            found["slots"],
-            found["missed"],
-            found["p50_us"],
-            found["p99_us"],
-            found["p999_us"],
-            found["max_us"],
-            found["cpu_us_per_cycle"],
-        )
-        for process in self._witnesses:
-            self._output(process)
+        loop = self._of_loop(self._loop)
+        witnesses = {
+            int(log.name[3:]): self._of_loop(process)
+            for log, process in zip(self._logs, self._witnesses, strict=True)
+        }
         self._output(self._cyclictest)
         away = [
             (int(due), int(due) + int(late))
@@ -148,7 +143,8 @@ class RunningBeside:
             for _, due, late in (line.split() for line in log.read_text().splitlines())
             if int(late) >= self._period_us * AWAY_PERIODS * 1e3
         ]
-        return Beside(loop, self._of_cyclictest(), np.array(sorted(away), np.int64).reshape(-1, 2))
+        away_ns = np.array(sorted(away), np.int64).reshape(-1, 2)
+        return Beside(loop, self._of_cyclictest(), witnesses, away_ns)
 
     def end(self) -> None:
         """End whatever is left of them."""
@@ -164,6 +160,18 @@ class RunningBeside:
         if process.returncode:
             raise RuntimeError(f"{process.args!r} ended with {process.returncode}")
         return output
+
+    def _of_loop(self, process: subprocess.Popen[str]) -> Lateness:
+        found = json.loads(self._output(process))
+        return Lateness(
+            found["slots"],
+            found["missed"],
+            found["p50_us"],
+            found["p99_us"],
+            found["p999_us"],
+            found["max_us"],
+            found["cpu_us_per_cycle"],
+        )
 
     def _of_cyclictest(self) -> Lateness:
         thread = json.loads(self._cyclictest_json.read_text())["thread"]["0"]

@@ -30,6 +30,8 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE_MS = 120_000
+#: Of the rig that is served.
+NAME = "panel-bench"
 
 #: Moves for long enough.
 SHAKE = """\
@@ -40,7 +42,7 @@ trial:
   steps:
     - step: shake
       set: {wheel_servo.current: {sine: {amplitude: 0.3 A, frequency: 2 Hz}}}
-      for: 600 s
+      for: 7200 s
 finish:
   - step: hold
     set: {wheel_servo.current: 0 A}
@@ -74,7 +76,8 @@ def served(folder: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
         endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
     text = (ROOT / "configs" / "sim_lugre.yaml").read_text()
     text = text.replace("parameters: plants/", f"parameters: {ROOT}/configs/plants/")
-    text = text.replace("rig: lugre-1", "rig: panel-bench")
+    text = text.replace("rig: lugre-1", f"rig: {NAME}")
+    text = text.replace("stale_after: 20 ms", "stale_after: 500 ms")  # a shared host may be away
     (folder / "rig.yaml").write_text(f"{text}\nremote: {{listen: [{endpoint}]}}\n")
     (folder / "procedures").mkdir()
     (folder / "procedures" / "shake.yaml").write_text(SHAKE)

@@ -163,7 +163,7 @@ def commanded(
     """Start a run, let it go on ``for_s``, stop it; None where the rig ended it before."""
     to_unix_ns = time.time_ns() - time.monotonic_ns()
     start_ns = time.monotonic_ns()
-    run = client.start(procedure).run
+    run = str(client.start(procedure).run)
     accepted_ns = time.monotonic_ns()
     begun_ns = until(bench, client, run, lambda current: current != 0)
     time.sleep(for_s)
