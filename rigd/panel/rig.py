@@ -28,12 +28,12 @@ class Rig(Protocol):
         """Read something; changes nothing."""
         ...
 
-    async def command(self, verb: str, args: Mapping[str, Any]) -> Object:
-        """Give a command."""
+    async def command(self, verb: str, args: Mapping[str, Any], user: str = "") -> Object:
+        """Give a command; ``user`` is for whom."""
         ...
 
-    async def stop(self, verb: str, reason: str) -> Object:
-        """``stop``, ``abort`` or ``estop``."""
+    async def stop(self, verb: str, user: str = "") -> Object:
+        """``stop``, ``abort`` or ``estop``; ``user`` is for whom."""
         ...
 
     def statuses(self) -> AsyncIterator[Object]:

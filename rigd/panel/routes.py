@@ -119,7 +119,7 @@ class Doors:
         _require_operator(session)
         if COMMANDS[verb].needs_lease:
             self.seat.require(session)
-        return await self.rig.command(verb, args)
+        return await self.rig.command(verb, args, session.name)
 
     async def control(self, request: Request, session: Session) -> Object:
         """Take control, give it back, ask for it, or hand it over."""
@@ -143,7 +143,7 @@ class Doors:
         verb = request.path_params["verb"]
         if verb not in VERBS[Kind.STOP]:
             raise Refusal(Code.UNKNOWN_VERB, f"there is no {verb[:40]!r}")
-        return await self.rig.stop(verb, f"{session.name} at the panel")
+        return await self.rig.stop(verb, session.name)
 
     def find(self, cookies: dict[str, str]) -> Session | None:
         """Return the session that a page's cookies belong to."""

@@ -79,7 +79,7 @@ class Seat:
         async with self._changing:
             if self._holder is not None and not self._sessions.is_gone(self._holder, GRACE_S):
                 self.require(session)
-            answer = await self._rig.command("lease_take", {})
+            answer = await self._rig.command("lease_take", {}, session.name)
             self._sit(session)
             return answer
 
@@ -90,7 +90,7 @@ class Seat:
             Refusal: the rig file does not make the panel a maintainer.
         """
         async with self._changing:
-            answer = await self._rig.command("lease_seize", {})
+            answer = await self._rig.command("lease_seize", {}, session.name)
             self._sit(session)
             return answer
 
@@ -102,14 +102,14 @@ class Seat:
         """
         async with self._changing:
             self.require(session)
-            answer = await self._rig.command("lease_release", {})
+            answer = await self._rig.command("lease_release", {}, session.name)
             self._sit(None)
             return answer
 
     async def ask(self, session: Session) -> Object:
         """Ask whoever has control to hand it over."""
         if self._holder is None:
-            return await self._rig.command("lease_request", {})
+            return await self._rig.command("lease_request", {}, session.name)
         if session is not self._holder and session not in self._asked_by:
             self._asked_by.append(session)
             self._changed()
@@ -131,7 +131,7 @@ class Seat:
                             return {}
                     raise Refusal(Code.NOT_FOUND, "that user is no longer at this panel")
                 case {"client": str(client)}:
-                    answer = await self._rig.command("lease_give", {"to": client})
+                    answer = await self._rig.command("lease_give", {"to": client}, session.name)
                     self._sit(None)
                     return answer
             raise Refusal(Code.BAD_REQUEST, "says neither `session` nor `client`")

@@ -13,6 +13,8 @@ from support.panel import ServedPanel
 from support.played_campaign import PROMPT, TRIP, WEIGH
 from support.played_rig import PlayedRig
 
+from rigd.remote.protocol.status import Interrupted
+
 expect.set_options(timeout=PATIENCE_MS)
 
 
@@ -84,6 +86,9 @@ def test_a_run_from_the_choice_of_a_procedure_to_its_stop(
     turn_to(page, "Procedures")
     page.get_by_role("button", name=re.compile("Identification tests")).click()
     page.get_by_label("floor").select_option("pvc")
+    page.get_by_label("brake at").fill("9")
+    page.get_by_label("brake at").blur()
+    expect(page.locator("#parameter-brake_at-problem")).to_contain_text("above 1.25 m")
     page.get_by_label("brake at").fill("1.22")
     press(page, "Dry run")
     expect(page.locator(".preview")).to_contain_text("Would not run clean")
@@ -140,7 +145,7 @@ def test_a_trip_is_acknowledged(panel: ServedPanel, watched: Watched) -> None:
     card = page.locator(".trip")
     expect(card).to_contain_text("Interlock overrun far aborted the run")
     expect(card).to_contain_text("1.68 m is above 1.65 m")
-    expect(page.locator(".interlocks")).to_contain_text("1 tripped")
+    expect(page.locator(".interlocks")).to_contain_text("overrun far tripped")
     press(page, "Acknowledge")
     expect(card).to_have_count(0)
     state(page, "Idle")
@@ -177,7 +182,7 @@ def test_a_page_that_is_cut_off_says_so_and_comes_back(
     expect(lost).to_contain_text("use the hardware emergency stop")
     expect(page.locator(".channel-table tr", has_text="angle")).to_have_attribute("data-stale", "")
     press(page, "Stop")
-    expect(page.locator(".toast", has_text="WAS NOT CONFIRMED")).to_be_visible()
+    expect(page.locator(".stop-told")).to_contain_text("WAS NOT CONFIRMED")
     panel.rig.is_silent = False
     state(page, "Running")
     expect(lost).to_be_hidden()
@@ -215,6 +220,54 @@ def test_abort_and_estop_take_one_press(panel: ServedPanel, watched: Watched) ->
     press(page, "E-stop")
     wait_until(lambda: len(given(panel, "estop")) == 1)
     assert not given(panel, "stop")
+
+
+def test_a_stop_takes_one_press_whatever_is_open_and_says_what_became_of_it(
+    panel: ServedPanel, watched: Watched
+) -> None:
+    page = running(panel, watched)
+    told = page.locator(".stop-told")
+    press(page, "Ada")
+    expect(page.get_by_role("dialog")).to_be_visible()
+    panel.rig.delay_s = 2.0
+    press(page, "Stop")
+    expect(told).to_contain_text("Stop is on its way")
+    expect(told).to_contain_text("Not confirmed for 1")
+    expect(told).to_contain_text("Stop: confirmed")
+    state(page, "Stopping")
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    panel.rig.delay_s = 0.0
+    press(page, "Stop")
+    expect(told).to_contain_text("Stop: was asked for already")
+    press(page, "Abort")
+    expect(told).to_contain_text("Abort: confirmed")
+    press(page, "Abort")
+    wait_until(lambda: len(given(panel, "abort")) == 1)
+    state(page, "Idle")
+    press(page, "Stop")
+    expect(told).to_contain_text("Stop: nothing is running")
+    assert watched.complaints == []
+
+
+def test_an_interrupted_run_is_offered_and_can_wait(panel: ServedPanel, watched: Watched) -> None:
+    run = panel.rig.runs[2].run
+    panel.rig.interrupted = tuple(
+        Interrupted(run=name, reason="killed", trials_done=4, trials_total=10)
+        for name in (run, panel.rig.runs[5].run)
+    )
+    page = watched.enter(panel.links["operator"])
+    press(page, "Take control")
+    card = page.locator("#attention .card")
+    expect(card).to_have_count(1)
+    expect(card).to_contain_text("after 4 of 10 trials")
+    expect(card).to_contain_text("1 more")
+    press(page, "Not now")
+    expect(card).to_have_count(0)
+    turn_to(page, "Runs")
+    page.locator(".run-list tbody tr").nth(2).click()
+    press(page, "Go on with it")
+    wait_until(lambda: given(panel, "resume_run") == [{"run": run}])
 
 
 def test_control_changes_hands_between_two_browsers(

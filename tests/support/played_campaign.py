@@ -13,10 +13,12 @@ from rigd.remote.protocol.arguments import ProcedureFile
 from rigd.remote.protocol.results import (
     ActionView,
     ChannelView,
+    Check,
     DryRun,
     InterlockView,
     ParameterView,
     PeakView,
+    ProblemView,
     ProcedureView,
     SetpointView,
     StepView,
@@ -154,6 +156,14 @@ STEPS = (
     StepView(block="finish", name="hold", played=1, shortest_s=0.2, longest_s=0.2,
              setpoints=("longitudinal_belt.speed = 0 m/s",), ends=("after 0.2 s",)),
 )  # fmt: skip
+
+
+def check(brake_at: str) -> Check:
+    """Return whether it could run."""
+    if brake_at and float(brake_at.split()[0]) > 1.25:
+        problem = ProblemView(message=f"parameter brake_at: {brake_at} is above 1.25 m")
+        return Check(ok=False, problems=(problem,))
+    return Check(ok=True, trials=10, prompts=1)
 
 
 def dry_run(brake_at_m: float) -> DryRun:

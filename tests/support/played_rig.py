@@ -26,6 +26,7 @@ from support.played_campaign import (
     STREAMS,
     TRIP,
     Carriage,
+    check,
     dry_run,
 )
 
@@ -36,7 +37,6 @@ from rigd.remote.protocol.limits import VERSION
 from rigd.remote.protocol.message import Message
 from rigd.remote.protocol.refusal import Code, Refusal
 from rigd.remote.protocol.results import (
-    Check,
     Description,
     Events,
     History,
@@ -216,7 +216,7 @@ class PlayedRig:
                     raise Refusal(Code.NOT_FOUND, "there is no such procedure")
                 return as_json(PROCEDURES[args["name"]])
             case "check":
-                return as_json(Check(ok=True, trials=10, prompts=1))
+                return as_json(check(str(args.get("set", {}).get("brake_at", ""))))
             case "events":
                 return as_json(Events(events=tuple(self._events), next=self._event_seq + 1))
             case "latest":
@@ -292,13 +292,16 @@ class PlayedRig:
     async def stop(self, verb: str, reason: str) -> dict[str, Any]:
         """Stop."""
         self._hear(verb, {"reason": reason})
+        await asyncio.sleep(self.delay_s)
         if self.is_silent:
             raise LinkError("the daemon does not answer")
         if self.state in ("idle", "done"):
             return {"acted": False}
+        if verb == "stop" and self.state == "stopping":
+            return {"acted": False}
         self.changes += 1
         self._asked.clear()
-        if verb == "stop" and self.state != "stopping":
+        if verb == "stop":
             self.state = "stopping"
             await self.emit("state", state="stopping", reason=reason)
             return {"acted": True}

@@ -1,10 +1,10 @@
 // What waits for a person: questions, trips, runs that were interrupted, and who asks for control.
 
 import { command, control } from "./api.js";
-import { el, icon } from "./dom.js";
+import { el, file, icon } from "./dom.js";
 import { ACTIONS, clock, words } from "./format.js";
 import { promptCard } from "./prompt.js";
-import { hasControl, known, watch } from "./store.js";
+import { hasControl, known, put, watch } from "./store.js";
 import { attempt } from "./toasts.js";
 
 export function mountAttention(root) {
@@ -42,11 +42,15 @@ function list(status) {
     for (const user of lease.users_asking) cards.push([key("user", user), () => askingCard(user.name, { session: user.session })]);
     for (const client of lease.asked_by) cards.push([key("client", client), () => askingCard(client, { client })]);
   }
-  if (status.run === null) {
-    for (const one of status.interrupted) cards.push([key("interrupted", one), () => interruptedCard(one, mine)]);
+  const [newest, ...older] = status.interrupted;
+  if (status.run === null && newest !== undefined && newest.run !== putOff) {
+    cards.push([key("interrupted", [newest, older.length]), () => interruptedCard(newest, older.length, mine)]);
   }
   return cards;
 }
+
+/** The interrupted run that nobody at this page wants to go on with now. */
+let putOff = null;
 
 function tripCard(trip, mine) {
   const acknowledge = el("button", {
@@ -66,18 +70,30 @@ const reminder = (mine) => mine
   ? "Look at the rig before you acknowledge."
   : "Only who has control can acknowledge it.";
 
-function interruptedCard(one, mine) {
-  const resume = el("button", {
-    type: "button", class: "primary", disabled: !mine,
-    onclick: () => attempt(resume, () => command("resume_run", { run: one.run })),
-  }, icon("play"), "Go on with it");
+function interruptedCard(one, older, mine) {
+  const resume = resumeButton(one.run, mine);
+  const later = el("button", {
+    type: "button", onclick: () => {
+      putOff = one.run;
+      put("status", known.status);
+    },
+  }, "Not now");
   return el("section", { class: "card", data: { mood: "ask" } },
     icon("cut"),
     el("div", { class: "card-text" },
       el("h2", {}, `A run was interrupted after ${one.trials_done} of ${one.trials_total} trials`),
-      el("p", {}, el("code", {}, one.run)),
-      el("p", { class: "quiet" }, one.reason)),
-    resume);
+      el("p", {}, file(one.run)),
+      el("p", { class: "quiet" }, `${one.reason}.${older ? ` ${older} more, in the list of runs.` : ""}`)),
+    el("div", { class: "card-buttons" }, later, resume));
+}
+
+/** Goes on with a run that was interrupted. */
+export function resumeButton(run, mine) {
+  const made = el("button", {
+    type: "button", class: "primary", disabled: !mine,
+    onclick: () => attempt(made, () => command("resume_run", { run })),
+  }, icon("play"), "Go on with it");
+  return made;
 }
 
 function askingCard(name, to) {

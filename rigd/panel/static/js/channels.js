@@ -115,7 +115,8 @@ function show(row) {
   flag(row.element, "data-stale", seconds === null || seconds > STALE_S || known.link !== "ok");
   if (row.range === null) return;
   const [low, high] = row.range;
-  const place = Number.isFinite(value) ? (value - low) / (high - low) : 0;
+  row.needle.hidden = !Number.isFinite(value);
+  const place = (value - low) / (high - low) || 0;
   row.needle.style.setProperty("--place", Math.max(0, Math.min(1, place)).toFixed(3));
   const [bottom, top] = row.info.limits;
   const margin = 0.08 * (high - low);

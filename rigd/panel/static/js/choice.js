@@ -29,10 +29,9 @@ function set(wanted) {
   for (const name of places.keys()) if (!names.includes(name)) places.delete(name);
   for (const name of names) {
     if (places.has(name)) continue;
-    const taken = new Set(places.values());
-    let colour = 0;
-    while (taken.has(colour) && colour < COLOURS - 1) colour += 1;
-    places.set(name, colour);
+    const uses = new Array(COLOURS).fill(0);
+    for (const colour of places.values()) uses[colour] += 1;
+    places.set(name, uses.indexOf(Math.min(...uses)));
   }
   for (const listener of listeners) listener();
 }

@@ -18,6 +18,11 @@ export function el(tag, props = {}, ...children) {
   return made;
 }
 
+/** The name of a file, which may break behind its parts. */
+export function file(name) {
+  return el("code", {}, name.split(/(?<=_)/).flatMap((part) => [part, el("wbr")]));
+}
+
 /** Replace what stands in `parent`. */
 export function fill(parent, ...children) {
   parent.replaceChildren(...children.flat(Infinity).filter((one) => one !== null && one !== undefined));
@@ -50,7 +55,7 @@ const PATHS = {
   sun: "M12 8a4 4 0 1 0 0 8 4 4 0 0 0 0-8M12 2v2M12 20v2M2 12h2M20 12h2M5 5l1.4 1.4M17.6 17.6 19 19M5 19l1.4-1.4M17.6 6.4 19 5",
   down: "M12 4v11M7 11l5 5 5-5M5 20h14",
   question: "M9 9a3 3 0 1 1 4.2 2.7c-.8.4-1.2 1-1.2 2.3M12 17.6v.4",
-  cut: "M4 12h16",
+  cut: "M2.5 12h6M15.5 12h6M9.5 17 14.5 7",
 };
 
 /** A small drawing beside a word; never the only thing that says something. */

@@ -1,13 +1,14 @@
 // A form from the parameters of a procedure: quantities with their unit and range, words by choice.
 
 import { el, fill, say } from "./dom.js";
-import { unit, words } from "./format.js";
+import { quantities, unit, words } from "./format.js";
 
 export class Form {
-  constructor(parameters, changed) {
-    this.fields = parameters.map((one) => new Field(one, changed));
+  /** `typed` is called at every letter, `changed` whenever a field is done with. */
+  constructor(parameters, typed, changed) {
+    this.fields = parameters.map((one) => new Field(one));
     this.problems = el("ul", { class: "problems", role: "alert" });
-    this.element = el("form", { class: "fields", onsubmit: (event) => event.preventDefault(), oninput: changed },
+    this.element = el("form", { class: "fields", onsubmit: (event) => event.preventDefault(), oninput: typed, onchange: changed },
       this.fields.length ? this.fields.map((one) => one.elements) : el("p", { class: "quiet" }, "This procedure has no parameters."),
       this.problems);
   }
@@ -17,13 +18,14 @@ export class Form {
     return Object.fromEntries(this.fields.filter((one) => one.isGiven).map((one) => [one.name, one.text]));
   }
 
-  /** Show what is wrong, beside the field it names where it names one. */
-  blame(problems) {
+  /** Show what is wrong, beside the field it names where it names one; `early`: only in what was given. */
+  blame(problems, early = false) {
     for (const field of this.fields) field.blame("");
     const rest = [];
     for (const { message, hint } of problems) {
       const text = [message, hint].filter(Boolean).join(" – ");
       const field = this.fields.find((one) => new RegExp(`\\b${one.name}\\b`).test(message));
+      if (early && !field?.isGiven) continue;
       if (field === undefined) rest.push(el("li", {}, text));
       else field.blame(text);
     }
@@ -32,7 +34,7 @@ export class Form {
 }
 
 class Field {
-  constructor(parameter, changed) {
+  constructor(parameter) {
     Object.assign(this, { parameter, name: parameter.name });
     const id = `parameter-${parameter.name}`;
     this.note = el("p", { class: "quiet", id: `${id}-note` }, note(parameter));
@@ -40,7 +42,7 @@ class Field {
     const common = { id, "aria-describedby": `${id}-note ${id}-problem` };
     let input;
     if (parameter.choices.length) {
-      this.input = el("select", { ...common, onchange: changed },
+      this.input = el("select", common,
         parameter.default === null || parameter.swept ? el("option", { value: "" }, parameter.swept ? "all of the sweep" : "choose …") : null,
         ...parameter.choices.map((one) => el("option", { value: one }, one)));
       if (parameter.default !== null && !parameter.swept) this.input.value = parameter.default;
@@ -52,8 +54,8 @@ class Field {
         placeholder: parameter.swept ? "swept" : `a number in ${unit(parameter.unit) || "1"}`,
       });
       const isExpression = parameter.default !== null && !/^[-+.\d]/.test(parameter.default);
-      input = el("span", { class: "with-unit" }, this.input, el("span", { class: "unit" }, isExpression ? "" : unit(parameter.unit)));
-      this.input.addEventListener("change", () => this.blame(this.#check()));
+      input = el("span", { class: "with-unit" }, this.input,
+        el("span", { class: "unit" }, isExpression ? "" : unit(parameter.unit)), el("span", { class: "range" }, range(parameter)));
       if (!parameter.swept && parameter.default !== null) this.input.value = bare(parameter.default, parameter.unit);
     }
     this.initial = this.input.value;
@@ -78,18 +80,6 @@ class Field {
     say(this.problem, text);
     this.input.setAttribute("aria-invalid", String(text !== ""));
   }
-
-  /** A quick look at numbers in the parameter's own unit; the daemon checks everything. */
-  #check() {
-    const value = Number(bare(this.input.value.trim(), this.parameter.unit));
-    if (this.input.value.trim() === "" || Number.isNaN(value)) return "";
-    const { min, max, unit: symbol } = this.parameter;
-    const low = min === null ? NaN : Number(bare(min, symbol));
-    const high = max === null ? NaN : Number(bare(max, symbol));
-    if (value < low) return `below ${min}`;
-    if (value > high) return `above ${max}`;
-    return "";
-  }
 }
 
 /** `1.15 m` as `1.15` where the unit is m; anything else as it is. */
@@ -97,7 +87,11 @@ function bare(text, symbol) {
   return text.endsWith(` ${symbol}`) ? text.slice(0, -symbol.length - 1) : text;
 }
 
-function note({ doc, min, max, swept }) {
-  const range = min !== null && max !== null ? `${min} to ${max}` : min !== null ? `at least ${min}` : max !== null ? `at most ${max}` : "";
-  return [doc, range && `(${range})`, swept ? "Swept: leave it empty to run them all." : ""].filter(Boolean).join(" ");
+function range({ min, max, unit: symbol }) {
+  if (min !== null && max !== null) return `${bare(min, symbol)} … ${quantities(max)}`;
+  return min !== null ? `≥ ${quantities(min)}` : max !== null ? `≤ ${quantities(max)}` : "";
+}
+
+function note({ doc, swept }) {
+  return [doc.replace(/([^.])$/, "$1."), swept ? "Swept: left empty, all are run." : ""].filter(Boolean).join(" ");
 }

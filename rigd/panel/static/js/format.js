@@ -37,6 +37,12 @@ export function quantity(value, symbol) {
   return `${short(value)}\u202f${unit(symbol)}`.trim();
 }
 
+/** Quantities within a text, as `quantity` would write them. */
+export function quantities(text) {
+  return text.replace(/(^|[\s(=])-(?=[\d.])/g, "$1−")
+    .replace(/(\d) ([A-Za-z%°µΩ][\w/^·*]*)(?=$|[\s,;)])/g, (_, digit, symbol) => `${digit}\u202f${unit(symbol)}`);
+}
+
 export function age(seconds) {
   if (seconds === null || !Number.isFinite(seconds)) return NO_VALUE;
   if (seconds < 9.95) return `${Math.max(0, seconds).toFixed(1)} s`;

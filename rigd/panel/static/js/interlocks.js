@@ -1,6 +1,6 @@
 // Every interlock with its condition and how it stands.
 
-import { el, fill, icon, say } from "./dom.js";
+import { el, fill, icon, mark, say } from "./dom.js";
 import { ACTIONS, quantity, words } from "./format.js";
 import { channelInfo } from "./infos.js";
 import { known, watch } from "./store.js";
@@ -17,7 +17,6 @@ export function mountInterlocks(root) {
       table));
   root.append(details);
   const rows = new Map();
-  let shown = 0;
 
   watch("describe", () => {
     rows.clear();
@@ -44,12 +43,10 @@ export function mountInterlocks(root) {
       cell.dataset.mood = trip === undefined ? "calm" : trip.acknowledged ? "warn" : "bad";
       fill(cell, icon(trip === undefined ? "check" : "warn"), text);
     }
-    const open = known.status.trips.filter((one) => !one.acknowledged).length;
-    say(verdict, open ? `${open} tripped` : `all ${rows.size} clear`);
-    verdict.dataset.mood = open ? "bad" : "calm";
-    // Opens by itself when something trips, and closes when all is clear again.
-    if (shown !== open) details.open = open > 0;
-    shown = open;
+    const open = known.status.trips.filter((one) => !one.acknowledged).map((one) => words(one.interlock));
+    const all = rows.size === 0 ? "none" : `all ${rows.size} clear`;
+    say(verdict, open.length === 0 ? all : open.length > 2 ? `${open.length} tripped` : `${open.join(", ")} tripped`);
+    mark(verdict, "mood", open.length ? "bad" : "calm");
   }
 }
 

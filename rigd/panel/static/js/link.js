@@ -17,15 +17,25 @@ export const watchEvents = (listener) => onEvents.add(listener);
 
 let socket = null;
 let attempts = 0;
-let heard = 0;
+let heard = now();
 let last = { seq: -1, t_ns: 0 };
 
+/** Two clocks in ms: the one that steps with the time of day goes on while a computer sleeps. */
+function now() {
+  return [performance.now(), Date.now()];
+}
+
+function silentMs() {
+  return Math.max(...now().map((clock, index) => clock - heard[index]));
+}
+
 export function connect() {
-  heard = performance.now();
+  heard = now();
   open();
   setInterval(judge, 250);
   // A computer that slept finds its connection dead; do not wait for the browser to notice.
   window.addEventListener("online", () => attempts > 0 && open());
+  document.addEventListener("visibilitychange", judge);
 }
 
 function open() {
@@ -35,7 +45,7 @@ function open() {
   socket = mine;
   mine.binaryType = "arraybuffer";
   mine.onmessage = ({ data }) => {
-    heard = performance.now();
+    heard = now();
     attempts = 0;
     if (typeof data === "string") hear(JSON.parse(data));
     else draw(mine, data);
@@ -86,13 +96,13 @@ function draw(from, buffer) {
 }
 
 function judge() {
-  const isSilent = socket === null || performance.now() - heard > SILENCE_MS;
+  const isSilent = socket === null || silentMs() > SILENCE_MS;
   let link = "ok";
   if (isSilent) link = "no_panel";
   else if (known.panel === null || known.status === null) link = known.panel?.alive === false ? "no_rig" : "connecting";
   else if (!known.panel.alive) link = "no_rig";
-  if (isSilent && socket !== null && performance.now() - heard > 2 * SILENCE_MS) {
-    heard = performance.now() - SILENCE_MS - 1; // try anew, at most every other second
+  if (isSilent && socket !== null && silentMs() > 2 * SILENCE_MS) {
+    heard = now().map((clock) => clock - SILENCE_MS - 1); // try anew, at most every other second
     attempts += 1;
     open();
   }

@@ -3,13 +3,14 @@
 import uPlot from "../vendor/uPlot.esm.js";
 import { colourOf, toggle } from "./choice.js";
 import { el, say } from "./dom.js";
-import { clock, number, short, unit } from "./format.js";
+import { clock, short, steady, unit } from "./format.js";
 import { histories } from "./histories.js";
 import { panAndZoom } from "./gestures.js";
 
 const AXIS_PX = 62; // the same in every plot, so that they lie above one another
 const BREAK_S = 1.5; // a trace breaks where nothing came for so long
 const SHRINK_MS = 1500; // how long a scale waits before it becomes smaller
+const LEAST_SHARE = 0.1; // of the largest limit: a scale no smaller, or noise at rest looks like motion
 /** Between ticks of time, in s: those that a clock has. */
 const TIME_STEPS = [
   0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5,
@@ -21,6 +22,7 @@ export class Plot {
     this.infos = infos;
     this.symbol = symbol;
     this.isLast = isLast;
+    this.limit = Math.max(0, ...infos.flatMap((info) => info.limits).map(Math.abs).filter(Number.isFinite));
     this.scale = null;
     this.smallSince = null;
     this.cursor = null;
@@ -84,9 +86,10 @@ export class Plot {
       this.scale ??= { min: -1, max: 1 };
       return;
     }
-    const least = Math.max(Math.abs(lowest), Math.abs(highest)) * 1e-3 || 1e-6;
-    const span = Math.max(highest - lowest, least);
-    const wanted = { min: lowest - 0.1 * span, max: highest + 0.1 * span };
+    const least = Math.max(1e-3 * Math.max(Math.abs(lowest), Math.abs(highest)), LEAST_SHARE * this.limit) || 1;
+    const middle = (lowest + highest) / 2;
+    const half = 0.6 * Math.max(highest - lowest, least);
+    const wanted = { min: middle - half, max: middle + half };
     const { scale } = this;
     if (scale === null || lowest < scale.min || highest > scale.max) {
       this.scale = wanted;
@@ -104,7 +107,7 @@ export class Plot {
     const colour = colourOf(info.full);
     const element = el("button", {
       type: "button", class: "chip", title: `${info.full}: ${info.doc}\nPress to take it away`, onclick: () => toggle(info.full),
-    }, el("span", { class: "swatch", "aria-hidden": "true" }), info.full.replaceAll("_", " "), value);
+    }, el("span", { class: "swatch", data: { setpoint: isSetpoint(info) }, "aria-hidden": "true" }), info.full.replaceAll("_", " "), value);
     element.style.setProperty("--trace", colour);
     return { element, value, colour };
   }
@@ -112,10 +115,11 @@ export class Plot {
   /** The value under the pointer, or the newest. */
   #readOut() {
     const at = this.cursor === null ? null : this.start + this.cursor * (this.end - this.start);
+    const size = Math.max(Math.abs(this.scale.min), Math.abs(this.scale.max));
     this.infos.forEach((info, index) => {
       const history = histories.get(info.stream.number);
       const value = at === null ? history?.at(info.place, this.end) : history?.at(info.place, at);
-      say(this.chips[index].value, number(value));
+      say(this.chips[index].value, steady(value, size));
     });
   }
 
@@ -138,8 +142,8 @@ export class Plot {
         { stroke: ink, grid, font, size: AXIS_PX, gap: 6, ticks: { ...grid, size: 4 }, space: 28,
           values: (_, splits, __, ___, step) => splits.map((v) => (Math.abs(v) < step / 1e3 ? "0" : short(v))) },
       ],
-      series: [{}, ...this.infos.map((_, index) => ({
-        stroke: this.chips[index].colour, width: 1.5, points: { show: false }, spanGaps: false,
+      series: [{}, ...this.infos.map((info, index) => ({
+        stroke: this.chips[index].colour, width: 1.5, dash: isSetpoint(info) ? [6, 3] : [], points: { show: false }, spanGaps: false,
         gaps: (u, _index, _from, _to, gaps) => {
           const least = (BREAK_S / (u.scales.x.max - u.scales.x.min)) * u.bbox.width;
           return gaps.filter(([from, to]) => to - from > Math.max(least, 3));
@@ -175,6 +179,9 @@ export class Plot {
     ctx.restore();
   }
 }
+
+/** What was asked for is dashed, so that colour is not all that tells it from what was measured. */
+const isSetpoint = (info) => info.name.endsWith("_setpoint");
 
 /** Time of day, with decimals where seconds no longer tell ticks apart. */
 function timeLabel(t, step) {

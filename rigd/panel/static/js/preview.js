@@ -1,7 +1,7 @@
 // What a dry run found: how long, which steps, and how near the limits.
 
 import { el, fill, icon } from "./dom.js";
-import { duration, short, unit, words } from "./format.js";
+import { duration, quantities, short, unit, words } from "./format.js";
 
 const BLOCKS = { prepare: "Before the trials", trial: "In each trial", after: "After each trial", finish: "At the end" };
 
@@ -35,7 +35,7 @@ function steps(rows, title) {
       el("td", { class: "value" }, spread(one)))));
 }
 
-const lines = (texts) => texts.map((text) => el("div", {}, text));
+const lines = (texts) => texts.map((text) => el("div", {}, quantities(text)));
 
 function spread({ shortest_s: shortest, longest_s: longest }) {
   const low = shortest.toFixed(2);

@@ -1,6 +1,7 @@
 // Choosing a procedure, giving its parameters, trying it dry, starting it.
 
 import { ask, command } from "./api.js";
+import { openDialog } from "./dialog.js";
 import { el, fill, icon, say } from "./dom.js";
 import { words } from "./format.js";
 import { Form } from "./form.js";
@@ -11,10 +12,13 @@ import { attempt, complain } from "./toasts.js";
 
 export function mountProcedures(root) {
   const list = el("ul", { class: "picker" });
+  const unfit = el("ul", { class: "picker" });
+  const count = el("summary", {}, "Not for this rig");
+  const rest = el("details", { class: "more", hidden: true }, count, unfit);
   const sheet = el("div", { class: "sheet" }, el("p", { class: "empty" }, "Choose a procedure."));
   root.append(
     el("section", { class: "panel side-list", "aria-label": "All procedures" },
-      el("div", { class: "panel-head" }, el("h2", {}, "Procedures")), list),
+      el("div", { class: "panel-head" }, el("h2", {}, "Procedures")), list, rest),
     el("section", { class: "panel wide", "aria-label": "The procedure" }, sheet));
   let open = null;
   let shown = null; // the sheet of the procedure that is open
@@ -23,7 +27,11 @@ export function mountProcedures(root) {
   onShow("procedures", async () => {
     try {
       const { procedures } = await ask("procedures");
-      fill(list, procedures.map(line));
+      fill(list, procedures.filter((one) => one.problem === null).map(line));
+      const others = procedures.filter((one) => one.problem !== null);
+      rest.hidden = others.length === 0;
+      say(count, `${others.length} not for this rig`);
+      fill(unfit, others.map(line));
     } catch (refused) {
       complain(refused);
     }
@@ -47,19 +55,18 @@ export function mountProcedures(root) {
 class Sheet {
   constructor(view) {
     this.view = view;
-    this.form = new Form(view.parameters, () => this.#changed());
+    this.form = new Form(view.parameters, () => this.preview.classList.add("old"), () => this.#look());
     this.preview = el("div", { class: "preview", "aria-live": "polite" });
     this.try = el("button", { type: "button", onclick: () => this.#dryRun() }, "Dry run");
     this.start = el("button", { type: "button", class: "primary big", onclick: () => this.#confirm() }, icon("play"), "Start…");
     this.why = el("p", { class: "quiet", role: "status" });
-    this.dialog = el("dialog", { "aria-label": "Start the run" });
     this.element = el("article", {},
       el("h2", {}, view.title || words(view.procedure.name)),
-      el("p", { class: "doc" }, view.doc.trim()),
+      prose(view.doc),
       this.form.element,
       this.#options(),
       isOperator() ? el("div", { class: "row" }, this.try, this.start) : null,
-      this.why, this.preview, this.dialog);
+      this.why, this.preview);
     this.permit();
   }
 
@@ -67,7 +74,9 @@ class Sheet {
     this.loss = el("select", { id: "on-loss" },
       el("option", { value: "" }, `as the procedure says: ${LOSS[this.view.on_client_loss]}`),
       ...Object.entries(LOSS).map(([value, text]) => el("option", { value }, text)));
-    this.seed = el("input", { id: "seed", inputMode: "numeric", placeholder: "chosen by rigd", autocomplete: "off" });
+    this.seed = el("input", {
+      id: "seed", inputMode: "numeric", pattern: "\\d*", title: "a whole number", placeholder: "chosen by rigd", autocomplete: "off",
+    });
     this.own = el("input", { id: "own", type: "checkbox" });
     return el("details", { class: "more" }, el("summary", {}, "More choices"),
       el("div", { class: "fields" },
@@ -92,8 +101,15 @@ class Sheet {
     return { procedure: this.view.procedure, set: this.form.values() };
   }
 
-  #changed() {
-    this.preview.classList.add("old");
+  /** Say what is wrong with what was given so far. */
+  async #look() {
+    const given = this.#given();
+    try {
+      const { problems } = await ask("check", given);
+      if (JSON.stringify(given) === JSON.stringify(this.#given())) this.form.blame(problems, true);
+    } catch (refused) {
+      complain(refused);
+    }
   }
 
   async #dryRun() {
@@ -114,6 +130,7 @@ class Sheet {
   }
 
   async #confirm() {
+    if (!this.seed.reportValidity()) return;
     this.form.blame([]);
     const check = await attempt(this.start, () => ask("check", this.#given()));
     this.permit();
@@ -122,9 +139,15 @@ class Sheet {
       this.form.blame(check.problems);
       return;
     }
+    openDialog("Start the run", (close) => this.#question(check, close));
+  }
+
+  #question(check, close) {
     const set = Object.entries(this.form.values());
-    const go = el("button", { type: "button", class: "primary big", onclick: () => this.#begin(go) }, icon("play"), "Start now");
-    fill(this.dialog,
+    const go = el("button", {
+      type: "button", class: "primary big", autofocus: true, onclick: () => this.#begin(go, close),
+    }, icon("play"), "Start now");
+    return [
       el("h2", {}, `Start ${words(this.view.procedure.name)}?`),
       el("dl", { class: "facts" },
         el("dt", {}, "Rig"), el("dd", {}, `${known.describe.title || known.describe.rig}${known.describe.simulated ? "" : " – it will move"}`),
@@ -132,20 +155,31 @@ class Sheet {
         ...set.flatMap(([name, value]) => [el("dt", {}, words(name)), el("dd", {}, value)])),
       known.describe.simulated ? null : el("p", {}, "Is nobody within its reach?"),
       el("div", { class: "row end" },
-        el("button", { type: "button", onclick: () => this.dialog.close() }, "Cancel"), go));
-    this.dialog.showModal();
-    go.focus();
+        el("button", { type: "button", onclick: close }, "Cancel"), go),
+    ];
   }
 
-  async #begin(button) {
+  async #begin(button, close) {
     const seed = this.seed.value.trim();
     const args = { ...this.#given(), answers: this.own.checked ? "procedure" : "ask" };
     if (seed) args.seed = Number(seed);
     if (this.loss.value) args.on_client_loss = this.loss.value;
     const started = await attempt(button, () => command("start", args));
-    this.dialog.close();
+    close();
     if (started !== null) show("live");
   }
 }
+
+/** What a procedure says of itself: its first paragraph, the others on demand. */
+function prose(text) {
+  const [first, ...others] = text.trim().split(/\n\s*\n/).map(paragraph);
+  return el("div", { class: "doc" }, first,
+    others.length ? el("details", { class: "more" }, el("summary", {}, "More about it"), others) : null);
+}
+
+/** Lines of prose are joined; commands keep theirs. */
+const paragraph = (text) => /^( {2}|rigd |\$ )/m.test(text)
+  ? el("pre", {}, text)
+  : el("p", {}, text.replace(/\s*\n\s*/g, " "));
 
 const LOSS = { continue: "go on", finish_trial: "finish the trial, then stop", stop: "stop" };

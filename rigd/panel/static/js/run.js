@@ -1,7 +1,7 @@
 // The run under way: what varies in it, how far it is, pause and resume.
 
 import { ask, command } from "./api.js";
-import { el, fill, icon, say } from "./dom.js";
+import { el, file, fill, icon, say } from "./dom.js";
 import { duration, quantity, words } from "./format.js";
 import { share } from "./state.js";
 import { hasControl, isOperator, known, watch } from "./store.js";
@@ -32,9 +32,11 @@ export function mountRun(root) {
       shape = key;
       return;
     }
-    if (shape !== status.run) fill(body, dots, facts);
-    if (shape !== status.run) learnUnits(status.procedure);
-    shape = status.run;
+    if (shape !== status.run) {
+      fill(body, dots, facts, el("p", { class: "quiet recording" }, file(status.run)));
+      learnUnits(status.procedure);
+      shape = status.run;
+    }
     say(title, words(status.procedure ?? ""));
     draw(dots, status);
     describe(facts, status);
@@ -79,12 +81,11 @@ function describe(facts, status) {
     ["Trials", `${status.trials_done} of ${status.trials_total} done`],
     ["Time", status.left_s === null
       ? `${duration(status.run_s)} so far`
-      : `${duration(status.run_s)} so far, ${duration(status.left_s)} left (${Math.round(100 * share(status, 0))} %)`],
+      : `${duration(status.run_s)} of about ${duration(status.run_s + status.left_s)}, ${Math.round(100 * share(status, 0))}\u202f%`],
     ["Step", status.step ?? "–"],
     ...Object.entries(status.trial?.parameters ?? {}).map(([name, value]) => [
       words(name), typeof value === "number" ? inUnit(name, value) : String(value),
     ]),
-    ["Recording", status.run],
   ];
   if (facts.childElementCount !== 2 * lines.length) {
     fill(facts, lines.flatMap(() => [el("dt"), el("dd")]));
@@ -103,7 +104,7 @@ function rest(title, body, status) {
     last === null ? null : el("dl", { class: "facts" },
       el("dt", {}, "Ended"), el("dd", {}, el("span", { class: "ending", data: { ending: last.ending } }, words(last.ending))),
       last.reason ? [el("dt", {}, "Why"), el("dd", {}, last.reason)] : null,
-      el("dt", {}, "Recording"), el("dd", {}, el("code", {}, last.run))),
+      el("dt", {}, "Recording"), el("dd", {}, file(last.run))),
     el("div", { class: "row" },
       isOperator() ? el("button", { type: "button", class: "primary", onclick: () => show("procedures") }, "Choose a procedure") : null,
       el("button", { type: "button", onclick: () => show("runs") }, "Recordings")),

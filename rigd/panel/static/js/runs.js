@@ -1,7 +1,8 @@
 // The recordings, and the report of each.
 
 import { ask, command } from "./api.js";
-import { el, fill, icon, say } from "./dom.js";
+import { resumeButton } from "./attention.js";
+import { el, file, fill, icon, say } from "./dom.js";
 import { bytes, day, duration, words } from "./format.js";
 import { hasControl, known, watch } from "./store.js";
 import { onShow } from "./tabs.js";
@@ -92,14 +93,15 @@ function drawRun(root, one, refresh) {
     // An address of its own each time, so that a new report replaces the old one.
     src: `${path}/report?at=${Date.now()}`, title: `Report of ${one.run}`, sandbox: "", loading: "lazy",
   }));
+  const canResume = known.status.run === null && known.status.interrupted.some((other) => other.run === one.run);
   make.hidden = !hasControl() || one.problem !== null;
   fill(root,
     el("div", { class: "panel-head" },
       el("h2", {}, `${words(one.procedure)}, ${day(one.started_ns / 1e6)}`),
       el("a", { class: "button", href: `${path}/recording`, download: one.run }, icon("down"), `Recording (${bytes(one.size)})`),
       one.has_report ? el("a", { class: "button", href: `${path}/report`, target: "_blank", rel: "noopener" }, "Report in a page of its own") : null,
-      make, note),
-    el("p", { class: "quiet" }, el("code", {}, one.run)),
+      make, canResume ? resumeButton(one.run, hasControl()) : null, note),
+    el("p", { class: "quiet" }, file(one.run)),
     one.problem === null ? null : el("p", { class: "problem" }, one.problem),
     report);
   if (one.has_report) showReport();

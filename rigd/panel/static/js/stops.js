@@ -3,31 +3,78 @@
 // which closes dialogs, does nothing.
 
 import { stop } from "./api.js";
-import { el, say } from "./dom.js";
+import { el, fill, say } from "./dom.js";
+import { clock, STATES } from "./format.js";
 import { known, watch } from "./store.js";
-import { alarm, toast } from "./toasts.js";
 
 const HELD_MS = 350;
 const AGAIN_MS = 700; // a second press so soon is the same press
 const FORGET_MS = 20_000; // after that, Esc begins with stop again
+const SHOWN_MS = 8000; // a confirmation; what was not confirmed stays until somebody has seen it
 
 const VERBS = {
-  stop: ["Stop", "Ends the step, brings the rig to rest, then the procedure's finish plays"],
-  abort: ["Abort", "Setpoints go to rest now; nothing else follows"],
-  estop: ["E-stop", "Asks for power to drop at once. This is software: the safety function is the hardware emergency stop"],
+  stop: ["Stop", "Ends the step, brings the rig to rest, then the procedure's finish plays", "The rig is brought to rest."],
+  abort: ["Abort", "Setpoints go to rest now; nothing else follows", "Setpoints go to rest."],
+  estop: ["E-stop", "Asks for power to drop at once. This is software: the safety function is the hardware emergency stop", "Power is asked to drop."],
 };
 
 let last = { verb: null, at: -Infinity };
+let presses = 0;
+
+/** What became of the newest press, beside the buttons. */
+class Outcome {
+  #timer = null;
+
+  constructor() {
+    this.element = el("div", { class: "stop-told", hidden: true, role: "alert" });
+  }
+
+  wait(name) {
+    const since = el("span", { class: "since", "aria-hidden": "true" });
+    const begun = performance.now();
+    this.#show("ask", `${name} is on its way …`, since);
+    this.#timer = setInterval(() => {
+      const seconds = (performance.now() - begun) / 1000;
+      if (seconds > 0.5) say(since, `Not confirmed for ${seconds.toFixed(1)} s. The hardware emergency stop needs no network.`);
+    }, 100);
+  }
+
+  confirm(text, note) {
+    this.#show("calm", text, note);
+    this.#timer = setTimeout(() => { this.element.hidden = true; }, SHOWN_MS);
+  }
+
+  fail(name, reason) {
+    this.#show("bad", `${name} WAS NOT CONFIRMED. Use the hardware emergency stop.`, `At ${clock(Date.now())}: ${reason} `,
+      el("button", { type: "button", onclick: () => { this.element.hidden = true; } }, "Seen"));
+  }
+
+  #show(mood, text, ...notes) {
+    clearInterval(this.#timer); // which ends a time-out as well
+    this.element.dataset.mood = mood;
+    fill(this.element, el("strong", {}, text), ...notes);
+    this.element.hidden = false;
+  }
+}
+
+const outcome = new Outcome();
 
 async function send(verb) {
   const now = performance.now();
   if (last.verb === verb && now - last.at < AGAIN_MS) return;
   last = { verb, at: now };
+  const mine = ++presses;
+  const [name, , follows] = VERBS[verb];
+  outcome.wait(name);
   try {
     const { acted } = await stop(verb);
-    toast(acted ? `${VERBS[verb][0]}: the rig obeys.` : `${VERBS[verb][0]}: there is nothing to stop.`);
+    if (mine !== presses) return; // something was pressed since, and is told instead
+    if (acted) outcome.confirm(`${name}: confirmed`, follows);
+    else if (known.status?.run == null) outcome.confirm(`${name}: nothing is running`, "");
+    else outcome.confirm(`${name}: was asked for already`, STATES[known.status.state][1]);
   } catch (refused) {
-    alarm(`${VERBS[verb][0]} WAS NOT CONFIRMED. Use the hardware emergency stop. (${refused.message})`);
+    if (refused.code === undefined) throw refused;
+    if (mine === presses) outcome.fail(name, refused.message);
   }
 }
 
@@ -50,7 +97,10 @@ export function mountStops(root) {
   const ring = el("span", { class: "stop-ring", "aria-hidden": "true" });
   buttons[0].append(hint, ring);
   root.append(...buttons);
-  const remind = () => say(hint, `hold Esc: ${VERBS[next()][0].toLowerCase()}`);
+  root.closest(".head").append(outcome.element);
+  // What is typed into a report stays there: it is a document of its own.
+  const isInReport = () => document.activeElement?.tagName === "IFRAME";
+  const remind = () => say(hint, isInReport() ? "Esc: leave the report first" : `hold Esc: ${VERBS[next()][0].toLowerCase()}`);
   setInterval(remind, 1000);
   remind();
 
@@ -69,11 +119,16 @@ export function mountStops(root) {
     }, HELD_MS);
   }, true);
   window.addEventListener("keyup", (event) => event.key === "Escape" && letGo(), true);
-  window.addEventListener("blur", letGo);
+  window.addEventListener("blur", () => {
+    letGo();
+    setTimeout(remind); // when the browser has noted who has the keyboard now
+  });
+  window.addEventListener("focus", remind);
 
   watch(["status", "link"], () => {
     const idle = known.status?.run === null;
     root.classList.toggle("resting", idle && known.link === "ok");
+    // The next run begins with stop again.
     if (idle && performance.now() - last.at > AGAIN_MS) last = { verb: null, at: -Infinity };
   });
 }

@@ -1,4 +1,4 @@
-// Short notes that go by themselves, and alarms that stay until somebody takes them away.
+// Short notes that go by themselves.
 
 import { el } from "./dom.js";
 
@@ -16,16 +16,6 @@ export function complain(refused) {
   const note = el("p", { class: "toast", role: "alert", data: { mood: "warn" } }, text);
   show(note);
   setTimeout(() => note.remove(), 2 * SHOWN_MS);
-}
-
-export function alarm(text) {
-  const note = el(
-    "p",
-    { class: "toast", role: "alert", data: { mood: "bad" } },
-    el("strong", {}, text),
-    el("button", { type: "button", onclick: () => note.remove() }, "Seen"),
-  );
-  show(note);
 }
 
 function show(note) {

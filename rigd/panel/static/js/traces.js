@@ -29,6 +29,8 @@ export function mountTraces(root) {
       el("div", { class: "spans", role: "group", "aria-label": "Time shown" }, ...spans), hold, behind),
     area);
   const empty = el("p", { class: "empty" });
+  const noData = el("p", { class: "no-data" }, "Nothing has been measured yet. Traces begin with the next run.");
+  root.append(noData);
   let plots = [];
   let isDirty = true;
 
@@ -111,6 +113,7 @@ export function mountTraces(root) {
     if (!isDirty || !root.offsetParent) return;
     isDirty = false;
     const end = actions.now();
+    noData.hidden = Number.isFinite(end) || plots.length === 0;
     if (!Number.isFinite(end)) return;
     for (const plot of plots) plot.draw(end - view.span, end);
     root.dataset.drawn = Number(root.dataset.drawn ?? 0) + 1;

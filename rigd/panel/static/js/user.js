@@ -1,22 +1,19 @@
 // Who sits here, day or night, and links for other screens.
 
 import { invite, logout } from "./api.js";
+import { openDialog } from "./dialog.js";
 import { el, fill, icon } from "./dom.js";
 import { known } from "./store.js";
 import { attempt, toast } from "./toasts.js";
 
 export function mountUser(root) {
-  const dialog = el("dialog", { "aria-label": "You and this page" });
-  const open = el("button", {
-    type: "button", class: "plain-button", "aria-haspopup": "dialog", onclick: () => {
-      fill(dialog, contents(dialog));
-      dialog.showModal();
-    },
-  }, icon("user"), el("span", {}, known.me.name));
-  root.append(open, dialog);
+  root.append(el("button", {
+    type: "button", class: "plain-button", "aria-haspopup": "dialog",
+    onclick: () => openDialog("You and this page", contents),
+  }, icon("user"), el("span", {}, known.me.name)));
 }
 
-function contents(dialog) {
+function contents(close) {
   const link = el("output", { class: "link" });
   const invitation = (role, text) => {
     const made = el("button", {
@@ -40,7 +37,7 @@ function contents(dialog) {
     link,
     el("div", { class: "row end" },
       el("button", { type: "button", class: "plain-button", onclick: leave }, "Log out"),
-      el("button", { type: "button", onclick: () => dialog.close() }, "Close")),
+      el("button", { type: "button", onclick: close }, "Close")),
   ];
 }
 
