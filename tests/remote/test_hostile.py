@@ -98,6 +98,16 @@ def test_a_stop_is_taken_whatever_the_clocks_say(on_loopback: Served, client: Ze
     assert on_loopback.rig.done[before:] == [("eve", "abort")]
 
 
+def test_a_lease_is_renewed_whatever_the_clocks_say(
+    on_loopback: Served, client: ZenohClient
+) -> None:
+    """Else a clock that is set would end the run of who is there."""
+    on_loopback.rig.hold_lease("eve")
+    payload = request("lease_renew", sent_ns=0)
+    first, second = (client.ask(key("cmd", "eve", "lease_renew"), payload) for _ in range(2))
+    assert second["result"]["until_ns"] > first["result"]["until_ns"]
+
+
 @pytest.mark.parametrize(
     ("error", "expected", "told"),
     [

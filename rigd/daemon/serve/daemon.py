@@ -105,14 +105,22 @@ def serve(options: Options, announce: Callable[[str], None]) -> None:
         notifier.ready()
         announce(f"{options.rig.name} is served on {', '.join(options.rig.remote.listen)}")
 
+        hung = ""
+
         def tick() -> None:
+            nonlocal hung
             if news.wait(TICK_S):
                 news.clear()
-                server.publisher.status(service.status())
+                server.tell(service)
             while signals.asked:
                 parts.notices.note(signals.asked.pop(0), "warning")
             service.tend()
-            notifier.alive(service.doing)
+            # Where that says nothing, the service manager starts a daemon that serves.
+            if not (hangs := server.hangs):
+                notifier.alive(service.doing)
+            elif hangs != hung:
+                hung = hangs
+                parts.notices.note(f"clients are not served any more: {hangs}", "error")
 
         while not signals.reason:
             tick()
@@ -121,6 +129,7 @@ def serve(options: Options, announce: Callable[[str], None]) -> None:
         notifier.ending()
         while parts.steering.running is not None:
             tick()
+        service.tend()
 
 
 def _compose(

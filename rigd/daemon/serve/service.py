@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -91,6 +92,7 @@ class RigService:
         self._refused = refused
         self._changed = changed
         self._numbers = itertools.count()
+        self._stops: deque[tuple[str, str, str]] = deque()  # not written down yet
         self._daemon = Daemon(version=__version__, pid=os.getpid(), started_ns=time.time_ns())
 
     def status(self) -> Status:
@@ -176,17 +178,23 @@ class RigService:
         return result
 
     def stop(self, identity: str, verb: str, reason: str) -> Stopped:
-        """Stop, abort or estop whatever happens on the rig."""
+        """Stop, abort or estop whatever happens on the rig.
+
+        :meth:`tend` writes it down: a disk that hangs keeps no estop from following a stop.
+        """
         why = f"{verb} by {identity}" + (f": {reason}" if reason else "")
         acted = self._parts.steering.stop(_VERBS[verb], why)
         if acted:  # what was asked before is asked again by whoever is impatient
+            self._stops.append((identity, verb, reason))
             self._parts.notices.note(why, "warning")
-            self._parts.audit.write(identity, verb, {"reason": reason})
-            self._tell(identity, verb, {"reason": reason})
         return Stopped(acted=acted)
 
     def tend(self) -> None:
-        """Do what is due now and then: see whose lease has run out."""
+        """Do what is due now and then: write down who stopped, see whose lease has run out."""
+        while self._stops:
+            identity, verb, reason = self._stops.popleft()
+            self._parts.audit.write(identity, verb, {"reason": reason})
+            self._tell(identity, verb, {"reason": reason})
         for who in self._parts.lease.lost():
             done = self._parts.steering.client_lost(who)
             self._parts.notices.note(f"{who} has vanished: {done}", "warning")

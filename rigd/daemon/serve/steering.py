@@ -28,7 +28,6 @@ from rigd.daemon.serve.trips import Acted, TripMemory
 from rigd.engine.control import Control, Verb
 from rigd.engine.interlocks import Trip
 from rigd.engine.shared import RunFolder
-from rigd.model.errors import RigdError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import OnClientLoss
@@ -285,8 +284,6 @@ class Steering:
         on_client_loss: OnClientLoss,
         expected_s: float | None = None,
     ) -> Started:
-        # Until here others could take the lease, and a long file may have outlived it.
-        self._lease.check(who)
         self._trips.begin_run()
         answers = RemoteAnswers(self._prompt_ids, self._changed) if by_person else None
         running = Running(
@@ -310,6 +307,8 @@ class Steering:
         if self._leaving:  # a signal that came since
             running.control.request(Verb.STOP, self._leaving)
         try:
+            # A long file may have outlived the lease. From here on, its end ends this run.
+            self._lease.check(who)
             self._looks.end()
             self._mark(running.recording)
             running.start()
@@ -323,7 +322,7 @@ class Steering:
         """The run's rings are there."""
         try:
             self._feed.attach(self._folder)
-        except RigdError as error:  # it is recorded all the same
+        except Exception as error:  # noqa: BLE001 - it is recorded all the same
             self._notices.note(f"the run cannot be shown: {error}", "error")
 
     def _tripped(self, trips: Sequence[Trip]) -> None:

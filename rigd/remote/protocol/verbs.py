@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Final
 
@@ -72,13 +72,17 @@ PATIENCE_S: Final[Mapping[Lane, float]] = {
 
 @dataclass(frozen=True)
 class Verb:
-    """One verb: what it is asked with and answered with, its lane, and who may use it."""
+    """One verb: what it is asked with and answered with, its lane, and who may use it.
+
+    ``repeatable``: done again it changes nothing more, so it may be sent twice, and at any age.
+    """
 
     arguments: type[Message]
     result: type[Message]
     lane: Lane
     role: Role = Role.OBSERVER
     needs_lease: bool = False
+    repeatable: bool = False
 
 
 def _lease(arguments: type[Message] = NoArguments, role: Role = Role.OPERATOR) -> Verb:
@@ -112,7 +116,8 @@ VERBS: Final[Mapping[Kind, Mapping[str, Verb]]] = {
     },
     Kind.COMMAND: {
         "lease_take": _lease(),
-        "lease_renew": _lease(),
+        # Whatever the clocks say: a clock that is set must not end the run of who is there.
+        "lease_renew": replace(_lease(), repeatable=True),
         "lease_release": _lease(),
         "lease_request": _lease(),
         "lease_give": _lease(Receiver),

@@ -123,7 +123,7 @@ class Desk:
         try:
             request = decode(request_kind(letter.verb.arguments), letter.payload)
             request_id = request.id
-            if letter.address.kind is Kind.ASK:
+            if letter.address.kind is Kind.ASK or letter.verb.repeatable:
                 return self._carry_out(letter, request)
             return self._once(letter, request)
         except Refusal as refusal:

@@ -17,7 +17,7 @@ from rigd.remote.protocol.limits import FRESH_S
 
 #: How long a reply is remembered: a request may be FRESH_S old when it comes, and as much ahead.
 MEMORY_S: Final = 2 * FRESH_S + 1
-#: Requests of one identity, and identities, that are remembered; renewing a lease takes 31.
+#: Requests of one identity, and identities, that are remembered.
 MAX_REQUESTS: Final = 512
 MAX_SENDERS: Final = 64
 

@@ -35,6 +35,9 @@ from rigd.remote.server.service import Service
 
 _log = logging.getLogger(__name__)
 
+#: A request that is answered within moments takes longer only where its thread hangs, in s.
+_STUCK_S: Final = 10.0
+_QUICK: Final = frozenset({Lane.STOP, Lane.LEASE, Lane.ASK})
 #: How long closing waits for a request under way; a dry run may take longer, and is left alone.
 _LAST_REQUEST_S: Final = 2.0
 
@@ -68,6 +71,8 @@ class Server:
         self._inboxes = {lane: Inbox[_Waiting]() for lane in Lane}
         self._closing = threading.Event()
         self._threads: list[threading.Thread] = []
+        self._begun_s: dict[Lane, float] = {}  # when that under way was begun, monotonic
+        self._telling = threading.Lock()  # of two statuses, the newer one goes out last
         self._declared = ExitStack()  # undone in the reverse order
         self._session = _open(self._keys, setup)
         self.publisher = Publisher(self._session, self._keys)
@@ -79,15 +84,35 @@ class Server:
     def start(self, service: Service) -> None:
         """Answer requests, publish the status as a heartbeat, and be seen to be alive."""
         desk = Desk(self._keys, self._setup, service, self._lease, self._refused)
-        self.publisher.status(service.status())
+        self.tell(service)
         for lane in Lane:
-            self._thread(f"remote-{lane.value}", partial(self._work, desk, self._inboxes[lane]))
+            self._thread(f"remote-{lane.value}", partial(self._work, desk, lane))
         self._thread("remote-beat", partial(self._beat, service))
         self._answer(self._keys.status, self._show)
         for kind in Kind:
             self._answer(self._keys.every_request(kind), partial(self._receive, desk))
         token = self._session.liveliness().declare_token(self._keys.alive)
         self._declared.callback(token.undeclare)
+
+    def tell(self, service: Service) -> None:
+        """Publish the status now; where that fails, it is logged."""
+        try:
+            with self._telling:
+                self.publisher.status(service.status())
+        except Exception:  # noqa: BLE001 - without the heartbeat, clients take it for dead
+            _log.exception("the status cannot be told")
+
+    @property
+    def hangs(self) -> str:
+        """Which of its threads serves nobody any more, in words; "" where all do."""
+        for thread in self._threads:
+            if not thread.is_alive():
+                return f"{thread.name} has ended"
+        stuck_s = time.monotonic() - _STUCK_S
+        for lane, begun_s in self._begun_s.copy().items():
+            if lane in _QUICK and begun_s < stuck_s:
+                return f"remote-{lane.value} has not answered for {_STUCK_S:g} s"
+        return ""
 
     def close(self) -> None:
         """Let nobody in any more; what is under way is finished, what waits is not begun."""
@@ -141,16 +166,15 @@ class Server:
         """Give the newest status to who comes late; on zenoh's thread."""
         _reply(query, self._keys.status, Answer(True, self.publisher.newest_status))
 
-    def _work(self, desk: Desk, inbox: Inbox[_Waiting]) -> None:
-        while (waiting := inbox.take()) is not None:
+    def _work(self, desk: Desk, lane: Lane) -> None:
+        while (waiting := self._inboxes[lane].take()) is not None:
+            self._begun_s[lane] = time.monotonic()
             _reply(waiting.query, waiting.letter.key, desk.answer(waiting.letter))
+            del self._begun_s[lane]
 
     def _beat(self, service: Service) -> None:
         while not self._closing.wait(HEARTBEAT_S):
-            try:
-                self.publisher.status(service.status())
-            except Exception:  # noqa: BLE001 - without the heartbeat, clients take it for dead
-                _log.exception("the status cannot be told")
+            self.tell(service)
 
 
 def _open(keys: Keys, setup: RemoteSetup) -> zenoh.Session:

@@ -84,6 +84,32 @@ def test_whoever_may_connect_may_stop(tmp_path: Path, verb: str, ending: str) ->
     assert [line["what"] for line in served.audited()] == ["lease_take", "start", verb]
 
 
+def test_an_estop_waits_for_no_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def hang(*_: object) -> None:
+        raise AssertionError("a stop was written down before it was answered")
+
+    with ServedAxis(tmp_path) as served:
+        served.start(LONG)
+        with monkeypatch.context() as broken:
+            broken.setattr(served.audit, "write", hang)
+            assert served.service.stop("eve", "stop", "").acted
+            assert served.service.stop("eve", "estop", "").acted
+        served.until_idle()
+    assert [line["what"] for line in served.audited()[2:]] == ["stop", "estop"]
+
+
+def test_who_has_vanished_before_the_run_begins_begins_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody would stop it: that its client has vanished was told when nothing ran."""
+    with ServedAxis(tmp_path) as served:
+        monkeypatch.setattr(served.trips, "begin_run", lambda: vanish(served))
+        with pytest.raises(Refusal) as refused:
+            served.start(LONG)
+        assert refused.value.code is Code.NO_LEASE
+        assert served.status.state == "idle"
+
+
 def test_a_stop_while_devices_are_opened_is_heeded(tmp_path: Path) -> None:
     with ServedAxis(tmp_path, opens_in_s=20.0) as served:
         served.start()

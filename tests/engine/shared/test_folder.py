@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -99,6 +100,17 @@ def test_who_holds_a_rig_may_say_what_to_do_instead() -> None:
     with pytest.raises(InUse, match=r"\(rigd serve, recording /data/run.mcap\)$"):
         RunFolder.take("bench", command="test")
     held.release()
+
+
+def test_a_rig_that_cannot_be_marked_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as broken:
+        broken.setattr(os, "pwrite", full)
+        with pytest.raises(RecordingError, match="lock: No space left"):
+            RunFolder.take("bench", command="test")
+    RunFolder.take("bench", command="test").release()
 
 
 def test_what_a_dead_process_has_started_is_waited_for() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from rigd.model import LinkError
 from rigd.remote.protocol import Event, Status, encode
 from rigd.remote.protocol.limits import VERSION
 from rigd.remote.server import Lease, Server
+from rigd.remote.server.service import Result
 
 
 def setup() -> RemoteSetup:
@@ -88,6 +90,41 @@ def test_an_event_and_a_frame_reach_who_listens(on_loopback: Served) -> None:
         on_loopback.server.publisher.frame("wheel", b"frame")
         came = client.received(least=2, within_s=20)
     assert came == {f"rigd/{RIG}/event": 1, f"rigd/{RIG}/live/wheel": 1}
+
+
+class Hanging(RecordedRig):
+    """Does not return from a stop before it is let go."""
+
+    def __init__(self, name: str, lease: Lease) -> None:
+        super().__init__(name, lease)
+        self.stopping, self.let_go = threading.Event(), threading.Event()
+
+    def stop(self, identity: str, verb: str, reason: str) -> Result:
+        """Hang."""
+        self.stopping.set()
+        assert self.let_go.wait(60)
+        return super().stop(identity, verb, reason)
+
+
+def test_a_server_that_serves_nobody_any_more_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rigd.remote.server.server._STUCK_S", 0.0)
+    listening, lease = setup(), Lease(lambda name: True)
+    server, rig = Server(RIG, listening, lease), Hanging(RIG, lease)
+    with server, ZenohClient(config(listening.listen[0])) as client:
+        server.start(rig)
+        assert server.hangs == ""
+        asking = threading.Thread(
+            target=client.ask, args=(key("stop", "eve", "stop"), request("stop"))
+        )
+        asking.start()
+        assert rig.stopping.wait(60)
+        assert server.hangs == "remote-stop has not answered for 0 s"
+        rig.let_go.set()
+        asking.join()
+        deadline = time.monotonic() + 20
+        while server.hangs:  # it has replied, and is about to take the next
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
 
 
 class Sick(RecordedRig):
