@@ -56,7 +56,7 @@ class Recordings:
         try:
             info = _info(path)
         except RecordingError as error:
-            return RunView(line=_broken(path, error))
+            return RunView(line=_unread(path, error, name == under_way))
         newest = replace(info, trials=info.trials[-_TRIALS:])
         details = json.loads(json.dumps(info_json(newest)))
         details["recording"] = name  # where it stands is nobody's business
@@ -135,7 +135,7 @@ class Recordings:
         try:
             return _line_of(_info(path), name == under_way)
         except RecordingError as error:
-            return _broken(path, error)
+            return _unread(path, error, name == under_way)
 
     def _digest(self, path: Path) -> tuple[int, str]:
         """Return size and SHA-256 of a file; what it was hashed for stays remembered a while."""
@@ -188,16 +188,17 @@ def _line_of(info: RunInfo, under_way: bool) -> RunLine:
     )
 
 
-def _broken(path: Path, error: RecordingError) -> RunLine:
+def _unread(path: Path, error: RecordingError, under_way: bool) -> RunLine:
+    """Return the line of a recording that is torn, or whose first rows are not yet on the disk."""
     return RunLine(
         run=path.name,
         procedure="",
-        state="unreadable",
+        state="running" if under_way else "unreadable",
         started_ns=0,
         duration_s=0.0,
         trials_done=0,
         trials_total=0,
         size=path.stat().st_size,
         has_report=False,
-        problem=error.message,
+        problem=None if under_way else error.message,
     )

@@ -59,6 +59,14 @@ def test_what_cannot_be_read_is_listed_with_its_problem(tmp_path: Path) -> None:
     assert line.problem
 
 
+def test_one_that_has_just_begun_is_running_not_torn(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").touch()
+    recordings = Recordings(tmp_path)
+    (line,) = recordings.lines(10, None, "a.mcap").runs
+    assert (line.state, line.problem) == ("running", None)
+    assert recordings.view("a.mcap", "a.mcap").line == line
+
+
 def test_a_file_is_fetched_in_pieces_that_make_it_whole(tmp_path: Path) -> None:
     path = tmp_path / "big.html"
     whole = bytes(range(256)) * 3000
