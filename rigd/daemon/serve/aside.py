@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from rigd.engine.deaths import how_ended
 from rigd.model.errors import RigdError
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.results import DryRun, Reported
@@ -73,6 +74,9 @@ class Aside:
                 self._process = None
         if self._closed:
             raise Refusal(Code.CONFLICT, "the daemon is ending")
+        if process.returncode < 0:  # by a person, or for want of memory
+            ended = how_ended(process.returncode)
+            raise Refusal(Code.REFUSED, f"{what} was ended from outside ({ended})")
         if process.returncode != 0:
             raise RuntimeError(f"{what} failed aside:\n{err}")
         said: Mapping[str, Any] = json.loads(out)
@@ -88,7 +92,8 @@ class Aside:
                 raise Refusal(Code.BUSY, "another calculation is under way", hint="ask again")
             self._process = subprocess.Popen(
                 # Without -P the folder it is started in could bring modules of its own.
-                [sys.executable, "-P", "-m", __name__],
+                [sys.executable, "-P", "-m", "rigd.daemon.serve.tied", str(os.getpid()),
+                 sys.executable, "-P", "-m", __name__],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
@@ -96,7 +101,7 @@ class Aside:
                 # Threads of the linear algebra would wait for one another, and for the run.
                 env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"},
                 start_new_session=True,
-            )
+            )  # fmt: skip
             return self._process
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from pathlib import Path
@@ -61,6 +62,17 @@ def test_data_that_cannot_answer_make_no_report(tmp_path: Path) -> None:
         Aside().identify(recording)
     assert refused.value.code is Code.REFUSED
     assert not (tmp_path / "run.html").exists()
+
+
+def test_one_that_is_killed_is_told_as_such(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    killed = tmp_path / "python"
+    killed.write_text("#!/bin/sh\ncat > /dev/null\nkill -KILL $$\n")
+    killed.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(killed))
+    with pytest.raises(Refusal, match=r"identify was ended from outside \(signal SIGKILL\)"):
+        Aside().identify(tmp_path / "run.mcap")
 
 
 def test_one_calculation_at_a_time_and_none_outlives_the_daemon() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -40,9 +41,28 @@ def test_it_lives_as_long_as_the_daemon(tmp_path: Path, monkeypatch: pytest.Monk
         until(lambda: int(said.read_text()) != first, companion.tend)
         second = int(said.read_text())
         assert [one.text for one in notices.views()] == [
-            "the panel ended (signal SIGKILL), and is started again"
+            "the panel ended (signal SIGKILL), and is started again in 0 s"
         ]
     assert not alive(second)
+
+
+def test_one_that_cannot_live_is_tried_ever_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+
+    now_s = 1000.0
+    monkeypatch.setattr(time, "monotonic", lambda: now_s)
+    monkeypatch.setattr(subprocess, "Popen", refuse)
+    notices = Notices(lambda: None)
+    with Companion("the panel", ["panel"], notices) as companion:
+        for _ in range(1200):
+            now_s += 1.0
+            companion.tend()
+    told = [one.text for one in notices.views()]
+    assert told[0].startswith("the panel cannot be started (Cannot allocate memory), and")
+    assert [text.rpartition(" in ")[2] for text in told] == [
+        "5 s", "10 s", "20 s", "40 s", "80 s", "160 s", "300 s", "300 s", "300 s",
+    ]  # fmt: skip
 
 
 def test_it_ends_where_the_daemon_is_killed(tmp_path: Path) -> None:
