@@ -3,7 +3,7 @@
 `rigd serve` on the simulated LuGre rig, its panel, and three headless Chromium pages. Measured: how
 old the newest sample is when it has been drawn (from the sample's own time to the end of the frame
 that shows it, so half a frame of 1/30 s is in it), frames drawn per second, and the share of a core
-that the panel and the daemon take with one page and with three.
+that panel, daemon and browser (which draws by software here) take with one page and with three.
 
     python benchmarks/panel.py --seconds 10
 """
@@ -105,11 +105,28 @@ def cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+def browser_pids() -> list[int]:
+    """Return the processes of the browser that this one has started."""
+    return [pid for pid in descendants(os.getpid()) if b"chrom" in cmdline(pid)]
+
+
+def descendants(pid: int) -> Iterator[int]:
+    """Yield the processes that ``pid`` has started, and those that they have."""
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        for child in map(int, (task / "children").read_text().split()):
+            yield child
+            yield from descendants(child)
+
+
+def cmdline(pid: int) -> bytes:
+    """Return the command of a process, its words apart by NUL."""
+    return Path(f"/proc/{pid}/cmdline").read_bytes()
+
+
 def panel_of(daemon: int) -> int:
     """Return the process of the panel that a daemon has started."""
-    children = Path(f"/proc/{daemon}/task/{daemon}/children").read_text().split()
-    for pid in map(int, children):
-        if b"\0panel\0" in Path(f"/proc/{pid}/cmdline").read_bytes():
+    for pid in descendants(daemon):
+        if b"\0panel\0" in cmdline(pid):
             return pid
     raise SystemExit("the daemon has no panel")
 
@@ -146,10 +163,13 @@ def start(page: Page) -> None:
 
 def measure(page: Page, pids: dict[str, int], seconds: float) -> dict[str, float]:
     """Return ages of drawn samples in ms, frames per second, and shares of a core."""
+    browser = browser_pids()
     before, begun = {name: cpu_s(pid) for name, pid in pids.items()}, time.monotonic()
+    drawing_s = sum(map(cpu_s, browser))
     ages = sorted(1e3 * one for one in page.evaluate(WATCH, seconds))
     took_s = time.monotonic() - begun
     found = {name: (cpu_s(pid) - before[name]) / took_s for name, pid in pids.items()}
+    found["browser"] = (sum(map(cpu_s, browser)) - drawing_s) / took_s
     return found | {
         "fps": len(ages) / seconds,
         "p50": statistics.median(ages),
@@ -184,8 +204,8 @@ def main() -> None:
             noted(f"frames drawn, {where}", found["fps"], "1/s")
             noted(f"age of the newest sample drawn, {where}, p50", found["p50"], "ms")
             noted(f"age of the newest sample drawn, {where}, p99", found["p99"], "ms")
-            noted(f"panel's share of a core, {where}", 100 * found["panel"], "%")
-            noted(f"daemon's share of a core, {where}", 100 * found["daemon"], "%")
+            for name in ("panel", "daemon", "browser"):
+                noted(f"the {name}'s share of a core, {where}", 100 * found[name], "%")
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -37,7 +37,7 @@ from typing import Self
 import numpy as np
 from cycle_peers import HEADING, Beside, Lateness, RunningBeside, compile_witness
 from figures import at_most, noted
-from panel import NAME, WATCH, cpu_s, enter, invited, panel_of, served
+from panel import NAME, WATCH, browser_pids, cpu_s, enter, invited, panel_of, served
 from playwright.sync_api import Page, sync_playwright
 
 from rigd.config.loader import load_rig
@@ -227,20 +227,10 @@ class Bench:
         allowed = os.sched_getaffinity(0)
         if load == ELSEWHERE:
             allowed -= os.sched_getaffinity(self._pids["cycle"])
-        for pid in descendants(os.getpid()):
-            if b"chrom" not in Path(f"/proc/{pid}/cmdline").read_bytes():
-                continue
+        for pid in browser_pids():
             for task in Path(f"/proc/{pid}/task").iterdir():
                 with suppress(ProcessLookupError):  # threads come and go
                     os.sched_setaffinity(int(task.name), allowed)
-
-
-def descendants(pid: int) -> Iterator[int]:
-    """Yield the processes that ``pid`` has started, and those that they have."""
-    for task in Path(f"/proc/{pid}/task").iterdir():
-        for child in map(int, (task / "children").read_text().split()):
-            yield child
-            yield from descendants(child)
 
 
 def quantiles(ages_ms: Sequence[float]) -> Sequence[float]:
