@@ -40,13 +40,14 @@ class Terminal:
         os.close(slave)
         return cls(process, master, folder)
 
-    def expect(self, text: str) -> None:
-        """Read until the screen shows ``text`` (each only once)."""
+    def expect(self, text: str) -> str:
+        """Read until the screen shows ``text`` (each only once); return what came before it."""
         with self._ended_in_time():
             while text not in self.seen:
                 if not self._read():
                     raise AssertionError(f"never showed {text!r}, only: {self.seen}")
-        self.seen = self.seen.partition(text)[2]
+        before, _, self.seen = self.seen.partition(text)
+        return before
 
     def type(self, line: str) -> None:
         """Type ``line`` and press return."""

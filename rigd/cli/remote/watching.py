@@ -86,6 +86,7 @@ class Watch:
         self._lines = Lines(sys.stdin)
         self._question: asyncio.Task[None] | None = None  # the one that stands at the terminal
         self._prompt: PromptView | None = None  # the prompt that was shown last
+        self._answering = False  # an answer is on its way: its prompt may be gone before the reply
         self._firmer = list(_STOPS)  # what Ctrl-C asks for next, the mildest first
         self._stops: list[asyncio.Task[None]] = []
         self._left = False
@@ -154,7 +155,7 @@ class Watch:
         """Ask the prompt that waits, and take one off the terminal that waits no more."""
         prompt, before = status.prompt, self._prompt
         if before is not None and (prompt is None or prompt.id != before.id):
-            if self._asks_prompt:
+            if self._asks_prompt and not self._answering:
                 self._withdraw()
                 self._display.tell("answered elsewhere, or withdrawn")
             self._prompt = None
@@ -171,11 +172,14 @@ class Watch:
         if given is None:
             self._display.tell(f"this terminal is gone: {self._how_to_answer}")
             return
+        self._answering = True
         try:
             await self._rig.answer(given, prompt.id)
         except RigdError as error:
             self._display.tell(error.told)
             self._prompt = None  # where it still waits, it is asked again
+        finally:
+            self._answering = False
 
     def _press(self) -> None:
         """Ctrl-C: ask what is meant by it; once more, stop.

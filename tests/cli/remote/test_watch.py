@@ -6,6 +6,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.answering_rig import QUESTION, Served, served
@@ -13,6 +14,7 @@ from support.command import start
 from support.terminal import Terminal
 
 from rigd.remote.protocol.arguments import Answered, NoArguments, Receiver
+from rigd.remote.server import Result
 
 TIMEOUT_S = 60.0
 
@@ -67,13 +69,24 @@ def test_prompts_are_asked_and_what_cannot_be_is_asked_again(
     assert terminal.end() == 0
 
 
-def test_a_prompt_that_is_put_again_says_why(remote: Served, terminal: Terminal) -> None:
+def test_a_prompt_that_is_put_again_says_why(
+    remote: Served, terminal: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    carry_out = remote.rig.command
+
+    def command(*args: Any) -> Result:
+        result = carry_out(*args)
+        remote.show()  # the status without the prompt is there before the reply
+        return result
+
+    monkeypatch.setattr(remote.rig, "command", command)
     remote.rig.prompt = QUESTION
     terminal.expect("Put the weight on")
     terminal.type("1.2 kg")
     until(lambda: remote.rig.prompt is None)
     remote.rig.prompt = QUESTION.model_copy(update={"id": 8, "objection": "the scale shows none"})
-    terminal.expect("the scale shows none")
+    said = terminal.expect("the scale shows none")
+    assert "elsewhere" not in said
     terminal.expect("Put the weight on")
     remote.rig.end()
     assert terminal.end() == 0
