@@ -13,10 +13,10 @@ $(VENV)/.ready: pyproject.toml scripts/setup
 demo: setup ## the campaigns of two published rigs, simulated: run, record, identify, report
 	scripts/demo $(BIN)
 
-test: setup ## the whole test suite: what only computes on all cores, then rigs in real time
+test: setup ## the whole test suite: what may run side by side, then rigs in real time
 	scripts/need node npm chromium
-	$(BIN)/pytest -m computing -n $$(nproc) --dist loadfile
-	$(BIN)/pytest -m "not computing"
+	$(BIN)/pytest -m side_by_side -n $$(($$(nproc) + 1)) --dist loadfile
+	$(BIN)/pytest -m "not side_by_side"
 
 check: setup ## format, lint, types, layers
 	$(BIN)/ruff format --check

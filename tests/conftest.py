@@ -26,13 +26,14 @@ for number, action in (
         signal.signal(number, action)
 
 HERE = Path(__file__).parent
-#: Folders and files whose tests compute, at most in virtual time. All others run rigs, devices or
-#: watchdogs in real time, and want the machine for themselves.
-COMPUTING = tuple(
+#: Folders and files whose tests compute, or wait for answers and not by the clock. All others run
+#: rigs or watchdogs in real time, and want the machine for themselves.
+SIDE_BY_SIDE = tuple(
     HERE / name
     for name in (
-        "config", "evaluate", "identify", "model", "procedure", "record",
-        "sim/angle", "sim/test_accuracy.py", "sim/test_kernel.py", "sim/test_plant.py",
+        "cli", "config", "daemon/live", "daemon/serve", "daemon/test_forms.py",
+        "daemon/test_virtual_time.py", "docs", "drivers", "evaluate", "identify", "model",
+        "packaging", "panel", "procedure", "record", "remote", "sdk", "sim",
         "system/test_approach_angle.py", "system/test_bad_input.py", "system/test_calibrate.py",
         "system/test_identify_campaign.py", "system/test_identify_command.py",
     )
@@ -42,5 +43,5 @@ COMPUTING = tuple(
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the tests that `make test` runs side by side."""
     for item in items:
-        if any(item.path.is_relative_to(place) for place in COMPUTING):
-            item.add_marker("computing")
+        if any(item.path.is_relative_to(place) for place in SIDE_BY_SIDE):
+            item.add_marker("side_by_side")

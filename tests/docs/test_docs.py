@@ -46,6 +46,7 @@ DOCUMENTS = (
     "foxglove.md",
     "protocol.md",
     "daemon.md",
+    "panel.md",
     "remote.md",
     "ci.md",
 )
@@ -65,10 +66,11 @@ UNCHECKED = {
     "foxglove.md": 2,
     "protocol.md": 1,
     "daemon.md": 3,
+    "panel.md": 1,
     "remote.md": 1,
     "ci.md": 0,
 }
-TIMEOUT_S = 60
+TIMEOUT_S = 240
 
 _FENCE = re.compile(
     r"^(?P<indent> *)```(?P<info>[^`\n]*)\n(?P<body>.*?)^(?P=indent)```$", re.M | re.S
