@@ -163,7 +163,7 @@ def test_an_observer_watches_and_stops_but_does_not_command(panel: ServedPanel) 
     assert status == 200 and Visitor(panel).login(answer["code"]) == 200
     panel.rig.state = "running"
     assert visitor.post("/api/stop/stop")[0] == 200
-    assert ("stop", {"reason": "Olga at the panel"}) in panel.rig.given
+    assert ("stop", {"user": "Olga"}) in panel.rig.given
 
 
 def test_stops_get_through_when_everything_else_is_too_much(panel: ServedPanel) -> None:

@@ -133,7 +133,7 @@ def test_a_run_from_the_choice_of_a_procedure_to_its_stop(
     state(page, "Running")
     press(page, "Stop")
     state(page, "Stopping")
-    assert given(panel, "stop") == [{"reason": "Ada at the panel"}]
+    assert given(panel, "stop") == [{"user": "Ada"}]
     assert watched.complaints == []
     assert all(url.startswith(panel.origin) for url in watched.asked), "without internet"
 

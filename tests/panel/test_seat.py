@@ -45,6 +45,7 @@ def test_one_at_a_time_and_the_other_is_told_who(panel: ServedPanel) -> None:
     with ada.page(), bob.page():
         assert bob.post("/api/command/pause", args={})[1]["error"]["code"] == "no_lease"
         assert ada.post("/api/control/take", args={})[0] == 200
+        assert panel.rig.users["lease_take"] == "Ada"
         status, answer = bob.post("/api/control/take", args={})
         assert (status, answer["error"]["code"]) == (409, "lease_held")
         assert "Ada" in answer["error"]["message"]

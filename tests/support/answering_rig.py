@@ -105,6 +105,7 @@ class AnsweringRig:
     slow_s: float = 0.0  #: how long each dry run takes
     keeps_running: bool = False  #: whatever it is told
     asked: list[str] = field(default_factory=list)
+    users: dict[str, str] = field(default_factory=dict)  #: by command or stop: for whom
     trips: tuple[TripView, ...] = ()
     _said: int = 0
     _lock: threading.Lock = field(default_factory=threading.Lock)
@@ -188,9 +189,10 @@ class AnsweringRig:
                 return self._piece(REPORT, piece)
         raise AssertionError(what)
 
-    def command(self, identity: str, role: Role, verb: str, args: Message) -> Result:
+    def command(self, identity: str, role: Role, verb: str, args: Message, user: str) -> Result:
         """Do it, and note it."""
         self.done.append((identity, verb, args))
+        self.users[verb] = user
         match verb, args:
             case "start", Start():
                 self.running, self.trials_done = f"run{len(self.done)}.mcap", 0
@@ -213,9 +215,10 @@ class AnsweringRig:
                 return self.lease.obey(identity, verb, args)
         return Nothing()
 
-    def stop(self, identity: str, verb: str, reason: str) -> Result:
+    def stop(self, identity: str, verb: str, reason: str, user: str) -> Result:
         """End the run."""
         self.done.append((identity, verb, reason))
+        self.users[verb] = user
         if self.running is None:
             return Stopped(acted=False)
         if not self.keeps_running:

@@ -76,6 +76,7 @@ class PlayedRig:
 
     def __init__(self, prompts: tuple[PromptView, ...] = (PROMPT,)) -> None:
         self.given: list[tuple[str, dict[str, Any]]] = []
+        self.users: dict[str, str] = {}  # by command: for whom the newest was given
         self.changes = 0  #: everything that a client changed
         self.is_silent = False
         self.is_maintained = False
@@ -239,9 +240,10 @@ class PlayedRig:
                 return _piece(RECORDING, args)
         raise Refusal(Code.UNKNOWN_VERB, what)
 
-    async def command(self, verb: str, args: Mapping[str, Any]) -> dict[str, Any]:
+    async def command(self, verb: str, args: Mapping[str, Any], user: str = "") -> dict[str, Any]:
         """Obey."""
         self._hear(verb, args)
+        self.users[verb] = user
         await asyncio.sleep(self.delay_s)
         if verb == "dry_run":
             return as_json(dry_run(float(args["set"].get("brake_at", "1.15 m").split()[0])))
@@ -289,9 +291,9 @@ class PlayedRig:
         await self.wake()
         return {}
 
-    async def stop(self, verb: str, reason: str) -> dict[str, Any]:
+    async def stop(self, verb: str, user: str = "") -> dict[str, Any]:
         """Stop."""
-        self._hear(verb, {"reason": reason})
+        self._hear(verb, {"user": user})
         await asyncio.sleep(self.delay_s)
         if self.is_silent:
             raise LinkError("the daemon does not answer")
@@ -303,9 +305,9 @@ class PlayedRig:
         self._asked.clear()
         if verb == "stop":
             self.state = "stopping"
-            await self.emit("state", state="stopping", reason=reason)
+            await self.emit("state", state="stopping", reason=f"stop by {user}")
             return {"acted": True}
-        await self.end("estopped" if verb == "estop" else "aborted", f"{verb} by {reason}")
+        await self.end("estopped" if verb == "estop" else "aborted", f"{verb} by {user}")
         return {"acted": True}
 
     async def end(self, ending: str, reason: str) -> None:

@@ -46,13 +46,13 @@ class RecordedRig:
         self._fail(what)
         return {"by": identity, "role": role.value, "huge": "x" * self.huge}
 
-    def command(self, identity: str, role: Role, verb: str, args: Message) -> Result:
+    def command(self, identity: str, role: Role, verb: str, args: Message, user: str) -> Result:
         """Note it; what concerns the lease is done."""
         self.done.append((identity, verb))
         self._fail(verb)
         return self.lease.obey(identity, verb, args) if verb.startswith("lease_") else {}
 
-    def stop(self, identity: str, verb: str, reason: str) -> Result:
+    def stop(self, identity: str, verb: str, reason: str, user: str) -> Result:
         """Note it."""
         self.done.append((identity, verb))
         return {"reason": reason}

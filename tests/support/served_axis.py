@@ -178,13 +178,13 @@ class ServedAxis:
         given = kind.model_validate_json(json.dumps(args))
         return _plain(self.service.ask("eve", role, what, given))
 
-    def command(self, verb: str, who: str = "alice", **args: Any) -> Any:
+    def command(self, verb: str, who: str = "alice", user: str = "", **args: Any) -> Any:
         """Command as the desk would, and return the answer as JSON has it."""
         known = find_verb(Kind.COMMAND, verb)
         if known.needs_lease:
             self.lease.check(who)
         given = known.arguments.model_validate_json(json.dumps(args))
-        return _plain(self.service.command(who, Role.MAINTAINER, verb, given))
+        return _plain(self.service.command(who, Role.MAINTAINER, verb, given, user))
 
     def start(self, text: str = SWEEP, who: str = "alice", **args: Any) -> str:
         """Take the lease and start a run; return the name of its recording."""

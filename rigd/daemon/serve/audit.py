@@ -21,9 +21,10 @@ _LOG: Final = logging.getLogger(__name__)
 class AuditLog:
     """The audit log of one rig, at ``path``.
 
-    A line says ``time`` (UTC), ``who``, ``role`` where it is known, ``what``, its ``args`` and
-    its ``result``: ``done``, or the code and the message of the refusal. Each is on disk before
-    :meth:`write` returns. The file is opened anew for each line, so that it may be moved away.
+    A line says ``time`` (UTC), ``who``, the ``user`` where that client speaks for several people,
+    ``role`` where it is known, ``what``, its ``args`` and its ``result``: ``done``, or the code and
+    the message of the refusal. Each is on disk before :meth:`write` returns. The file is opened
+    anew for each line, so that it may be moved away.
     Where lines could not be written, the next one that can says how many are missing.
     """
 
@@ -35,10 +36,17 @@ class AuditLog:
         self._lock = threading.Lock()
 
     def write(
-        self, who: str, what: str, args: Mapping[str, Any], result: str = "done", role: str = ""
+        self,
+        who: str,
+        what: str,
+        args: Mapping[str, Any],
+        result: str = "done",
+        *,
+        role: str = "",
+        user: str = "",
     ) -> None:
         """Append one line; where that fails, :attr:`broken` says so until one could be."""
-        told = {"who": who, **({"role": role} if role else {})}
+        told = {"who": who, **({"user": user} if user else {}), **({"role": role} if role else {})}
         line = self._line({**told, "what": what, "args": dict(args), "result": result})
         with self._lock:
             try:

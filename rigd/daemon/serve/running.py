@@ -42,14 +42,13 @@ class Watching:
 
 @dataclass
 class Running:
-    """One run of ``request``, started by ``operator``, on a rig held by ``folder``.
+    """One run of ``request``, on a rig held by ``folder``.
 
     ``request.output`` must name the recording. ``answers`` None: the procedure's own.
     """
 
     request: RunRequest
     folder: RunFolder
-    operator: str
     on_client_loss: OnClientLoss
     answers: RemoteAnswers | None
     left: TimeLeft

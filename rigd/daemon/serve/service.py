@@ -15,6 +15,7 @@ from rigd import __version__
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.serve.aside import Aside
+from rigd.daemon.serve.asker import Asker
 from rigd.daemon.serve.audit import AuditLog
 from rigd.daemon.serve.describe import describe
 from rigd.daemon.serve.library import Library
@@ -92,7 +93,7 @@ class RigService:
         self._refused = refused
         self._changed = changed
         self._numbers = itertools.count()
-        self._stops: deque[tuple[str, str, str]] = deque()  # not written down yet
+        self._stops: deque[tuple[Asker, str, str]] = deque()  # not written down yet
         self._daemon = Daemon(version=__version__, pid=os.getpid(), started_ns=time.time_ns())
 
     def status(self) -> Status:
@@ -158,50 +159,54 @@ class RigService:
                 return parts.recordings.piece(report, piece.offset, piece.length)
         raise Refusal(Code.UNKNOWN_VERB, f"this daemon cannot tell {what}")
 
-    def command(self, identity: str, role: Role, verb: str, args: Message) -> Message:
+    def command(
+        self, identity: str, role: Role, verb: str, args: Message, user: str = ""
+    ) -> Message:
         """Do it, write down who wanted it, and return once it is done or under way."""
+        asker = Asker(identity, user)
         try:
             if verb in MOVING:
                 self._parts.audit.check()
-            result = self._command(identity, verb, args)
+            result = self._command(asker, verb, args)
         except Refusal as refusal:
-            self._write(identity, role, verb, args, f"{refusal.code.value}: {refusal.message}")
+            self._write(asker, role, verb, args, f"{refusal.code.value}: {refusal.message}")
             raise
         except RigdError as error:
-            self._write(identity, role, verb, args, f"refused: {error}")
+            self._write(asker, role, verb, args, f"refused: {error}")
             raise _refusal(error) from error
         except Exception as error:
-            self._write(identity, role, verb, args, f"internal: {error!r}")
+            self._write(asker, role, verb, args, f"internal: {error!r}")
             raise
-        self._write(identity, role, verb, args, "done")
+        self._write(asker, role, verb, args, "done")
         self._changed()
         return result
 
-    def stop(self, identity: str, verb: str, reason: str) -> Stopped:
+    def stop(self, identity: str, verb: str, reason: str, user: str = "") -> Stopped:
         """Stop, abort or estop whatever happens on the rig.
 
         :meth:`tend` writes it down: a disk that hangs keeps no estop from following a stop.
         """
-        why = f"{verb} by {identity}" + (f": {reason}" if reason else "")
+        asker = Asker(identity, user)
+        why = f"{verb} by {asker}" + (f": {reason}" if reason else "")
         acted = self._parts.steering.stop(_VERBS[verb], why)
         if acted:  # what was asked before is asked again by whoever is impatient
-            self._stops.append((identity, verb, reason))
+            self._stops.append((asker, verb, reason))
             self._parts.notices.note(why, "warning")
         return Stopped(acted=acted)
 
     def tend(self) -> None:
         """Do what is due now and then: write down who stopped, see whose lease has run out."""
         while self._stops:
-            identity, verb, reason = self._stops.popleft()
-            self._parts.audit.write(identity, verb, {"reason": reason})
-            self._tell(identity, verb, {"reason": reason})
+            asker, verb, reason = self._stops.popleft()
+            self._parts.audit.write(asker.identity, verb, {"reason": reason}, user=asker.user)
+            self._tell(asker, verb, {"reason": reason})
         for who in self._parts.lease.lost():
             done = self._parts.steering.client_lost(who)
             self._parts.notices.note(f"{who} has vanished: {done}", "warning")
             self._parts.audit.write(who, "lease_lost", {}, done)
         self._parts.steering.tend()
 
-    def _command(self, who: str, verb: str, args: Message) -> Message:
+    def _command(self, who: Asker, verb: str, args: Message) -> Message:
         steering, parts = self._parts.steering, self._parts
         match verb, args:
             case "start", Start() as start:
@@ -228,8 +233,8 @@ class RigService:
                 raise Refusal(Code.UNKNOWN_VERB, f"this daemon cannot {verb}")
         return Nothing()
 
-    def _lease(self, who: str, verb: str, args: Message) -> LeaseView:
-        view = self._parts.lease.obey(who, verb, args)
+    def _lease(self, who: Asker, verb: str, args: Message) -> LeaseView:
+        view = self._parts.lease.obey(who.identity, verb, args)
         if verb not in UNAUDITED:
             self._parts.notices.note(f"{who}: {verb.replace('_', ' ')}")
         return view
@@ -252,16 +257,18 @@ class RigService:
         path = self._finished(piece.run)
         return self._parts.recordings.piece(path, piece.offset, piece.length)
 
-    def _write(self, who: str, role: Role, verb: str, args: Message, result: str) -> None:
+    def _write(self, who: Asker, role: Role, verb: str, args: Message, result: str) -> None:
         """Keep what was commanded in the audit log, and tell it to who looks on."""
         if verb in UNAUDITED:
             return
-        self._parts.audit.write(who, verb, _audited(args), result, role.value)
+        self._parts.audit.write(
+            who.identity, verb, _audited(args), result, role=role.value, user=who.user
+        )
         if result == "done":
             self._tell(who, verb, _audited(args))
 
-    def _tell(self, who: str, verb: str, args: Mapping[str, Any]) -> None:
-        self._parts.feed.tell("command", {"who": who, "verb": verb, "args": dict(args)})
+    def _tell(self, who: Asker, verb: str, args: Mapping[str, Any]) -> None:
+        self._parts.feed.tell("command", {"who": str(who), "verb": verb, "args": dict(args)})
 
     def _finished(self, name: str) -> Path:
         """Return the path of a recording that nobody writes any more."""

@@ -18,6 +18,7 @@ from rigd.config.rig import RigConfig
 from rigd.daemon.execute import RunRequest, check_resumable, new_path
 from rigd.daemon.live import Feed
 from rigd.daemon.resume import ResumePoint, read_resume_point
+from rigd.daemon.serve.asker import Asker
 from rigd.daemon.serve.library import Library
 from rigd.daemon.serve.looks import Looks
 from rigd.daemon.serve.notices import Notices
@@ -95,7 +96,7 @@ class Steering:
         """The run under way."""
         return self._running
 
-    def start(self, who: str, args: Start) -> Started:
+    def start(self, who: Asker, args: Start) -> Started:
         """Begin a run.
 
         Raises:
@@ -113,7 +114,7 @@ class Steering:
             pace=self._pace,
             folder=self._runs,
             overrides=args.set,
-            operator=who,
+            operator=str(who),
         )
         return self._begin(
             who,
@@ -123,7 +124,7 @@ class Steering:
             expected_s=self._expected_s.get(_key(args)),
         )
 
-    def resume_run(self, who: str, recording: Path) -> Started:
+    def resume_run(self, who: Asker, recording: Path) -> Started:
         """Go on with a run that ended before its last trial, in its file.
 
         Raises:
@@ -149,7 +150,7 @@ class Steering:
             output=recording,
             resume=point,
             overrides=point.overrides,
-            operator=who,
+            operator=str(who),
         )
         check_resumable(request, point)
         return self._begin(
@@ -195,7 +196,7 @@ class Steering:
         """
         self._run().control.resume()
 
-    def answer(self, who: str, prompt_id: int, value: float | str | bool) -> None:
+    def answer(self, who: Asker, prompt_id: int, value: float | str | bool) -> None:
         """Answer the prompt that waits.
 
         Raises:
@@ -204,15 +205,15 @@ class Steering:
         answers = self._run().answers
         if answers is None:
             raise Refusal(Code.CONFLICT, "this run takes the procedure's own answers")
-        answers.give(prompt_id, value, who)
+        answers.give(prompt_id, value, str(who))
 
-    def acknowledge(self, who: str, interlock: str) -> None:
+    def acknowledge(self, who: Asker, interlock: str) -> None:
         """Let an interlock that has acted bar nothing any more.
 
         Raises:
             Refusal: it has nothing to acknowledge.
         """
-        self._trips.acknowledge(interlock, who)
+        self._trips.acknowledge(interlock, str(who))
         running = self._running
         if running is not None:
             running.control.acknowledged.append(interlock)
@@ -277,7 +278,7 @@ class Steering:
 
     def _begin(
         self,
-        who: str,
+        who: Asker,
         request: RunRequest,
         *,
         by_person: bool,
@@ -289,7 +290,6 @@ class Steering:
         running = Running(
             request,
             self._folder,
-            who,
             on_client_loss,
             answers,
             TimeLeft(expected_s),
@@ -308,7 +308,7 @@ class Steering:
             running.control.request(Verb.STOP, self._leaving)
         try:
             # A long file may have outlived the lease. From here on, its end ends this run.
-            self._lease.check(who)
+            self._lease.check(who.identity)
             self._looks.end()
             self._mark(running.recording)
             running.start()

@@ -166,8 +166,12 @@ class Connection:
             "role in its rig file",
         )
 
-    async def request(self, kind: Kind, verb: str, args: Mapping[str, Any], result: type[R]) -> R:
+    async def request(
+        self, kind: Kind, verb: str, args: Mapping[str, Any], result: type[R], user: str = ""
+    ) -> R:
         """Make a request, and return its result.
+
+        ``user`` is for whom it is made, where this client speaks for several people.
 
         Raises:
             LinkError: nobody answered.
@@ -175,7 +179,7 @@ class Connection:
             ProtocolError: the answer is none.
         """
         wanted = decode(find_verb(kind, verb).arguments, json.dumps(dict(args)).encode())
-        request = new_request(wanted)
+        request = new_request(wanted, user)
         found = await self._insist(kind, verb, encode_request(request))
         if len(found) != 1:
             raise ProtocolError(
@@ -202,13 +206,13 @@ class Connection:
         """Ask for something; changes nothing."""
         return await self.request(Kind.ASK, what, args, dict[str, JsonValue])
 
-    async def command(self, verb: str, args: Mapping[str, Any]) -> Object:
-        """Give a command."""
-        return await self.request(Kind.COMMAND, verb, args, dict[str, JsonValue])
+    async def command(self, verb: str, args: Mapping[str, Any], user: str = "") -> Object:
+        """Give a command; ``user`` is for whom."""
+        return await self.request(Kind.COMMAND, verb, args, dict[str, JsonValue], user)
 
-    async def stop(self, verb: str, reason: str) -> Object:
-        """``stop``, ``abort`` or ``estop``."""
-        return await self.request(Kind.STOP, verb, {"reason": reason}, dict[str, JsonValue])
+    async def stop(self, verb: str, user: str = "") -> Object:
+        """``stop``, ``abort`` or ``estop``; ``user`` is for whom."""
+        return await self.request(Kind.STOP, verb, {}, dict[str, JsonValue], user)
 
     async def statuses(self) -> AsyncIterator[Object]:
         """Yield the status at every change and twice a second; goes on after a silence."""

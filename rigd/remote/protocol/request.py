@@ -28,6 +28,8 @@ class Request(Message, Generic[A]):
     sent_ns: Annotated[int, Field(ge=0, lt=2**63)]
     """When it was made, in ns since the Unix epoch."""
     args: A
+    user: Annotated[str, StringConstraints(max_length=64)] = ""
+    """For whom a client asks that speaks for several people, and vouches for them; else empty."""
 
 
 class Reply(Message):
@@ -63,10 +65,10 @@ def request_kind(arguments: type[A]) -> type[Request[A]]:
     return Request[arguments]  # type: ignore[valid-type]  # made at run time, from the verb table
 
 
-def new_request(args: A) -> Request[A]:
+def new_request(args: A, user: str = "") -> Request[A]:
     """Return a request made now, with an id of its own."""
     kind = request_kind(type(args))
-    return kind(v=VERSION, id=secrets.token_hex(16), sent_ns=time.time_ns(), args=args)
+    return kind(v=VERSION, id=secrets.token_hex(16), sent_ns=time.time_ns(), args=args, user=user)
 
 
 def encode_request(request: Request[A]) -> bytes:

@@ -151,7 +151,7 @@ class Desk:
         try:
             if letter.verb.needs_lease:
                 self._lease.check(letter.address.identity)
-            result = self._do(letter, request.args)
+            result = self._do(letter, request.args, request.user)
             plain = as_json(result) if isinstance(result, Message) else result
             return Answer(True, encode_reply(request.id, plain))
         except Refusal as refusal:
@@ -171,10 +171,10 @@ class Desk:
         )
         return self.refuse(letter.key, bug, request_id)
 
-    def _do(self, letter: Letter, args: Message) -> Result:
+    def _do(self, letter: Letter, args: Message, user: str) -> Result:
         address, role = letter.address, letter.role
         if isinstance(args, Reason):
-            return self._service.stop(address.identity, address.verb, args.reason)
+            return self._service.stop(address.identity, address.verb, args.reason, user)
         if address.kind is Kind.ASK:
             return self._service.ask(address.identity, role, address.verb, args)
-        return self._service.command(address.identity, role, address.verb, args)
+        return self._service.command(address.identity, role, address.verb, args, user)

@@ -16,9 +16,10 @@ class Service(Protocol):
 
     Called on the server's worker threads: one request of each :class:`rigd.remote.protocol.Lane`
     at a time, so up to six at once. The role has been checked, and the lease where the verb needs
-    it; ``args`` and what is returned are of the types that the table of verbs names. Any method
-    may raise :class:`rigd.remote.protocol.Refusal`; another error of rigd's is told as
-    ``refused``, whatever else it raises is logged and told as ``internal``.
+    it; ``args`` and what is returned are of the types that the table of verbs names. ``user`` is
+    for whom the client asks, as it says; "" where it speaks for itself. Any method may raise
+    :class:`rigd.remote.protocol.Refusal`; another error of rigd's is told as ``refused``, whatever
+    else it raises is logged and told as ``internal``.
     """
 
     def status(self) -> Status:
@@ -29,10 +30,10 @@ class Service(Protocol):
         """Return what was asked for; changes nothing."""
         ...
 
-    def command(self, identity: str, role: Role, verb: str, args: Message) -> Result:
+    def command(self, identity: str, role: Role, verb: str, args: Message, user: str) -> Result:
         """Do it, and return once it is done or under way."""
         ...
 
-    def stop(self, identity: str, verb: str, reason: str) -> Result:
+    def stop(self, identity: str, verb: str, reason: str, user: str) -> Result:
         """Stop, abort or estop whatever runs; nothing may keep this waiting."""
         ...

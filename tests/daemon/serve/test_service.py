@@ -48,6 +48,23 @@ def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
     assert "text" not in served.audited()[1]["args"]["procedure"]
 
 
+def test_who_stands_behind_a_client_of_several_is_written_down(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.command("lease_take", "panel", user="Ada")
+        run = served.command("start", "panel", user="Ada", procedure=travelling(LONG))["run"]
+        assert served.status.lease.holder == "panel"
+        served.until(lambda status: status.step == "go")
+        served.service.stop("panel", "abort", "", "Olga")
+        last = served.until_idle().last
+        assert last is not None
+        assert last.reason == "abort by Olga (panel)"
+    assert [(line["who"], line["user"], line["what"]) for line in served.audited()] == [
+        ("panel", "Ada", "lease_take"), ("panel", "Ada", "start"), ("panel", "Olga", "abort"),
+    ]  # fmt: skip
+    began = run_info(Recording.open(served.runs / run)).metadata["run"]
+    assert began["operator"] == "Ada (panel)"
+
+
 def test_two_starts_are_one_run(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start(LONG)

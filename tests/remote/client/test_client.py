@@ -42,6 +42,15 @@ def test_everything_that_can_be_asked_is_answered(client: Client) -> None:
     assert client.lease().holder is None
 
 
+def test_who_speaks_for_several_says_for_whom(remote: Served, client: Client) -> None:
+    connection = client.asynchronous.connection
+    client.run_async(connection.command("lease_take", {}, "Ada"))
+    client.run_async(connection.stop("stop", "Olga"))
+    client.stop("smoke")
+    assert remote.rig.users == {"lease_take": "Ada", "stop": ""}
+    assert remote.rig.done[-2:] == [("alice", "stop", ""), ("alice", "stop", "smoke")]
+
+
 def test_a_procedure_travels_as_it_is_written(
     remote: Served, client: Client, tmp_path: Path
 ) -> None:

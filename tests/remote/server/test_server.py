@@ -99,11 +99,11 @@ class Hanging(RecordedRig):
         super().__init__(name, lease)
         self.stopping, self.let_go = threading.Event(), threading.Event()
 
-    def stop(self, identity: str, verb: str, reason: str) -> Result:
+    def stop(self, identity: str, verb: str, reason: str, user: str) -> Result:
         """Hang."""
         self.stopping.set()
         assert self.let_go.wait(60)
-        return super().stop(identity, verb, reason)
+        return super().stop(identity, verb, reason, user)
 
 
 def test_a_server_that_serves_nobody_any_more_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
