@@ -23,9 +23,7 @@ class Publisher:
         self._status = _declare(session, keys.status, zenoh.Priority.INTERACTIVE_HIGH)
         self._event = _declare(session, keys.event, zenoh.Priority.DATA_HIGH)
         self._live: dict[str, zenoh.Publisher] = {}
-        self._telling = threading.Lock()
         self._newest_status = b""
-        self._newest_seq = -1
 
     @property
     def newest_status(self) -> bytes:
@@ -33,12 +31,9 @@ class Publisher:
         return self._newest_status
 
     def status(self, status: Status) -> None:
-        """Publish the state of everything; one that another thread has overtaken is not told."""
-        payload = encode(status)
-        with self._telling:
-            if status.seq > self._newest_seq:
-                self._newest_status, self._newest_seq = payload, status.seq
-                self._status.put(payload)
+        """Publish the state of everything; :meth:`Server.tell` keeps the newest last."""
+        self._newest_status = encode(status)
+        self._status.put(self._newest_status)
 
     def event(self, event: Event) -> None:
         """Publish something that happened."""

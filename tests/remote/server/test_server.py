@@ -13,7 +13,7 @@ from support.zenoh_client import Refused, ZenohClient, config
 
 from rigd.config.remote import RemoteSetup, TlsFiles
 from rigd.model import LinkError
-from rigd.remote.protocol import Event, Status, encode
+from rigd.remote.protocol import Event, Status
 from rigd.remote.protocol.limits import VERSION
 from rigd.remote.server import Lease, Server
 from rigd.remote.server.service import Result
@@ -69,16 +69,6 @@ def test_a_late_joiner_gets_the_newest_status(on_loopback: Served) -> None:
         client.received(least=2, within_s=20)
         second = client.ask(f"rigd/{RIG}/status", b"")
     assert second["seq"] > first["seq"]
-
-
-def test_a_status_that_was_overtaken_is_not_told() -> None:
-    lease = Lease(lambda name: True)
-    rig = RecordedRig(RIG, lease)
-    older, newer = rig.status(), rig.status()
-    with Server(RIG, setup(), lease) as server:
-        for status in (newer, older):
-            server.publisher.status(status)
-        assert server.publisher.newest_status == encode(newer)
 
 
 def test_an_event_and_a_frame_reach_who_listens(on_loopback: Served) -> None:
