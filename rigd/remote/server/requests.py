@@ -1,7 +1,8 @@
 """Requests that were carried out, so that one sent again gets its reply and does not act twice.
 
 A client that heard no reply sends the same bytes again. Whoever recorded them and sends them
-later is refused: first by the memory, and once that has forgotten, by the request's age.
+later is refused: first by the memory, and once that has forgotten, by the request's age. What was
+sent before there was this memory is refused too: another daemon may have carried it out.
 """
 
 from __future__ import annotations
@@ -51,6 +52,7 @@ class Requests:
     ) -> None:
         self._clock = clock
         self._wall = wall
+        self._since_ns = clock()
         self._done: dict[str, OrderedDict[str, _Done]] = {}  # by identity and id, oldest first
 
     def recall(self, identity: str, request_id: str, digest: bytes) -> Answer | None:
@@ -87,6 +89,12 @@ class Requests:
                 f"the request is {abs(age_ns) * 1e-9:.1f} s {side}, "
                 f"at most {FRESH_S:.0f} s are allowed",
                 hint="set the clocks of both computers (NTP)",
+            )
+        if age_ns > self._clock() - self._since_ns:
+            raise Refusal(
+                Code.REPLAYED,
+                "the request is older than this daemon; one before it may have carried it out",
+                hint="look at the status, then make a new one",
             )
         self._forget()
         mine = self._done.get(identity)

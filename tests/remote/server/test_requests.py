@@ -15,10 +15,12 @@ class Memory:
     """Requests, and clocks that stand until they are moved."""
 
     def __init__(self) -> None:
-        self.now_ns = 0
+        self.now_ns = self.up_ns = 0
         self.requests = Requests(
-            clock=lambda: self.now_ns, wall=lambda: 1_700_000_000_000_000_000 + self.now_ns
+            clock=lambda: self.up_ns + self.now_ns,
+            wall=lambda: 1_700_000_000_000_000_000 + self.now_ns,
         )
+        self.up_ns = round(FRESH_S * 1e9)
 
     def admit(self, identity: str = "alice", age_s: float = 0.0) -> None:
         sent_ns = 1_700_000_000_000_000_000 + self.now_ns - round(age_s * 1e9)
@@ -61,6 +63,12 @@ def test_what_is_not_fresh_is_refused(memory: Memory, age_s: float) -> None:
 @pytest.mark.parametrize("age_s", [0, FRESH_S - 1, 1 - FRESH_S])
 def test_what_is_fresh_enough_is_admitted(memory: Memory, age_s: float) -> None:
     memory.admit(age_s=age_s)
+
+
+def test_what_an_earlier_daemon_may_have_carried_out_is_refused(memory: Memory) -> None:
+    memory.up_ns = round(2e9)
+    assert memory.refuses(age_s=3.0) is Code.REPLAYED
+    memory.admit(age_s=1.0)
 
 
 def test_a_reply_is_remembered_until_its_request_is_too_old(memory: Memory) -> None:
