@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final, Literal, Self
 
 from rigd.config.document import Document
 from rigd.config.problems import Problems
@@ -16,11 +16,29 @@ from rigd.config.source import RemoteSource, TlsSource
 #: Where a daemon listens unless its rig file says otherwise: zenoh's own port, this machine only.
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
 
-#: ``tls/0.0.0.0:7447``, ``tcp/[::1]:7447``.
 _ENDPOINT: Final = re.compile(
     r"(?P<protocol>tcp|tls)/(?:\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<host>[A-Za-z0-9.-]+)):"
     r"(?P<port>[0-9]{1,5})"
 )
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """An address in zenoh's words: ``tls/0.0.0.0:7447``, ``tcp/[::1]:7447``."""
+
+    protocol: str
+    """``tcp`` or ``tls``."""
+    host: str
+    """A name or an address, without brackets."""
+    port: int
+
+    @classmethod
+    def read(cls, text: str) -> Self | None:
+        """Return the address that ``text`` says; None where it is none."""
+        match = _ENDPOINT.fullmatch(text)
+        if match is None or not 0 < int(match["port"]) < 2**16:
+            return None
+        return cls(match["protocol"], match["six"] or match["host"], int(match["port"]))
 
 
 @dataclass(frozen=True)
@@ -75,20 +93,20 @@ def _check_endpoint(
     document: Document, index: int, endpoint: str, has_tls: bool, problems: Problems
 ) -> None:
     place = document.place(("remote", "listen", index))
-    match = _ENDPOINT.fullmatch(endpoint)
-    if match is None or not 0 < int(match["port"]) < 2**16:
+    read = Endpoint.read(endpoint)
+    if read is None:
         problems.add(
             place, f"{endpoint!r} is not an address to listen on",
             "such as tcp/127.0.0.1:7447 or, with certificates, tls/0.0.0.0:7447",
         )  # fmt: skip
-    elif has_tls and match["protocol"] != "tls":
+    elif has_tls and read.protocol != "tls":
         problems.add(place, f"{endpoint} would let in whoever has no certificate",
                      f"write tls{endpoint[3:]}")  # fmt: skip
-    elif not has_tls and match["protocol"] == "tls":
+    elif not has_tls and read.protocol == "tls":
         problems.add(place, f"{endpoint} needs certificates",
                      "add 'tls: {ca: ..., certificate: ..., key: ...}'; "
                      "rigd remote setup-tls makes them")  # fmt: skip
-    elif not has_tls and not _is_loopback(match["six"] or match["host"]):
+    elif not has_tls and not _is_loopback(read.host):
         problems.add(
             place, f"{endpoint} can be reached from other machines, by anybody",
             "listen on tcp/127.0.0.1 only, or add 'tls: ...' and write "

@@ -11,13 +11,11 @@ from typing import Final
 from cryptography import x509
 from cryptography.x509.oid import NameOID
 
-from rigd.config.remote import DEFAULT_ENDPOINT, TlsFiles
+from rigd.config.remote import DEFAULT_ENDPOINT, Endpoint, TlsFiles
 from rigd.model.errors import ConfigError
 from rigd.remote.protocol.keys import check_name
 from rigd.remote.protocol.limits import MAX_NAME
 
-#: ``tcp/127.0.0.1:7447``, ``tls/rig.lab:7447``, ``tls/[fe80::1]:7447``.
-_ENDPOINT: Final = re.compile(r"(tcp|tls)/(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9.-]+):[0-9]{1,5}")
 _NOT_IN_NAMES: Final = re.compile(r"[^A-Za-z0-9._-]+")
 
 
@@ -50,17 +48,18 @@ def aim(
         ConfigError: it is no address, or certificates are missing, or of no use.
         Refusal: a name cannot stand in a key.
     """
-    if _ENDPOINT.fullmatch(endpoint) is None:
+    read = Endpoint.read(endpoint)
+    if read is None:
         raise ConfigError(
             f"{endpoint!r} is not the address of a daemon",
             hint="such as tcp/127.0.0.1:7447 or, with certificates, tls/rig.lab:7447",
         )
-    if endpoint.startswith("tls/") and tls is None:
+    if read.protocol == "tls" and tls is None:
         raise ConfigError(
             f"{endpoint} needs certificates",
             hint="ca.crt, and NAME.crt and NAME.key of your own: rigd remote setup-tls makes them",
         )
-    if endpoint.startswith("tcp/") and tls is not None:
+    if read.protocol == "tcp" and tls is not None:
         raise ConfigError(
             f"{endpoint} would send everything in the clear, and show no certificate",
             hint=f"write tls{endpoint[3:]}",

@@ -71,7 +71,7 @@ def test_what_is_wrong_in_the_list_is_named_with_its_place(home: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "endpoint", ["127.0.0.1:7447", "tcp/127.0.0.1", "udp/127.0.0.1:1", "tcp/a:1#iface=lo", ""]
+    "endpoint", ["127.0.0.1:7447", "tcp/a", "udp/a:1", "tcp/a:1#iface=lo", "tcp/a:70000", ""]
 )
 def test_what_is_no_address_is_refused(endpoint: str) -> None:
     with pytest.raises(ConfigError, match="is not the address of a daemon"):
