@@ -94,7 +94,11 @@ class RunFolder:
             os.close(fd)
             raise in_use from error
         folder = cls(path, fd)
-        folder.mark(command, recording)
+        try:
+            folder.mark(command, recording)
+        except RecordingError:
+            folder.release()
+            raise
         return folder
 
     @classmethod
@@ -103,15 +107,27 @@ class RunFolder:
         return cls(path)
 
     def mark(self, command: str, recording: Path | None = None, *, hint: str = "") -> None:
-        """Leave word for who wants the rig while we hold it; ``hint`` says what they can do."""
+        """Leave word for who wants the rig while we hold it; ``hint`` says what they can do.
+
+        Raises:
+            RecordingError: there is no room for it.
+        """
         mark = {
             "pid": os.getpid(),
             "command": command,
             "recording": None if recording is None else str(recording.absolute()),
             "hint": hint,
         }
-        os.ftruncate(self.lock_fd, 0)
-        os.pwrite(self.lock_fd, json.dumps(mark).encode(), 0)
+        told = json.dumps(mark).encode()
+        try:
+            # Cut last: in the page that it has already, there is always room.
+            os.pwrite(self.lock_fd, told, 0)
+            os.ftruncate(self.lock_fd, len(told))
+        except OSError as error:
+            raise RecordingError(
+                f"cannot write {self.path / _LOCK}: {error.strerror}",
+                hint=f"{STATE_VARIABLE} names a folder in memory (tmpfs) with room.",
+            ) from error
 
     @property
     def has_job(self) -> bool:
