@@ -24,9 +24,12 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from figures import noted
 from playwright.sync_api import Browser, Page, sync_playwright
+
+from rigd.remote import Client
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE_MS = 120_000
@@ -68,9 +71,17 @@ WATCH = """async (seconds) => {
 }"""
 
 
+class Served(NamedTuple):
+    """A rig that moves: its daemon, the link that opens its panel, and where clients find it."""
+
+    daemon: subprocess.Popen[str]
+    link: str
+    endpoint: str
+
+
 @contextmanager
-def served(folder: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """Serve a copy of the shipped rig; yield the daemon and the link to its panel."""
+def served(folder: Path) -> Iterator[Served]:
+    """Serve a copy of the shipped rig, and let it move."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
@@ -90,13 +101,21 @@ def served(folder: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
         for line in daemon.stdout or ():
             found = re.search(r"panel of .*: (http://\S+#\S+)", line)
             if found:
-                yield daemon, found[1]
+                move(endpoint)
+                yield Served(daemon, found[1], endpoint)
                 break
         else:
             raise SystemExit("the daemon did not start")
     finally:
         daemon.send_signal(signal.SIGTERM)
         daemon.communicate(timeout=60)
+
+
+def move(endpoint: str) -> None:
+    """Start a run that needs nobody, and return once it moves."""
+    with Client(NAME, endpoint=endpoint) as client, client.control():
+        client.start("shake", on_client_loss="continue")
+        next(one for one in client.watch() if one.state == "running")
 
 
 def cpu_s(pid: int) -> float:
@@ -151,16 +170,6 @@ def invited(page: Page, name: str) -> str:
     return link
 
 
-def start(page: Page) -> None:
-    """Start the run."""
-    page.get_by_role("button", name="Take control").click()
-    page.get_by_role("link", name="Procedures", exact=True).click()
-    page.get_by_role("button", name=re.compile("to and fro")).click()
-    page.get_by_role("button", name="Start…").click()
-    page.get_by_role("button", name="Start now").click()
-    page.locator(".state-word", has_text="Running").wait_for()
-
-
 def measure(page: Page, pids: dict[str, int], seconds: float) -> dict[str, float]:
     """Return ages of drawn samples in ms, frames per second, and shares of a core."""
     browser = browser_pids()
@@ -187,12 +196,11 @@ def main() -> None:
         raise SystemExit("chromium is missing: scripts/need chromium")
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        daemon, link = stack.enter_context(served(folder))
+        daemon, link, _ = stack.enter_context(served(folder))
         playwright = stack.enter_context(sync_playwright())
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         stack.callback(browser.close)
         page = enter(browser, link, "one")
-        start(page)
         pids = {"daemon": daemon.pid, "panel": panel_of(daemon.pid)}
         page.wait_for_timeout(3000)
         for pages in (1, 3):

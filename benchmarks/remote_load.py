@@ -40,10 +40,8 @@ from figures import at_most, noted
 from panel import NAME, WATCH, browser_pids, cpu_s, enter, invited, panel_of, served
 from playwright.sync_api import Page, sync_playwright
 
-from rigd.config.loader import load_rig
 from rigd.engine.shared import RunFolder, View, Word, state_folder
 from rigd.engine.sink import Rows
-from rigd.remote import Client
 
 SUBSCRIBERS = 10
 PAGES = 3
@@ -301,16 +299,12 @@ def main() -> int:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         witness = compile_witness(folder)
-        daemon, link = stack.enter_context(served(folder))
+        daemon, link, endpoint = stack.enter_context(served(folder))
         playwright = stack.enter_context(sync_playwright())
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         stack.callback(browser.close)
-        endpoint = load_rig(folder / "rig.yaml").remote.listen[0]
         crowd = Crowd(endpoint)
         stack.callback(crowd.end)
-        with Client(NAME, endpoint=endpoint) as client, client.control():
-            client.start("shake", on_client_loss="continue")
-            next(one for one in client.watch() if one.state == "running")
         pages = [enter(browser, link, "one")]
         for number in range(1, PAGES):
             pages.append(enter(browser, invited(pages[0], "one"), f"page {number}"))
