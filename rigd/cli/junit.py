@@ -16,11 +16,14 @@ from typing import Final
 
 from rigd.cli.console import describe_trial
 from rigd.daemon.execute import Recorded
+from rigd.engine.result import RunResult
 from rigd.model.errors import ConfigError, Exit, RigdError
 from rigd.procedure.program import CompiledProcedure
 from rigd.record import Recording, run_info
 from rigd.record.info import TrialInfo
 
+#: Endings that say nothing about the procedure: the rig was not fit, or a device failed.
+_NOT_ITS_DOING: Final = frozenset({"blocked", "faulted"})
 #: What XML 1.0 cannot hold in any form (section 2.2).
 _NOT_XML: Final = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -53,17 +56,30 @@ def suite_of(procedure: CompiledProcedure, rig: str, recorded: Recorded) -> Suit
         RecordingError: the recording cannot be read.
     """
     result = recorded.result
-    info = run_info(Recording.open(recorded.path))
-    played = {trial.number: trial for trial in info.trials}  # the last attempt counts
     ended = f"{result.ending}: {result.reason}"
-    cases = [
-        _trial(describe_trial(plan, procedure), plan.number, played.get(plan.number), ended)
-        for plan in procedure.trials
-    ]
-    told = "\n".join((ended, *result.trips, *result.problems))
-    run = Case("run", result.run_s, failure="" if result.exit_code is Exit.OK else told)
-    properties = {"rig": rig, "recording": str(recorded.path), "ending": result.ending}
-    return Suite(procedure.name, [*cases, run], properties, info.started)
+    return _suite(procedure, rig, recorded.path, case_of(result), ended)
+
+
+def case_of(result: RunResult) -> Case:
+    """Return the case of the run as a whole.
+
+    An error is what says nothing about the procedure: somebody ended it, or the rig was not fit.
+    """
+    told = "\n".join((f"{result.ending}: {result.reason}", *result.trips, *result.problems))
+    if result.exit_code is Exit.OK:
+        return Case("run", result.run_s)
+    if result.exit_code is Exit.STOPPED or result.ending in _NOT_ITS_DOING:
+        return Case("run", result.run_s, error=told)
+    return Case("run", result.run_s, failure=told)
+
+
+def suite_of_complete(procedure: CompiledProcedure, rig: str, path: Path) -> Suite:
+    """Return what became of each trial of a recording that misses none, so that nothing is played.
+
+    Raises:
+        RecordingError: the recording cannot be read.
+    """
+    return _suite(procedure, rig, path, Case("run"), "complete: all trials played before")
 
 
 def suite_of_error(procedure: str, error: RigdError) -> Suite:
@@ -91,10 +107,10 @@ def write_junit(path: Path, suite: Suite) -> None:
         "tests": str(len(suite.cases)),
         "failures": str(sum(bool(case.failure) for case in suite.cases)),
         "errors": str(sum(bool(case.error) for case in suite.cases)),
-        "skipped": str(sum(bool(case.skipped) for case in suite.cases)),
     }
-    root = ET.Element("testsuites", counts)
-    top = ET.SubElement(root, "testsuite", {"name": suite.name, **counts})
+    root = ET.Element("testsuites", counts)  # which the schema lets skip nothing
+    top = ET.SubElement(root, "testsuite", {"name": _clean(suite.name), **counts})
+    top.set("skipped", str(sum(bool(case.skipped) for case in suite.cases)))
     top.set("time", f"{suite.cases[-1].time_s:.3f}")  # the run itself, the last
     if suite.started:
         top.set("timestamp", suite.started)
@@ -103,12 +119,24 @@ def write_junit(path: Path, suite: Suite) -> None:
         for name, value in suite.properties.items():
             ET.SubElement(properties, "property", {"name": name, "value": _clean(value)})
     for case in suite.cases:
-        _add(top, suite.name, case)
+        _add(top, _clean(suite.name), case)
     ET.indent(root)
     try:
         ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
     except OSError as error:
         raise ConfigError(f"--junit {path}: cannot be written: {error.strerror}") from error
+
+
+def _suite(procedure: CompiledProcedure, rig: str, path: Path, run: Case, ended: str) -> Suite:
+    info = run_info(Recording.open(path))
+    played = {trial.number: trial for trial in info.trials}  # the last attempt counts
+    cases = [
+        _trial(describe_trial(plan, procedure), plan.number, played.get(plan.number), ended)
+        for plan in procedure.trials
+    ]
+    ending, _, _ = ended.partition(":")
+    properties = {"rig": rig, "recording": str(path), "ending": ending}
+    return Suite(procedure.name, [*cases, run], properties, info.started)
 
 
 def _trial(name: str, number: int, trial: TrialInfo | None, ended: str) -> Case:
@@ -131,6 +159,8 @@ def _add(top: ET.Element, suite: str, case: Case) -> None:
         if not told:
             continue
         message, _, rest = _clean(told).partition("\n")
+        if message.endswith(":"):  # the first of several reasons is told where there is one line
+            message += " " + rest.partition("\n")[0].strip()
         ET.SubElement(element, kind, {"message": message}).text = rest or None
 
 

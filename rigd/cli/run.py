@@ -110,6 +110,7 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _execute(args: argparse.Namespace) -> int:
+    from rigd.cli.junit import suite_of_complete, write_junit
     from rigd.cli.playing import play
     from rigd.config.loader import load_rig
     from rigd.daemon.calibration import needed, unusable
@@ -150,6 +151,8 @@ def _execute(args: argparse.Namespace) -> int:
         resume.check_same("rig.yaml", rig.source.text)
     if resume is not None and len(done) == len(procedure.trials):
         print(f"{resume.path}: all {len(done)} trials are complete, nothing is missing")
+        if args.junit is not None:
+            write_junit(args.junit, suite_of_complete(procedure, rig.name, resume.path))
         return 0
     if procedure.identify is not None:
         needs_of(

@@ -7,8 +7,26 @@ from xml.etree import ElementTree
 
 from support.command import rigd
 
-from rigd.cli.junit import Case, Suite, suite_of_error, write_junit
-from rigd.model.errors import Blocked
+from rigd.cli.junit import Case, Suite, case_of, suite_of_error, write_junit
+from rigd.engine.result import RunResult
+from rigd.model.errors import Blocked, Exit
+from rigd.model.states import RunState
+
+#: What may stand in each element, by the schema of the xUnit plugin of Jenkins (junit-10.xsd).
+CHILDREN = {
+    "testsuites": {"testsuite"},
+    "testsuite": {"properties", "testcase"},
+    "properties": {"property"},
+    "testcase": {"failure", "error", "skipped"},
+}
+_COUNTS = {"tests", "failures", "errors"}
+ATTRIBUTES = {
+    "testsuites": {"name", "time"} | _COUNTS,
+    "testsuite": {"name", "time", "skipped", "timestamp"} | _COUNTS,
+    "property": {"name", "value"},
+    "testcase": {"name", "classname", "time"},
+    **{kind: {"message", "type"} for kind in ("failure", "error", "skipped")},
+}
 
 #: Three trials of the wheel, held by the belt.
 SHAKE = """\
@@ -37,9 +55,18 @@ def run(folder: Path, limits: str = "", *words: str) -> tuple[int, ElementTree.E
     ended = rigd(
         "run", "shake.yaml", "--rig", "lugre-1", "--junit", "out.xml", *words, cwd=folder
     )  # fmt: skip
-    suite = ElementTree.parse(folder / "out.xml").getroot().find("testsuite")
-    assert suite is not None
-    return ended.code, suite
+    return ended.code, read(folder / "out.xml")
+
+
+def read(path: Path) -> ElementTree.Element:
+    """Return the only suite of a file that is valid."""
+    root = ElementTree.parse(path).getroot()
+    assert root.tag == "testsuites"
+    for element in root.iter():
+        assert set(element.keys()) <= ATTRIBUTES.get(element.tag, set())
+        assert {child.tag for child in element} <= CHILDREN.get(element.tag, set())
+    (suite,) = root
+    return suite
 
 
 def outcomes(suite: ElementTree.Element) -> dict[str, str]:
@@ -65,7 +92,10 @@ def test_each_trial_is_a_case_with_its_time(tmp_path: Path) -> None:
     assert suite.get("timestamp", "")[:2] == "20"
     properties = {one.get("name"): one.get("value") for one in suite.iter("property")}
     assert properties["rig"] == "lugre-1"
-    assert Path(properties["recording"] or "").suffix == ".mcap"
+    recording = properties["recording"] or ""
+    words = ("run", "--resume", recording, "--junit", "again.xml")
+    assert rigd(*words, cwd=tmp_path).code == 0
+    assert outcomes(read(tmp_path / "again.xml")) == outcomes(suite)
 
 
 def test_a_trial_that_ended_early_fails_with_its_reason(tmp_path: Path) -> None:
@@ -82,6 +112,19 @@ def test_a_trial_that_ended_early_fails_with_its_reason(tmp_path: Path) -> None:
     assert failed is not None
     assert "wheel_servo.current" in failed.get("message", "")
     assert suite.get("failures") == "2"
+
+
+def test_what_says_nothing_about_the_procedure_is_an_error() -> None:
+    def outcome(ending: str, code: Exit) -> tuple[str, str]:
+        case = case_of(RunResult(RunState.IDLE, ending, "why", code, 0, 1, 2.0, trips=("trip",)))
+        return case.failure, case.error
+
+    assert outcome("complete", Exit.OK) == ("", "")
+    assert outcome("tripped", Exit.TRIPPED) == ("tripped: why\ntrip", "")
+    assert outcome("incomplete", Exit.FAILED) == ("incomplete: why\ntrip", "")
+    for ending, code in (("faulted", Exit.TRIPPED), ("blocked", Exit.BLOCKED),
+                         ("estopped", Exit.STOPPED)):  # fmt: skip
+        assert outcome(ending, code) == ("", f"{ending}: why\ntrip")
 
 
 def test_a_file_that_is_wrong_is_an_error_of_the_run(tmp_path: Path) -> None:
@@ -119,6 +162,7 @@ def test_trials_that_were_not_played_are_skipped(tmp_path: Path) -> None:
 def test_preflight_that_refuses_is_an_error_with_all_its_reasons(tmp_path: Path) -> None:
     path = tmp_path / "out.xml"
     write_junit(path, suite_of_error("shake", Blocked(["no watchdog", "no calibration"])))
-    error = ElementTree.parse(path).getroot().find("testsuite/testcase/error")
+    error = read(path).find("testcase/error")
     assert error is not None
+    assert "no watchdog" in error.get("message", "")
     assert "no calibration" in (error.text or "")

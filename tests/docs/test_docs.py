@@ -9,6 +9,7 @@ A fenced block says by its info string what becomes of it:
 - ``yaml part``: top-level keys, put in place of those of a small procedure or of the shipped rig,
   which is then checked;
 - ``text output``: what the ``sh`` block before it printed;
+- ``yaml fragment source=PATH``: the file at PATH of the checkout, word for word;
 - ``yaml fragment`` and ``text``: for people; counted, so that none is left unchecked by accident.
 """
 
@@ -224,6 +225,8 @@ def check_blocks(name: str, folder: Path) -> None:
                 )
             case "yaml part":
                 check_part(block.body, folder)
+            case "yaml fragment" if "source" in block.options:
+                assert (DOCS.parent / block.options["source"]).read_text("utf-8") == block.body
             case "yaml fragment" | "text":
                 unchecked += 1
             case other:
