@@ -169,6 +169,11 @@ class Daemon:
         board = self.folder.board()
         return [self.process.pid, board[Word.PID_CYCLE], board[Word.PID_RECORDER]]
 
+    def now_ns(self) -> int:
+        """Unix time now, by the clock of the run under way: that of its rows."""
+        board = self.folder.board()
+        return board[Word.START_NS] - board[Word.ORIGIN_NS] + time.monotonic_ns()
+
     def signal(self, number: signal.Signals) -> None:
         """Send it a signal."""
         self.process.send_signal(number)
