@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from rigd.remote.protocol import VERSION, Message, Role, Status
@@ -21,11 +24,26 @@ class RecordedRig:
     said: int = 0
     fails: str = ""  #: the verb that raises ``error``
     error: Exception = field(default_factory=lambda: RuntimeError("a bug of the rig's own"))
+    hangs: str = ""  #: the verb that returns only once it is ``let_go``
+    begun: threading.Event = field(default_factory=threading.Event)  #: it hangs
+    let_go: threading.Event = field(default_factory=threading.Event)
     huge: int = 0  #: characters that each reply to a question has too many
 
     def hold_lease(self, identity: str) -> None:
         """Give the lease to ``identity``, whoever has it."""
         self.lease.obey(identity, "lease_seize", NoArguments())
+
+    @contextmanager
+    def hanging(self, verb: str) -> Iterator[None]:
+        """Let ``verb`` hang while inside, or until it is ``let_go``."""
+        self.begun.clear()
+        self.let_go.clear()
+        self.hangs = verb
+        try:
+            yield
+        finally:
+            self.hangs = ""
+            self.let_go.set()
 
     def status(self) -> Status:
         """Return a status that counts itself."""
@@ -55,8 +73,12 @@ class RecordedRig:
     def stop(self, identity: str, verb: str, reason: str, user: str) -> Result:
         """Note it."""
         self.done.append((identity, verb))
+        self._fail(verb)
         return {"reason": reason}
 
     def _fail(self, verb: str) -> None:
+        if verb == self.hangs:
+            self.begun.set()
+            assert self.let_go.wait(60)
         if verb == self.fails:
             raise self.error

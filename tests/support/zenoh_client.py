@@ -73,6 +73,18 @@ class ZenohClient:
         assert len(replies) == 1, replies
         return json.loads(replies[0]["payload"])
 
+    def asking(self, key: str, payload: bytes) -> Callable[[], Any]:
+        """Query in a thread; what is returned waits for the reply of :meth:`ask`."""
+        came: list[Any] = []
+        thread = threading.Thread(target=lambda: came.append(self.ask(key, payload)), daemon=True)
+        thread.start()
+
+        def reply() -> Any:
+            thread.join(TIMEOUT_S)
+            return came.pop()
+
+        return reply
+
     def put(self, key: str, payload: bytes) -> None:
         """Publish."""
         self._order(do="put", key=key, payload=base64.b64encode(payload).decode())

@@ -16,7 +16,6 @@ from rigd.model import LinkError
 from rigd.remote.protocol import Event, Status
 from rigd.remote.protocol.limits import VERSION
 from rigd.remote.server import Lease, Server
-from rigd.remote.server.service import Result
 
 
 def setup() -> RemoteSetup:
@@ -82,39 +81,35 @@ def test_an_event_and_a_frame_reach_who_listens(on_loopback: Served) -> None:
     assert came == {f"rigd/{RIG}/event": 1, f"rigd/{RIG}/live/wheel": 1}
 
 
-class Hanging(RecordedRig):
-    """Does not return from a stop before it is let go."""
-
-    def __init__(self, name: str, lease: Lease) -> None:
-        super().__init__(name, lease)
-        self.stopping, self.let_go = threading.Event(), threading.Event()
-
-    def stop(self, identity: str, verb: str, reason: str, user: str) -> Result:
-        """Hang."""
-        self.stopping.set()
-        assert self.let_go.wait(60)
-        return super().stop(identity, verb, reason, user)
-
-
-def test_a_server_that_serves_nobody_any_more_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_that_serves_nobody_any_more_says_so(
+    on_loopback: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("rigd.remote.server.server._STUCK_S", 0.0)
-    listening, lease = setup(), Lease(lambda name: True)
-    server, rig = Server(RIG, listening, lease), Hanging(RIG, lease)
-    with server, ZenohClient(config(listening.listen[0])) as client:
-        server.start(rig)
-        assert server.hangs == ""
-        asking = threading.Thread(
-            target=client.ask, args=(key("stop", "eve", "stop"), request("stop"))
-        )
-        asking.start()
-        assert rig.stopping.wait(60)
-        assert server.hangs == "remote-stop has not answered for 0 s"
+    with on_loopback.client() as client, on_loopback.rig.hanging("stop"):
+        asking = client.asking(key("stop", "eve", "stop"), request("stop"))
+        assert on_loopback.rig.begun.wait(60)
+        assert on_loopback.server.hangs == "remote-stop has not answered for 0 s"
+        on_loopback.rig.let_go.set()
+        assert "result" in asking()
+    deadline = time.monotonic() + 20
+    while on_loopback.server.hangs:  # it has replied, and is about to take the next
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("verb", ["dry_run", "pause"])
+def test_a_stop_overtakes_what_takes_long(on_loopback: Served, verb: str) -> None:
+    rig = on_loopback.rig
+    rig.hold_lease("eve")
+    with on_loopback.client() as client, on_loopback.client() as other, rig.hanging(verb):
+        asking = client.asking(key("cmd", "eve", verb), request(verb))
+        assert rig.begun.wait(60)
+        assert on_loopback.server.hangs == ""
+        assert "result" in other.ask(key("stop", "bob", "stop"), request("stop"))
+        assert "result" in other.ask(key("cmd", "eve", "lease_renew"), request("lease_renew"))
+        assert not rig.let_go.is_set()
         rig.let_go.set()
-        asking.join()
-        deadline = time.monotonic() + 20
-        while server.hangs:  # it has replied, and is about to take the next
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+        assert "result" in asking()
 
 
 class Sick(RecordedRig):
