@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import shutil
 import textwrap
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
-from types import TracebackType
-from typing import Self, TextIO
+from typing import TextIO
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import TextColumn, TimeRemainingColumn
 
+from rigd.cli.trial_bar import TrialBar
 from rigd.daemon.execute import Recorded
 from rigd.daemon.provenance import format_parameter
 from rigd.engine.answers import read_answer
@@ -25,47 +25,16 @@ from rigd.model.units import format_quantity
 from rigd.procedure.program import Answer, AnswerKind, CompiledProcedure, Prompt, TrialPlan
 
 
-class RunDisplay:
+class RunDisplay(TrialBar):
     """Progress of one run on standard error: a bar on a terminal, a line per trial elsewhere."""
 
     def __init__(self, procedure: CompiledProcedure, rig: str, *, quiet: bool) -> None:
         self._procedure = procedure
         self._rig = rig
-        self._quiet = quiet
-        self._console = Console(stderr=True, highlight=False)
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=24),
-            TaskProgressColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            console=self._console,
-            disable=quiet or not self._console.is_terminal,
-        )
+        super().__init__(TextColumn("left"), TimeRemainingColumn(), quiet=quiet)
         self._task = self._bar.add_task("preflight", total=max(len(procedure.trials), 1))
         self._shown: TrialPlan | None = None
         self._state: RunState | None = None
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._bar.stop()
-
-    @contextmanager
-    def quiet(self) -> Iterator[None]:
-        """Take the bar off the screen for a while."""
-        self._bar.stop()
-        try:
-            yield
-        finally:
-            self._bar.start()
 
     def announce(self, path: Path) -> None:
         """Say where the samples go, before the first one does."""
@@ -95,10 +64,6 @@ class RunDisplay:
             if progress.step:
                 what += f" · {progress.step}"
         self._bar.update(self._task, completed=progress.trials_done, description=escape(what))
-
-    def tell(self, line: str) -> None:
-        """Show a line for the operator, also when quiet: it answers what they just did."""
-        self._console.print(f"[yellow]{escape(line)}[/]")
 
 
 def conclude(procedure: CompiledProcedure, recorded: Recorded) -> None:

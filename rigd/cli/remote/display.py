@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from types import TracebackType
-from typing import Self
+from collections.abc import Mapping
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+from rich.progress import TextColumn
 
+from rigd.cli.trial_bar import TrialBar
 from rigd.daemon.provenance import format_parameter
 from rigd.procedure.loader import Procedure
 from rigd.remote.protocol import Status
@@ -18,48 +16,18 @@ from rigd.remote.protocol.results import RunLine
 from rigd.remote.protocol.status import LastRun, Trial
 
 
-class RemoteDisplay:
+class RemoteDisplay(TrialBar):
     """Progress on standard error: a bar on a terminal, a line per trial elsewhere.
 
     ``procedure`` tells the units of its parameters, and which of them its sweep varies.
     """
 
     def __init__(self, procedure: Procedure | None, *, quiet: bool) -> None:
+        super().__init__(TextColumn("{task.fields[left]}"), quiet=quiet)
         self._units, self._swept = _parameters(procedure)
-        self._quiet = quiet
-        self._console = Console(stderr=True, highlight=False)
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=24),
-            TaskProgressColumn(),
-            TextColumn("{task.fields[left]}"),
-            console=self._console,
-            disable=quiet or not self._console.is_terminal,
-        )
         self._task = self._bar.add_task("preflight", total=1, left="")
         self._trial: Trial | None = None
         self._state = ""
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._bar.stop()
-
-    @contextmanager
-    def quiet(self) -> Iterator[None]:
-        """Take the bar off the screen for a while."""
-        self._bar.stop()
-        try:
-            yield
-        finally:
-            self._bar.start()
 
     def announce(self, line: str) -> None:
         """Say what is watched."""
@@ -94,10 +62,6 @@ class RemoteDisplay:
     def show_silence(self, silent_s: float) -> None:
         """Show that what stands on the screen is old."""
         self._bar.update(self._task, description=f"[red]nothing heard for {silent_s:.0f} s[/]")
-
-    def tell(self, line: str) -> None:
-        """Show a line, also when quiet: it answers what a person just did."""
-        self._console.print(f"[yellow]{escape(line)}[/]")
 
     def _describe(self, trial: Trial) -> str:
         words = [
