@@ -32,7 +32,7 @@ class Notices:
 
     def note(self, text: str, level: Level = "info") -> None:
         """Add a line; what it says may be a client's own words."""
-        line = "".join(one if one.isprintable() else " " for one in text[:_LENGTH])
+        line = one_line(text[:_LENGTH])
         _LOG.log(_LEVELS[level], "%s", line)
         self._kept.append(Notice(t_ns=self._clock(), level=level, text=line))
         self._changed()
@@ -40,3 +40,8 @@ class Notices:
     def views(self) -> tuple[Notice, ...]:
         """Return them, the newest last."""
         return tuple(self._kept)
+
+
+def one_line(text: str) -> str:
+    """Return ``text`` without what would break a line or steer a terminal."""
+    return "".join(one if one.isprintable() else " " for one in text)

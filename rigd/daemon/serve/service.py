@@ -19,7 +19,7 @@ from rigd.daemon.serve.asker import Asker
 from rigd.daemon.serve.audit import AuditLog
 from rigd.daemon.serve.describe import describe
 from rigd.daemon.serve.library import Library
-from rigd.daemon.serve.notices import Notices
+from rigd.daemon.serve.notices import Notices, one_line
 from rigd.daemon.serve.recordings import Recordings
 from rigd.daemon.serve.recovery import Interruptions
 from rigd.daemon.serve.running import Running
@@ -163,7 +163,7 @@ class RigService:
         self, identity: str, role: Role, verb: str, args: Message, user: str = ""
     ) -> Message:
         """Do it, write down who wanted it, and return once it is done or under way."""
-        asker = Asker(identity, user)
+        asker = Asker(identity, one_line(user))
         try:
             if verb in MOVING:
                 self._parts.audit.check()
@@ -186,7 +186,7 @@ class RigService:
 
         :meth:`tend` writes it down: a disk that hangs keeps no estop from following a stop.
         """
-        asker = Asker(identity, user)
+        asker, reason = Asker(identity, one_line(user)), one_line(reason)
         why = f"{verb} by {asker}" + (f": {reason}" if reason else "")
         acted = self._parts.steering.stop(_VERBS[verb], why)
         if acted:  # what was asked before is asked again by whoever is impatient
@@ -235,8 +235,11 @@ class RigService:
 
     def _lease(self, who: Asker, verb: str, args: Message) -> LeaseView:
         view = self._parts.lease.obey(who.identity, verb, args)
-        if verb not in UNAUDITED:
-            self._parts.notices.note(f"{who}: {verb.replace('_', ' ')}")
+        # That commands take it and give it back is no news: who has it stands in the status.
+        if verb == "lease_seize":
+            self._parts.notices.note(f"{who} has seized control", "warning")
+        elif verb == "lease_give":
+            self._parts.notices.note(f"{who} has handed control to {view.holder}")
         return view
 
     def _dry_run(self, args: Checked) -> DryRun:

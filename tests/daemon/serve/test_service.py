@@ -54,10 +54,10 @@ def test_who_stands_behind_a_client_of_several_is_written_down(tmp_path: Path) -
         run = served.command("start", "panel", user="Ada", procedure=travelling(LONG))["run"]
         assert served.status.lease.holder == "panel"
         served.until(lambda status: status.step == "go")
-        served.service.stop("panel", "abort", "", "Olga")
+        served.service.stop("panel", "abort", "smoke\x1b[2J\n", "Olga")
         last = served.until_idle().last
         assert last is not None
-        assert last.reason == "abort by Olga (panel)"
+        assert last.reason == "abort by Olga (panel): smoke [2J "
     assert [(line["who"], line["user"], line["what"]) for line in served.audited()] == [
         ("panel", "Ada", "lease_take"), ("panel", "Ada", "start"), ("panel", "Olga", "abort"),
     ]  # fmt: skip
