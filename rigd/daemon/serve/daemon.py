@@ -30,6 +30,7 @@ from rigd.engine.shared import RunFolder
 from rigd.engine.shared.folder import folder_name
 from rigd.engine.sink import Rows
 from rigd.model.errors import RecordingError
+from rigd.remote.certificates import expires_soon
 from rigd.remote.protocol import Role
 from rigd.remote.server import Lease, Server, role_of
 
@@ -153,6 +154,9 @@ def _compose(
         raw = foxglove.show
     feed = stack.enter_context(Feed(rig, server.publisher, raw=raw))
     notices = Notices(changed)
+    soon = None if rig.remote.tls is None else expires_soon(rig.remote.tls)
+    if soon is not None:
+        notices.note(soon, "warning")
     recordings = Recordings(runs)
     name = folder_name(rig.name)
     trips = TripMemory(runs / f"{name}.trips.json")
@@ -171,7 +175,7 @@ def _compose(
         feed=feed,
         trips=trips,
         notices=notices,
-        looks=Looks(rig, folder, feed, monitored=options.monitored),
+        looks=Looks(rig, folder, feed, monitored=options.monitored, told=notices.note),
         changed=changed,
         ended=lambda last: interruptions.ended(last.run),
     )

@@ -13,7 +13,9 @@ from typing import Final
 
 import zenoh
 
-from rigd.model.errors import LinkError
+from rigd.config.remote import TlsFiles
+from rigd.model.errors import ConfigError, LinkError
+from rigd.remote.certificates import check_usable, distrusted
 from rigd.remote.client.target import Target
 from rigd.remote.network import client_config
 from rigd.remote.protocol import EVERY_ALIVE
@@ -47,12 +49,21 @@ def open_session(target: Target) -> zenoh.Session:
     except zenoh.ZError as error:
         hint = f"{target.note}is the daemon running there (rigd serve), and is the address right?"
         if target.tls is not None:
-            hint += (
-                f" Is {target.tls.certificate} still valid, and signed by the authority that the "
-                f"daemon trusts? Is the daemon's made for the name in the address, and signed by "
-                f"{target.tls.ca}?"
-            )
+            hint = f"{target.note}{_doubt(target.tls)}"
         raise LinkError(f"nobody lets us in at {target.endpoint}", hint=hint) from error
+
+
+def _doubt(tls: TlsFiles) -> str:
+    """Return what may have kept us out, which TLS does not tell."""
+    try:
+        check_usable(tls)
+    except ConfigError as error:
+        return error.told
+    return distrusted(tls) or (
+        "is the daemon running there (rigd serve), and is the address right? Does it trust "
+        f"{tls.ca}, which signed {tls.certificate.name}? Is its own certificate signed by that "
+        "too, and made for the name in the address?"
+    )
 
 
 def is_connected(session: zenoh.Session) -> bool:

@@ -21,6 +21,7 @@ import zenoh
 
 from rigd.config.remote import RemoteSetup
 from rigd.model.errors import LinkError
+from rigd.remote.certificates import check_usable
 from rigd.remote.network import server_config
 from rigd.remote.protocol import Code, Keys, Kind, Lane, Refusal, encode_refusal
 from rigd.remote.protocol.limits import HEARTBEAT_S
@@ -60,7 +61,8 @@ class Server:
     first takes the address: a second daemon of the rig fails before it touches a device.
 
     Raises:
-        LinkError: an address cannot be listened on, or a certificate cannot be used.
+        LinkError: an address cannot be listened on.
+        ConfigError: a certificate cannot be used.
     """
 
     def __init__(self, rig: str, setup: RemoteSetup, lease: Lease) -> None:
@@ -178,6 +180,8 @@ class Server:
 
 
 def _open(keys: Keys, setup: RemoteSetup) -> zenoh.Session:
+    if setup.tls is not None:
+        check_usable(setup.tls)  # zenoh would listen all the same, and every client turn away
     try:
         return zenoh.open(server_config(keys, setup))
     except zenoh.ZError as error:

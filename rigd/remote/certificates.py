@@ -1,0 +1,100 @@
+"""What is wrong with the certificates of one end, in words.
+
+Who is turned away by TLS is not told why, and a daemon that nobody can trust hears of nothing. Most
+reasons can be seen in one's own files.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Final
+
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric.types import PrivateKeyTypes, PublicKeyTypes
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    PublicFormat,
+    load_pem_private_key,
+)
+
+from rigd.config.remote import TlsFiles
+from rigd.model.errors import ConfigError
+
+#: Whoever looks after the rig is told so long before a certificate expires.
+SOON: Final = timedelta(days=30)
+#: What to do about one that has expired.
+RENEW: Final = (
+    "where ca.key is, remove it and its key; rigd remote setup-tls then makes another, of the same "
+    "authority"
+)
+#: What to look at where a file cannot be read.
+MISSING: Final = "rigd remote setup-tls makes it; who uses it must be allowed to read it"
+
+
+def check_usable(files: TlsFiles, now: datetime | None = None) -> None:
+    """Check that ``files`` can be read, are valid now and go together.
+
+    Raises:
+        ConfigError: nobody could accept them; says which of them, and what to do.
+    """
+    now = now or datetime.now(UTC)
+    for path in (files.certificate, files.ca):
+        _check_valid(path, _read(path), now)
+    key = _read_key(files.key)
+    if _encoded(key.public_key()) != _encoded(_read(files.certificate).public_key()):
+        raise ConfigError(f"{files.key} is not the key of {files.certificate}")
+
+
+def _check_valid(path: Path, certificate: x509.Certificate, now: datetime) -> None:
+    since, until = certificate.not_valid_before_utc, certificate.not_valid_after_utc
+    if now > until:
+        raise ConfigError(f"{path} expired on {until:%Y-%m-%d}", hint=RENEW)
+    if now < since:
+        raise ConfigError(
+            f"{path} is valid from {since:%Y-%m-%d %H:%M} UTC on, now it is {now:%Y-%m-%d %H:%M}",
+            hint="is the clock of this computer right?",
+        )
+
+
+def distrusted(files: TlsFiles) -> str | None:
+    """Return that the authority has not signed the certificate, or None."""
+    try:
+        _read(files.certificate).verify_directly_issued_by(_read(files.ca))
+    except (InvalidSignature, ValueError, TypeError):
+        return f"{files.certificate} is not signed by {files.ca}: are they of the same lab?"
+    return None
+
+
+def expires_soon(files: TlsFiles, now: datetime | None = None) -> str | None:
+    """Return which of two usable certificates expires first, where that is soon."""
+    now = now or datetime.now(UTC)
+    until, path = min(
+        (_read(path).not_valid_after_utc, path) for path in (files.certificate, files.ca)
+    )
+    if until - now > SOON:
+        return None
+    return f"{path} expires on {until:%Y-%m-%d}: nobody can connect from then on"
+
+
+def _read(path: Path) -> x509.Certificate:
+    try:
+        return x509.load_pem_x509_certificate(path.read_bytes())
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error.strerror}", hint=MISSING) from error
+    except ValueError as error:
+        raise ConfigError(f"{path} is no certificate in PEM") from error
+
+
+def _read_key(path: Path) -> PrivateKeyTypes:
+    try:
+        return load_pem_private_key(path.read_bytes(), None)
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error.strerror}", hint=MISSING) from error
+    except (ValueError, TypeError) as error:
+        raise ConfigError(f"{path} is no key in PEM without a password") from error
+
+
+def _encoded(key: PublicKeyTypes) -> bytes:
+    return key.public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)

@@ -1,0 +1,104 @@
+"""What is wrong with certificates is said by the end that has them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from rigd.config.remote import RemoteSetup, TlsFiles
+from rigd.model import ConfigError, LinkError
+from rigd.remote import Client
+from rigd.remote.certificates import SOON, check_usable, distrusted, expires_soon
+from rigd.remote.server import Lease, Server
+from rigd.remote.tls import CA_VALID, SERVER, VALID, files_of, setup_tls
+
+NOW = datetime(2026, 11, 21, 12, tzinfo=UTC)  # no later than any day on which this runs
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    setup_tls(tmp_path, ["localhost"], ["alice", "bob"], now=NOW)
+    return tmp_path
+
+
+def test_nothing_is_wrong_with_those_that_are_made(folder: Path) -> None:
+    for name in (SERVER, "alice"):
+        files = files_of(folder, name)
+        check_usable(files, NOW)
+        assert distrusted(files) is None
+        assert expires_soon(files, NOW) is None
+
+
+@pytest.mark.parametrize(
+    ("after", "message"),
+    [
+        (VALID + timedelta(minutes=1), r"alice\.crt expired on 2028-11-20"),
+        (CA_VALID + timedelta(minutes=1), r"alice\.crt expired"),
+        (-timedelta(hours=2), r"alice\.crt is valid from 2026-11-21 11:00 UTC on"),
+    ],
+)
+def test_one_that_is_not_valid_now(folder: Path, after: timedelta, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        check_usable(files_of(folder, "alice"), NOW + after)
+
+
+def spoilt(folder: Path) -> None:
+    (folder / "alice.crt").write_text("no certificate")
+
+
+def lost(folder: Path) -> None:
+    (folder / "alice.key").unlink()
+
+
+def of_bob(folder: Path) -> None:
+    (folder / "alice.key").write_bytes((folder / "bob.key").read_bytes())
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (spoilt, r"alice\.crt is no certificate in PEM"),
+        (lost, r"alice\.key cannot be read: No such file"),
+        (of_bob, r"alice\.key is not the key of .*alice\.crt"),
+    ],
+)
+def test_files_that_do_not_serve(folder: Path, spoil: Callable[[Path], None], message: str) -> None:
+    spoil(folder)
+    with pytest.raises(ConfigError, match=message):
+        check_usable(files_of(folder, "alice"), NOW)
+
+
+def test_one_of_another_lab(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    other = tmp_path_factory.mktemp("other")
+    setup_tls(other, ["localhost"], ["alice"], now=NOW)
+    alice = files_of(folder, "alice")
+    mixed = TlsFiles(other / "ca.crt", alice.certificate, alice.key)
+    check_usable(mixed, NOW)
+    assert re.search(r"alice\.crt is not signed by .*ca\.crt", distrusted(mixed) or "")
+
+
+def test_what_expires_soon_is_told_in_time(folder: Path) -> None:
+    server, end = files_of(folder, SERVER), NOW + VALID
+    assert expires_soon(server, end - SOON - timedelta(days=1)) is None
+    assert "rigd.crt expires on 2028-11-20" in str(expires_soon(server, end - SOON))
+
+
+def test_a_daemon_whose_certificate_has_expired_does_not_begin_to_serve(tmp_path: Path) -> None:
+    setup_tls(tmp_path, ["localhost"], [], now=NOW - timedelta(days=2), valid=timedelta(days=1))
+    setup = RemoteSetup(("tls/127.0.0.1:1",), files_of(tmp_path, SERVER), {"alice": "operator"})
+    with pytest.raises(ConfigError, match=r"rigd\.crt expired on 2026-11-20") as caught:
+        Server("lugre-1", setup, Lease(lambda _: True))
+    assert "setup-tls" in str(caught.value.hint)
+
+
+def test_a_client_who_is_not_let_in_is_told_what_is_wrong_with_its_own(tmp_path: Path) -> None:
+    setup_tls(
+        tmp_path, ["localhost"], ["alice"], now=NOW - timedelta(days=2), valid=timedelta(days=1)
+    )
+    with pytest.raises(LinkError, match="nobody lets us in") as caught:
+        Client("lugre-1", endpoint="tls/127.0.0.1:1", tls=files_of(tmp_path, "alice"))
+    assert "alice.crt expired on 2026-11-20" in str(caught.value.hint)
