@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import faulthandler
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -66,6 +67,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Serve until a signal."""
+    # A service manager ends a daemon that hangs by SIGABRT: then each thread says where it stood.
+    faulthandler.enable()
     from rigd.config.loader import load_rig
     from rigd.daemon.serve import Options, logging_to, serve
     from rigd.model.errors import Exit

@@ -134,7 +134,7 @@ class ServedAxis:
             feed=self.feed,
             trips=self.trips,
             notices=self.notices,
-            looks=Looks(self.rig, self.folder, self.feed, monitored=False),
+            looks=Looks(self.rig, self.folder, self.feed, monitored=False, told=self.notices.note),
             changed=self.news.set,
             ended=lambda last: self.interruptions.ended(last.run),
         )

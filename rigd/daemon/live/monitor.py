@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import threading
+from collections.abc import Callable
 from typing import Final
 
 from rigd.config.rig import RigConfig
@@ -12,6 +14,9 @@ from rigd.engine.control import Control, Verb
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, RigdError
 
+_LOG: Final = logging.getLogger(__name__)
+#: A device that cannot be reached is tried again so often, in s: each time starts a process.
+AGAIN_S: Final = 30.0
 #: What a look was told is thrown away this often, in s: it may go on for days.
 _FORGET_S: Final = 1.0
 
@@ -21,13 +26,23 @@ class Monitor:
 
     Its cycle runs at rest with interlocks that only tell, which takes as much of a processor as a
     run does. It must have been stopped before a run begins. ``held`` is the rig's folder where
-    the caller has taken it.
+    the caller has taken it. Where a device fails or is not there, it is tried again until it is;
+    ``told`` gets the reason, once, and again after it has shown something.
     """
 
-    def __init__(self, rig: RigConfig, feed: Feed, held: RunFolder | None = None) -> None:
-        self.problem: RigdError | None = None  #: why it ended by itself
+    def __init__(
+        self,
+        rig: RigConfig,
+        feed: Feed,
+        held: RunFolder | None = None,
+        *,
+        told: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self.problem = ""  #: why nothing is shown
         self._rig, self._feed, self._held = rig, feed, held
+        self._told = told
         self._control = Control()
+        self._ending = threading.Event()
         self._thread = threading.Thread(target=self._work, name="monitor", daemon=True)
 
     @property
@@ -41,16 +56,26 @@ class Monitor:
 
     def stop(self) -> None:
         """End, and return once every device is closed; stopping twice is silent."""
+        self._ending.set()
         self._control.request(Verb.STOP, "the look is over")
         if self._thread.ident is not None:
             self._thread.join()
 
     def _work(self) -> None:
-        try:
-            self._look()
-        except RigdError as error:
-            self.problem = error
-            self._feed.tell("monitor", {"problem": str(error)})
+        while not self._ending.is_set():
+            try:
+                self._look()
+            except RigdError as error:
+                self._failed(str(error))
+            except Exception as error:  # noqa: BLE001 - the thread's boundary: nothing is armed
+                _LOG.exception("the look at the idle rig failed by a bug in rigd")
+                self._failed(f"{type(error).__name__}: {error}")
+            self._ending.wait(AGAIN_S)
+
+    def _failed(self, problem: str) -> None:
+        if not self.problem:
+            self._told(f"the idle rig is not shown: {problem}")
+        self.problem = problem
 
     def _look(self) -> None:
         with look_at(self._rig, self._control, command="rigd serve", held=self._held) as look:
@@ -60,6 +85,7 @@ class Monitor:
             if reasons:
                 raise Blocked(reasons, f"rig {self._rig.name} cannot be looked at")
             self._feed.attach(look.folder, events=False)
+            self.problem = ""
             try:
                 while not look.stopped:
                     look.rest(_FORGET_S)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed, Monitor
 from rigd.daemon.manual import check_action, look_at, only
@@ -14,18 +16,27 @@ from rigd.remote.protocol import Code, Refusal
 class Looks:
     """Looks at ``rig``, whose ``folder`` this process holds; one look at a time, and no run.
 
-    ``monitored``: :meth:`show` shows the channels to ``feed``; else it does nothing.
+    ``monitored``: :meth:`show` shows the channels to ``feed``; else it does nothing. ``told`` gets
+    what keeps them from being shown.
     """
 
-    def __init__(self, rig: RigConfig, folder: RunFolder, feed: Feed, *, monitored: bool) -> None:
+    def __init__(
+        self,
+        rig: RigConfig,
+        folder: RunFolder,
+        feed: Feed,
+        *,
+        monitored: bool,
+        told: Callable[[str], None],
+    ) -> None:
         self._rig, self._folder, self._feed = rig, folder, feed
-        self._monitored = monitored
+        self._monitored, self._told = monitored, told
         self._monitor: Monitor | None = None
 
     def show(self) -> None:
         """Show the channels until :meth:`end`."""
         if self._monitored and self._monitor is None:
-            self._monitor = Monitor(self._rig, self._feed, self._folder)
+            self._monitor = Monitor(self._rig, self._feed, self._folder, told=self._told)
             self._monitor.start()
 
     def end(self) -> None:

@@ -11,6 +11,7 @@ from support.live import PATIENCE_S, Kept
 
 from rigd.config.loader import load_rig
 from rigd.daemon.live import Feed, Monitor
+from rigd.daemon.live import monitor as module
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked
 
@@ -44,7 +45,7 @@ def test_an_idle_rig_is_shown_until_it_is_wanted() -> None:
         assert servo.age_s < PATIENCE_S
         monitor.stop()
         monitor.stop()
-        assert (monitor.running, monitor.problem) == (False, None)
+        assert (monitor.running, monitor.problem) == (False, "")
         shown = len(kept.frames["wheel_servo"])
         feed.tick()
         assert len(kept.frames["wheel_servo"]) == shown
@@ -57,16 +58,21 @@ def test_an_idle_rig_is_shown_until_it_is_wanted() -> None:
         RunFolder.take(RIG.name, command="another").release()
 
 
-def test_a_rig_in_use_is_said_to_be() -> None:
-    kept = Kept()
-    held = RunFolder.take(RIG.name, command="somebody else")
-    monitor = Monitor(RIG, Feed(RIG, kept))
-    monitor.start()
-    wait_for(lambda: not monitor.running)
-    assert "somebody else" in str(monitor.problem)
-    assert [one.kind for one in kept.events] == ["monitor"]
-    monitor.stop()
-    held.release()
+def test_what_keeps_a_rig_from_being_shown_is_told_once_and_tried_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "AGAIN_S", 0.0)
+    kept, told, held = Kept(), list[str](), RunFolder.take(RIG.name, command="somebody else")
+    with Feed(RIG, kept) as feed:
+        monitor = Monitor(RIG, feed, told=told.append)
+        monitor.start()
+        wait_for(lambda: bool(monitor.problem))
+        held.release()
+        wait_for(lambda: len(kept.frames.get("wheel_servo", [])) > 5)
+        assert monitor.problem == ""
+        monitor.stop()
+    assert len(told) == 1
+    assert "somebody else" in told[0]
 
 
 def test_it_may_be_stopped_while_it_opens() -> None:
@@ -74,5 +80,5 @@ def test_it_may_be_stopped_while_it_opens() -> None:
     monitor = Monitor(RIG, Feed(RIG, kept))
     monitor.start()
     monitor.stop()
-    assert (monitor.running, monitor.problem, kept.events) == (False, None, [])
+    assert (monitor.running, monitor.problem, kept.events) == (False, "", [])
     RunFolder.take(RIG.name, command="another").release()
