@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Coroutine
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from rigd.panel.hub import Hub
 from rigd.panel.outbox import Outbox
 from rigd.panel.routes import Doors
+from rigd.panel.sessions import Session
 
 #: Close codes of our own (4000 to 4999 are free for applications, RFC 6455, section 7.4.2).
 NO_SESSION: Final = 4401
@@ -44,19 +46,36 @@ class Feed:
         self.doors.sessions.open_page(session)
         try:
             with self.hub.join() as outbox:
-                sending = asyncio.create_task(_send(socket, outbox))
-                try:
-                    await _listen(socket, outbox)
-                finally:
-                    sending.cancel()
-                    await asyncio.gather(sending, return_exceptions=True)
+                await _until_first(
+                    _send(socket, outbox), _listen(socket, outbox), _until_over(session)
+                )
+            if session.over.is_set() and socket.client_state is WebSocketState.CONNECTED:
+                await socket.close(NO_SESSION, "this session is over")
         finally:
             self.pages -= 1
             self.doors.sessions.close_page(session)
 
 
+async def _until_first(*jobs: Coroutine[Any, Any, None]) -> None:
+    """Do all until one of them has ended; then end the others."""
+    tasks = [asyncio.create_task(job) for job in jobs]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.wait(tasks)
+    for task in tasks:
+        if not task.cancelled():
+            task.result()
+
+
+async def _until_over(session: Session) -> None:
+    await session.over.wait()
+
+
 async def _send(socket: WebSocket, outbox: Outbox) -> None:
-    """Send until the page is gone, which ends :func:`_listen` too."""
+    """Send until the page is gone."""
     try:
         while True:
             for message in await outbox.take():

@@ -7,6 +7,7 @@ looking one up says nothing about it by the time it takes.
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import secrets
 from collections.abc import Callable
@@ -40,6 +41,7 @@ class Session:
     left_s: float = 0.0  #: when the last page was closed
     requests: Bucket = field(default_factory=lambda: Bucket(per_s=20.0, burst=60.0))
     stops: Bucket = field(default_factory=lambda: Bucket(per_s=5.0, burst=20.0))
+    over: asyncio.Event = field(default_factory=asyncio.Event)  #: its pages are to close
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class Sessions:
             return None
         while len(self._sessions) >= MOST_SESSIONS:
             idle = min(self._sessions, key=lambda key: self._sessions[key].used_s)
-            del self._sessions[idle]
+            self._sessions.pop(idle).over.set()
         self._count += 1
         key = secrets.token_urlsafe(32)
         session = Session(name, found.role, self._count, self._now())
@@ -90,8 +92,10 @@ class Sessions:
         return session
 
     def end(self, key: str) -> None:
-        """Close a session."""
-        self._sessions.pop(_hash(key), None)
+        """Close a session, and with it its pages."""
+        session = self._sessions.pop(_hash(key), None)
+        if session is not None:
+            session.over.set()
 
     def open_page(self, session: Session) -> None:
         """A page of the session has connected."""

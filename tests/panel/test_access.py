@@ -142,6 +142,17 @@ def test_a_socket_without_a_session_is_closed_and_says_why(panel: ServedPanel) -
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 4401
 
 
+def test_who_logs_out_leaves_no_page_open(panel: ServedPanel) -> None:
+    visitor = panel.visitor()
+    with visitor.page() as page:
+        assert visitor.post("/api/logout")[0] == 200
+        with pytest.raises(ConnectionClosed) as closed:
+            while True:
+                page.recv(10)
+    assert closed.value.rcvd is not None and closed.value.rcvd.code == 4401
+    assert visitor.post("/api/ask/runs", args={})[0] == 401
+
+
 @pytest.mark.parametrize("said", ["something", "", b"drawn", "x" * 900])
 def test_a_socket_that_says_anything_else_is_closed(panel: ServedPanel, said: str | bytes) -> None:
     with panel.visitor().page() as page:
