@@ -238,7 +238,7 @@ def report(rig: str, rows: Sequence[Commanded]) -> None:
 def main() -> int:
     """Do as many runs as are missing from the table, then print it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=int, default=100, help="on each rig")
+    parser.add_argument("--runs", type=int, default=40, help="on each rig")
     parser.add_argument("--quick", action="store_true", help="ten on each")
     parser.add_argument("--table", type=Path, default=None, help="file of what is done already")
     args = parser.parse_args()

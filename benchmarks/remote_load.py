@@ -13,7 +13,7 @@ of a frame is in a subscriber's callback, and in a page when it has been drawn; 
 begins. Beside it run the loops of ``cycle_peers.py``: slots in which a witness above all programs
 was kept away tell of the host, and are left out of the figures that are called own.
 
-    python benchmarks/remote_load.py --seconds 8 --rounds 8 --table load.jsonl
+    python benchmarks/remote_load.py --seconds 8 --rounds 6 --table load.jsonl
                         goes on where the table ends: stop it and start it as you like
 """
 
@@ -286,7 +286,7 @@ def main() -> int:
     """Measure as many rounds as are missing from the table, then print it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=8.0, help="of a block")
-    parser.add_argument("--rounds", type=int, default=8, help="of a block under each load")
+    parser.add_argument("--rounds", type=int, default=6, help="of a block under each load")
     parser.add_argument("--table", type=Path, default=None, help="file of what is done already")
     args = parser.parse_args()
     chromium = shutil.which("chromium")
