@@ -15,7 +15,7 @@ from rich.progress import TextColumn, TimeRemainingColumn
 
 from rigd.cli.trial_bar import TrialBar
 from rigd.daemon.execute import Recorded
-from rigd.daemon.provenance import format_parameter
+from rigd.daemon.provenance import trial_label
 from rigd.engine.answers import read_answer
 from rigd.engine.result import Progress as RunProgress
 from rigd.evaluate.models import needs_of
@@ -50,19 +50,16 @@ class RunDisplay(TrialBar):
         if self._quiet:
             return
         trial = progress.trial
+        label = "" if trial is None else trial_label(trial, self._procedure) or "no sweep"
         if trial is not None and trial is not self._shown and not self._console.is_terminal:
-            self._console.print(
-                f"trial {progress.trials_done + 1}/{progress.trials_total}: "
-                f"{escape(describe_trial(trial, self._procedure))}"
-            )
+            which = f"trial {progress.trials_done + 1}/{progress.trials_total}"
+            self._console.print(escape(f"{which}: {label}"))
         if progress.state is RunState.PAUSED and self._state is not RunState.PAUSED:
             self.tell("paused; Ctrl-Z resumes, Ctrl-C stops")
         self._shown, self._state = trial, progress.state
-        what = progress.state.name.lower()
-        if trial is not None:
-            what = describe_trial(trial, self._procedure)
-            if progress.step:
-                what += f" · {progress.step}"
+        what = label or progress.state.name.lower()
+        if trial is not None and progress.step:
+            what += f" · {progress.step}"
         self._bar.update(self._task, completed=progress.trials_done, description=escape(what))
 
 
@@ -100,17 +97,6 @@ def conclude(procedure: CompiledProcedure, recorded: Recorded) -> None:
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
-def describe_trial(trial: TrialPlan, procedure: CompiledProcedure) -> str:
-    """Return what sets this trial apart, such as ``current 0.15 A (2nd of 3)``."""
-    words = [
-        f"{name} {format_parameter(value, procedure.units.get(name))}"
-        for name, value in trial.parameters.items()
-        if name not in procedure.parameters or procedure.parameters[name] != value
-    ]
-    text = ", ".join(words) or "no sweep"
-    return text if trial.repeat == 1 else f"{text}, repeat {trial.repeat}"
 
 
 class ConsoleAnswers:

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from rigd.cli.console import describe_trial
 from rigd.daemon.execute import Recorded
+from rigd.daemon.provenance import trial_label
 from rigd.engine.result import RunResult
 from rigd.model.errors import ConfigError, Exit, RigdError
 from rigd.procedure.program import CompiledProcedure
@@ -131,7 +131,7 @@ def _suite(procedure: CompiledProcedure, rig: str, path: Path, run: Case, ended:
     info = run_info(Recording.open(path))
     played = {trial.number: trial for trial in info.trials}  # the last attempt counts
     cases = [
-        _trial(describe_trial(plan, procedure), plan.number, played.get(plan.number), ended)
+        _trial(plan.number, trial_label(plan, procedure), played.get(plan.number), ended)
         for plan in procedure.trials
     ]
     ending, _, _ = ended.partition(":")
@@ -139,8 +139,8 @@ def _suite(procedure: CompiledProcedure, rig: str, path: Path, run: Case, ended:
     return Suite(procedure.name, [*cases, run], properties, info.started)
 
 
-def _trial(name: str, number: int, trial: TrialInfo | None, ended: str) -> Case:
-    name = f"trial {number}: {name}"
+def _trial(number: int, label: str, trial: TrialInfo | None, ended: str) -> Case:
+    name = f"trial {number}: {label}" if label else f"trial {number}"
     if trial is None:
         return Case(name, skipped=f"not played: {ended}")
     if trial.end_ns is None:

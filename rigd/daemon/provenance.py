@@ -15,7 +15,7 @@ import numpy as np
 from rigd import __version__
 from rigd.config.rig import RigConfig
 from rigd.model.units import Quantity, parse_unit
-from rigd.procedure.program import CompiledProcedure
+from rigd.procedure.program import CompiledProcedure, TrialPlan
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 
@@ -71,6 +71,16 @@ def format_parameter(value: float | str | bool, unit: str | None) -> str:
     if isinstance(value, str | bool) or unit is None:
         return str(value)
     return str(Quantity(float(value), parse_unit(unit)))
+
+
+def trial_label(trial: TrialPlan, procedure: CompiledProcedure) -> str:
+    """Return what sets a trial apart from the others, such as ``current 0.15 A, repeat 2``."""
+    words = [
+        f"{name} {format_parameter(value, procedure.units.get(name))}"
+        for name, value in trial.parameters.items()
+        if name not in procedure.parameters or procedure.parameters[name] != value
+    ]
+    return ", ".join([*words, *([f"repeat {trial.repeat}"] if trial.repeat > 1 else [])])
 
 
 def git_revision() -> str:

@@ -61,7 +61,14 @@ from rigd.remote.protocol.results import (
     Stopped,
     StreamView,
 )
-from rigd.remote.protocol.status import Daemon, Interrupted, LastRun, PromptView, TripView
+from rigd.remote.protocol.status import (
+    Daemon,
+    Interrupted,
+    LastRun,
+    PromptView,
+    Trial,
+    TripView,
+)
 from rigd.remote.server import Lease, Result, Server
 
 #: So long that on a crowded machine it runs out for nobody who keeps it, in s.
@@ -107,6 +114,7 @@ class AnsweringRig:
     asked: list[str] = field(default_factory=list)
     users: dict[str, str] = field(default_factory=dict)  #: by command or stop: for whom
     trips: tuple[TripView, ...] = ()
+    trial: Trial | None = None
     _said: int = 0
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -126,6 +134,7 @@ class AnsweringRig:
             state="idle" if running is None else "running",
             procedure=None if running is None else "small",
             run=running,
+            trial=self.trial,
             trials_done=self.trials_done,
             trials_total=3,
             prompt=self.prompt,

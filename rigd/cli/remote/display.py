@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import TextColumn
 
 from rigd.cli.trial_bar import TrialBar
-from rigd.daemon.provenance import format_parameter
-from rigd.procedure.loader import Procedure
 from rigd.remote.protocol import Status
 from rigd.remote.protocol.results import RunLine
 from rigd.remote.protocol.status import LastRun, Trial
 
 
 class RemoteDisplay(TrialBar):
-    """Progress on standard error: a bar on a terminal, a line per trial elsewhere.
+    """Progress on standard error: a bar on a terminal, a line per trial elsewhere."""
 
-    ``procedure`` tells the units of its parameters, and which of them its sweep varies.
-    """
-
-    def __init__(self, procedure: Procedure | None, *, quiet: bool) -> None:
+    def __init__(self, *, quiet: bool) -> None:
         super().__init__(TextColumn("{task.fields[left]}"), quiet=quiet)
-        self._units, self._swept = _parameters(procedure)
         self._task = self._bar.add_task("preflight", total=1, left="")
         self._trial: Trial | None = None
         self._state = ""
@@ -41,14 +33,14 @@ class RemoteDisplay(TrialBar):
         trial = status.trial
         if trial is not None and trial != self._trial and not self._console.is_terminal:
             which = f"trial {status.trials_done + 1}/{status.trials_total}"
-            self._console.print(escape(": ".join(filter(None, (which, self._describe(trial))))))
+            self._console.print(escape(f"{which}: {trial.label}" if trial.label else which))
         if status.state != self._state and status.state in ("pausing", "paused", "stopping"):
             self.tell(f"{status.state}; rigd remote resume goes on"
                       if status.state == "paused" else status.state)  # fmt: skip
         self._trial, self._state = trial, status.state
         what: str = status.state
         if trial is not None:
-            what = self._describe(trial) or f"trial {trial.number}"
+            what = trial.label or f"trial {trial.number}"
             what += f" · {status.step}" if status.step else ""
         left = "" if status.left_s is None else f"{status.left_s:.0f} s left"
         self._bar.update(
@@ -63,14 +55,6 @@ class RemoteDisplay(TrialBar):
         """Show that what stands on the screen is old."""
         self._bar.update(self._task, description=f"[red]nothing heard for {silent_s:.0f} s[/]")
 
-    def _describe(self, trial: Trial) -> str:
-        words = [
-            f"{name} {format_parameter(value, self._units.get(name))}"
-            for name, value in trial.parameters.items()
-            if name in self._swept or not self._units
-        ]
-        return ", ".join([*words, *([f"repeat {trial.repeat}"] if trial.repeat > 1 else [])])
-
 
 def conclude(last: LastRun, line: RunLine, where: str) -> None:
     """Say how the run ended and what to do next; ``where`` are the options that find the rig."""
@@ -83,12 +67,3 @@ def conclude(last: LastRun, line: RunLine, where: str) -> None:
     if line.trials_done < line.trials_total:
         console.print(escape(f"go on with:  rigd remote resume-run {last.run}{where}"))
     console.print(escape(f"fetch it:    rigd remote fetch {last.run}{where}"))
-
-
-def _parameters(procedure: Procedure | None) -> tuple[Mapping[str, str], frozenset[str]]:
-    """Return the units of parameters by name, and the names of those that are swept."""
-    if procedure is None:
-        return {}, frozenset()
-    source = procedure.source
-    units = {name: one.unit for name, one in source.parameters.items() if one.unit}
-    return units, frozenset((*source.sweep.grid, *source.sweep.zip))

@@ -42,16 +42,15 @@ def _status(args: argparse.Namespace) -> int:
 def _watch(args: argparse.Namespace) -> int:
     import asyncio
 
-    from rigd.cli.remote.watching import procedure_of, watch
+    from rigd.cli.remote.watching import watch
     from rigd.model.errors import ConfigError
 
     async def follow() -> int:
         async with connect_async(args) as rig:
             status = await rig.status()
-            if status.run is None or status.procedure is None:
+            if status.run is None:
                 raise ConfigError("nothing is running: there is no run to watch")
-            procedure = await procedure_of(rig, status.procedure)
-            return await watch(rig, status.run, procedure, args, steers=False)
+            return await watch(rig, status.run, args, steers=False)
 
     return asyncio.run(follow())
 

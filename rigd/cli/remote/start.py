@@ -10,7 +10,6 @@ from rigd.cli.remote.command import Command, add_json, again, connect_async, pri
 from rigd.cli.remote.procedures import add_procedure, values_of
 
 if TYPE_CHECKING:
-    from rigd.procedure.loader import Procedure
     from rigd.remote import AsyncClient
     from rigd.remote.protocol.results import Started
 
@@ -44,7 +43,6 @@ def _configure_watch(parser: argparse.ArgumentParser) -> None:
 
 
 def _start(args: argparse.Namespace) -> int:
-    from rigd.cli.remote.watching import procedure_of
     from rigd.procedure.loader import load_procedure
     from rigd.remote.client.procedures import is_path
 
@@ -57,32 +55,19 @@ def _start(args: argparse.Namespace) -> int:
             on_client_loss=args.on_client_loss,
         )
 
-    # A file that is wrong is told before anybody is asked for anything.
-    local = load_procedure(args.procedure) if is_path(args.procedure) else None
-
-    async def procedure(rig: AsyncClient) -> Procedure | None:
-        return local or await procedure_of(rig, args.procedure)
-
-    return _begin(args, procedure, begin)
+    if is_path(args.procedure):
+        load_procedure(args.procedure)  # what is wrong in it is told before anybody is asked
+    return _begin(args, begin)
 
 
 def _resume(args: argparse.Namespace) -> int:
-    from rigd.cli.remote.watching import procedure_of
-
     async def begin(rig: AsyncClient) -> Started:
         return await rig.resume_run(args.run)
 
-    async def procedure(rig: AsyncClient) -> Procedure | None:
-        return await procedure_of(rig, (await rig.run(args.run)).line.procedure)
-
-    return _begin(args, procedure, begin)
+    return _begin(args, begin)
 
 
-def _begin(
-    args: argparse.Namespace,
-    procedure: Callable[[AsyncClient], Awaitable[Procedure | None]],
-    begin: Callable[[AsyncClient], Awaitable[Started]],
-) -> int:
+def _begin(args: argparse.Namespace, begin: Callable[[AsyncClient], Awaitable[Started]]) -> int:
     """Begin a run; watched, with the lease held all the while, else without anybody's."""
     import asyncio
 
@@ -91,12 +76,11 @@ def _begin(
 
     async def run() -> int:
         async with connect_async(args) as rig, rig.control(brief=not args.watch):
-            shown = await procedure(rig) if args.watch else None
             name = (await begin(rig)).run
             if name is None:
                 raise ProtocolError("the daemon began a run, and does not say which")
             if args.watch:
-                return await watch(rig, name, shown, args, steers=True)
+                return await watch(rig, name, args, steers=True)
         # Control is given back by now: what is said of it is true.
         if args.json:
             print_json({"run": name})

@@ -8,16 +8,14 @@ import signal
 import sys
 from collections.abc import AsyncGenerator, Coroutine
 from contextlib import aclosing
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rigd.cli.remote.command import again, print_json
 from rigd.cli.remote.display import RemoteDisplay, conclude
 from rigd.cli.remote.prompting import LEAVING, Lines, as_prompt, ask, is_terminal
 from rigd.model.errors import Exit, LinkError, RigdError
-from rigd.procedure.loader import Procedure, parse_procedure
 from rigd.remote.client.watching import RunWatch
-from rigd.remote.protocol import Refusal, Status
+from rigd.remote.protocol import Status
 from rigd.remote.protocol.status import LastRun, PromptView
 
 if TYPE_CHECKING:
@@ -38,18 +36,17 @@ _LEAVE: Final = "leave"
 async def watch(
     rig: AsyncClient,
     run: str,
-    procedure: Procedure | None,
     args: argparse.Namespace,
     *,
     steers: bool,
 ) -> int:
-    """Show ``run`` of ``procedure`` until it ends, or a person leaves it; return the exit code.
+    """Show ``run`` until it ends, or a person leaves it; return the exit code.
 
     Prompts are asked at this terminal while this client has control. ``steers``: whether the run
     is this command's own, so that Ctrl-C stops it where nobody can be asked what is meant.
     """
     where = again(args)
-    with RemoteDisplay(procedure, quiet=args.quiet or args.json) as display:
+    with RemoteDisplay(quiet=args.quiet or args.json) as display:
         last = await Watch(rig, run, display, where, steers=steers).follow()
     if last is None:
         print(f"{run} goes on:  rigd remote status --watch{where}", file=sys.stderr)
@@ -261,12 +258,3 @@ class Watch:
 
 async def _next(statuses: AsyncGenerator[Status, None]) -> Status:
     return await anext(statuses)
-
-
-async def procedure_of(rig: AsyncClient, name: str) -> Procedure | None:
-    """Return the procedure of that name, as the daemon has it; None where it has none."""
-    try:
-        file = (await rig.procedure(name)).procedure
-    except Refusal:
-        return None
-    return parse_procedure(file.text, Path(f"{name}.yaml"))

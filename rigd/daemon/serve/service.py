@@ -14,6 +14,7 @@ from typing import Any, Final
 from rigd import __version__
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
+from rigd.daemon.provenance import trial_label
 from rigd.daemon.serve.aside import Aside
 from rigd.daemon.serve.asker import Asker
 from rigd.daemon.serve.audit import AuditLog
@@ -27,7 +28,7 @@ from rigd.daemon.serve.steering import Steering
 from rigd.daemon.serve.trips import TripMemory
 from rigd.engine.control import Verb
 from rigd.model.errors import ConfigError, RigdError
-from rigd.procedure.program import TrialPlan
+from rigd.procedure.program import CompiledProcedure, TrialPlan
 from rigd.remote.protocol import (
     VERSION,
     Code,
@@ -109,7 +110,9 @@ class RigService:
             **({"state": "idle"} if running is None else _progress(running)),
             lease=parts.lease.view(),
             trips=parts.trips.views(),
-            interrupted=parts.interruptions.views(),
+            interrupted=tuple(
+                one for one in parts.interruptions.views() if one.run != self._under_way
+            ),
             last=parts.steering.last,
             refused=self._refused(),
             notices=parts.notices.views(),
@@ -294,7 +297,7 @@ def _progress(running: Running) -> dict[str, Any]:
         "procedure": running.request.procedure.name,
         "run": running.recording.name,
         "step": progress.step or None,
-        "trial": None if trial is None else _trial(trial),
+        "trial": None if trial is None else _trial(trial, running.request.procedure),
         "trials_done": progress.trials_done,
         "trials_total": progress.trials_total,
         "run_s": max(progress.run_s, 0.0),
@@ -303,8 +306,13 @@ def _progress(running: Running) -> dict[str, Any]:
     }
 
 
-def _trial(trial: TrialPlan) -> Trial:
-    return Trial(number=trial.number, repeat=trial.repeat, parameters=dict(trial.parameters))
+def _trial(trial: TrialPlan, procedure: CompiledProcedure) -> Trial:
+    return Trial(
+        number=trial.number,
+        repeat=trial.repeat,
+        parameters=dict(trial.parameters),
+        label=trial_label(trial, procedure),
+    )
 
 
 def _refusal(error: RigdError) -> Refusal:

@@ -79,13 +79,17 @@ class Holding:
                 raise
 
     async def _keep(self) -> None:
+        told = False
         while True:
             await asyncio.sleep(RENEW_S)
             try:
                 await self._renew()
+                told = False
             except RigdError as error:
                 if isinstance(error, Refusal) and error.code is Code.NO_LEASE:
                     _log.warning("control is lost: %s", error.message)
                     return
                 # Whatever keeps it from being renewed may be over before it runs out.
-                _log.warning("control could not be renewed: %s", error.told)
+                if not told:
+                    _log.warning("control could not be renewed: %s", error.message)
+                told = True

@@ -37,6 +37,8 @@ class Trial(Message):
     repeat: Count
     parameters: dict[str, float | str | bool]
     """Quantities in SI."""
+    label: Told = ""
+    """What sets it apart from the others, for people: ``current 0.15 A, repeat 2``."""
 
 
 class PromptView(Message):
