@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,32 @@ def test_certificates_that_are_not_there_are_told(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"rigd\.crt cannot be read: No such file") as caught:
         Server(RIG, listening, Lease(lambda name: True))
     assert "setup-tls" in str(caught.value.hint)
+
+
+def own_sockets() -> set[str]:
+    """Where this process listens: protocol and address, as proc_pid_net(5) writes them."""
+    mine = set()
+    for one in Path("/proc/self/fd").iterdir():
+        with suppress(FileNotFoundError):  # the one that lists them
+            mine.add(str(one.readlink()))
+    found = set()
+    for protocol in ("tcp", "tcp6", "udp", "udp6"):
+        for line in Path(f"/proc/self/net/{protocol}").read_text().splitlines()[1:]:
+            _, local, _, state, *rest = line.split()
+            listens = state == "0A" or protocol.startswith("udp")
+            if listens and f"socket:[{rest[5]}]" in mine:
+                found.add(f"{protocol} {local}")
+    return found
+
+
+def test_it_listens_where_it_is_told_and_nowhere_else() -> None:
+    """By itself zenoh listens on every interface, joins a multicast group and shares memory."""
+    listening, before = setup(), own_sockets()
+    port = int(listening.listen[0].rpartition(":")[2])
+    with Server(RIG, listening, Lease(lambda name: True)) as server:
+        assert own_sockets() - before == {f"tcp 0100007F:{port:04X}"}
+        server.publisher.frame("wheel", bytes(60_000))  # memory would be shared from 3 KiB on
+        assert not list(Path("/dev/shm").glob("*zenoh*"))
 
 
 def test_nothing_is_answered_before_it_is_started() -> None:
