@@ -22,7 +22,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -131,15 +131,19 @@ def browser_pids() -> list[int]:
 
 def descendants(pid: int) -> Iterator[int]:
     """Yield the processes that ``pid`` has started, and those that they have."""
-    for task in Path(f"/proc/{pid}/task").iterdir():
-        for child in map(int, (task / "children").read_text().split()):
-            yield child
-            yield from descendants(child)
+    for children in Path(f"/proc/{pid}/task").glob("*/children"):
+        with suppress(FileNotFoundError, ProcessLookupError):  # a thread that has just ended
+            for child in map(int, children.read_text().split()):
+                yield child
+                yield from descendants(child)
 
 
 def cmdline(pid: int) -> bytes:
-    """Return the command of a process, its words apart by NUL."""
-    return Path(f"/proc/{pid}/cmdline").read_bytes()
+    """Return the command of a process, its words apart by NUL; empty where it has just ended."""
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    except (FileNotFoundError, ProcessLookupError):
+        return b""
 
 
 def panel_of(daemon: int) -> int:
