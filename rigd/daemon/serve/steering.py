@@ -338,7 +338,8 @@ class Steering:
             self._ended(last)
         finally:
             with self._lock:
-                self._running, self.last = None, last
+                # In this order: who sees that nothing runs any more also sees how it ended.
+                self.last, self._running = last, None
         self._notices.note(
             f"{last.run or 'the run'}: {last.ending}: {last.reason}",
             "warning" if last.exit_code else "info",

@@ -178,6 +178,7 @@ class AsyncClient:
 
         Raises:
             LinkError: the daemon fell silent, or it was started anew and the run is interrupted.
+            Refusal: it is neither under way nor the run that ended last.
         """
         watched = RunWatch(run)
         async with aclosing(self.watch(patience_s)) as statuses:

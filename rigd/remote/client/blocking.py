@@ -96,6 +96,10 @@ class Client:
             finally:
                 self._end()
 
+    def __repr__(self) -> str:
+        """Return what it is, for the cell of a notebook."""
+        return f"<{type(self).__name__} of {self.rig}, as {self.identity}>"
+
     def __enter__(self) -> Self:
         return self
 

@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 
 from rigd.model.errors import LinkError
 from rigd.remote.client.understanding import understand
-from rigd.remote.protocol import Event, Message, Status
+from rigd.remote.protocol import Code, Event, Message, Refusal, Status
 from rigd.remote.protocol.results import Events
 from rigd.remote.protocol.status import LastRun
 
@@ -90,13 +90,15 @@ class RunWatch:
 
         Raises:
             LinkError: the daemon ended with the run, and was started anew.
+            Refusal: it is another run that goes on, or that has ended since.
         """
         if self._first_ns is None:
             self._first_ns = status.t_ns
         if status.run == self.run:
             self._seen = True
         settled = self._seen or status.t_ns - self._first_ns > _SETTLED_NS
-        if status.state != "idle" or not settled:
+        goes_on = status.state != "idle" and status.run in (self.run, None)
+        if goes_on or not settled:
             return None
         if status.last is not None and status.last.run == self.run:
             return status.last
@@ -105,7 +107,11 @@ class RunWatch:
                 f"the daemon of {status.rig} ended with {self.run}, and was started anew",
                 hint="look at the rig; resume_run goes on with it",
             )
-        return None
+        raise Refusal(
+            Code.NOT_FOUND,
+            f"{self.run} is not under way on {status.rig}, nor is it the run that ended last",
+            hint="its recording says how it ended, if there is one",
+        )
 
 
 def reader(kind: type[M]) -> Callable[[bytes], M]:

@@ -9,7 +9,7 @@ import pytest
 
 from rigd.model.errors import LinkError
 from rigd.remote.client.watching import RunWatch, without_gaps
-from rigd.remote.protocol import VERSION, Event, Status
+from rigd.remote.protocol import VERSION, Event, Refusal, Status
 from rigd.remote.protocol.results import Events
 from rigd.remote.protocol.status import Daemon, Interrupted, LastRun
 
@@ -87,6 +87,16 @@ def test_a_run_too_short_to_be_seen_has_ended_all_the_same() -> None:
     watch = RunWatch(RUN)
     assert watch.ended(status(0.0, last=ENDED)) is None
     assert watch.ended(status(1.5, last=ENDED)) == ENDED
+
+
+@pytest.mark.parametrize("run", [None, "b.mcap"])
+def test_a_run_of_which_nothing_is_known_is_not_waited_for(run: str | None) -> None:
+    watch = RunWatch(RUN)
+    other = LastRun(run="c.mcap", ending="complete", reason="all done", exit_code=0)
+    assert watch.ended(status(0.0, run=run, last=other)) is None  # may be from before it began
+    with pytest.raises(Refusal, match=r"a\.mcap is not under way"):
+        watch.ended(status(1.5, run=run, last=other))
+    assert watch.ended(status(2.0, run=run, last=ENDED)) == ENDED
 
 
 def test_a_daemon_that_died_with_the_run_is_told() -> None:
