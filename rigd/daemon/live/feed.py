@@ -145,7 +145,8 @@ class Feed:
             TypeError: the data has no form in JSON.
         """
         with self._lock:
-            self._outlet.event(self._log.add(Recorded(self.t_ns, kind, NO_TRIAL, data)))
+            event = self._log.add(Recorded(self.t_ns, kind, NO_TRIAL, data))
+            self._guarded(partial(self._outlet.event, event))
 
     def events(self, number: int) -> tuple[Sequence[Event], int]:
         """Return events from ``number`` on, and the number to ask from next.

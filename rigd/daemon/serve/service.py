@@ -95,6 +95,7 @@ class RigService:
         self._changed = changed
         self._numbers = itertools.count()
         self._stops: deque[tuple[Asker, str, str]] = deque()  # not written down yet
+        self._broken = ""  # why the audit log could not be written when it was last looked at
         self._daemon = Daemon(version=__version__, pid=os.getpid(), started_ns=time.time_ns())
 
     def status(self) -> Status:
@@ -207,6 +208,9 @@ class RigService:
             done = self._parts.steering.client_lost(who)
             self._parts.notices.note(f"{who} has vanished: {done}", "warning")
             self._parts.audit.write(who, "lease_lost", {}, done)
+        broken, self._broken = self._broken, self._parts.audit.broken
+        if self._broken and not broken:
+            self._parts.notices.note(f"nothing can start: {self._broken}", "error")
         self._parts.steering.tend()
 
     def _command(self, who: Asker, verb: str, args: Message) -> Message:

@@ -347,6 +347,10 @@ def test_nothing_starts_that_could_not_be_audited(tmp_path: Path) -> None:
             served.command("start", procedure=travelling(SWEEP))
         assert served.status.state == "idle"
         assert served.service.stop("eve", "stop", "").acted is False
+        for _ in range(2):
+            served.service.tend()
+        told = [one.text for one in served.status.notices if one.level == "error"]
+        assert told == [f"nothing can start: {served.audit.broken}"]
 
 
 def test_a_run_that_was_interrupted_is_offered_and_gone_on_with(tmp_path: Path) -> None:
