@@ -66,9 +66,9 @@ class Interruptions:
             )
 
     def ended(self, run: str) -> None:
-        """Look again at a run that has ended; ``run`` is its file name, "" where it left none."""
+        """Look again at a run that has ended; ``run`` is its file, which may not be there."""
         others = tuple(one for one in self._found if one.run != run)
-        offered = self._recordings.interrupted(run) if run else None
+        offered = self._recordings.interrupted(run)
         self._found = others if offered is None else (offered, *others)[:OFFERED]
 
 

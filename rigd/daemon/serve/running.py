@@ -141,7 +141,8 @@ class Running:
 
     def _failed(self, ending: str, reason: str, code: Exit) -> LastRun:
         """Return how a run ended that may not even have begun its file."""
-        return _last(self.recording.name if self.recording.exists() else "", ending, reason, code)
+        last = _last(self.recording.name, ending, reason, code)
+        return last.model_copy(update={"recorded": self.recording.exists()})
 
 
 def _place(progress: Progress) -> tuple[object, ...]:

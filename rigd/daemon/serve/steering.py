@@ -341,7 +341,7 @@ class Steering:
                 # In this order: who sees that nothing runs any more also sees how it ended.
                 self.last, self._running = last, None
         self._notices.note(
-            f"{last.run or 'the run'}: {last.ending}: {last.reason}",
+            f"{last.run}: {last.ending}: {last.reason}",
             "warning" if last.exit_code else "info",
         )
         self.show()

@@ -99,6 +99,8 @@ class LastRun(Message):
     reason: Told
     exit_code: Count
     """As `rigd run` would have exited."""
+    recorded: bool = True
+    """Whether there is a recording of it: one that preflight refused leaves none."""
 
 
 class RefusedCounts(Message):

@@ -113,5 +113,5 @@ def test_a_run_that_was_gone_on_with_is_offered_no_more(tmp_path: Path) -> None:
     record(tmp_path / "b.mcap", ended="interrupted")
     found.ended("b.mcap")
     assert [one.run for one in found.views()] == ["b.mcap"]
-    found.ended("")  # blocked: it left no file
+    found.ended("c.mcap")  # blocked: it left no file
     assert [one.run for one in found.views()] == ["b.mcap"]

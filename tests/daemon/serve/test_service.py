@@ -322,7 +322,7 @@ def test_a_blocked_run_says_why(tmp_path: Path) -> None:
         served.start()
         last = served.until_idle().last
         assert last is not None
-        assert (last.ending, last.exit_code, last.run) == ("blocked", 3, "")
+        assert (last.ending, last.exit_code, last.recorded) == ("blocked", 3, False)
         assert "near stands violated at rest" in last.reason
         assert not list(served.runs.glob("*.mcap"))
 
