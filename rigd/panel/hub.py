@@ -13,6 +13,7 @@ from typing import Final
 
 from rigd.model.errors import RigdError
 from rigd.panel.outbox import Outbox
+from rigd.panel.quantities import complete_event
 from rigd.panel.rig import Object, Rig
 from rigd.remote.protocol.frame import decode_frame
 from rigd.remote.protocol.refusal import Refusal
@@ -180,6 +181,7 @@ class Hub:
     def _take_event(self, event: Object) -> None:
         if self._events and event["seq"] <= self._events[-1]["seq"]:
             return
+        event = complete_event(event)
         self._events.append(event)
         for outbox in self._outboxes:
             outbox.event(event)

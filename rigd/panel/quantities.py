@@ -21,6 +21,15 @@ def complete_status(status: Object) -> Object:
     return status if prompt is None else status | {"prompt": with_factor(prompt)}
 
 
+def complete_event(event: Object) -> Object:
+    """Return an event whose parameters, if it has some with units, say their factors."""
+    units = event["data"].get("units")
+    if event["kind"] != "trial_start" or not units:
+        return event
+    factors = {name: parse_unit(unit).factor for name, unit in units.items()}
+    return event | {"data": event["data"] | {"factors": factors}}
+
+
 def complete_procedure(view: Object) -> Object:
     """Return what ``procedure`` answers, with the factor of every parameter."""
     return view | {"parameters": [with_factor(one) for one in view["parameters"]]}

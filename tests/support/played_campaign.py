@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import math
 import random
+import time
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigd.remote.protocol.arguments import ProcedureFile
+from rigd.remote.protocol.frame import Frame, encode_frame
 from rigd.remote.protocol.results import (
     ActionView,
     ChannelView,
@@ -18,13 +24,14 @@ from rigd.remote.protocol.results import (
     InterlockView,
     ParameterView,
     PeakView,
+    PieceView,
     ProblemView,
     ProcedureView,
     SetpointView,
     StepView,
     StreamView,
 )
-from rigd.remote.protocol.status import PromptView, TripView
+from rigd.remote.protocol.status import PromptView, TripView, as_json
 
 STEP_S = 1e-3
 PROCEDURE_FILES = Path(__file__).parents[2] / "procedures"
@@ -137,6 +144,24 @@ REPORT = """<!doctype html><html lang="en"><title>Report</title>
 <h1>LuGre model of constant_current</h1><p>Ten trials on stone.</p>
 <table><tr><th>Parameter<th>Value<th>95 %<tr><td>mu_c<td>0.1203<td>± 0.0007</table>
 <script>document.title = "a script ran"</script></html>"""
+
+
+def piece(whole: bytes, args: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the piece of a file that was asked for."""
+    offset, length = args["offset"], args["length"]
+    data = base64.b64encode(whole[offset : offset + length])
+    sha256 = hashlib.sha256(whole).hexdigest()
+    return as_json(PieceView(size=len(whole), sha256=sha256, offset=offset, data=data))
+
+
+def past(stream: str) -> bytes:
+    """Return ten seconds in which nothing moved, until now, in base64."""
+    t_s = np.arange(0.0, 10.0, 0.1)
+    values = np.zeros((len(CHANNELS[stream]), t_s.size), "f4")
+    began_ns = time.time_ns() - 10 * 10**9
+    frame = Frame(STREAMS[stream].number, 0, began_ns, t_s, values, values)
+    return base64.b64encode(encode_frame(frame))
+
 
 STEPS = (
     StepView(block="prepare", name="home", played=1, shortest_s=0.0, longest_s=0.0,

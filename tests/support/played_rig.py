@@ -6,8 +6,6 @@ Speaks in the protocol's own models, so that what it says has the form that a da
 from __future__ import annotations
 
 import asyncio
-import base64
-import hashlib
 import time
 from collections.abc import AsyncIterator, Mapping
 from typing import Any, TypeVar
@@ -28,6 +26,8 @@ from support.played_campaign import (
     Carriage,
     check,
     dry_run,
+    past,
+    piece,
 )
 
 from rigd.model.errors import LinkError
@@ -42,7 +42,6 @@ from rigd.remote.protocol.results import (
     History,
     Latest,
     LatestValues,
-    PieceView,
     ProcedureLine,
     Procedures,
     Reported,
@@ -123,7 +122,8 @@ class PlayedRig:
             run=RUN if plays else None,
             step=played.step if plays else None,
             trial=Trial(number=played.trial, repeat=1,
-                        parameters={"current": played.target, "floor": "stone"})
+                        parameters={"current": played.target, "floor": "stone"},
+                        label=f"current {played.target:.3g} A")
             if plays and not self._asked else None,
             trials_done=played.trial - 1 if plays else 0, trials_total=10 if plays else 0,
             run_s=run_s, left_s=max(0.0, 95.0 - run_s) if plays else None,
@@ -226,7 +226,7 @@ class PlayedRig:
                 }
                 return as_json(LatestValues(t_ns=time.time_ns(), values=values))
             case "history":
-                return as_json(History(frame=self._past(str(args["stream"]))))
+                return as_json(History(frame=past(str(args["stream"]))))
             case "runs":
                 return as_json(RunList(runs=tuple(self.runs), more=False))
             case "run":
@@ -234,10 +234,10 @@ class PlayedRig:
             case "report":
                 if not self._run(args).has_report:
                     raise Refusal(Code.NOT_FOUND, "this run has no report yet")
-                return _piece(REPORT.encode(), args)
+                return piece(REPORT.encode(), args)
             case "fetch":
                 self._run(args)
-                return _piece(RECORDING, args)
+                return piece(RECORDING, args)
         raise Refusal(Code.UNKNOWN_VERB, what)
 
     async def command(self, verb: str, args: Mapping[str, Any], user: str = "") -> dict[str, Any]:
@@ -337,6 +337,7 @@ class PlayedRig:
         self.state, self._began = "running", time.monotonic()
         self._asked = list(self.prompts) if start.answers == "ask" else []
         await self.emit("run_start", procedure=start.procedure.name, set=start.set)
+        await self._trial_begins()
         if self._asked:
             await self.emit("prompt", name=self._asked[0].name, text=self._asked[0].text)
 
@@ -365,20 +366,18 @@ class PlayedRig:
         if self.state == "pausing":
             self.state = "paused"
         await self.emit("trial_end", number=self.carriage.trial - 1)
+        await self._trial_begins()
+
+    async def _trial_begins(self) -> None:
+        number, current = self.carriage.trial, self.carriage.target
+        await self.emit("trial_start", number=number, parameters={"current": current},
+                        units={"current": "A"})  # fmt: skip
 
     def _run(self, args: Mapping[str, Any]) -> RunLine:
         for one in self.runs:
             if one.run == args.get("run"):
                 return one
         raise Refusal(Code.NOT_FOUND, f"there is no recording {args.get('run')!r}")
-
-    def _past(self, stream: str) -> bytes:
-        """Return ten seconds in which nothing moved, until now, in base64."""
-        t_s = np.arange(0.0, 10.0, 0.1)
-        values = np.zeros((len(CHANNELS[stream]), t_s.size), "f4")
-        began_ns = time.time_ns() - 10 * 10**9
-        frame = Frame(STREAMS[stream].number, 0, began_ns, t_s, values, values)
-        return base64.b64encode(encode_frame(frame))
 
     def _newest(self) -> dict[str, float]:
         return {
@@ -397,10 +396,3 @@ def _checked(kind: type[M], args: Mapping[str, Any]) -> M:
         return kind.model_validate(dict(args))
     except ValidationError as error:
         raise Refusal(Code.BAD_REQUEST, str(error)[:200]) from error
-
-
-def _piece(whole: bytes, args: Mapping[str, Any]) -> dict[str, Any]:
-    offset, length = args["offset"], args["length"]
-    data = base64.b64encode(whole[offset : offset + length])
-    sha256 = hashlib.sha256(whole).hexdigest()
-    return as_json(PieceView(size=len(whole), sha256=sha256, offset=offset, data=data))

@@ -23,6 +23,7 @@ export function mountAttention(root) {
         cards.set(key, make());
         if (place === null) root.prepend(cards.get(key));
         else place.after(cards.get(key));
+        cards.get(key).scrollIntoView({ block: "nearest" });
       }
       place = cards.get(key);
     }

@@ -2,7 +2,7 @@
 
 import { el, fill, flag, mark, say } from "./dom.js";
 import { command } from "./api.js";
-import { age, short, steady, unit, words } from "./format.js";
+import { age, scaled, short, steady, unit, words } from "./format.js";
 import { histories } from "./histories.js";
 import { channelInfo } from "./infos.js";
 import { chosen, colourOf, toggle, watchChosen } from "./choice.js";
@@ -58,7 +58,8 @@ function action(one) {
 
 function makeRow(name) {
   const info = channelInfo(name);
-  const row = { name, info, peak: 1e-3 };
+  const limit = Math.max(...info.limits.map(Math.abs).filter(Number.isFinite), 0);
+  const row = { name, info, shown: scaled(limit, info.unit), limit, peak: 0 };
   row.trace = el("button", {
     type: "button", class: "trace-toggle", "aria-label": `Trace of ${name}`, onclick: () => toggle(name),
   });
@@ -76,7 +77,7 @@ function makeRow(name) {
   row.element = el("tr", {},
     el("td", {}, row.trace),
     el("th", { scope: "row", title: `${info.doc}\n${limits}`.trim() }, info.name.replaceAll("_", " ")),
-    row.value, el("td", { class: "unit" }, unit(info.unit)), row.age,
+    row.value, el("td", { class: "unit" }, row.shown.unit), row.age,
     el("td", { class: "limit", title: limits }, row.bar, el("span", { class: "unseen" }, limits)));
   showChoice(row);
   return row;
@@ -107,10 +108,10 @@ function newest({ full, stream, place }) {
 
 function show(row) {
   const [value, seconds] = newest(row.info);
-  const limit = Math.max(...row.info.limits.map(Math.abs).filter(Number.isFinite), 0);
   // As many decimals as a thousandth of the limit needs, or of the largest value seen.
   if (Math.abs(value) > row.peak) row.peak = Math.abs(value);
-  say(row.value, steady(value, limit || row.peak));
+  const { factor } = row.shown;
+  say(row.value, steady(value / factor, (row.limit || row.peak) / factor));
   say(row.age, age(seconds));
   flag(row.element, "data-stale", seconds === null || seconds > STALE_S || known.link !== "ok");
   if (row.range === null) return;

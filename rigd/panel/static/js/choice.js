@@ -40,8 +40,8 @@ function set(wanted) {
 function usual({ streams, setpoints, interlocks }) {
   const units = new Map(streams.flatMap((one) => one.channels.map(({ name, unit }) => [`${one.name}.${name}`, unit])));
   const watched = [
-    ...setpoints.flatMap(({ name }) => [name, `${name}_setpoint`]),
     ...interlocks.filter(({ low, high }) => low !== null || high !== null).map(({ source }) => source),
+    ...setpoints.flatMap(({ name }) => [name, `${name}_setpoint`]),
   ];
   // A share or a switch, whose unit is 1, says little as a trace.
   const first = [...new Set(watched)].filter((name) => units.has(name) && units.get(name) !== "1");

@@ -1,7 +1,7 @@
 // What happened, newest first.
 
 import { el, fill, say } from "./dom.js";
-import { clock, short, words } from "./format.js";
+import { clock, parameters, short, words } from "./format.js";
 import { watchEvents } from "./link.js";
 import { known, watch } from "./store.js";
 
@@ -67,7 +67,10 @@ const gap = (skipped) => el("tr", { data: { mood: "warn" } },
 
 /** What belongs to an event, as words: a name first, then the rest. */
 function text(data) {
-  const { name, ...rest } = data;
+  const { name, units, factors, ...rest } = data;
+  if (units !== undefined && rest.parameters !== undefined) {
+    rest.parameters = Object.fromEntries(parameters(data));
+  }
   const parts = Object.entries(rest)
     .filter(([, value]) => value !== "" && value !== null)
     .map(([key, value]) => `${words(key)}: ${plain(value)}`);
@@ -75,7 +78,7 @@ function text(data) {
 }
 
 function plain(value) {
-  if (typeof value === "number") return short(value);
+  if (typeof value === "number") return Number.isInteger(value) ? String(value) : short(value);
   if (Array.isArray(value)) return value.map(plain).join(", ");
   if (typeof value === "object" && value !== null) {
     return Object.entries(value).map(([key, inner]) => `${words(key)} ${plain(inner)}`).join(", ");

@@ -2,28 +2,37 @@
 
 const NO_VALUE = "–";
 
-/** Four significant digits without an exponent where that stays short; a real minus sign. */
-export function number(value) {
+const RAISED = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
+const power = (exponent) => `10${[...String(exponent)].map((one) => RAISED[one]).join("")}`;
+
+/** A number that stands still, such as a limit: no digit more than it has, `digits` at most. */
+export function short(value, digits = 5) {
   if (value === null || value === undefined || !Number.isFinite(value)) return NO_VALUE;
-  const size = Math.abs(value);
-  let text;
-  if (size === 0) text = "0";
-  else if (size >= 1e6 || size < 1e-4) text = value.toExponential(2);
-  else text = value.toFixed(Math.max(0, Math.min(4, 3 - Math.floor(Math.log10(Math.max(size, 1e-1))))));
-  return text.replace("-", "−");
+  const rounded = Number(value.toPrecision(digits));
+  const size = Math.abs(rounded);
+  if (size === 0 || (size >= 1e-3 && size < 1e6)) return String(rounded).replace("-", "−");
+  const exponent = Math.floor(Math.log10(size));
+  return `${Number((rounded / 10 ** exponent).toPrecision(digits))}·${power(exponent)}`.replace("-", "−");
 }
 
-/** A number that stands still, such as a limit: no digit more than it has. */
-export function short(value) {
-  if (value === null || value === undefined || !Number.isFinite(value)) return NO_VALUE;
-  return String(Number(value.toPrecision(5))).replaceAll("-", "−");
+const PREFIXES = { "-3": "m", "-6": "µ", "-9": "n" };
+
+/** How a channel that stays below `limit` is best read: the factor of what is shown, and its unit. */
+export function scaled(limit, symbol) {
+  const exponent = limit > 0 && limit < 1e-2 ? Math.max(-9, 3 * Math.floor(Math.log10(limit) / 3)) : 0;
+  if (exponent === 0) return { factor: 1, unit: unit(symbol) };
+  const takesPrefix = /^(m|s|A|V|N|rad|Pa|W)(?![A-Za-z^])/.test(symbol);
+  return {
+    factor: 10 ** exponent,
+    unit: takesPrefix ? PREFIXES[exponent] + unit(symbol) : `${power(exponent)} ${unit(symbol)}`.trim(),
+  };
 }
 
 /** A value for a column that is read while it changes: always as many decimals as the range needs. */
 export function steady(value, scale) {
   if (value === null || value === undefined || !Number.isFinite(value)) return NO_VALUE;
-  if (Math.abs(value) >= 1e5) return number(value);
-  const decimals = Math.max(0, Math.min(4, 3 - Math.floor(Math.log10(scale || 1))));
+  if (Math.abs(value) >= 1e6) return short(value, 3);
+  const decimals = Math.max(0, Math.min(6, 3 - Math.floor(Math.log10(scale || 1))));
   const text = value.toFixed(decimals);
   return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
 }
@@ -35,6 +44,14 @@ export function unit(symbol) {
 /** A value that stands still with its unit, kept together. */
 export function quantity(value, symbol) {
   return `${short(value)}\u202f${unit(symbol)}`.trim();
+}
+
+/** Parameters of a trial, which come in SI, each as a name and what people read. */
+export function parameters({ parameters: values, units = {}, factors = {} }) {
+  return Object.entries(values).map(([name, value]) => [
+    name,
+    typeof value === "number" ? quantity(value / (factors[name] ?? 1), units[name] ?? "1") : String(value),
+  ]);
 }
 
 /** Quantities within a text, as `quantity` would write them. */

@@ -71,7 +71,7 @@ export class Plot {
     this.u.batch(() => {
       this.u.setData(this.data, false);
       this.u.setScale("x", { min: start, max: end });
-      this.u.setScale("y", this.scale);
+      this.u.setScale("y", this.scale ?? { min: -1, max: 1 });
     });
     this.#readOut();
   }
@@ -82,10 +82,7 @@ export class Plot {
 
   /** Let the scale grow at once, and shrink only after a while: a scale that breathes is not read. */
   #fit(lowest, highest) {
-    if (lowest > highest) {
-      this.scale ??= { min: -1, max: 1 };
-      return;
-    }
+    if (lowest > highest) return; // nothing to fit to
     const least = Math.max(1e-3 * Math.max(Math.abs(lowest), Math.abs(highest)), LEAST_SHARE * this.limit) || 1;
     const middle = (lowest + highest) / 2;
     const half = 0.6 * Math.max(highest - lowest, least);
@@ -115,7 +112,7 @@ export class Plot {
   /** The value under the pointer, or the newest. */
   #readOut() {
     const at = this.cursor === null ? null : this.start + this.cursor * (this.end - this.start);
-    const size = Math.max(Math.abs(this.scale.min), Math.abs(this.scale.max));
+    const size = this.scale === null ? 1 : Math.max(Math.abs(this.scale.min), Math.abs(this.scale.max));
     this.infos.forEach((info, index) => {
       const history = histories.get(info.stream.number);
       const value = at === null ? history?.at(info.place, this.end) : history?.at(info.place, at);

@@ -14,7 +14,7 @@ export function drawPreview(root, found) {
       el("span", {}, `${found.trials} ${found.trials === 1 ? "trial" : "trials"}, about ${duration(found.duration_s)} of rig time`)),
     found.refusals.length ? el("ul", { class: "problems" }, found.refusals.map((one) => el("li", {}, one))) : null,
     el("h3", {}, "How near the limits"),
-    el("div", { class: "peaks" }, found.peaks.map(peak)),
+    el("div", { class: "peaks" }, found.peaks.map((one) => peak(one, found.ok))),
     el("h3", {}, "Steps"),
     el("div", { class: "scroll" },
       el("table", { class: "steps" },
@@ -42,8 +42,8 @@ function spread({ shortest_s: shortest, longest_s: longest }) {
   return longest - shortest < 0.005 ? low : `${low} … ${longest.toFixed(2)}`;
 }
 
-/** The predicted extremes as a bar within the limits. */
-function peak(one) {
+/** The predicted extremes as a bar within the limits; beyond them without a trip it was too brief for one. */
+function peak(one, isFit) {
   const low = one.low ?? Math.min(one.lowest ?? 0, 0);
   const high = one.high ?? Math.max(one.highest ?? 0, 0);
   const room = high - low || 1;
@@ -53,10 +53,12 @@ function peak(one) {
   bar.style.setProperty("--from", from);
   bar.style.setProperty("--to", Math.max(to, from + 0.005));
   const end = (value) => (value === null ? "" : short(value));
-  return el("div", { class: "peak", data: { mood: one.inside ? "calm" : "bad" }, title: `limit by ${one.limit_by}` },
+  const beyond = isFit ? "beyond, too briefly to trip" : "beyond the limit";
+  return el("div", { class: "peak", data: { mood: one.inside ? "calm" : isFit ? "warn" : "bad" }, title: `limit by ${one.limit_by}` },
     el("span", { class: "peak-name" }, words(one.channel)),
     el("span", { class: "peak-end" }, end(one.low)),
     el("span", { class: "peak-bar" }, bar),
     el("span", { class: "peak-end" }, end(one.high)),
-    el("span", { class: "peak-values" }, `${short(one.lowest)} … ${short(one.highest)} ${unit(one.unit)}${one.inside ? "" : " – beyond the limit"}`));
+    el("span", { class: "peak-values" }, `${short(one.lowest, 3)} … ${short(one.highest, 3)}\u202f${unit(one.unit)}`,
+      one.inside ? null : el("span", { class: "peak-note" }, beyond)));
 }

@@ -1,8 +1,9 @@
 // The run under way: what varies in it, how far it is, pause and resume.
 
-import { ask, command } from "./api.js";
+import { command } from "./api.js";
 import { el, file, fill, icon, say } from "./dom.js";
-import { duration, quantity, words } from "./format.js";
+import { duration, parameters, words } from "./format.js";
+import { watchEvents } from "./link.js";
 import { share } from "./state.js";
 import { hasControl, isOperator, known, watch } from "./store.js";
 import { show } from "./tabs.js";
@@ -34,7 +35,6 @@ export function mountRun(root) {
     }
     if (shape !== status.run) {
       fill(body, dots, facts, el("p", { class: "quiet recording" }, file(status.run)));
-      learnUnits(status.procedure);
       shape = status.run;
     }
     say(title, words(status.procedure ?? ""));
@@ -43,24 +43,11 @@ export function mountRun(root) {
   });
 }
 
-/** Name of a parameter -> its unit and factor, of the procedure that runs. */
-let units = new Map();
-
-async function learnUnits(name) {
-  units = new Map();
-  try {
-    const { parameters } = await ask("procedure", { name });
-    units = new Map(parameters.map((one) => [one.name, one]));
-  } catch (refused) {
-    if (refused.code === undefined) throw refused; // a file of somebody's own is shown in SI
-  }
-}
-
-/** A parameter, which comes in SI, as people read it. */
-function inUnit(name, value) {
-  const { unit, factor } = units.get(name) ?? { unit: "1", factor: 1 };
-  return quantity(value / factor, unit);
-}
+/** The units of the trial under way, and their factors to SI. */
+let trial = { units: {}, factors: {} };
+watchEvents(({ kind, data }) => {
+  if (kind === "trial_start") trial = data;
+});
 
 function steer(drawing, text, title) {
   return el("button", { type: "button", title, hidden: true }, icon(drawing), text);
@@ -83,9 +70,8 @@ function describe(facts, status) {
       ? `${duration(status.run_s)} so far`
       : `${duration(status.run_s)} of about ${duration(status.run_s + status.left_s)}, ${Math.round(100 * share(status, 0))}\u202f%`],
     ["Step", status.step ?? "–"],
-    ...Object.entries(status.trial?.parameters ?? {}).map(([name, value]) => [
-      words(name), typeof value === "number" ? inUnit(name, value) : String(value),
-    ]),
+    ...(status.trial === null ? [] : parameters({ ...trial, parameters: status.trial.parameters }))
+      .map(([name, value]) => [words(name), value]),
   ];
   if (facts.childElementCount !== 2 * lines.length) {
     fill(facts, lines.flatMap(() => [el("dt"), el("dd")]));
@@ -104,7 +90,7 @@ function rest(title, body, status) {
     last === null ? null : el("dl", { class: "facts" },
       el("dt", {}, "Ended"), el("dd", {}, el("span", { class: "ending", data: { ending: last.ending } }, words(last.ending))),
       last.reason ? [el("dt", {}, "Why"), el("dd", {}, last.reason)] : null,
-      el("dt", {}, "Recording"), el("dd", {}, file(last.run))),
+      last.recorded ? [el("dt", {}, "Recording"), el("dd", {}, file(last.run))] : null),
     el("div", { class: "row" },
       isOperator() ? el("button", { type: "button", class: "primary", onclick: () => show("procedures") }, "Choose a procedure") : null,
       el("button", { type: "button", onclick: () => show("runs") }, "Recordings")),

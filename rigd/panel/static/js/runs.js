@@ -84,6 +84,9 @@ function drawRun(root, one, refresh) {
         await command("identify", { run: one.run });
         showReport();
         refresh();
+      } catch (refused) {
+        if (refused.code === undefined) throw refused;
+        fill(report, el("p", { class: "problem empty" }, [refused.message, refused.hint].filter(Boolean).join(" – ")));
       } finally {
         say(note, "");
       }

@@ -59,6 +59,7 @@ function activity(status) {
   const parts = [];
   if (status.procedure) parts.push(words(status.procedure));
   if (status.trial) parts.push(`trial ${status.trial.number} of ${status.trials_total}`);
+  if (status.trial?.label) parts.push(status.trial.label);
   if (status.step) parts.push(status.step);
   return parts.join(" · ");
 }

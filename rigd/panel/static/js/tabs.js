@@ -34,6 +34,7 @@ export function mountTabs(root) {
     for (const name of Object.keys(PAGES)) {
       document.getElementById(`page-${name}`).hidden = name !== open;
     }
+    window.scrollTo(0, 0);
     shown.get(open)?.();
   };
   window.addEventListener("hashchange", turn);

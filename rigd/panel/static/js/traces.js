@@ -2,7 +2,7 @@
 
 import { channelInfo } from "./infos.js";
 import { chosen, watchChosen } from "./choice.js";
-import { el, fill, icon, say } from "./dom.js";
+import { el, fill, flag, icon, say } from "./dom.js";
 import { clock, duration } from "./format.js";
 import { newestTime } from "./histories.js";
 import { watchFrames } from "./link.js";
@@ -113,7 +113,9 @@ export function mountTraces(root) {
     if (!isDirty || !root.offsetParent) return;
     isDirty = false;
     const end = actions.now();
-    noData.hidden = Number.isFinite(end) || plots.length === 0;
+    const isWaiting = !Number.isFinite(end) && plots.length > 0;
+    noData.hidden = !isWaiting;
+    flag(area, "data-waiting", isWaiting);
     if (!Number.isFinite(end)) return;
     for (const plot of plots) plot.draw(end - view.span, end);
     root.dataset.drawn = Number(root.dataset.drawn ?? 0) + 1;
