@@ -56,12 +56,18 @@ class RemoteDisplay(TrialBar):
         self._bar.update(self._task, description=f"[red]nothing heard for {silent_s:.0f} s[/]")
 
 
-def conclude(last: LastRun, line: RunLine, where: str) -> None:
-    """Say how the run ended and what to do next; ``where`` are the options that find the rig."""
+def conclude(last: LastRun, line: RunLine | None, where: str) -> None:
+    """Say how the run ended and what to do next; ``where`` are the options that find the rig.
+
+    ``line`` is None where nothing was recorded, or the daemon is gone with its run.
+    """
     colour = "red" if last.exit_code else "green"
     console = Console(highlight=False, soft_wrap=True)
+    console.print(f"[{colour}]{last.ending}[/]: {escape(last.reason)}; ", end="")
+    if line is None:
+        console.print("the daemon has ended too" if last.recorded else "nothing was recorded")
+        return
     console.print(
-        f"[{colour}]{last.ending}[/]: {escape(last.reason)}; "
         f"{line.trials_done} of {line.trials_total} trials, {line.duration_s:.1f} s of rig time"
     )
     if line.trials_done < line.trials_total:

@@ -126,12 +126,14 @@ def _told(data: Mapping[str, JsonValue]) -> str:
     units = data.get("units")
     parts: list[str] = []
     for name, value in data.items():
+        if name == "units" or value in _EMPTY:
+            continue
         if name == "name":
             parts.insert(0, _plain(value))
         elif name == "parameters" and isinstance(value, dict) and isinstance(units, dict):
             shown = (f"{one} {_plain(of)} {units.get(one) or ''}" for one, of in value.items())
             parts.append(", ".join(shown).rstrip())
-        elif name != "units" and value not in _EMPTY:
+        else:
             parts.append(f"{name.replace('_', ' ')} {_plain(value)}")
     return "; ".join(parts) or ", ".join(data)
 

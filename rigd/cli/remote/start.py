@@ -72,16 +72,21 @@ def _begin(args: argparse.Namespace, begin: Callable[[AsyncClient], Awaitable[St
     import asyncio
 
     from rigd.cli.remote.watching import watch
-    from rigd.model.errors import ProtocolError
+    from rigd.model.errors import LinkError
 
     async def run() -> int:
-        async with connect_async(args) as rig, rig.control(brief=not args.watch):
-            name = (await begin(rig)).run
-            if name is None:
-                raise ProtocolError("the daemon began a run, and does not say which")
-            if args.watch:
-                return await watch(rig, name, args, steers=True)
-        # Control is given back by now: what is said of it is true.
+        code: int | None = None
+        async with connect_async(args) as rig:
+            try:
+                async with rig.control(brief=not args.watch):
+                    name = _name(await begin(rig))
+                    if args.watch:
+                        code = await watch(rig, name, args, steers=True)
+            except LinkError:
+                if code is None:
+                    raise  # else the daemon left with its run: nobody takes control back
+        if code is not None:
+            return code
         if args.json:
             print_json({"run": name})
         else:
@@ -91,10 +96,18 @@ def _begin(args: argparse.Namespace, begin: Callable[[AsyncClient], Awaitable[St
     return asyncio.run(run())
 
 
+def _name(started: Started) -> str:
+    from rigd.model.errors import ProtocolError
+
+    if started.run is None:
+        raise ProtocolError("the daemon began a run, and does not say which")
+    return started.run
+
+
 def _what_next(run: str, where: str) -> str:
     return f"""\
 {run}
-It goes on by itself: nobody has control, and nobody is needed. Prompts wait for an answer.
+It goes on by itself and needs nobody; prompts wait for an answer.
   rigd remote status --watch{where}
   rigd remote answer VALUE{where}
   rigd remote stop{where}"""

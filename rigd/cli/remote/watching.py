@@ -51,7 +51,10 @@ async def watch(
     if last is None:
         print(f"{run} goes on:  rigd remote status --watch{where}", file=sys.stderr)
         return int(Exit.OK)
-    line = (await rig.run(run)).line
+    try:
+        line = (await rig.run(run)).line if last.recorded else None
+    except LinkError:  # the daemon left with its run, and has said how that ended
+        line = None
     if args.json:
         print_json(
             {
@@ -59,9 +62,9 @@ async def watch(
                 "state": last.ending,
                 "reason": last.reason,
                 "exit_code": last.exit_code,
-                "trials_done": line.trials_done,
-                "trials_total": line.trials_total,
-                "run_s": line.duration_s,
+                "trials_done": line and line.trials_done,
+                "trials_total": line and line.trials_total,
+                "run_s": line and line.duration_s,
             }
         )
     else:
