@@ -27,7 +27,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -195,7 +195,8 @@ class Bench:
         for page in pages:
             page.goto("about:blank")
         until_ns = since_ns + round(self._seconds * 1e9)  # as long as the loops beside
-        lateness, own = self._lateness(rows, since_ns, until_ns, found)
+        cpu_us = 1e6 * used["cycle"] / len(rows)
+        lateness, own = self._lateness(rows, since_ns, until_ns, found, cpu_us)
         return Block(
             load,
             {name: one / took_s for name, one in used.items()},
@@ -208,7 +209,7 @@ class Bench:
         )
 
     def _lateness(
-        self, rows: Rows, since_ns: int, until_ns: int, beside: Beside
+        self, rows: Rows, since_ns: int, until_ns: int, beside: Beside, cpu_us: float
     ) -> tuple[Lateness, Lateness]:
         """Return that of the cycle in a span, and the same without what was the host's."""
         due_ns = np.rint(rows["scheduled"] * 1e9).astype(np.int64) + self._origin_ns
@@ -218,7 +219,7 @@ class Bench:
         there = ~beside.was_away(due_ns, due_ns + (1e3 * late_us).astype(np.int64))
         slots = round((due_ns[-1] - due_ns[0]) / PERIOD_NS) + 1
         own = late_us[there]
-        return Lateness.of(late_us, slots), Lateness.of(own, len(own))
+        return Lateness.of(late_us, slots, cpu_us), Lateness.of(own, len(own), cpu_us)
 
     def _place_browser(self, load: str) -> None:
         """Keep the browser off the cycle's processor, or let it go where it likes."""
@@ -282,20 +283,11 @@ def report(blocks: Sequence[Block]) -> None:
                     at_most(name, one / alone[what], LATENESS_RATIO)
 
 
-def main() -> int:
-    """Measure as many rounds as are missing from the table, then print it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=8.0, help="of a block")
-    parser.add_argument("--rounds", type=int, default=6, help="of a block under each load")
-    parser.add_argument("--table", type=Path, default=None, help="file of what is done already")
-    args = parser.parse_args()
+def measured(missing: dict[str, int], seconds: float) -> Iterator[Block]:
+    """Yield blocks until none is missing of any load, in turn."""
     chromium = shutil.which("chromium")
     if chromium is None:
         raise SystemExit("chromium is missing: scripts/need chromium")
-    blocks: list[Block] = []
-    if args.table is not None and args.table.exists():
-        blocks = [Block.read(line) for line in args.table.read_text().splitlines()]
-    missing = {load: args.rounds - sum(one.load == load for one in blocks) for load in LOADS}
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         witness = compile_witness(folder)
@@ -315,15 +307,30 @@ def main() -> int:
             "recorder": board[Word.PID_RECORDER],
             "cycle": board[Word.PID_CYCLE],
         }
-        bench = Bench(pids, witness, crowd, pages, args.seconds)
+        bench = Bench(pids, witness, crowd, pages, seconds)
         while max(missing.values()) > 0:
             load = max(LOADS, key=lambda one: missing[one])
-            blocks.append(bench.measure(load))
+            yield bench.measure(load)
             missing[load] -= 1
-            if args.table is not None:
-                with args.table.open("a") as table:
-                    table.write(json.dumps(asdict(blocks[-1])) + "\n")
-            print(f"{load}: {sum(missing.values())} blocks to go", flush=True)
+
+
+def main() -> int:
+    """Measure as many rounds as are missing from the table, then print it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=8.0, help="of a block")
+    parser.add_argument("--rounds", type=int, default=6, help="of a block under each load")
+    parser.add_argument("--table", type=Path, default=None, help="file of what is done already")
+    args = parser.parse_args()
+    blocks: list[Block] = []
+    if args.table is not None and args.table.exists():
+        blocks = [Block.read(line) for line in args.table.read_text().splitlines()]
+    missing = {load: args.rounds - sum(one.load == load for one in blocks) for load in LOADS}
+    for block in measured(missing, args.seconds) if max(missing.values()) > 0 else ():
+        blocks.append(block)
+        if args.table is not None:
+            with args.table.open("a") as table:
+                table.write(json.dumps(asdict(block)) + "\n")
+        print(f"{block.load}: done, {args.rounds * len(LOADS) - len(blocks)} to go", flush=True)
     report(blocks)
     return 0
 
