@@ -1,6 +1,6 @@
 """Runs every benchmark, one after the other, and ends with one table of all figures.
 
-    make bench                      all of them, about 25 minutes
+    make bench                      all of them, about 45 minutes
     python benchmarks/all.py plant recording
 
 Wall time on a shared machine says little: figures are ratios of runs interleaved with their
