@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
+import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from rigd.config.rig import RigConfig
 from rigd.config.shipped import shipped_folder
@@ -22,6 +26,28 @@ from rigd.remote.protocol.results import (
     ProcedureView,
 )
 
+#: What a procedure may be called.
+_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,59}")
+
+
+@dataclass(frozen=True)
+class _Wrong:
+    """A file of which no procedure can be made."""
+
+    path: Path
+    error: ConfigError
+
+    @property
+    def name(self) -> str:
+        return self.path.stem
+
+    @property
+    def problem(self) -> str:
+        """The first problem with its place; where the folder stands is nobody's business."""
+        place = self.error.place
+        where = "" if place is None else f":{place.line}:{place.column}"
+        return f"{self.path.name}{where}: {self.error.message}"
+
 
 class Library:
     """The procedures of ``folder``, and the shipped ones that no file there replaces."""
@@ -38,12 +64,17 @@ class Library:
         """Return a procedure and what a form for it needs.
 
         Raises:
-            Refusal: there is none of that name.
+            Refusal: there is none of that name, or it is wrong.
         """
-        for one in self._all():
-            if one.name == name:
-                return _view(one)
-        raise Refusal(Code.NOT_FOUND, f"there is no procedure {name}", hint="see `procedures`")
+        known = {one.name: one for one in self._all()}
+        found = known.get(name)
+        if found is None:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(known)}"
+            raise Refusal(Code.NOT_FOUND, f"the daemon has no procedure {name!r}", hint=hint)
+        if isinstance(found, _Wrong):
+            raise Refusal(Code.REFUSED, found.problem, hint=found.error.hint)
+        return _view(found)
 
     def check(self, args: Checked) -> Check:
         """Return whether a procedure can run on this rig with these values."""
@@ -65,7 +96,9 @@ class Library:
         source = parse_procedure(args.procedure.text, Path(f"{args.procedure.name}.yaml"))
         return compile_procedure(source, self._rig, args.set)
 
-    def _line(self, procedure: Procedure) -> ProcedureLine:
+    def _line(self, procedure: Procedure | _Wrong) -> ProcedureLine:
+        if isinstance(procedure, _Wrong):
+            return ProcedureLine(name=procedure.name, problem=procedure.problem)
         problem = None
         if not _undecided(procedure):
             try:
@@ -79,19 +112,21 @@ class Library:
             problem=problem,
         )
 
-    def _all(self) -> Sequence[Procedure]:
-        found: dict[str, Procedure] = {}
+    def _all(self) -> Sequence[Procedure | _Wrong]:
+        found: dict[str, Procedure | _Wrong] = {}
         for one in self._files():
             found.setdefault(one.name, one)
         return [found[name] for name in sorted(found)]
 
-    def _files(self) -> Iterator[Procedure]:
+    def _files(self) -> Iterator[Procedure | _Wrong]:
         for folder in self._folders:
             for path in sorted(folder.glob("*.yaml")):
                 try:
                     yield load_procedure(path)
-                except ConfigError:
-                    continue  # being written, or none: `rigd check` says what is wrong with it
+                except ConfigError as error:
+                    # By its file's name, so that no shipped procedure is run in its place.
+                    if _NAME.fullmatch(path.stem):
+                        yield _Wrong(path, error)
 
 
 def _view(procedure: Procedure) -> ProcedureView:

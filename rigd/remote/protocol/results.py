@@ -116,8 +116,9 @@ class ProcedureLine(Message):
     """One procedure that the daemon has."""
 
     name: FileWord
-    title: Told
-    sha256: Sha256
+    title: Told = ""
+    sha256: Sha256 | None = None
+    """None where the file is wrong."""
     problem: Told | None = None
     """Why it cannot run on this rig."""
 

@@ -25,10 +25,20 @@ def library(tmp_path: Path) -> Library:
 
 def test_own_procedures_stand_before_shipped_ones_of_the_same_name(tmp_path: Path) -> None:
     lines = {one.name: one for one in library(tmp_path).lines().procedures}
-    assert "broken" not in lines
     assert lines["sweep"].problem is None
     assert lines["quick"].title == "Moves an axis"
     assert "has no channel" in str(lines["approach_angles"].problem)
+
+
+def test_a_file_that_is_wrong_is_listed_and_nothing_runs_in_its_place(tmp_path: Path) -> None:
+    made = library(tmp_path)
+    (tmp_path / "procedures" / "quick.yaml").write_text(SWEEP.replace("title:", "titel:"))
+    lines = {one.name: one for one in made.lines().procedures}
+    assert "title" in str(lines["broken"].problem)
+    assert "key 'title' is missing" in str(lines["quick"].problem)
+    assert str(tmp_path) not in str(lines["quick"].problem)
+    with pytest.raises(Refusal, match=r"quick\.yaml:\d+:\d+: key 'title' is missing"):
+        made.view("quick")
 
 
 def test_every_shipped_procedure_is_offered_and_some_rig_can_run_it(tmp_path: Path) -> None:
@@ -49,8 +59,8 @@ def test_a_form_can_be_made_from_a_procedure(tmp_path: Path) -> None:
     assert (time.name, time.swept, time.default) == ("time", False, "0.3 s")
     assert view.procedure.text == SWEEP
     assert view.on_client_loss == "stop"
-    with pytest.raises(Refusal, match="no procedure nothing"):
-        library(tmp_path).view("nothing")
+    with pytest.raises(Refusal, match=r"no procedure 'swep'\n  did you mean 'sweep'"):
+        library(tmp_path).view("swep")
 
 
 def test_what_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
