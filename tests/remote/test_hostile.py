@@ -184,8 +184,10 @@ def test_a_flood_keeps_nobody_else_waiting(on_loopback: Served, client: ZenohCli
 def test_one_name_alone_waits_when_it_floods(on_loopback: Served, client: ZenohClient) -> None:
     rig = on_loopback.rig
     with on_loopback.client() as flooding, rig.hanging("dry_run"):
-        flooding.flood(key("cmd", "mallory", "dry_run"), request("dry_run"), seconds=2.0)
+        flooding.flood(key("cmd", "mallory", "dry_run"), request("dry_run"), seconds=0.0)
         assert rig.begun.wait(60)
+        # One is under way: these fill every place that waits, before what comes behind them.
+        flooding.flood(key("cmd", "mallory", "dry_run"), request("dry_run"), seconds=2.0)
         theirs = flooding.ask(key("cmd", "mallory", "dry_run"), request("dry_run"))
         assert theirs["error"]["code"] == "busy"
         asking = client.asking(key("cmd", "eve", "dry_run"), request("dry_run"))

@@ -110,7 +110,7 @@ class ZenohClient:
         return dict(self._order(do="received", least=least, within_s=within_s))
 
     def flood(self, key: str, payload: bytes, seconds: float) -> None:
-        """Query as fast as it goes, for some time; returns at once."""
+        """Query as fast as it goes, for some time; returns once the first ten are sent."""
         self._order(
             do="flood", key=key, payload=base64.b64encode(payload).decode(), seconds=seconds
         )
@@ -213,10 +213,15 @@ class _Session:
         data = base64.b64decode(payload)
         end_s = time.monotonic() + seconds
 
+        def once() -> None:
+            self._session.get(key, lambda reply: None, payload=data, timeout=1.0)
+
         def run() -> None:
             while time.monotonic() < end_s:
-                self._session.get(key, lambda reply: None, payload=data, timeout=1.0)
+                once()
 
+        for _ in range(10):
+            once()
         threading.Thread(target=run, daemon=True).start()
 
 
