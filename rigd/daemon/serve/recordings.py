@@ -21,6 +21,8 @@ from rigd.remote.protocol.arguments import RUN_NAME
 from rigd.remote.protocol.results import PieceView, RunLine, RunList, RunView
 from rigd.remote.protocol.status import Interrupted
 
+#: What reading a recording raises: it is torn, or not one of ours.
+_UNREADABLE: Final = (RecordingError, ValueError)
 #: What clients may call a recording; others in the folder are left out.
 _NAME: Final = re.compile(RUN_NAME)
 #: Digests of so many files are remembered: a transfer asks for that of its file with each piece.
@@ -55,25 +57,29 @@ class Recordings:
         path = self.path(name)
         try:
             info = _info(path)
-        except RecordingError as error:
+            line = _line_of(info, name == under_way)
+        except _UNREADABLE as error:
             return RunView(line=_unread(path, error, name == under_way))
         newest = replace(info, trials=info.trials[-_TRIALS:])
         details = json.loads(json.dumps(info_json(newest)))
         details["recording"] = name  # where it stands is nobody's business
-        return RunView(line=_line_of(info, name == under_way), details=details)
+        return RunView(line=line, details=details)
 
     def piece(self, path: Path, offset: int, length: int) -> PieceView:
         """Return a piece of a file.
 
         Raises:
-            Refusal: ``offset`` is beyond its end.
+            Refusal: ``offset`` is beyond its end, or it cannot be read.
         """
-        size, digest = self._digest(path)
+        try:
+            size, digest = self._digest(path)
+            with path.open("rb") as file:
+                file.seek(min(offset, size))
+                data = file.read(length)
+        except OSError as error:
+            raise Refusal(Code.REFUSED, f"{path.name} cannot be read: {error.strerror}") from error
         if offset > size:
             raise Refusal(Code.BAD_REQUEST, f"{path.name} has {size} bytes, none at {offset}")
-        with path.open("rb") as file:
-            file.seek(offset)
-            data = file.read(length)
         return PieceView(size=size, sha256=digest, offset=offset, data=base64.b64encode(data))
 
     def path(self, name: str) -> Path:
@@ -134,7 +140,7 @@ class Recordings:
         path = self.folder / name
         try:
             return _line_of(_info(path), name == under_way)
-        except RecordingError as error:
+        except _UNREADABLE as error:
             return _unread(path, error, name == under_way)
 
     def _digest(self, path: Path) -> tuple[int, str]:
@@ -188,8 +194,13 @@ def _line_of(info: RunInfo, under_way: bool) -> RunLine:
     )
 
 
-def _unread(path: Path, error: RecordingError, under_way: bool) -> RunLine:
+def _unread(path: Path, error: Exception, under_way: bool) -> RunLine:
     """Return the line of a recording that is torn, or whose first rows are not yet on the disk."""
+    problem = error.message if isinstance(error, RecordingError) else f"not one of rigd's: {error}"
+    try:
+        size = path.stat().st_size
+    except OSError:  # removed since, or a link to nowhere
+        size = 0
     return RunLine(
         run=path.name,
         procedure="",
@@ -198,7 +209,7 @@ def _unread(path: Path, error: RecordingError, under_way: bool) -> RunLine:
         duration_s=0.0,
         trials_done=0,
         trials_total=0,
-        size=path.stat().st_size,
+        size=size,
         has_report=False,
-        problem=None if under_way else error.message,
+        problem=None if under_way else problem,
     )

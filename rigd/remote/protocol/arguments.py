@@ -114,7 +114,7 @@ class Piece(Message):
 class Since(Message):
     """Which events."""
 
-    seq: Annotated[int, Field(ge=0)] = 0
+    seq: Annotated[int, Field(ge=0, lt=2**63)] = 0
     """Those numbered from here."""
 
 

@@ -17,11 +17,15 @@ from rigd.remote.protocol.limits import MAX_PIECE_BYTES
 AXIS = Stream("axis", (Channel("position", "m"),))
 
 
-def record(path: Path, *, rig: str = "bench", state: str = "complete", ended: bool = True) -> Path:
-    run = {
-        "procedure": "sweep", "rig": rig, "seed": "1", "trials": "2",
-        "started": "2026-11-21T08:00:00+00:00",
-    }  # fmt: skip
+def record(
+    path: Path,
+    *,
+    rig: str = "bench",
+    state: str = "complete",
+    ended: bool = True,
+    started: str = "2026-11-21T08:00:00+00:00",
+) -> Path:
+    run = {"procedure": "sweep", "rig": rig, "seed": "1", "trials": "2", "started": started}
     with RecordingWriter.create(
         path,
         streams=[AXIS],
@@ -54,9 +58,18 @@ def test_the_newest_come_first_and_pages_follow(tmp_path: Path) -> None:
 
 def test_what_cannot_be_read_is_listed_with_its_problem(tmp_path: Path) -> None:
     (tmp_path / "torn.mcap").write_bytes(b"no recording")
-    (line,) = Recordings(tmp_path).lines(10, None, None).runs
-    assert line.state == "unreadable"
-    assert line.problem
+    (tmp_path / "nowhere.mcap").symlink_to(tmp_path / "unmounted")
+    (tmp_path / "folder.mcap").mkdir()
+    record(tmp_path / "foreign.mcap", started="yesterday")
+    recordings = Recordings(tmp_path)
+    lines = recordings.lines(10, None, None).runs
+    assert [line.run for line in lines] == [
+        "torn.mcap", "nowhere.mcap", "foreign.mcap", "folder.mcap",
+    ]  # fmt: skip
+    for line in lines:
+        assert line.state == "unreadable"
+        assert line.problem
+    assert recordings.view("foreign.mcap", None).line == lines[2]
 
 
 def test_one_that_has_just_begun_is_running_not_torn(tmp_path: Path) -> None:
