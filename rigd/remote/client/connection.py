@@ -256,7 +256,10 @@ class Connection:
                 return found
         if timed_out:
             raise self._in_doubt(verb, f"{self.rig} did not answer in time")
-        await self.status()  # where there is no daemon, this says so
+        try:
+            await self.status()
+        except LinkError as error:  # it was there when this client connected
+            raise self._in_doubt(verb, error.message) from error
         raise LinkError(
             f"{self.rig} does not even let {self.identity} ask for {verb}",
             hint=f"its rig file gives roles, as in remote: {{roles: {{{self.identity}: operator}}}}"

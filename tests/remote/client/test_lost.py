@@ -19,7 +19,7 @@ from support.served_rig import free_port
 from rigd.config.remote import RemoteSetup
 from rigd.model.errors import LinkError
 from rigd.remote import AsyncClient, Client
-from rigd.remote.client import Connection, aim
+from rigd.remote.client import Connection, aim, connection
 from rigd.remote.protocol import Kind
 from rigd.remote.tls import SERVER, files_of, setup_tls
 
@@ -117,6 +117,16 @@ def test_a_daemon_that_falls_silent_is_not_waited_for_however_long_it_may_take(
 
     with process(endpoint) as daemon:
         asyncio.run(ask())
+
+
+def test_a_daemon_that_leaves_between_two_attempts_leaves_a_doubt(
+    endpoint: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with served(setup=RemoteSetup((endpoint,))) as one, Client(endpoint=endpoint) as rig:
+        one.server.close()
+        monkeypatch.setattr(connection, "is_connected", lambda session: True)  # not yet noticed
+        with pytest.raises(LinkError, match="whether stop was carried out is not known"):
+            rig.stop()
 
 
 def test_a_request_sent_again_acts_once(endpoint: str) -> None:
