@@ -25,6 +25,8 @@ from rigd.remote.protocol.status import Interrupted
 _UNREADABLE: Final = (RecordingError, ValueError)
 #: What clients may call a recording; others in the folder are left out.
 _NAME: Final = re.compile(RUN_NAME)
+_KNOWN: Final = "`rigd remote runs` lists those there are"
+_MAKE: Final = "`rigd remote report {} --make` makes one"
 #: Digests of so many files are remembered: a transfer asks for that of its file with each piece.
 _DIGESTS: Final = 8
 #: So many trials of a recording are told in one message, the newest.
@@ -90,7 +92,7 @@ class Recordings:
         """
         path = self.folder / name
         if path.suffix != ".mcap" or _NAME.fullmatch(name) is None or not path.is_file():
-            raise Refusal(Code.NOT_FOUND, f"there is no recording {name}", hint="see `runs`")
+            raise Refusal(Code.NOT_FOUND, f"there is no recording {name}", hint=_KNOWN)
         return path
 
     def report(self, name: str) -> Path:
@@ -101,7 +103,7 @@ class Recordings:
         """
         path = self.path(name).with_suffix(".html")
         if not path.is_file():
-            raise Refusal(Code.NOT_FOUND, f"there is no report on {name}", hint="`identify` it")
+            raise Refusal(Code.NOT_FOUND, f"there is no report on {name}", hint=_MAKE.format(name))
         return path
 
     def of(self, rig: str) -> Sequence[RunInfo]:

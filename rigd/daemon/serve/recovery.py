@@ -61,7 +61,7 @@ class Interruptions:
         for one in offered[:1]:
             self._notices.note(
                 f"{one.run} ended after {one.trials_done} of {one.trials_total} trials "
-                f"({one.reason}); resume_run goes on with it",
+                f"({one.reason}); `rigd remote resume-run {one.run}` goes on with it",
                 "warning",
             )
 

@@ -105,7 +105,7 @@ class RunWatch:
         if any(one.run == self.run for one in status.interrupted):
             raise LinkError(
                 f"the daemon of {status.rig} ended with {self.run}, and was started anew",
-                hint="look at the rig; resume_run goes on with it",
+                hint=f"look at the rig; `rigd remote resume-run {self.run}` goes on with it",
             )
         raise Refusal(
             Code.NOT_FOUND,

@@ -100,7 +100,7 @@ class Lease:
                 Code.LEASE_HELD,
                 f"{held.holder} has the control lease, for another {self._left_s(held):.1f} s "
                 "unless it is renewed",
-                hint="ask for it (lease_request); a maintainer may seize it",
+                hint="ask for it (`rigd remote lease request`); a maintainer may seize it",
             )
         self._grant(identity)
 
@@ -137,13 +137,13 @@ class Lease:
             raise Refusal(
                 Code.NO_LEASE,
                 "this needs the control lease, which nobody has",
-                hint="take it first (lease_take)",
+                hint="take it first (`rigd remote lease take`)",
             )
         if self._held.holder != identity:
             raise Refusal(
                 Code.NO_LEASE,
                 f"this needs the control lease, which {self._held.holder} has",
-                hint="ask for it (lease_request)",
+                hint="ask for it (`rigd remote lease request`)",
             )
 
     def _expire(self) -> None:
@@ -157,11 +157,10 @@ class Lease:
     def _view(self) -> LeaseView:
         self._expire()
         held = self._held
-        asked_by = tuple(self._asking)
         if held is None:
-            return LeaseView(asked_by=asked_by)
+            return LeaseView()  # who has asked may take it
         until_ns = self._wall() + held.until_ns - self._clock()
-        return LeaseView(holder=held.holder, until_ns=until_ns, asked_by=asked_by)
+        return LeaseView(holder=held.holder, until_ns=until_ns, asked_by=tuple(self._asking))
 
     def _left_s(self, held: _Held) -> float:
         return (held.until_ns - self._clock()) * 1e-9

@@ -7,7 +7,9 @@ that a stop waits for no report.
 
 from __future__ import annotations
 
+import errno
 import logging
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -41,6 +43,9 @@ _STUCK_S: Final = 10.0
 _QUICK: Final = frozenset({Lane.STOP, Lane.LEASE, Lane.ASK})
 #: How long closing waits for a request under way; a dry run may take longer, and is left alone.
 _LAST_REQUEST_S: Final = 2.0
+
+#: Where zenoh's authors found an error, which helps nobody here.
+_IN_SOURCE: Final = re.compile(r" at /\S+\.rs:\d+\.?")
 
 #: What is said, without a look at the request, to who has too many of them waiting.
 _BUSY: Final = Answer(
@@ -185,10 +190,17 @@ def _open(keys: Keys, setup: RemoteSetup) -> zenoh.Session:
     try:
         return zenoh.open(server_config(keys, setup))
     except zenoh.ZError as error:
+        addresses = ", ".join(setup.listen)
+        if f"os error {errno.EADDRINUSE}" in str(error):
+            raise LinkError(
+                f"cannot listen on {addresses}: another program listens there, such as the daemon "
+                "of another rig",
+                hint="rigs of one computer need a port each, as in the rig file: "
+                "remote: {listen: [tcp/127.0.0.1:7448]}",
+            ) from error
         raise LinkError(
-            f"cannot listen on {', '.join(setup.listen)}: {error}",
-            hint="is another daemon running there? Otherwise look at 'remote' in the rig file: "
-            "the address, and whether the certificates can be read",
+            f"cannot listen on {addresses}: {_IN_SOURCE.sub('', str(error))}",
+            hint="look at 'remote' in the rig file: the address, and the certificates",
         ) from error
 
 

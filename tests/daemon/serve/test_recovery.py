@@ -63,7 +63,7 @@ def test_the_newest_interrupted_runs_are_offered(tmp_path: Path) -> None:
     )  # fmt: skip
     assert told == [
         f"{offered[0].run} ended after 1 of 3 trials (its recording has no end); "
-        "resume_run goes on with it"
+        f"`rigd remote resume-run {offered[0].run}` goes on with it"
     ]
 
 

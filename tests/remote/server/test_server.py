@@ -25,8 +25,16 @@ def setup() -> RemoteSetup:
 
 def test_a_second_daemon_does_not_get_the_address() -> None:
     taken = setup()
-    with serve(taken), pytest.raises(LinkError, match=f"cannot listen on {taken.listen[0]}"):
+    with serve(taken), pytest.raises(LinkError, match="another program listens there") as caught:
         Server(RIG, taken, Lease(lambda name: True))
+    assert "a port each" in str(caught.value.hint)
+
+
+def test_an_address_that_is_not_here_is_told_without_the_source_of_zenoh() -> None:
+    elsewhere = RemoteSetup(("tcp/192.0.2.1:7447",))  # for documentation (RFC 5737)
+    with pytest.raises(LinkError, match=r"cannot listen on tcp/192\.0\.2\.1:7447") as caught:
+        Server(RIG, elsewhere, Lease(lambda name: True))
+    assert ".rs:" not in str(caught.value)
 
 
 def test_certificates_that_are_not_there_are_told(tmp_path: Path) -> None:
