@@ -40,7 +40,7 @@ def wild(rng: random.Random, verb: Verb) -> dict[str, Any]:
         fields = verb.arguments.model_fields
         args = {name: rng.choice(_ODD) for name in fields if rng.random() < 0.5}
         if "procedure" in fields:
-            args["procedure"] = travelling(spoilt(rng)) | {"name": "sweep"}
+            args["procedure"] = {**travelling(spoilt(rng)), "name": "sweep"}
         try:
             verb.arguments.model_validate_json(json.dumps(args))
         except ValueError:
