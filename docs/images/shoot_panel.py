@@ -32,6 +32,7 @@ def shoot(link: str) -> None:
         page.get_by_label("Your name").fill("Ada")
         page.get_by_role("button", name="Open the panel").click()
         start(page)
+        page.mouse.move(0, 0)
         page.wait_for_timeout(PLAYED_MS)
         page.screenshot(path=ROOT / "docs/images/panel-light.png")
         page.emulate_media(color_scheme="dark")

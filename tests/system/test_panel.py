@@ -18,7 +18,10 @@ from support.browser import Watched, chromium
 from support.killing import own_state
 from support.wire import ROOT, free_ports
 
+from rigd.remote import Client
+
 NAME = "panel-test"
+ENDPOINT = f"tcp/127.0.0.1:{free_ports(1)[0]}"
 #: A crowded machine does everything within this: compiling kernels, identifying.
 PATIENCE_S = 120.0
 expect.set_options(timeout=PATIENCE_S * 1000)
@@ -64,8 +67,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     }.items():
         assert old in text, old
         text = text.replace(old, new)
-    endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
-    (made / "rig.yaml").write_text(f"{text}\nremote: {{listen: [{endpoint}]}}\n")
+    (made / "rig.yaml").write_text(f"{text}\nremote: {{listen: [{ENDPOINT}]}}\n")
     (made / "procedures").mkdir()
     (made / "procedures" / "asking.yaml").write_text(ASKING)
     (made / "runs").mkdir()
@@ -77,39 +79,72 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
+class Serving:
+    """`rigd serve` with its panel, which can be killed and started again."""
+
+    def __init__(self, folder: Path, state: Path) -> None:
+        self._state = state
+        self._command = [
+            sys.executable, "-m", "rigd", "serve", "--rig", str(folder / "rig.yaml"),
+            "--runs", str(folder / "runs"), "--procedures", str(folder / "procedures"),
+        ]  # fmt: skip
+        self._processes: list[subprocess.Popen[str]] = []
+        self.start()
+
+    def start(self) -> None:
+        """Start it, anew where it was killed."""
+        process = subprocess.Popen(
+            self._command,
+            cwd=ROOT,
+            env={**os.environ, "RIGD_STATE": str(self._state)},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        self._processes.append(process)
+
+    def link(self) -> str:
+        """Return the link that is printed once a panel serves."""
+        for line in self._processes[-1].stdout or ():
+            if found := re.search(r"panel of .*: (http://\S+#\S+)", line):
+                return found[1]
+        raise AssertionError("no link was printed")
+
+    def kill(self) -> None:
+        """Kill the daemon; its panel ends with it."""
+        self._processes[-1].kill()
+
+    def kill_panel(self) -> None:
+        """Kill the panel, as a lack of memory would."""
+        pid = self._processes[-1].pid
+        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+        (panel,) = (
+            int(one)
+            for one in children
+            if b"\0panel\0" in Path(f"/proc/{one}/cmdline").read_bytes()
+        )
+        os.kill(panel, signal.SIGKILL)
+
+    def end(self) -> None:
+        """End what is left."""
+        for process in self._processes:
+            if process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+                try:
+                    process.wait(60)
+                finally:
+                    process.kill()
+            process.communicate()
+
+
 @pytest.fixture
-def daemon(folder: Path, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+def serving(folder: Path, tmp_path: Path) -> Iterator[Serving]:
     state = own_state(tmp_path)
-    process = subprocess.Popen(
-        [sys.executable, "-m", "rigd", "serve", "--rig", str(folder / "rig.yaml"),
-         "--runs", str(folder / "runs"), "--procedures", str(folder / "procedures")],
-        cwd=ROOT,
-        env={**os.environ, "RIGD_STATE": str(state)},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )  # fmt: skip
-    yield process
-    if process.poll() is None:
-        process.send_signal(signal.SIGTERM)
-        try:
-            process.wait(60)
-        finally:
-            process.kill()
-    assert process.stdout is not None
-    process.stdout.close()
+    serving = Serving(folder, state)
+    yield serving
+    serving.end()
     shutil.rmtree(state)
-
-
-def link_of(daemon: subprocess.Popen[str]) -> str:
-    """Return the link that is printed once the panel serves."""
-    assert daemon.stdout is not None
-    for line in daemon.stdout:
-        found = re.search(r"panel of .*: (http://\S+#\S+)", line)
-        if found:
-            return found[1]
-    raise AssertionError("no link was printed")
 
 
 def press(page: Page, name: str) -> None:
@@ -124,7 +159,7 @@ def start(page: Page, current: str) -> None:
     """Start `asking` from the page, and answer its question."""
     page.get_by_role("link", name="Procedures", exact=True).click()
     page.get_by_role("button", name=re.compile("Asks, then turns")).click()
-    page.get_by_label("current").fill(current)
+    page.get_by_label("current", exact=True).fill(current)
     press(page, "Start…")
     press(page, "Start now")
     state(page, "Waiting for you")
@@ -144,11 +179,15 @@ def drawn(page: Page) -> int:
     return int(page.locator(".traces").get_attribute("data-drawn") or 0)
 
 
-def test_everything_an_operator_does(daemon: subprocess.Popen[str], folder: Path) -> None:
+def test_everything_an_operator_does(serving: Serving, folder: Path) -> None:
     with chromium() as browser:
         watched = Watched(browser)
-        page = watched.enter(link_of(daemon))
+        page = watched.enter(serving.link())
         state(page, "Idle")
+        with Client(NAME, endpoint=ENDPOINT, identity="bob") as bob, bob.control():
+            expect(page.locator("#control")).to_contain_text("bob has control")
+            press(page, "Ask for it")
+            wait_until(lambda: "panel" in bob.status().lease.asked_by)
         press(page, "Take control")
         expect(page.locator("#control")).to_contain_text("You have control")
 
@@ -191,11 +230,11 @@ def test_everything_an_operator_does(daemon: subprocess.Popen[str], folder: Path
         assert all(url.startswith(page.url.partition("#")[0]) for url in watched.asked)
 
 
-def test_who_closes_the_page_is_a_client_that_vanished(daemon: subprocess.Popen[str]) -> None:
+def test_who_closes_the_page_is_a_client_that_vanished(serving: Serving) -> None:
     """The run is stopped, as the procedure says of a client that is lost."""
     with chromium() as browser:
         first = Watched(browser)
-        page = first.enter(link_of(daemon))
+        page = first.enter(serving.link())
         press(page, "Ada")
         press(page, "Link to watch")
         link = page.locator("output.link code").inner_text()
@@ -209,11 +248,26 @@ def test_who_closes_the_page_is_a_client_that_vanished(daemon: subprocess.Popen[
         expect(observer.locator(".run")).to_contain_text("stopped")
 
 
-def test_a_daemon_that_is_killed_is_shown_as_lost(daemon: subprocess.Popen[str]) -> None:
+def test_what_is_killed_is_shown_as_lost_and_comes_back(serving: Serving) -> None:
     with chromium() as browser:
-        watched = Watched(browser)
-        page = watched.enter(link_of(daemon))
+        page = Watched(browser).enter(serving.link())
         state(page, "Idle")
-        daemon.kill()
+        serving.kill_panel()
         state(page, "Not connected")
         expect(page.locator("#lost")).to_contain_text("use the hardware emergency stop")
+
+        page = Watched(browser).enter(serving.link())
+        press(page, "Take control")
+        start(page, "0.3")
+        serving.kill()
+        state(page, "Not connected")
+
+        serving.start()
+        page = Watched(browser).enter(serving.link())
+        expect(page.locator("#attention")).to_contain_text("A run was interrupted after 0 of 2")
+        press(page, "Take control")
+        press(page, "Go on with it")
+        state(page, "Waiting for you")
+        press(page, "Abort")
+        expect(page.locator(".stop-told")).to_contain_text("Abort: confirmed")
+        state(page, "Idle")

@@ -32,7 +32,8 @@ export function scaled(limit, symbol) {
 export function steady(value, scale) {
   if (value === null || value === undefined || !Number.isFinite(value)) return NO_VALUE;
   if (Math.abs(value) >= 1e6) return short(value, 3);
-  const decimals = Math.max(0, Math.min(6, 3 - Math.floor(Math.log10(scale || 1))));
+  const most = scale < 5e-3 ? 6 : 4; // so that it fits into its column
+  const decimals = Math.max(0, Math.min(most, 3 - Math.floor(Math.log10(scale || 1))));
   const text = value.toFixed(decimals);
   return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
 }
