@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rigd.cli.remote.command import Command, add_json, connect, print_json
+from rigd.model.errors import ConfigError, Exit
 
 if TYPE_CHECKING:
     from rigd.remote import Client
@@ -24,8 +25,6 @@ def _configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _execute(args: argparse.Namespace) -> int:
-    from rigd.model.errors import ConfigError
-
     if (args.do == "give") != (args.to is not None):
         raise ConfigError("whom to give it to?" if args.do == "give" else f"{args.do} names nobody",
                           hint="rigd remote lease give NAME")  # fmt: skip
@@ -35,6 +34,8 @@ def _execute(args: argparse.Namespace) -> int:
                 view = rig.lease()
             case "request":
                 view = rig.lease_request()
+                if not args.json:
+                    return _await(rig, view)
             case "give":
                 view = rig.lease_give(args.to)
             case "release":
@@ -47,6 +48,24 @@ def _execute(args: argparse.Namespace) -> int:
         print_json(view.model_dump(mode="json"))
     else:
         print(_in_words(view))
+    return 0
+
+
+def _await(rig: Client, view: LeaseView) -> int:
+    """Wait until the lease is handed over, and hold it; who is not there then would lose it."""
+    print(f"{view.holder} is asked, and shown it for a minute; Ctrl-C waits no longer", flush=True)
+    asked = False
+    try:
+        for status in rig.watch():
+            lease = status.lease
+            if lease.holder in (rig.identity, None):
+                return _hold(rig, rig.lease_take)
+            if asked and rig.identity not in lease.asked_by:
+                print(f"{lease.holder} has not handed it over")
+                return int(Exit.BLOCKED)
+            asked = rig.identity in lease.asked_by
+    except KeyboardInterrupt:
+        print("no longer waiting")
     return 0
 
 
@@ -87,7 +106,7 @@ COMMANDS = {
         """\
 examples:
   rigd remote lease                  who has control
-  rigd remote lease request          ask whoever has it
+  rigd remote lease request          ask whoever has it, wait for it, and hold it until Ctrl-C
   rigd remote lease give bob         hand over what you hold, here or in another terminal
   rigd remote lease take             hold it until Ctrl-C
   rigd remote lease seize            the same, taken from another; for maintainers

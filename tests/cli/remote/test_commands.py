@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import signal
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
 from support.answering_rig import FILE, QUESTION, RECORDING, REPORT, TEXT, Served, served
-from support.command import Ended, rigd
+from support.command import Ended, rigd, start
 
 from rigd.remote.protocol.arguments import Answered, NoArguments, Start
 from rigd.remote.protocol.status import Interrupted, TripView
+
+T = TypeVar("T")
 
 
 @pytest.fixture
@@ -39,6 +44,13 @@ class Asking:
         ended = rigd("remote", *words, *where, cwd=self.folder)
         assert ended.code == code, ended
         return ended
+
+
+def until(look: Callable[[], T], true: Callable[[T], bool]) -> None:
+    deadline_s = time.monotonic() + 60.0
+    while not true(seen := look()):
+        assert time.monotonic() < deadline_s, seen
+        time.sleep(0.02)
 
 
 def test_status_shows_what_a_person_must_know(ask: Asking) -> None:
@@ -109,9 +121,15 @@ def test_what_another_has_is_told(ask: Asking) -> None:
     err = ask("pause", code=3).err
     assert "bob has the control lease" in err
     assert "bob has control, for another" in ask("lease").out
-    assert "alice asks for it" in ask("lease", "request").out
+    words = ["remote", "lease", "request", "--endpoint", ask.remote.endpoint, "--as", "alice"]
+    asking = start(words, ask.folder)
+    until(ask.remote.rig.lease.view, lambda lease: lease.asked_by == ("alice",))
     assert ask("lease", "give", "alice", identity="bob").out.startswith("alice has control")
-    assert ask("lease", "release").out == "nobody has control\n"
+    until(ask.remote.rig.verbs, lambda verbs: verbs.count("lease_take") == 2)  # pause, and this
+    asking.signal(signal.SIGINT)
+    assert asking.end().out.endswith("alice has control of lugre-1 until Ctrl-C gives it back\n"
+                                     "given back\n")  # fmt: skip
+    assert ask("lease").out == "nobody has control\n"
 
 
 def test_events_and_recordings(ask: Asking) -> None:
