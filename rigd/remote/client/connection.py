@@ -329,5 +329,5 @@ async def _only_rig(session: zenoh.Session, target: Target) -> str:
             "needs a role in its rig file",
         )
     if len(alive) > 1:
-        raise ConfigError(f"which rig? There are {', '.join(alive)}", hint="name one")
+        raise ConfigError(f"which rig? There are {', '.join(alive)}", hint="name one (--rig NAME)")
     return alive[0]

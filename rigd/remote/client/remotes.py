@@ -100,7 +100,7 @@ def find_target(
     known = read_remotes()
     if rig is None and len(known) > 1:
         raise ConfigError(
-            f"which rig? {list_path()} has {', '.join(sorted(known))}", hint="name one"
+            f"which rig? {list_path()} has {', '.join(sorted(known))}", hint="name one (--rig NAME)"
         )
     if rig is None and known:
         rig = next(iter(known))
