@@ -12,6 +12,7 @@ import { known, watch } from "./store.js";
 const SPANS = [5, 20, 60, 300, 1800];
 const LEAST_S = 0.02;
 const MOST_S = 5 * 3600;
+const SLOWEST_S = 0.2; // between drawings while frames come, however little they move
 
 export function mountTraces(root) {
   /** `end` null: live, the newest at the right edge. */
@@ -33,6 +34,7 @@ export function mountTraces(root) {
   root.append(noData);
   let plots = [];
   let isDirty = true;
+  let drawnTo = -Infinity; // what is live is drawn anew once it has moved by half a pixel
 
   const actions = {
     now: () => view.end ?? newestTime(),
@@ -117,12 +119,16 @@ export function mountTraces(root) {
     noData.hidden = !isWaiting;
     flag(area, "data-waiting", isWaiting);
     if (!Number.isFinite(end)) return;
+    drawnTo = end;
     for (const plot of plots) plot.draw(end - view.span, end);
     root.dataset.drawn = Number(root.dataset.drawn ?? 0) + 1;
   }
 
   hold.addEventListener("click", toggleHold);
-  watchFrames(() => { if (view.end === null) isDirty = true; });
+  watchFrames(() => {
+    const least = Math.min(view.span / (2 * area.clientWidth), SLOWEST_S);
+    if (view.end === null && Math.abs(newestTime() - drawnTo) >= least) isDirty = true;
+  });
   watchChosen(rebuild);
   watch("describe", rebuild);
   watch("link", () => root.classList.toggle("stale", known.link !== "ok"));
