@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rigd.cli.remote.command import Command, add_json, again, connect_async, print_json
@@ -47,6 +49,8 @@ def _start(args: argparse.Namespace) -> int:
     from rigd.remote.client.procedures import is_path
 
     async def begin(rig: AsyncClient) -> Started:
+        if not is_path(args.procedure):
+            await _tell_apart(rig, args.procedure)
         return await rig.start(
             args.procedure,
             values_of(args),
@@ -58,6 +62,30 @@ def _start(args: argparse.Namespace) -> int:
     if is_path(args.procedure):
         load_procedure(args.procedure)  # what is wrong in it is told before anybody is asked
     return _begin(args, begin)
+
+
+async def _tell_apart(rig: AsyncClient, name: str) -> None:
+    """Say so where a file of that name is here too, and is not what the daemon has.
+
+    Raises:
+        Refusal: the daemon has none of that name.
+    """
+    from rigd.remote.protocol import Code, Refusal
+
+    places = Path(f"{name}.yaml"), Path("procedures", f"{name}.yaml")
+    own = next((path for path in places if path.is_file()), None)
+    if own is None:
+        return
+    try:
+        theirs = (await rig.procedure(name)).procedure
+    except Refusal as error:
+        if error.code is not Code.NOT_FOUND:
+            raise
+        hint = f"there is one here; to start that, give its path: {own}"
+        raise Refusal(error.code, error.message, hint=hint) from error
+    if own.read_bytes() != theirs.text.encode():
+        note = f"starting {name} as the daemon has it; to start yours, give its path: {own}"
+        print(note, file=sys.stderr)
 
 
 def _resume(args: argparse.Namespace) -> int:

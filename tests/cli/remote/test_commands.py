@@ -80,6 +80,20 @@ def test_start_takes_control_for_as_long_as_it_needs(ask: Asking) -> None:
     assert rig.running is not None
 
 
+def test_a_name_is_the_daemons_and_a_file_of_that_name_here_is_not_passed_over_in_silence(
+    ask: Asking,
+) -> None:
+    (ask.folder / "procedures").mkdir()
+    (ask.folder / "small.yaml").write_text(TEXT)
+    assert ask("start", "small").err == ""  # the same
+    (ask.folder / "small.yaml").write_text(f"{TEXT}# edited\n")
+    assert "as the daemon has it; to start yours, give its path: small.yaml" in (
+        ask("start", "small").err
+    )
+    (ask.folder / "procedures" / "mine.yaml").write_text(TEXT)
+    assert "give its path: procedures/mine.yaml" in ask("start", "mine", code=2).err
+
+
 def test_a_file_that_is_wrong_is_told_with_its_place_before_anything_is_sent(ask: Asking) -> None:
     (ask.folder / "mine.yaml").write_text(TEXT.replace("steps:", "stepz:"))
     assert "mine.yaml:7:3: unknown key 'stepz'" in ask("start", "mine.yaml", code=2).err
