@@ -29,7 +29,7 @@ export class Plot {
     this.chips = infos.map((info) => this.#chip(info));
     this.canvas = el("div", { class: "plot-canvas" });
     this.element = el("div", { class: "plot" },
-      el("div", { class: "legend" }, el("span", { class: "plot-unit" }, unit(symbol) || "–"), ...this.chips.map((one) => one.element)),
+      el("div", { class: "legend" }, el("span", { class: "plot-unit" }, unit(symbol) || "–"), el("div", { class: "chips" }, this.chips.map((one) => one.element))),
       this.canvas);
     this.u = new uPlot(this.#options(), this.#data(2), this.canvas);
     panAndZoom(this.u.over, actions, () => [this.start, this.end]);
