@@ -58,6 +58,18 @@ def test_what_is_refused_is_told_and_counted(
     assert on_loopback.rig.done == done
 
 
+@pytest.mark.parametrize("verb", ["stop", "abort", "estop"])
+def test_a_stop_is_carried_out_in_any_version(
+    on_loopback: Served, client: ZenohClient, verb: str
+) -> None:
+    before = len(on_loopback.rig.done)
+    payload = json.dumps({"v": 7, "whatever": "a version to come may say"}).encode()
+    error = client.ask(key("stop", "eve", verb), payload)["error"]
+    assert on_loopback.rig.done[before:] == [("eve", verb)]
+    assert error["code"] == "version"
+    assert error["message"].startswith(f"{verb}: carried out; ")
+
+
 def test_what_is_far_too_large_never_arrives(on_loopback: Served, client: ZenohClient) -> None:
     before = on_loopback.server.refused()
     for size in (5 * MAX_REQUEST_BYTES, 15 * MAX_REQUEST_BYTES):

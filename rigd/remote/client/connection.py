@@ -103,7 +103,7 @@ class Connection:
         try:
             rig = target.rig or await _only_rig(session, target)
             connection = cls(session, Keys(rig), target)
-            await connection.status()
+            await connection.ask_status()  # which a stop need not understand
         except BaseException:
             await asyncio.to_thread(session.close)
             raise
@@ -146,12 +146,17 @@ class Connection:
 
         Raises:
             LinkError: there is no daemon of that rig, or it has no role for us.
+            ProtocolError: it is of another version.
         """
+        return understand(Status, await self.ask_status())
+
+    async def ask_status(self) -> bytes:
+        """Return the newest status as it came; see :meth:`status`."""
         await self._connected()
         try:
             for answer in await query(self._session, self.keys.status, QUESTION_S):
                 if answer.ok:
-                    return understand(Status, answer.payload)
+                    return answer.payload
         except TimedOut:
             pass
         alive = await rigs_alive(self._session)

@@ -35,6 +35,8 @@ Version = Literal[1]
 
 #: How much of what is wrong is told.
 _MAX_TOLD: Final = 300
+#: Versions are numbers below this; others are spoilt messages.
+_NO_VERSION: Final = 2**16
 
 
 class Message(BaseModel):
@@ -139,11 +141,11 @@ def _finite(text: str) -> float:
 def _refusal(error: ValidationError) -> Refusal:
     found = error.errors(include_url=False, include_context=False)
     for one in found:
-        if one["loc"] == ("v",) and one["type"] == "literal_error":
+        version = one["input"]
+        if one["loc"] == ("v",) and type(version) is int and 0 < version < _NO_VERSION:
             return Refusal(
                 Code.VERSION,
-                f"the message is of version {one['input']!r:.20} of the protocol, "
-                f"here it is {VERSION}",
+                f"the message is of version {version} of the protocol, here it is {VERSION}",
                 hint="install the same rigd at both ends",
             )
     told = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in found[:3])

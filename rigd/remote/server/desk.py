@@ -127,6 +127,8 @@ class Desk:
                 return self._carry_out(letter, request)
             return self._once(letter, request)
         except Refusal as refusal:
+            if refusal.code is Code.VERSION and letter.address.kind is Kind.STOP:
+                refusal = self._stop_unread(letter, refusal)
             return self.refuse(letter.key, refusal, request_id)
         except Exception:  # noqa: BLE001 - as below: the thread that answers must not end
             return self._bug(letter, request_id)
@@ -161,6 +163,15 @@ class Desk:
             return self.refuse(letter.key, refused, request.id)
         except Exception:  # noqa: BLE001 - told to the client and logged; the daemon lives on
             return self._bug(letter, request.id)
+
+    def _stop_unread(self, letter: Letter, refusal: Refusal) -> Refusal:
+        """Carry out a stop of another version: its key says all that counts.
+
+        The reply is in the one form that every version reads.
+        """
+        who, verb = letter.address.identity, letter.address.verb
+        self._service.stop(who, verb, "asked for in another version of the protocol", "")
+        return Refusal(refusal.code, f"{verb}: carried out; {refusal.message}", hint=refusal.hint)
 
     def _bug(self, letter: Letter, request_id: str) -> Answer:
         _log.exception("%s failed", letter.key)

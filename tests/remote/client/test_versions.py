@@ -1,0 +1,46 @@
+"""A client before a daemon of another version: it may stop the rig, and is told all else."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import pytest
+import zenoh
+from support.served_rig import free_port
+
+from rigd.model.errors import ProtocolError
+from rigd.remote import Client
+from rigd.remote.protocol import Code, Refusal, encode_refusal
+
+STATUS = {"v": 2, "rig": "lugre-1", "mood": "fine"}
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """Where a daemon of version 2 answers."""
+    at = f"tcp/127.0.0.1:{free_port()}"
+    settings = zenoh.Config.from_json5(
+        json.dumps({"mode": "peer", "listen": {"endpoints": [at]},
+                    "scouting": {"multicast": {"enabled": False}}})
+    )  # fmt: skip
+    refused = Refusal(Code.VERSION, "stop: carried out; here it is 2")
+
+    def tell(query: zenoh.Query) -> None:
+        query.reply(query.key_expr, json.dumps(STATUS).encode())
+
+    def stop(query: zenoh.Query) -> None:
+        query.reply_err(encode_refusal("", refused))
+
+    with zenoh.open(settings) as session:
+        session.declare_queryable("rigd/lugre-1/status", tell)
+        session.declare_queryable("rigd/lugre-1/stop/*/*", stop)
+        yield at
+
+
+def test_a_rig_of_another_version_can_be_stopped_but_not_read(endpoint: str) -> None:
+    with Client("lugre-1", endpoint=endpoint, identity="eve") as rig:
+        with pytest.raises(Refusal, match="stop: carried out; here it is 2"):
+            rig.stop()
+        with pytest.raises(ProtocolError, match="version 2 of the protocol, here it is 1"):
+            rig.status()
