@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -159,7 +160,8 @@ class Victim:
         chosen = list(pids.values()) if victim == "all" else [pids[victim]]
         at_ns = time.monotonic_ns()
         for pid in chosen:
-            os.kill(pid, number)
+            with suppress(ProcessLookupError):  # ended by another that found one of them silent
+                os.kill(pid, number)
         if victim == "recorder" and number is not signal.SIGSTOP:
             # The run goes on: what is asked is that nothing is missing in the end.
             time.sleep(1.5)
