@@ -45,6 +45,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="start a panel for browsers of this machine (default: yes)",
     )
     parser.add_argument(
+        "--panel-port",
+        type=int,
+        metavar="PORT",
+        help="where the panel is found (default 8423, or another where that is taken)",
+    )
+    parser.add_argument(
         "--foxglove",
         type=int,
         nargs="?",
@@ -80,14 +86,14 @@ def execute(args: argparse.Namespace) -> int:
         args.procedures.absolute(),
         monitored=args.monitor,
         foxglove=args.foxglove,
-        panel=_panel_of(rig) if args.panel else (),
+        panel=_panel_of(rig, args.panel_port) if args.panel else (),
     )
     with logging_to(sys.stderr, as_json=None if args.log == "auto" else args.log == "json"):
         serve(options, lambda line: print(line, flush=True))
     return int(Exit.OK)
 
 
-def _panel_of(rig: RigConfig) -> Sequence[str]:
+def _panel_of(rig: RigConfig, page_port: int | None) -> Sequence[str]:
     """Return the command that starts a panel for browsers of this machine.
 
     Where clients need certificates, the panel's own (``panel.crt``) lies beside the daemon's.
@@ -104,6 +110,8 @@ def _panel_of(rig: RigConfig) -> Sequence[str]:
     host = HERE if host in ("0.0.0.0", "[::]") else host
     command = [sys.executable, "-P", "-m", "rigd", "panel", "--rig", rig.name]
     command += ["--endpoint", f"{protocol}/{host}:{port}"]
+    if page_port is not None:
+        command += ["--port", str(page_port)]
     if rig.remote.tls is not None:
         files = files_of(rig.remote.tls.certificate.parent, IDENTITY)
         if not files.certificate.is_file():

@@ -18,7 +18,7 @@ from rigd.panel.files import Files
 from rigd.panel.guard import Guard, Place
 from rigd.panel.hub import Hub
 from rigd.panel.quantities import complete_status
-from rigd.panel.rates import Bucket
+from rigd.panel.rates import BucketByAddress
 from rigd.panel.rig import Rig
 from rigd.panel.routes import Doors
 from rigd.panel.seat import Seat
@@ -46,7 +46,7 @@ def build_panel(rig: Rig, sessions: Sessions, place: Place, port: int) -> Panel:
         rig, lambda status: complete_status(status) | {"control": seat.describe(status["lease"])}
     )
     secure = place.scheme == "https"
-    logins = Bucket(LOGINS_PER_S, LOGINS_BURST)
+    logins = BucketByAddress(LOGINS_PER_S, LOGINS_BURST)
     doors = Doors(rig, sessions, seat, f"rigd-{port}", secure, logins)
 
     async def page(_: Request) -> FileResponse:

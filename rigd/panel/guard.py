@@ -8,7 +8,6 @@ address and a bound on every body.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,7 +15,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from rigd.panel.rates import Bucket
+from rigd.panel.rates import BucketByAddress
 from rigd.remote.protocol.limits import MAX_REQUEST_BYTES
 
 #: The header that every request but a plain read carries.
@@ -24,8 +23,6 @@ OWN_HEADER: Final = "x-rigd"
 #: Requests per second of one address: a page loads forty files at once.
 PER_S: Final = 60.0
 BURST: Final = 300.0
-#: Addresses whose rate is kept.
-MOST_ADDRESSES: Final = 256
 #: A WebSocket close code of our own: a page of another site.
 FOREIGN: Final = 4403
 
@@ -49,7 +46,7 @@ class Guard:
     def __init__(self, app: ASGIApp, place: Place) -> None:
         self._app = app
         self._place = place
-        self._buckets: OrderedDict[str, Bucket] = OrderedDict()
+        self._requests = BucketByAddress(PER_S, BURST)
         socket = "wss" if place.scheme == "https" else "ws"
         # Older browsers do not take 'self' for a WebSocket; none takes an IPv6 address here.
         named = sorted(f"{socket}://{host}" for host in place.hosts if "[" not in host)
@@ -102,7 +99,7 @@ class Guard:
         headers = Headers(scope=scope)
         # Nothing may keep a stop out; its session has a bound of its own.
         is_stop = scope["path"].startswith("/api/stop/")
-        if not is_stop and not self._bucket(scope).take():
+        if not is_stop and not self._requests.take(_address(scope)):
             return 429, "busy", "too many requests; wait a second"
         if headers.get("host") not in self._place.hosts:
             return 421, "bad_request", "this panel is not known under that name"
@@ -124,16 +121,10 @@ class Guard:
             return 413, "too_large", f"at most {MAX_REQUEST_BYTES} bytes may be sent"
         return None
 
-    def _bucket(self, scope: Scope) -> Bucket:
-        client = scope.get("client")
-        address = "" if client is None else client[0]
-        bucket = self._buckets.get(address)
-        if bucket is None:
-            bucket = self._buckets[address] = Bucket(PER_S, BURST)
-            if len(self._buckets) > MOST_ADDRESSES:
-                self._buckets.popitem(last=False)
-        self._buckets.move_to_end(address)
-        return bucket
+
+def _address(scope: Scope) -> str:
+    client = scope.get("client")
+    return "" if client is None else str(client[0])
 
 
 def _bounded(receive: Receive) -> Receive:

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable
 from time import monotonic
+from typing import Final
+
+#: Addresses that are remembered, those heard last.
+MOST_ADDRESSES: Final = 1024
 
 
 class Bucket:
@@ -25,3 +30,19 @@ class Bucket:
             return False
         self._left -= 1.0
         return True
+
+
+class BucketByAddress:
+    """A bucket for each address, so that one who asks too often keeps nobody else out."""
+
+    def __init__(self, per_s: float, burst: float) -> None:
+        self._per_s, self._burst = per_s, burst
+        self._buckets: OrderedDict[str, Bucket] = OrderedDict()
+
+    def take(self, address: str) -> bool:
+        """Return whether one more may pass from ``address``, and count it."""
+        bucket = self._buckets.setdefault(address, Bucket(self._per_s, self._burst))
+        self._buckets.move_to_end(address)
+        if len(self._buckets) > MOST_ADDRESSES:
+            self._buckets.popitem(last=False)
+        return bucket.take()

@@ -13,7 +13,7 @@ from starlette.routing import Route
 from rigd.model.errors import RigdError
 from rigd.panel.answers import object_of, read_object, refuse, text_of
 from rigd.panel.quantities import complete_procedure
-from rigd.panel.rates import Bucket
+from rigd.panel.rates import BucketByAddress
 from rigd.panel.rig import Object, Rig
 from rigd.panel.seat import Seat
 from rigd.panel.sessions import Role, Session, Sessions
@@ -41,7 +41,7 @@ class Doors:
     seat: Seat
     cookie: str  #: name of the session's cookie; holds the port, as cookies do not know ports
     secure: bool  #: whether the page is reached by TLS
-    logins: Bucket  #: attempts to log in
+    logins: BucketByAddress  #: attempts to log in
 
     def routes(self) -> list[Route]:
         """Return the routes."""
@@ -62,7 +62,7 @@ class Doors:
     async def login(self, request: Request) -> Response:
         """Open a session with a one-time code."""
         try:
-            if not self.logins.take():
+            if not self.logins.take("" if request.client is None else request.client.host):
                 raise Refusal(Code.BUSY, "too many attempts; wait a minute")
             given = await read_object(request)
             name = " ".join(text_of(given, "name", MOST_NAME).split())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rigd.panel.rates import Bucket
+from rigd.panel.rates import MOST_ADDRESSES, Bucket, BucketByAddress
 from rigd.panel.sessions import CODE_S, IDLE_S, MOST_CODES, MOST_SESSIONS, Sessions
 
 
@@ -96,3 +96,12 @@ def test_a_bucket_lets_a_burst_pass_then_a_rate() -> None:
     assert sum(bucket.take() for _ in range(50)) == 5  # no more than the burst
     clock.now += 1.0
     assert sum(bucket.take() for _ in range(50)) == 2
+
+
+def test_one_address_that_asks_too_often_keeps_no_other_out() -> None:
+    buckets = BucketByAddress(per_s=1e-9, burst=2.0)
+    assert [buckets.take("10.0.0.1") for _ in range(3)] == [True, True, False]
+    assert buckets.take("10.0.0.2")
+    for number in range(MOST_ADDRESSES):  # the least recent is forgotten, so memory is bounded
+        buckets.take(f"other {number}")
+    assert buckets.take("10.0.0.1")

@@ -59,6 +59,9 @@ def _print(status: Status, where: str) -> None:
     from rich.console import Console
     from rich.markup import escape
 
+    from rigd.cli.console import invitation
+    from rigd.cli.remote.prompting import as_prompt
+
     console = Console(highlight=False, soft_wrap=True)
 
     def say(text: str, style: str = "") -> None:
@@ -75,7 +78,7 @@ def _print(status: Status, where: str) -> None:
         )
     if status.prompt is not None:
         say(f"  waits for an answer: {status.prompt.text}", "yellow")
-        say(f"    rigd remote answer VALUE{where}")
+        say(f"    rigd remote answer VALUE{where}  ({invitation(as_prompt(status.prompt))})")
     if status.lease.holder is not None:
         say(f"  control: {status.lease.holder}")
     for name in status.lease.asked_by:

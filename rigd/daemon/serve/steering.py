@@ -39,7 +39,10 @@ from rigd.remote.protocol.status import LastRun
 from rigd.remote.server import Lease
 
 #: What whoever finds the rig in use is told to do instead.
-HINT: Final = "its daemon takes procedures: rigd remote start PROCEDURE --rig {rig}"
+HINT: Final = (
+    "steer it through its daemon: rigd remote start PROCEDURE --rig {rig}, "
+    "or rigd remote act DEVICE tare"
+)
 #: The simulation of a rig has this seed unless a client gives another, as with `rigd run`.
 SEED: Final = 1
 #: So many dry runs are remembered, the newest.

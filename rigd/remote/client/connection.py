@@ -266,7 +266,7 @@ class Connection:
         except LinkError as error:  # it was there when this client connected
             raise self._in_doubt(verb, error.message) from error
         raise LinkError(
-            f"{self.rig} does not even let {self.identity} ask for {verb}",
+            f"{self.rig} takes no {verb.replace('_', ' ')} from {self.identity}",
             hint=f"its rig file gives roles, as in remote: {{roles: {{{self.identity}: operator}}}}"
             "; an observer may look on and stop",
         )
