@@ -15,7 +15,7 @@ demo: setup ## the campaigns of two published rigs, simulated: run, record, iden
 
 test: setup ## the whole test suite: what may run side by side, then rigs in real time
 	scripts/need node npm chromium
-	$(BIN)/pytest -m side_by_side -n $$(($$(nproc) + 1)) --dist loadfile
+	$(BIN)/pytest -m side_by_side -n $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder
 	$(BIN)/pytest -m "not side_by_side"
 
 check: setup ## format, lint, types, layers
