@@ -15,7 +15,7 @@ from rigd.model.errors import RigdError
 from rigd.panel.outbox import Outbox
 from rigd.panel.quantities import complete_event
 from rigd.panel.rig import Object, Rig
-from rigd.remote.protocol.frame import decode_frame
+from rigd.remote.protocol.frame import Frame, decode_frame
 from rigd.remote.protocol.refusal import Refusal
 
 log = logging.getLogger(__name__)
@@ -127,13 +127,16 @@ class Hub:
     async def _bring_past(self, outbox: Outbox) -> None:
         """Give a browser the last seconds of every stream, then let it have frames."""
         streams = [] if self._description is None else self._description["streams"]
+        past: list[Frame] = []
         for stream in streams if self.alive else []:
             try:
-                past = await self._rig.ask("history", {"stream": stream["name"]})
-                if past["frame"] is not None:
-                    outbox.frame(decode_frame(base64.b64decode(past["frame"])))
+                answer = await self._rig.ask("history", {"stream": stream["name"]})
+                if answer["frame"] is not None:
+                    past.append(decode_frame(base64.b64decode(answer["frame"])))
             except RigdError as error:
                 log.debug("no past of %s: %s", stream["name"], error)
+        for frame in past:  # in one batch: what waits for another is condensed with what follows
+            outbox.frame(frame)
         self._drawing.add(outbox)
 
     async def _beat(self) -> None:

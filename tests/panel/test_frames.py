@@ -41,6 +41,10 @@ def test_times_are_those_of_the_first_frame() -> None:
     np.testing.assert_allclose(merged.time_s, [0, 1e-3, 1.0, 1.001])
 
 
+def test_a_clock_that_was_set_back_breaks_no_bound() -> None:
+    assert merge(a_frame(9, 10**12), a_frame(9, 0), 8).time_s.size <= 8
+
+
 def test_nothing_measured_hides_nothing() -> None:
     first, second = a_frame(1), a_frame(1, 10**6, seed=1)
     first.low[0, 0] = first.high[0, 0] = np.nan
@@ -79,6 +83,7 @@ def test_a_browser_that_draws_nothing_gets_two_batches_and_later_one_with_all() 
     frame = decode_frame(batch)
     assert frame.time_s.size <= MOST_POINTS
     assert frame.time_s[-1] > 3.0, "it reaches to the newest"
+    assert np.diff(frame.time_s).max() < 0.1, "the oldest are no coarser than the bound asks for"
 
 
 def test_only_the_newest_status_waits() -> None:
