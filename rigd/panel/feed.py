@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Coroutine
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from rigd.panel.hub import Hub
 from rigd.panel.outbox import Outbox
+from rigd.panel.rates import Bucket
 from rigd.panel.routes import Doors
 from rigd.panel.sessions import Session
 
@@ -31,17 +32,18 @@ class Feed:
     hub: Hub
     doors: Doors
     pages: int = 0
+    told: Bucket = field(default_factory=lambda: Bucket(per_s=2.0, burst=20.0))  #: turned away
 
     async def serve(self, socket: WebSocket) -> None:
         """Serve one page until it leaves."""
         session = self.doors.find(socket.cookies)
-        await socket.accept()
         if session is None:
-            await socket.close(NO_SESSION, "this page is not logged in")
+            await self._turn_away(socket, NO_SESSION, "this page is not logged in")
             return
         if session.pages >= MOST_OF_ONE or self.pages >= MOST_PAGES:
-            await socket.close(TOO_MANY, "too many pages are open")
+            await self._turn_away(socket, TOO_MANY, "too many pages are open")
             return
+        await socket.accept()
         self.pages += 1
         self.doors.sessions.open_page(session)
         try:
@@ -54,6 +56,15 @@ class Feed:
         finally:
             self.pages -= 1
             self.doors.sessions.close_page(session)
+
+    async def _turn_away(self, socket: WebSocket, code: int, reason: str) -> None:
+        """Say why, which takes a connection until the other side has heard it; a flood is not told.
+
+        Not accepted, it is closed at once, with status 403.
+        """
+        if self.told.take():
+            await socket.accept()
+        await socket.close(code, reason)
 
 
 async def _until_first(*jobs: Coroutine[Any, Any, None]) -> None:

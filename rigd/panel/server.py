@@ -15,6 +15,7 @@ import uvicorn
 
 from rigd.model.errors import ConfigError
 from rigd.panel.app import build_panel
+from rigd.panel.connections import Connection
 from rigd.panel.guard import Place
 from rigd.panel.rig import Rig
 from rigd.panel.sessions import Sessions
@@ -106,7 +107,7 @@ async def serve(rig: Rig, listen: Listen, announce: Callable[[Mapping[str, str]]
         panel = build_panel(rig, sessions, listen.place(port), port)
         config = uvicorn.Config(
             panel.app,
-            http="h11",
+            http=Connection,
             ws="websockets-sansio",
             ws_max_size=1024,  # a page says nothing long
             ws_ping_interval=2.0,  # a computer that has gone without a word is noticed in 7 s
@@ -117,7 +118,6 @@ async def serve(rig: Rig, listen: Listen, announce: Callable[[Mapping[str, str]]
             log_config=None,
             server_header=False,
             proxy_headers=False,
-            limit_concurrency=200,
             backlog=64,
             timeout_keep_alive=10,
             timeout_graceful_shutdown=GRACE_S,

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from pathlib import Path
+from socket import create_connection
+from time import monotonic
 
 import pytest
 from support.panel import ServedPanel, Visitor
@@ -212,3 +215,34 @@ def test_beyond_this_machine_only_with_tls(tmp_path: Path) -> None:
         Listen(certificate=tmp_path / "a.crt", key=tmp_path / "a.key")
     with Listen(port=0).bind() as taken, pytest.raises(ConfigError, match="cannot listen"):
         Listen(port=taken.getsockname()[1]).bind()
+
+
+def test_who_only_connects_keeps_no_stop_out(panel: ServedPanel) -> None:
+    visitor = panel.visitor()
+    upgrade = (
+        f"GET /api/live HTTP/1.1\r\nhost: 127.0.0.1:{panel.port}\r\norigin: {panel.origin}\r\n"
+        "upgrade: websocket\r\nconnection: upgrade\r\nsec-websocket-version: 13\r\n"
+        "sec-websocket-key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    )
+    with ExitStack() as held:
+        for said in ["GET / HTTP/1.1\r\n"] * 150 + [upgrade] * 150:
+            socket = held.enter_context(create_connection(("127.0.0.1", panel.port), 30))
+            with suppress(OSError):  # it had to make way
+                socket.sendall(said.encode())
+        assert visitor.post("/api/stop/stop")[0] == 200
+
+
+def test_a_request_that_drips_in_is_cut_off(
+    panel: ServedPanel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rigd.panel.connections.HEAD_S", 0.3)
+    with create_connection(("127.0.0.1", panel.port), 30) as socket:
+        socket.settimeout(0.05)
+        socket.sendall(b"GET / HTTP/1.1\r\n")
+        deadline = monotonic() + 30
+        with pytest.raises(ConnectionError):
+            while monotonic() < deadline:
+                socket.sendall(b"x")
+                with suppress(TimeoutError):
+                    if not socket.recv(1):
+                        raise ConnectionError
