@@ -25,7 +25,7 @@ CODE_S: Final = 15 * 60.0
 IDLE_S: Final = 24 * 3600.0
 #: Sessions at once; a laboratory has fewer screens.
 MOST_SESSIONS: Final = 64
-#: Codes that wait at once.
+#: Codes of each role that wait at once.
 MOST_CODES: Final = 16
 
 
@@ -62,8 +62,11 @@ class Sessions:
     def invite(self, role: Role, valid_s: float = CODE_S) -> str:
         """Return a new code that opens one session."""
         self._forget_old()
-        while len(self._codes) >= MOST_CODES:
-            del self._codes[next(iter(self._codes))]
+        # Of their role, so that who watches takes no code from who commands; the oldest of those
+        # that last as long, so that the links told at the start outlive those given since.
+        waiting = [key for key, one in self._codes.items() if one.role == role]
+        if len(waiting) >= MOST_CODES:
+            del self._codes[min(waiting, key=lambda key: self._codes[key].until_s)]
         code = secrets.token_urlsafe(32)
         self._codes[_hash(code)] = _Code(role, self._now() + valid_s)
         return code
@@ -74,9 +77,9 @@ class Sessions:
         found = self._codes.pop(_hash(code), None)
         if found is None:
             return None
-        while len(self._sessions) >= MOST_SESSIONS:
-            idle = min(self._sessions, key=lambda key: self._sessions[key].used_s)
-            self._sessions.pop(idle).over.set()
+        if len(self._sessions) >= MOST_SESSIONS:
+            least = min(self._sessions, key=lambda key: _worth(self._sessions[key]))
+            self._sessions.pop(least).over.set()
         self._count += 1
         key = secrets.token_urlsafe(32)
         session = Session(name, found.role, self._count, self._now())
@@ -119,6 +122,14 @@ class Sessions:
         now = self._now()
         self._codes = {key: one for key, one in self._codes.items() if one.until_s > now}
         self._sessions = {key: one for key, one in self._sessions.items() if not self._is_over(one)}
+
+
+def _worth(session: Session) -> tuple[bool, bool, float]:
+    """Return what speaks for keeping a session; the least makes room for another.
+
+    An open page asks for nothing while it is looked at, so that its last use says little.
+    """
+    return session.role == "operator", session.pages > 0, session.used_s
 
 
 def _hash(secret: str) -> bytes:

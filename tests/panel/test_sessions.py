@@ -66,6 +66,38 @@ def test_the_longest_unused_makes_room() -> None:
     assert sessions.find(keys[1]) is not None
 
 
+def test_who_watches_and_invites_without_end_takes_nothing_from_who_commands() -> None:
+    clock = Clock()
+    sessions = Sessions(clock)
+    printed = sessions.invite("operator", IDLE_S)
+    opened = sessions.redeem(sessions.invite("operator"), "Ada")
+    assert opened is not None
+    sessions.open_page(opened[1])
+    for n in range(MOST_SESSIONS + MOST_CODES):
+        clock.now += 1
+        watching = sessions.redeem(sessions.invite("observer"), f"user {n}")
+        assert watching is not None
+        sessions.open_page(watching[1])
+        sessions.invite("observer")
+    assert not opened[1].over.is_set()
+    assert sessions.find(opened[0]) is opened[1]
+    assert sessions.redeem(printed, "Bob") is not None
+
+
+def test_a_page_that_is_open_is_kept_before_one_that_was_closed() -> None:
+    clock = Clock()
+    sessions = Sessions(clock)
+    opened = [sessions.redeem(sessions.invite("operator"), f"user {n}") for n in range(2)]
+    assert opened[0] is not None and opened[1] is not None
+    sessions.open_page(opened[0][1])
+    clock.now += 1
+    assert sessions.find(opened[1][0]) is not None
+    for n in range(MOST_SESSIONS - 1):
+        assert sessions.redeem(sessions.invite("operator"), f"user {n}") is not None
+    assert sessions.find(opened[1][0]) is None
+    assert sessions.find(opened[0][0]) is not None
+
+
 def test_who_has_no_page_open_is_gone_after_a_while() -> None:
     clock = Clock()
     sessions = Sessions(clock)
