@@ -119,7 +119,9 @@ def _events(args: argparse.Namespace) -> int:
 def _line(event: Event) -> str:
     trial = "" if event.trial < 0 else f"trial {event.trial}"
     told = _told(event.data)
-    return f"{event.seq:6d}  {_clock(event.t_ns)}  {event.kind:12s} {trial:9s} {told}".rstrip()
+    line = f"{event.seq:6d}  {_clock(event.t_ns)}  {event.kind:12s} {trial:9s} {told}".rstrip()
+    # What a client has said is in it: it begins no line of its own, and steers no terminal.
+    return "".join(one if one.isprintable() else " " for one in line)
 
 
 def _told(data: Mapping[str, JsonValue]) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from typing import Annotated, Any, Final, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, StringConstraints, ValidationError
@@ -26,13 +27,16 @@ from rigd.remote.protocol.refusal import Code, Refusal
 Name = Annotated[str, StringConstraints(pattern=rf"^[A-Za-z0-9._-]{{1,{MAX_NAME}}}$")]
 #: A line or a few for a person.
 Text = Annotated[str, StringConstraints(max_length=MAX_TEXT)]
-#: Such lines from the daemon, whatever some file says: cut, and without what UTF-8 has no form for.
+#: Such lines from the daemon, whatever some file says: cut, without what UTF-8 has no form for, and
+#: without what steers a terminal.
 Told = Annotated[
     Text, BeforeValidator(lambda text: _tellable(text) if isinstance(text, str) else text)
 ]
 #: The version that a message of its own carries.
 Version = Literal[1]
 
+#: Control characters (Unicode's category Cc) but tab and line feed: a terminal obeys them.
+_STEERING: Final = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 #: How much of what is wrong is told.
 _MAX_TOLD: Final = 300
 #: Versions are numbers below this; others are spoilt messages.
@@ -92,7 +96,7 @@ def check_size(payload: bytes, limit_bytes: int) -> None:
 
 
 def _tellable(text: str) -> str:
-    return text[:MAX_TEXT].encode(errors="replace").decode()
+    return _STEERING.sub("?", text[:MAX_TEXT]).encode(errors="replace").decode()
 
 
 def _check_json(payload: bytes) -> None:

@@ -150,9 +150,11 @@ def test_events_and_recordings(ask: Asking) -> None:
     ask.remote.tell("step", name="one")
     ask.remote.tell("trial_start", number=1, parameters={"current": 0.3}, units={"current": "A"})
     ask.remote.tell("devices", scale="", drive="")
+    ask.remote.tell("command", who="eve", verb="start", args={"set": {"floor": "\n\x1b[2Jfake"}})
     lines = ask("events").out.splitlines()
     assert [" ".join(line.split()[2:]) for line in lines] == [
         "step one", "trial_start number 1; current 0.3 A", "devices scale, drive",
+        "command eve: start set floor [2Jfake",
     ]  # fmt: skip
     assert json.loads(ask("events", "--json").out.splitlines()[0])["data"] == {"name": "one"}
     assert "a.mcap" in ask("runs").out

@@ -207,6 +207,11 @@ def test_what_a_file_says_at_any_length_can_be_told() -> None:
     assert decode(PromptView, encode(prompt)).text == "?" + "x" * (MAX_TEXT - 1)
 
 
+def test_no_text_of_a_procedure_steers_a_terminal() -> None:
+    prompt = PromptView(id=1, name="ready", text="µ \x1b[2J\x9b2J\r\n\tok", kind="confirm")
+    assert prompt.text == "µ ?[2J?2J?\n\tok"
+
+
 def test_an_event_refuses_what_json_cannot_say() -> None:
     with pytest.raises(ValidationError):
         Event(v=VERSION, seq=1, t_ns=1, kind="trip", data={"value": float("nan")})
