@@ -18,9 +18,10 @@ from rigd.panel.sessions import Session
 #: Close codes of our own (4000 to 4999 are free for applications, RFC 6455, section 7.4.2).
 NO_SESSION: Final = 4401
 TOO_MANY: Final = 4429
-#: Pages of one session, and of all.
+#: Pages of one session, of all, and of all where those only watch: who commands finds room.
 MOST_OF_ONE: Final = 8
 MOST_PAGES: Final = 64
+MOST_WATCHING: Final = 48
 #: What the browser says when it has drawn a batch of frames.
 DRAWN: Final = "drawn"
 
@@ -40,7 +41,8 @@ class Feed:
         if session is None:
             await self._turn_away(socket, NO_SESSION, "this page is not logged in")
             return
-        if session.pages >= MOST_OF_ONE or self.pages >= MOST_PAGES:
+        most = MOST_PAGES if session.role == "operator" else MOST_WATCHING
+        if session.pages >= MOST_OF_ONE or self.pages >= most:
             await self._turn_away(socket, TOO_MANY, "too many pages are open")
             return
         await socket.accept()

@@ -246,3 +246,17 @@ def test_a_request_that_drips_in_is_cut_off(
                 with suppress(TimeoutError):
                     if not socket.recv(1):
                         raise ConnectionError
+
+
+def test_who_watches_leaves_room_for_who_commands(
+    panel: ServedPanel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rigd.panel.feed.MOST_WATCHING", 1)
+    watching, commanding = panel.visitor("observer"), panel.visitor()
+    with watching.page() as first, watching.page() as second:
+        first.recv(30)
+        with pytest.raises(ConnectionClosed) as closed:
+            second.recv(30)
+        assert closed.value.rcvd is not None and closed.value.rcvd.code == 4429
+        with commanding.page() as page:
+            page.recv(30)
