@@ -34,6 +34,7 @@ export function mountTraces(root) {
   root.append(noData);
   let plots = [];
   let isDirty = true;
+  let hasMore = false; // than was drawn
   let drawnTo = -Infinity; // what is live is drawn anew once it has moved by half a pixel
 
   const actions = {
@@ -113,7 +114,7 @@ export function mountTraces(root) {
   function draw() {
     requestAnimationFrame(draw);
     if (!isDirty || !root.offsetParent) return;
-    isDirty = false;
+    isDirty = hasMore = false;
     const end = actions.now();
     const isWaiting = !Number.isFinite(end) && plots.length > 0;
     noData.hidden = !isWaiting;
@@ -126,6 +127,7 @@ export function mountTraces(root) {
 
   hold.addEventListener("click", toggleHold);
   watchFrames(() => {
+    hasMore = true;
     const least = Math.min(view.span / (2 * area.clientWidth), SLOWEST_S);
     if (view.end === null && Math.abs(newestTime() - drawnTo) >= least) isDirty = true;
   });
@@ -136,7 +138,10 @@ export function mountTraces(root) {
     for (const plot of plots) plot.resize();
     isDirty = true;
   }).observe(area);
-  setInterval(toolbar, 1000);
+  setInterval(() => {
+    toolbar();
+    isDirty ||= hasMore; // such as a stream's past, which ends where another's did
+  }, 1000);
   toolbar();
   draw();
 }
