@@ -88,8 +88,10 @@ def test_a_run_from_the_choice_of_a_procedure_to_its_stop(
     page.get_by_label("floor").select_option("pvc")
     page.get_by_label("brake at").fill("9")
     page.get_by_label("brake at").blur()
-    expect(page.locator("#parameter-brake_at-problem")).to_contain_text("above 1.25 m")
-    page.get_by_label("brake at").fill("1.22")
+    expect(page.locator("#parameter-brake_at-problem")).to_have_text(
+        "brake_at 9 m is above its max 1.25 m"
+    )
+    page.get_by_label("brake at").fill("1,22")
     press(page, "Dry run")
     expect(page.locator(".preview")).to_contain_text("Would not run clean")
     expect(page.locator(".preview")).to_contain_text("carriage.position above 1.3 m")

@@ -186,7 +186,9 @@ STEPS = (
 def check(brake_at: str) -> Check:
     """Return whether it could run."""
     if brake_at and float(brake_at.split()[0]) > 1.25:
-        problem = ProblemView(message=f"parameter brake_at: {brake_at} is above 1.25 m")
+        problem = ProblemView(
+            message=f"--set brake_at={brake_at}: brake_at {brake_at} is above its max 1.25 m"
+        )
         return Check(ok=False, problems=(problem,))
     return Check(ok=True, trials=10, prompts=1)
 

@@ -1,7 +1,7 @@
 // A form from the parameters of a procedure: quantities with their unit and range, words by choice.
 
 import { el, fill, say } from "./dom.js";
-import { quantities, unit, words } from "./format.js";
+import { decimalPoint, quantities, unit, withHint, words } from "./format.js";
 
 export class Form {
   /** `typed` is called at every letter, `changed` whenever a field is done with. */
@@ -22,12 +22,12 @@ export class Form {
   blame(problems, early = false) {
     for (const field of this.fields) field.blame("");
     const rest = [];
-    for (const { message, hint } of problems) {
-      const text = [message, hint].filter(Boolean).join(" – ");
-      const field = this.fields.find((one) => new RegExp(`\\b${one.name}\\b`).test(message));
+    for (const problem of problems) {
+      const text = withHint(problem);
+      const field = this.fields.find((one) => new RegExp(`\\b${one.name}\\b`).test(problem.message));
       if (early && !field?.isGiven) continue;
       if (field === undefined) rest.push(el("li", {}, text));
-      else field.blame(text);
+      else field.blame(text.replace(`--set ${field.name}=${field.text}: `, ""));
     }
     fill(this.problems, rest);
   }
@@ -71,8 +71,9 @@ class Field {
 
   /** As `--set` takes it: a bare number gets the unit that stands beside the field. */
   get text() {
-    const text = this.input.value.trim().replace("−", "-");
-    const isBare = !this.parameter.choices.length && /^[-+]?[\d.]+(e[-+]?\d+)?$/i.test(text);
+    if (this.parameter.choices.length) return this.input.value;
+    const text = decimalPoint(this.input.value);
+    const isBare = /^[-+]?[\d.]+(e[-+]?\d+)?$/i.test(text);
     return isBare && this.parameter.unit !== "1" ? `${text} ${this.parameter.unit}` : text;
   }
 

@@ -114,5 +114,11 @@ export const ACTIONS = {
   estop: "asked for power to drop",
 };
 
+/** What was refused, and what to do about it. */
+export const withHint = ({ message, hint }) => [message, hint].filter(Boolean).join(" – ");
+
+/** A number as it was typed, with a point: one comma alone is a decimal comma, anything else could be misread. */
+export const decimalPoint = (text) => text.trim().replace("−", "-").replace(/^([-+]?\d*),(\d[^.,]*)$/, "$1.$2");
+
 /** `constant_current` as words. */
 export const words = (name) => name.replaceAll("_", " ");

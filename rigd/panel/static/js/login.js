@@ -2,6 +2,7 @@
 
 import { login } from "./api.js";
 import { el, fill, say } from "./dom.js";
+import { withHint } from "./format.js";
 
 export function mountLogin(root, code, enter) {
   const problem = el("p", { class: "problem", role: "alert" });
@@ -25,7 +26,7 @@ export function mountLogin(root, code, enter) {
           fill(root);
           enter(session);
         } catch (refused) {
-          say(problem, `${refused.message} ${refused.hint}`);
+          say(problem, withHint(refused));
           send.disabled = false;
         }
       },

@@ -2,7 +2,7 @@
 
 import { command } from "./api.js";
 import { el, icon, say } from "./dom.js";
-import { quantity, unit } from "./format.js";
+import { decimalPoint, quantity, unit } from "./format.js";
 import { attempt } from "./toasts.js";
 
 export function promptCard(prompt, mine) {
@@ -81,10 +81,8 @@ function read(prompt, form, submitter) {
   if (prompt.kind === "confirm") return submitter?.value !== "no";
   const text = new FormData(form).get("value") ?? "";
   if (prompt.kind !== "number") return String(text);
-  // One comma and no point is a decimal comma; anything else with a comma could be misread.
-  const plain = String(text).trim().replace("−", "-").replace(/^([^.,]*),([^.,]*)$/, "$1.$2");
-  const given = Number(plain);
-  if (plain === "" || !Number.isFinite(given)) return new Error(`${text} is not a number.`);
+  const given = Number(decimalPoint(text));
+  if (text.trim() === "" || !Number.isFinite(given)) return new Error(`${text} is not a number.`);
   const value = given * prompt.factor;
   const tooLow = prompt.low !== null && value < prompt.low;
   const tooHigh = prompt.high !== null && value > prompt.high;

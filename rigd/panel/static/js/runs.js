@@ -3,7 +3,7 @@
 import { ask, command } from "./api.js";
 import { resumeButton } from "./attention.js";
 import { el, file, fill, icon, say } from "./dom.js";
-import { bytes, day, duration, words } from "./format.js";
+import { bytes, day, duration, words, withHint } from "./format.js";
 import { hasControl, known, watch } from "./store.js";
 import { onShow } from "./tabs.js";
 import { attempt, complain } from "./toasts.js";
@@ -86,7 +86,7 @@ function drawRun(root, one, refresh) {
         refresh();
       } catch (refused) {
         if (refused.code === undefined) throw refused;
-        fill(report, el("p", { class: "problem empty" }, [refused.message, refused.hint].filter(Boolean).join(" – ")));
+        fill(report, el("p", { class: "problem empty" }, withHint(refused)));
       } finally {
         say(note, "");
       }

@@ -1,6 +1,7 @@
 // Short notes that go by themselves.
 
 import { el } from "./dom.js";
+import { withHint } from "./format.js";
 
 const SHOWN_MS = 6000;
 
@@ -12,8 +13,7 @@ export function toast(text, mood = "calm") {
 
 /** What went wrong, with what to do about it. */
 export function complain(refused) {
-  const text = [refused.message, refused.hint].filter(Boolean).join(" – ");
-  const note = el("p", { class: "toast", role: "alert", data: { mood: "warn" } }, text);
+  const note = el("p", { class: "toast", role: "alert", data: { mood: "warn" } }, withHint(refused));
   show(note);
   setTimeout(() => note.remove(), 2 * SHOWN_MS);
 }
