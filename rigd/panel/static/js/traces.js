@@ -140,7 +140,7 @@ export function mountTraces(root) {
   }).observe(area);
   setInterval(() => {
     toolbar();
-    isDirty ||= hasMore; // such as a stream's past, which ends where another's did
+    if (view.end === null) isDirty ||= hasMore; // such as a stream's past, which ends where another's did
   }, 1000);
   toolbar();
   draw();
