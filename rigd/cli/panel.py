@@ -40,6 +40,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     page.add_argument("--https-certificate", type=Path, metavar="FILE", help="for browsers")
     page.add_argument("--https-key", type=Path, metavar="FILE", help="that certificate's key")
     page.add_argument(
+        "--sessions", type=Path, metavar="FILE", help="keep who is logged in over a restart"
+    )
+    page.add_argument(
         "--links", type=Path, metavar="FILE", help="write the links to a file, print none"
     )
 
@@ -51,15 +54,20 @@ def execute(args: argparse.Namespace) -> int:
 
     from rigd.model.errors import Exit
     from rigd.panel.server import Listen, serve
+    from rigd.panel.session_book import SessionBook
 
     if args.certificate is None and args.identity is None:
         args.identity = IDENTITY
     client = connect_async(args)
     listen = Listen(args.host, args.port, tuple(args.name), args.https_certificate, args.https_key)
 
+    book = None if args.sessions is None else SessionBook(args.sessions)
+
     async def panel() -> None:
         async with client as rig:
-            await serve(rig.connection, listen, lambda links: _announce(rig.rig, links, args.links))
+            await serve(
+                rig.connection, listen, lambda links: _announce(rig.rig, links, args.links), book
+            )
 
     async def until_signal() -> None:
         serving = asyncio.ensure_future(panel())

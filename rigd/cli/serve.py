@@ -86,14 +86,14 @@ def execute(args: argparse.Namespace) -> int:
         args.procedures.absolute(),
         monitored=args.monitor,
         foxglove=args.foxglove,
-        panel=_panel_of(rig, args.panel_port) if args.panel else (),
+        panel=_panel_of(rig, args.runs.absolute(), args.panel_port) if args.panel else (),
     )
     with logging_to(sys.stderr, as_json=None if args.log == "auto" else args.log == "json"):
         serve(options, lambda line: print(line, flush=True))
     return int(Exit.OK)
 
 
-def _panel_of(rig: RigConfig, page_port: int | None) -> Sequence[str]:
+def _panel_of(rig: RigConfig, runs: Path, page_port: int | None) -> Sequence[str]:
     """Return the command that starts a panel for browsers of this machine.
 
     Where clients need certificates, the panel's own (``panel.crt``) lies beside the daemon's.
@@ -102,6 +102,7 @@ def _panel_of(rig: RigConfig, page_port: int | None) -> Sequence[str]:
         ConfigError: it does not.
     """
     from rigd.cli.panel import IDENTITY
+    from rigd.engine.shared.folder import folder_name
     from rigd.model.errors import ConfigError
     from rigd.remote.tls import HERE, files_of
 
@@ -110,6 +111,7 @@ def _panel_of(rig: RigConfig, page_port: int | None) -> Sequence[str]:
     host = HERE if host in ("0.0.0.0", "[::]") else host
     command = [sys.executable, "-P", "-m", "rigd", "panel", "--rig", rig.name]
     command += ["--endpoint", f"{protocol}/{host}:{port}"]
+    command += ["--sessions", str(runs / f"{folder_name(rig.name)}.panel.json")]
     if page_port is not None:
         command += ["--port", str(page_port)]
     if rig.remote.tls is not None:

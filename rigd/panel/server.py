@@ -18,6 +18,7 @@ from rigd.panel.app import build_panel
 from rigd.panel.connections import Connection
 from rigd.panel.guard import Place
 from rigd.panel.rig import Rig
+from rigd.panel.session_book import SessionBook
 from rigd.panel.sessions import Sessions
 
 #: Where the panel is found unless something else is there already.
@@ -90,8 +91,13 @@ class Listen:
         return Place(self.scheme, frozenset(hosts | (names if port == usual else set())))
 
 
-async def serve(rig: Rig, listen: Listen, announce: Callable[[Mapping[str, str]], None]) -> None:
-    """Serve the panel of ``rig`` until cancelled.
+async def serve(
+    rig: Rig,
+    listen: Listen,
+    announce: Callable[[Mapping[str, str]], None],
+    book: SessionBook | None = None,
+) -> None:
+    """Serve the panel of ``rig`` until cancelled; ``book`` keeps its sessions for the next.
 
     ``announce`` is told a one-time link for each role once the panel can be reached. The code in
     it stands in the fragment, which browsers keep to themselves: it is in no request and no log.
@@ -102,7 +108,7 @@ async def serve(rig: Rig, listen: Listen, announce: Callable[[Mapping[str, str]]
     """
     with listen.bind() as bound:
         port = bound.getsockname()[1]
-        sessions = Sessions()
+        sessions = Sessions(book=book)
         address = f"{listen.scheme}://{_bracketed((*listen.names, listen.host)[0])}:{port}/"
         panel = build_panel(rig, sessions, listen.place(port), port)
         config = uvicorn.Config(

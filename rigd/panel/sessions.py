@@ -16,6 +16,7 @@ from time import monotonic
 from typing import Final, Literal
 
 from rigd.panel.rates import Bucket
+from rigd.panel.session_book import Kept, SessionBook
 
 Role = Literal["operator", "observer"]
 
@@ -51,13 +52,17 @@ class _Code:
 
 
 class Sessions:
-    """All codes and sessions; nothing of them outlives the process."""
+    """All codes and sessions; sessions outlive the process where there is a ``book``."""
 
-    def __init__(self, now: Callable[[], float] = monotonic) -> None:
+    def __init__(
+        self, now: Callable[[], float] = monotonic, book: SessionBook | None = None
+    ) -> None:
         self._now = now
+        self._book = book
         self._codes: dict[bytes, _Code] = {}
         self._sessions: dict[bytes, Session] = {}
         self._count = 0
+        self._recall()
 
     def invite(self, role: Role, valid_s: float = CODE_S) -> str:
         """Return a new code that opens one session."""
@@ -84,6 +89,7 @@ class Sessions:
         key = secrets.token_urlsafe(32)
         session = Session(name, found.role, self._count, self._now())
         self._sessions[_hash(key)] = session
+        self._keep()
         return key, session
 
     def find(self, key: str) -> Session | None:
@@ -99,15 +105,18 @@ class Sessions:
         session = self._sessions.pop(_hash(key), None)
         if session is not None:
             session.over.set()
+            self._keep()
 
     def open_page(self, session: Session) -> None:
         """A page of the session has connected."""
         session.pages += 1
+        self._keep()
 
     def close_page(self, session: Session) -> None:
         """A page of the session is gone."""
         session.pages -= 1
         session.used_s = session.left_s = self._now()
+        self._keep()
 
     def is_gone(self, session: Session, grace_s: float) -> bool:
         """Whether no page of the session has been open for ``grace_s``, or it was closed."""
@@ -117,6 +126,31 @@ class Sessions:
 
     def _is_over(self, session: Session) -> bool:
         return session.pages == 0 and self._now() - session.used_s > IDLE_S
+
+    def _recall(self) -> None:
+        """Take up the sessions that stand in the book."""
+        if self._book is None:
+            return
+        since_s, kept = self._book.read()
+        for one in kept:
+            # While a page was open, the session was in use up to the end of that process.
+            idle_s = 0.0 if one.idle_s is None else one.idle_s + since_s
+            session = Session(one.name, one.role, one.number, self._now() - idle_s)
+            if not self._is_over(session):
+                self._sessions[bytes.fromhex(one.key_sha256)] = session
+            self._count = max(self._count, one.number)
+
+    def _keep(self) -> None:
+        if self._book is None:
+            return
+        now = self._now()
+        self._book.write(
+            [
+                Kept(key.hex(), one.name, one.role, one.number,
+                     None if one.pages else now - one.used_s)
+                for key, one in self._sessions.items()
+            ]
+        )  # fmt: skip
 
     def _forget_old(self) -> None:
         now = self._now()

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import stat
+from pathlib import Path
+
+import pytest
+
 from rigd.panel.rates import MOST_ADDRESSES, Bucket, BucketByAddress
+from rigd.panel.session_book import SessionBook
 from rigd.panel.sessions import CODE_S, IDLE_S, MOST_CODES, MOST_SESSIONS, Sessions
 
 
@@ -137,3 +143,44 @@ def test_one_address_that_asks_too_often_keeps_no_other_out() -> None:
     for number in range(MOST_ADDRESSES):  # the least recent is forgotten, so memory is bounded
         buckets.take(f"other {number}")
     assert buckets.take("10.0.0.1")
+
+
+def test_who_is_logged_in_stays_so_when_the_panel_starts_anew(tmp_path: Path) -> None:
+    clock, wall = Clock(), Clock()
+    book = SessionBook(tmp_path / "panel.json", wall)
+    before = Sessions(clock, book)
+    opened = [before.redeem(before.invite("operator"), name) for name in ("Ada", "Bob", "Eve")]
+    (ada, session), (bob, _), (eve, _) = (one for one in opened if one is not None)
+    before.open_page(session)
+    before.end(eve)
+    wall.now += IDLE_S + 1  # Ada's page was open all the time, Bob's tab is closed since yesterday
+    after = Sessions(clock, book)
+    found = after.find(ada)
+    assert found is not None
+    assert (found.name, found.role, found.number) == ("Ada", "operator", session.number)
+    assert after.find(bob) is None
+    assert after.find(eve) is None
+    new = after.redeem(after.invite("observer"), "Dan")
+    assert new is not None
+    assert new[1].number > session.number
+
+
+def test_the_book_lets_nobody_in(tmp_path: Path) -> None:
+    path = tmp_path / "panel.json"
+    sessions = Sessions(book=SessionBook(path))
+    opened = sessions.redeem(sessions.invite("operator"), "Ada")
+    assert opened is not None
+    assert opened[0] not in path.read_text()
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"written_unix_s": 1, "sessions": [{"name": "Ada"}]}'])
+def test_a_book_that_is_spoilt_costs_new_links_only(
+    tmp_path: Path, text: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "panel.json"
+    path.write_text(text)
+    sessions = Sessions(book=SessionBook(path))
+    assert "each screen needs a new link" in caplog.text
+    assert sessions.redeem(sessions.invite("operator"), "Ada") is not None
+    assert len(SessionBook(path).read()[1]) == 1

@@ -87,6 +87,7 @@ class Serving:
         self._command = [
             sys.executable, "-m", "rigd", "serve", "--rig", str(folder / "rig.yaml"),
             "--runs", str(folder / "runs"), "--procedures", str(folder / "procedures"),
+            "--panel-port", str(free_ports(1)[0]),
         ]  # fmt: skip
         self._processes: list[subprocess.Popen[str]] = []
         self.start()
@@ -256,14 +257,13 @@ def test_what_is_killed_is_shown_as_lost_and_comes_back(serving: Serving) -> Non
         state(page, "Not connected")
         expect(page.locator("#lost")).to_contain_text("use the hardware emergency stop")
 
-        page = Watched(browser).enter(serving.link())
+        state(page, "Idle")  # of the next panel, without a new link
         press(page, "Take control")
         start(page, "0.3")
         serving.kill()
         state(page, "Not connected")
 
         serving.start()
-        page = Watched(browser).enter(serving.link())
         expect(page.locator("#attention")).to_contain_text("A run was interrupted after 0 of 2")
         press(page, "Take control")
         press(page, "Go on with it")
