@@ -125,7 +125,13 @@ class Visitor:
                     connection.putheader(name, value)
             connection.endheaders(body or None)
             answer = connection.getresponse()
-            return answer.status, {k.lower(): v for k, v in answer.getheaders()}, answer.read()
+            headers = {k.lower(): v for k, v in answer.getheaders()}
+            try:
+                return answer.status, headers, answer.read()
+            except (
+                ConnectionResetError
+            ):  # refused by its head, and closed with the body still unread
+                return answer.status, headers, b""
         finally:
             connection.close()
 
