@@ -125,13 +125,13 @@ class Visitor:
                     connection.putheader(name, value)
             connection.endheaders(body or None)
             answer = connection.getresponse()
-            headers = {k.lower(): v for k, v in answer.getheaders()}
+            told = {k.lower(): v for k, v in answer.getheaders()}
             try:
-                return answer.status, headers, answer.read()
+                return answer.status, told, answer.read()
             except (
                 ConnectionResetError
             ):  # refused by its head, and closed with the body still unread
-                return answer.status, headers, b""
+                return answer.status, told, b""
         finally:
             connection.close()
 
