@@ -128,9 +128,8 @@ class Visitor:
             told = {k.lower(): v for k, v in answer.getheaders()}
             try:
                 return answer.status, told, answer.read()
-            except (
-                ConnectionResetError
-            ):  # refused by its head, and closed with the body still unread
+            except ConnectionResetError:
+                # Refused by its head, and closed with the body still unread.
                 return answer.status, told, b""
         finally:
             connection.close()
