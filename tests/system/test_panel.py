@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
+from support.asking import ASKING
 from support.browser import Watched, chromium
 from support.killing import own_state
 from support.wire import ROOT, free_ports
@@ -25,32 +26,6 @@ ENDPOINT = f"tcp/127.0.0.1:{free_ports(1)[0]}"
 #: A crowded machine does everything within this: compiling kernels, identifying.
 PATIENCE_S = 120.0
 expect.set_options(timeout=PATIENCE_S * 1000)
-
-#: Two trials, a question first; with 1 A the rig's interlock trips.
-ASKING = """\
-procedure: asking
-title: Asks, then turns the wheel
-doc: For tests.
-parameters:
-  current: {doc: Amplitude, unit: A, default: 0.3 A, min: 0 A, max: 1.5 A}
-repeats: 2
-prepare:
-  - prompt: weigh
-    text: What does the scale show?
-    unit: kg
-    min: 1 kg
-    max: 6 kg
-    answer: 3.9 kg
-trial:
-  steps:
-    - step: shake
-      set: {wheel_servo.current: {sine: {amplitude: "${current}", frequency: 2 Hz}}}
-      for: 6 s
-finish:
-  - step: hold
-    set: {wheel_servo.current: 0 A}
-    for: 0.2 s
-"""
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +44,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         text = text.replace(old, new)
     (made / "rig.yaml").write_text(f"{text}\nremote: {{listen: [{ENDPOINT}]}}\n")
     (made / "procedures").mkdir()
-    (made / "procedures" / "asking.yaml").write_text(ASKING)
+    (made / "procedures" / "asking.yaml").write_text(
+        ASKING.replace("default: 0.5 s", "default: 6 s")  # with 1 A the interlock trips
+    )
     (made / "runs").mkdir()
     subprocess.run(
         [sys.executable, "-m", "rigd", "run", "constant_current", "--rig", "lugre-1",

@@ -8,6 +8,7 @@ from itertools import takewhile
 from pathlib import Path
 
 import pytest
+from support.asking import ASKING
 from support.command import rigd, start
 from support.daemon import Daemon
 from support.served_lugre import RIG, served_lugre
@@ -18,32 +19,6 @@ from rigd.remote import Client
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.limits import LEASE_S
 
-#: Asks, then turns the wheel while the belt holds the carriage, in each of two trials.
-ASKING = """\
-procedure: asking
-title: Asks, then turns the wheel
-doc: For tests.
-parameters:
-  current: {doc: Amplitude, unit: A, default: 0.3 A, min: 0 A, max: 0.5 A}
-  time: {doc: How long, unit: s, default: 0.5 s, max: 7200 s}
-repeats: 2
-prepare:
-  - prompt: weigh
-    text: What does the scale show?
-    unit: kg
-    min: 1 kg
-    max: 6 kg
-    answer: 3.9 kg
-trial:
-  steps:
-    - step: shake
-      set: {wheel_servo.current: {sine: {amplitude: "${current}", frequency: 2 Hz}}}
-      for: ${time}
-finish:
-  - step: hold
-    set: {wheel_servo.current: 0 A}
-    for: 0.2 s
-"""
 #: A crowded machine does everything within this.
 PATIENCE_S = 90.0
 
