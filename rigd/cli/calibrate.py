@@ -192,16 +192,18 @@ def _evaluate(recording: Path, known: Path | None) -> CalibrationEvaluation:
 
 def _agreed(planned: Renewal, recording: Path, *, may_ask: bool) -> bool:
     """Return whether a person at this terminal wants the file written; without one, it is not."""
-    if not (may_ask and sys.stdin.isatty() and sys.stderr.isatty()):
+    from rigd.cli.asking import ask, is_terminal
+
+    if not (may_ask and is_terminal()):
         print(
             "rigd: not written: nobody can be asked here; give --yes\n"
             f"  rigd calibrate --from {recording} --operator NAME --yes",
             file=sys.stderr,
         )
         return False
-    sys.stderr.write(f"\nWrite this to {planned.new.path}? [yes/no]: ")
-    sys.stderr.flush()
-    if sys.stdin.readline().strip().lower() in ("y", "yes"):
+    question = f"\nWrite this to {planned.new.path}? [yes/no]: "
+    sys.stdout.flush()  # what it is about stands above it
+    if ask(question, sys.stdin, sys.stderr).strip().lower() in ("y", "yes"):
         return True
     print("not written", file=sys.stderr)
     return False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import textwrap
+import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -13,6 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import TextColumn, TimeRemainingColumn
 
+from rigd.cli.asking import ask
 from rigd.cli.trial_bar import TrialBar
 from rigd.daemon.execute import Recorded
 from rigd.daemon.provenance import trial_label
@@ -112,6 +114,7 @@ class ConsoleAnswers:
         self._lines = lines
         self._screen = screen
         self._quieten = quieten
+        self._withdrawn = threading.Event()  # of the question that stands there now
 
     def can_answer(self, prompt: Prompt) -> bool:
         """Return whether a person sits at both ends."""
@@ -123,25 +126,30 @@ class ConsoleAnswers:
         Raises:
             ProcedureError: the terminal went away.
         """
+        self._withdrawn = threading.Event()
         with self._quieten():
-            if objection:
-                self._screen.write(f"\n{wrapped(objection, indent='  ')}\n")
-            return self._ask(prompt)
+            return self._ask(prompt, f"\n{wrapped(objection, indent='  ')}\n" if objection else "")
 
     def withdraw(self) -> None:
-        """Leave the question on the screen: its thread waits for a line, and dies with us."""
+        """Leave the question on the screen; the next line that is typed is not for it."""
+        self._withdrawn.set()
 
-    def _ask(self, prompt: Prompt) -> Answer:
+    def _ask(self, prompt: Prompt, remark: str) -> Answer:
+        withdrawn = self._withdrawn
         while True:
-            self._screen.write(f"\n{wrapped(prompt.text)}\n{invitation(prompt)}: ")
-            self._screen.flush()
-            line = self._lines.readline()
+            question = remark + question_of(prompt)
+            line = ask(question, self._lines, self._screen, withdrawn.is_set)
             if not line:
                 raise ProcedureError(f"prompt {prompt.name!r} was not answered")
             try:
                 return read_answer(prompt, line.strip())
             except ValueError as error:
-                self._screen.write(f"  {error}\n")
+                remark = f"  {error}\n"
+
+
+def question_of(prompt: Prompt) -> str:
+    """Return what stands at the terminal before the answer."""
+    return f"\n{wrapped(prompt.text)}\n{invitation(prompt)}: "
 
 
 def wrapped(text: str, indent: str = "") -> str:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import pty
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from support.command import TIMEOUT_S, Ended, rigd
+from support.command import Ended, rigd
+from support.terminal import Terminal
 
 from rigd.config.calibration import load_calibration, parse_calibration
 from rigd.config.shipped import shipped_folder
@@ -120,16 +117,16 @@ def test_without_a_terminal_and_without_yes_nothing_is_written(
 def test_a_person_is_asked_before_anything_is_replaced(
     torque: Path, bench: Path, answer: str, code: int, written: bool
 ) -> None:
-    ours, theirs = pty.openpty()
-    command = [sys.executable, "-m", "rigd", "calibrate", "--from", str(torque), *OPERATOR,
-               "--rig", "bench.yaml"]  # fmt: skip
-    with subprocess.Popen(
-        command, cwd=bench, stdin=theirs, stderr=theirs, stdout=subprocess.DEVNULL
-    ) as process:
-        os.close(theirs)
-        os.write(ours, f"{answer}\n".encode())
-        assert process.wait(TIMEOUT_S) == code
-    os.close(ours)
+    words = ["calibrate", "--from", str(torque), *OPERATOR, "--rig", "bench.yaml"]
+    terminal = Terminal.open(words, bench)
+    try:
+        terminal.type("yes" if answer == "no" else "no")  # too early: no answer to what comes
+        terminal.expect("Write this to")
+        terminal.expect("[yes/no]: ")
+        terminal.type(answer)
+        assert terminal.end() == code
+    finally:
+        terminal.close()
     assert (load_calibration(bench / FILE).history != ()) == written
 
 

@@ -104,6 +104,22 @@ def test_a_person_is_asked_again_until_the_rig_shows_what_they_say(
     assert checks(tmp_path) == [(0.2, False), (0.001, True), (True, True)]
 
 
+def test_lines_typed_before_a_question_do_not_answer_it(
+    open_terminal: Callable[..., Terminal], tmp_path: Path
+) -> None:
+    (tmp_path / "checked.yaml").write_text(CHECKED, "utf-8")
+    terminal = open_terminal("checked.yaml", "--rig", "lugre-1", "--ask")
+    terminal.type("1 mm")  # while it starts
+    terminal.type("yes")
+    terminal.expect("value with unit, -1000 mm to 1000 mm: ")
+    terminal.type("1 mm\nyes\nyes")  # more lines than the question has asked for
+    terminal.expect("Have you let go?\r\ndone? [yes/no]: ")
+    terminal.type("no")
+    assert terminal.end() == 6
+    assert "prompt 'let_go' was declined" in terminal.seen
+    assert checks(tmp_path) == [(0.001, True)]
+
+
 def test_an_answer_of_the_file_that_the_rig_does_not_show_ends_the_run(tmp_path: Path) -> None:
     (tmp_path / "checked.yaml").write_text(CHECKED, "utf-8")
     done = rigd("run", "checked.yaml", "--rig", "lugre-1", "--output", "run.mcap", cwd=tmp_path)

@@ -10,9 +10,10 @@ from collections.abc import AsyncGenerator, Coroutine
 from contextlib import aclosing
 from typing import TYPE_CHECKING, Final
 
+from rigd.cli.asking import is_terminal
 from rigd.cli.remote.command import again, print_json
 from rigd.cli.remote.display import RemoteDisplay, conclude
-from rigd.cli.remote.prompting import LEAVING, Lines, as_prompt, ask, is_terminal
+from rigd.cli.remote.prompting import LEAVING, Lines, as_prompt, ask
 from rigd.model.errors import Exit, LinkError, RigdError
 from rigd.remote.client.watching import RunWatch
 from rigd.remote.protocol import Status
@@ -199,10 +200,7 @@ class Watch:
         self._ask(self._leave(), _LEAVE)
 
     async def _leave(self) -> None:
-        self._lines.forget()
-        sys.stderr.write(LEAVING)
-        sys.stderr.flush()
-        match (await self._lines.next()).strip().lower():
+        match (await self._lines.ask(LEAVING, sys.stderr)).strip().lower():
             case "s" | "stop":
                 self._stop()
             case "w" | "watch":
