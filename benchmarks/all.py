@@ -23,6 +23,7 @@ BENCHES = (
     "plant",
     "simulated_run",
     "simulated_bus",
+    "modbus_codec",
     "register_card",
     "cycle",
     "card_blocks",

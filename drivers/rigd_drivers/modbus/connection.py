@@ -54,7 +54,7 @@ class ConnectionConfig(DriverConfig):
         if misplaced:
             other = "serial_port" if self.host is not None else "host"
             raise ValueError(f"'{min(misplaced)}' belongs to '{other}'; remove it here")
-        if self.longest_reply < self.timeout:
+        if self.serial_port is not None and self.longest_reply < self.timeout:
             raise ValueError("'longest_reply' must be at least 'timeout'")
         if self.serial_port is not None and self.unit == 0:
             raise ValueError("unit 0 is the broadcast address: nobody answers it on a serial line")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rigd_drivers.modbus.framing import Framing, Trouble
-from rigd_drivers.modbus.pdu import REFUSAL, Request
+from rigd_drivers.modbus.pdu import Request
 
 #: Status bits that one :class:`Trouble` each takes, from this one up, and those of their count.
 TROUBLE_BIT: Final = 8
@@ -102,7 +102,7 @@ class Exchange:
             if data:
                 self._ignore(now_ns)
             return None
-        while True:
+        while self._buffer:
             pdu = self._framing.unwrap(self._buffer, self._unit, request)
             if isinstance(pdu, bytes):
                 return self._finish(request, pdu, now_ns)
@@ -135,10 +135,11 @@ class Exchange:
         return news << TROUBLE_BIT | (sum(self.counts) & 0xFF) << COUNT_BIT
 
     def _finish(self, request: Request, pdu: bytes, now_ns: int) -> Answer | Failure:
-        if len(pdu) == 2 and pdu[0] == request.function | REFUSAL:
+        code = request.refusal(pdu)
+        if code is not None:
             self._rest(now_ns)
             self._count(Trouble.REFUSED)
-            return Failure(request, Trouble.REFUSED, pdu[1])
+            return Failure(request, Trouble.REFUSED, code)
         words = request.words(pdu)
         if words is None:
             return self._fail(request, Trouble.WRONG_REPLY, now_ns)

@@ -1,4 +1,8 @@
-"""Frames around requests and replies, on TCP and on a serial line; no I/O.
+"""Frames around requests and replies, by pymodbus's framers; no I/O.
+
+The framers alone would not do: that of TCP waits for ever behind a header that is not Modbus, that
+of RTU searches noise for a frame and drops what stands before and behind it. What rigd adds is
+which frame counts, and a name for each that does not.
 
 Sources: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, section 3.1.3 (MBAP header);
 MODBUS over Serial Line V1.02, sections 2.5.1 (RTU frame) and 6.2.2 (CRC).
@@ -6,12 +10,13 @@ MODBUS over Serial Line V1.02, sections 2.5.1 (RTU frame) and 6.2.2 (CRC).
 
 from __future__ import annotations
 
-import struct
 from enum import IntEnum
 from typing import Final, Protocol
 
+from pymodbus.framer import FramerRTU, FramerSocket
+
 from rigd.sdk import ProtocolError
-from rigd_drivers.modbus.pdu import REFUSAL, Request
+from rigd_drivers.modbus.pdu import DECODER, Request
 
 
 class Trouble(IntEnum):
@@ -50,11 +55,13 @@ class Framing(Protocol):
 class TcpFraming:
     """Frames with an MBAP header: transaction, protocol 0, length, unit."""
 
-    _HEADER: Final = struct.Struct(">HHHB")
+    #: The header up to its length field: how many bytes follow it.
+    _HEAD: Final = 6
     #: Length field of the shortest and the longest frame: unit and a PDU of 2 to 253 bytes.
     _LENGTHS: Final = range(3, 255)
 
     def __init__(self) -> None:
+        self._framer = FramerSocket(DECODER)
         self._transaction = 0
         self._sent = 0
 
@@ -62,23 +69,24 @@ class TcpFraming:
         """See :class:`Framing`; each frame has the next transaction number."""
         self._transaction = (self._transaction + 1) & 0xFFFF
         self._sent += 1
-        return self._HEADER.pack(self._transaction, 0, len(request.pdu) + 1, unit) + request.pdu
+        return self._framer.encode(request.pdu, unit, self._transaction)
 
     def unwrap(self, buffer: bytearray, unit: int, request: Request) -> bytes | Trouble | None:
         """See :class:`Framing`."""
-        if len(buffer) < self._HEADER.size:
+        if len(buffer) <= self._HEAD:
             return None
-        transaction, protocol, length, got_unit = self._HEADER.unpack_from(buffer)
+        protocol, length = (int.from_bytes(buffer[i : i + 2], "big") for i in (2, 4))
         if protocol != 0 or length not in self._LENGTHS:
             raise ProtocolError(
                 f"received {bytes(buffer[:8]).hex(' ')}: protocol {protocol}, length {length}; "
                 "expected protocol 0 and a length of 3 to 254",
                 hint="the server at this address and port does not speak Modbus TCP, or lost bytes",
             )
-        if len(buffer) < 6 + length:
+        size = self._HEAD + length
+        if len(buffer) < size:
             return None
-        pdu = bytes(buffer[7 : 6 + length])
-        del buffer[: 6 + length]
+        _, got_unit, transaction, pdu = self._framer.decode(bytes(buffer[:size]))
+        del buffer[:size]
         if transaction != self._transaction:
             age = (self._transaction - transaction) & 0xFFFF
             return Trouble.LATE if age < self._sent else Trouble.WRONG_TRANSACTION
@@ -93,28 +101,28 @@ class RtuFraming:
     """Frames on a serial line: unit, PDU, CRC; where one ends, only silence or its length tells.
 
     A reply is taken only when everything since the request is exactly one whole frame, from the
-    unit, of the function and length asked for, with a right check sum.
+    unit, of the length asked for or that of a refusal, with a right check sum.
     """
 
-    _MIN_SIZE: Final = 4
-    _REFUSAL_SIZE: Final = 5
+    #: Unit and check sum: what a frame has beside its PDU.
+    _AROUND: Final = 3
+    _REFUSAL_SIZE: Final = 2
+
+    def __init__(self) -> None:
+        self._framer = FramerRTU(DECODER)
 
     def wrap(self, unit: int, request: Request) -> bytes:
         """See :class:`Framing`."""
-        body = bytes([unit]) + request.pdu
-        return body + crc16(body).to_bytes(2, "little")
+        return self._framer.encode(request.pdu, unit, 0)
 
     def unwrap(self, buffer: bytearray, unit: int, request: Request) -> bytes | Trouble | None:
         """See :class:`Framing`; what is wrong is named by :meth:`leftover`, once it has ended."""
-        if len(buffer) < self._MIN_SIZE or buffer[0] != unit:
+        size = len(buffer) - self._AROUND
+        if size not in (request.reply_size, self._REFUSAL_SIZE):
             return None
-        refused = buffer[1] == request.function | REFUSAL
-        if not refused and buffer[1] != request.function:
-            return None
-        size = self._REFUSAL_SIZE if refused else request.reply_size + 3
-        if len(buffer) != size or not _checks(buffer):
-            return None
-        pdu = bytes(buffer[1:-2])
+        _, got_unit, _, pdu = self._framer.decode(bytes(buffer))
+        if len(pdu) != size or got_unit != unit:
+            return None  # a shorter one: found within what came
         buffer.clear()
         return pdu
 
@@ -122,27 +130,11 @@ class RtuFraming:
         """See :class:`Framing`."""
         if not buffer:
             return Trouble.TIMEOUT
-        if len(buffer) >= self._MIN_SIZE and _checks(buffer):
+        if len(buffer) > self._AROUND and _checks(buffer):
             return Trouble.WRONG_REPLY if buffer[0] == unit else Trouble.WRONG_UNIT
-        return Trouble.CRC if len(buffer) == request.reply_size + 3 else Trouble.GARBLED
-
-
-def crc16(data: bytes | bytearray) -> int:
-    """Return the CRC-16 of ``data`` (polynomial 0xA001 reflected, from 0xFFFF; section 6.2.2)."""
-    crc = 0xFFFF
-    for byte in data:
-        crc = (crc >> 8) ^ _CRC_TABLE[(crc ^ byte) & 0xFF]
-    return crc
+        sized = len(buffer) == request.reply_size + self._AROUND
+        return Trouble.CRC if sized else Trouble.GARBLED
 
 
 def _checks(frame: bytearray) -> bool:
-    return crc16(frame[:-2]) == int.from_bytes(frame[-2:], "little")
-
-
-def _crc_of(byte: int) -> int:
-    for _ in range(8):
-        byte = (byte >> 1) ^ (0xA001 if byte & 1 else 0)
-    return byte
-
-
-_CRC_TABLE: Final = tuple(_crc_of(byte) for byte in range(256))
+    return FramerRTU.check_CRC(bytes(frame[:-2]), int.from_bytes(frame[-2:], "big"))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from rigd_drivers.modbus.exchange import Answer, Exchange, Failure, Timing
-from rigd_drivers.modbus.framing import RtuFraming, TcpFraming, Trouble, crc16
+from rigd_drivers.modbus.framing import RtuFraming, TcpFraming, Trouble
 from rigd_drivers.modbus.pdu import read_registers, write_register
+from rigd_sim.wire.modbus.frames import check_sum
 
 MS = 1_000_000
 RTU = Timing(50 * MS, settle_ns=200 * MS, gap_ns=2 * MS, byte_ns=MS // 10)
@@ -15,7 +16,7 @@ WIRE = 15 * MS // 10
 
 def answer(value: int) -> bytes:
     body = bytes([1, 3, 2, value >> 8, value & 0xFF])
-    return body + crc16(body).to_bytes(2, "little")
+    return body + check_sum(body).to_bytes(2, "little")
 
 
 def test_a_serial_line_waits_for_the_gap_after_an_answer() -> None:

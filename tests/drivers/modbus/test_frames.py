@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rigd.sdk import ProtocolError
-from rigd_drivers.modbus.framing import RtuFraming, TcpFraming, Trouble, crc16
+from rigd_drivers.modbus.framing import Framing, RtuFraming, TcpFraming, Trouble
 from rigd_drivers.modbus.pdu import (
     READ_INPUT,
     Request,
@@ -15,6 +17,7 @@ from rigd_drivers.modbus.pdu import (
     write_register,
     write_registers,
 )
+from rigd_sim.wire.modbus.frames import check_sum, take_rtu, take_tcp
 
 WATCHED = read_registers(0x0200, 2)
 
@@ -72,7 +75,93 @@ def test_serial_frames_of_the_delta_manuals(
 
 def test_the_check_sum_of_the_standard() -> None:
     # MODBUS over Serial Line V1.02, section 6.2.2: 02 07 gives 0x1241, sent as 41 12.
-    assert crc16(b"\x02\x07") == 0x1241
+    assert check_sum(b"\x02\x07") == 0x1241  # the witness of the tests below
+    assert RtuFraming().wrap(2, Request(b"\x07", 2, "")) == bytes.fromhex("02 07 41 12")
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        "03 02 00 B1 1F 40",  # a byte count of one register, two came
+        "03 03 00 B1 1F 40",
+        "03 06 00 B1 1F 40",
+        "03 04 00 B1",
+        "03 04 00 B1 1F 40 00",
+        "04 04 00 B1 1F 40",
+        "83",
+        "83 02 00",
+        "84 02",
+        "80 02",
+        "2B 0E 01 01 00 00",
+        "08 00 00 00 00 00",
+        "00",
+    ],
+)
+def test_a_reply_that_lies_answers_nothing(reply: str) -> None:
+    pdu = bytes.fromhex(reply)
+    assert WATCHED.words(pdu) is None
+    assert WATCHED.refusal(pdu) is None
+
+
+@pytest.mark.parametrize(
+    "reply", ["06 00 01 00 04", "06 00 02 00 03", "06 00 01 00", "10 00 01 00 03"]
+)
+def test_another_echo_acknowledges_no_write(reply: str) -> None:
+    assert write_register(1, 3).words(bytes.fromhex(reply)) is None
+    assert write_registers(1, [3]).words(bytes.fromhex(reply)) is None
+
+
+@given(st.binary(min_size=1, max_size=12), st.booleans())
+def test_only_the_answer_of_the_standard_is_read(reply: bytes, likely: bool) -> None:
+    """Section 6.3 read strictly, as written here once more, decides what is an answer."""
+    if likely:
+        reply = b"\x03\x04" + reply
+    words = None
+    if len(reply) == 6 and reply[:2] == b"\x03\x04":
+        words = (reply[2] << 8 | reply[3], reply[4] << 8 | reply[5])
+    assert WATCHED.words(reply) == words
+    code = reply[1] if len(reply) == 2 and reply[0] == 0x83 else None
+    assert WATCHED.refusal(reply) == code
+
+
+@given(
+    st.integers(1, 247),
+    st.integers(0, 0xFFFF - 123),
+    st.lists(st.integers(0, 0xFFFF), min_size=1, max_size=123),
+)
+def test_frames_are_those_that_the_other_side_reads(
+    unit: int, address: int, words: list[int]
+) -> None:
+    request = write_registers(address, words)
+    ask = take_rtu(bytearray(RtuFraming().wrap(unit, request)))
+    assert ask is not None
+    assert (ask.unit, ask.pdu) == (unit, request.pdu)
+    ask = take_tcp(bytearray(TcpFraming().wrap(unit, request)))
+    assert ask is not None
+    assert (ask.unit, ask.pdu, ask.transaction) == (unit, request.pdu, 1)
+
+
+@pytest.mark.parametrize("framing", [TcpFraming(), RtuFraming()])
+def test_an_answer_in_single_bytes_counts_once_whole(framing: Framing) -> None:
+    framing.wrap(1, WATCHED)
+    rtu = "01 03 04 00 B1 1F 40 A3 D4"
+    tcp = "00 01 00 00 00 07 01 03 04 00 B1 1F 40"
+    frame = bytes.fromhex(rtu if isinstance(framing, RtuFraming) else tcp)
+    buffer = bytearray()
+    for byte in frame[:-1]:
+        buffer.append(byte)
+        assert framing.unwrap(buffer, 1, WATCHED) is None
+    buffer.append(frame[-1])
+    assert framing.unwrap(buffer, 1, WATCHED) == bytes.fromhex("03 04 00 B1 1F 40")
+    assert not buffer
+
+
+def test_nothing_is_printed_about_what_cannot_be_read(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])  # as where nobody set up logging
+    assert WATCHED.words(b"\x03\x06\x00\xb1\x1f\x40") is None
+    assert capsys.readouterr() == ("", "")
 
 
 def test_tcp_frames_of_the_guide() -> None:
@@ -107,7 +196,7 @@ def test_what_is_not_exactly_the_answer_is_named_and_never_taken(
     framing = RtuFraming()
     buffer = bytearray.fromhex(reply)
     if trouble is Trouble.WRONG_UNIT:
-        buffer[-2:] = crc16(buffer[:-2]).to_bytes(2, "little")
+        buffer[-2:] = check_sum(buffer[:-2]).to_bytes(2, "little")
     assert framing.unwrap(buffer, 1, WATCHED) is None
     assert framing.leftover(buffer, 1, WATCHED) is trouble
 
@@ -127,7 +216,7 @@ def test_no_burst_of_up_to_16_wrong_bits_is_taken(position: int, pattern: int) -
 def test_noise_on_a_serial_line_is_never_an_answer(noise: bytes) -> None:
     framing = RtuFraming()
     buffer = bytearray(noise)
-    assert framing.unwrap(buffer, 1, WATCHED) is None or crc16(noise[:-2]) == int.from_bytes(
+    assert framing.unwrap(buffer, 1, WATCHED) is None or check_sum(noise[:-2]) == int.from_bytes(
         noise[-2:], "little"
     )
 

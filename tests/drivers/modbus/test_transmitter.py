@@ -304,6 +304,12 @@ def test_another_unit_of_measurement_is_refused(transmitter: TransmitterBench) -
         transmitter.driver(map="seneca-z-sg2", scale="1 N/count").open()
 
 
+def test_a_slow_device_on_tcp_may_take_its_time() -> None:
+    options = {"host": "h", "map": "laumas-tlb4", "scale": "1 N/count", "low": "0 N", "high": "9 N"}
+    config = TransmitterConfig.model_validate(options | {"timeout": "0.5 s"})
+    assert config.lost_reply_s() == 0.5
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

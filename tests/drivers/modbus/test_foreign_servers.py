@@ -1,0 +1,134 @@
+"""The driver against servers of other authors: pyModbusTCP on TCP, modbus-tk on a serial line.
+
+The driver's codec is pymodbus's, so pymodbus's own server would prove nothing about it.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import tty
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import pytest
+from modbus_tk import defines, modbus_rtu
+from pyModbusTCP.server import DataBank, ModbusServer
+
+from rigd.sdk import DeviceError
+from rigd_drivers.modbus.client import Client
+from rigd_drivers.modbus.connection import ConnectionConfig
+from rigd_drivers.modbus.pdu import READ_INPUT, read_registers, write_register, write_registers
+
+# modbus-tk's thread calls a name of threading that has a new one.
+pytestmark = pytest.mark.filterwarnings("ignore:isSet:DeprecationWarning")
+
+HOLDING, INPUTS = [555, 0, 100], [10, 0xFFFF]
+#: Registers 0 to 99 exist.
+REGISTERS = 100
+
+
+@dataclass
+class PtyPort:
+    """As much of pyserial's port as modbus-tk uses, on the far end of a pty."""
+
+    fd: int
+    name: str
+    baudrate: int = 115200
+    is_open: bool = True
+    timeout: float | None = None
+    inter_byte_timeout: float = 0.0
+
+    @property
+    def in_waiting(self) -> int:
+        return len(select.select([self.fd], [], [], 0)[0])
+
+    def read(self, size: int) -> bytes:
+        wait_s = 0.02 if self.timeout is None else self.timeout
+        return os.read(self.fd, size) if select.select([self.fd], [], [], wait_s)[0] else b""
+
+    def write(self, data: bytes) -> None:
+        os.write(self.fd, data)
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def cancel_read(self) -> None:
+        """A read ends by itself."""
+
+    def close(self) -> None:
+        self.is_open = False
+
+
+@pytest.fixture
+def tcp() -> Iterator[Client]:
+    """A client of pyModbusTCP's server."""
+    bank = DataBank(h_regs_size=REGISTERS, i_regs_size=REGISTERS)
+    bank.set_holding_registers(7, HOLDING)
+    bank.set_input_registers(3, INPUTS)
+    server = ModbusServer("127.0.0.1", 0, no_block=True, data_bank=bank)
+    server.start()
+    assert server._service is not None
+    port = server._service.server_address[1]
+    config = ConnectionConfig.model_validate({"host": "127.0.0.1", "port": port, "timeout": "1 s"})
+    client = config.client(0.0)
+    client.open()
+    yield client
+    client.close()
+    server.stop()
+
+
+@pytest.fixture
+def rtu() -> Iterator[Client]:
+    """A client of modbus-tk's server."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    server = modbus_rtu.RtuServer(PtyPort(master, os.ttyname(slave)))
+    unit = server.add_slave(1)
+    unit.add_block("holding", defines.HOLDING_REGISTERS, 0, REGISTERS)
+    unit.add_block("input", defines.READ_INPUT_REGISTERS, 0, REGISTERS)
+    unit.set_values("holding", 7, HOLDING)
+    unit.set_values("input", 3, INPUTS)
+    server.start()
+    line = {"serial_port": os.ttyname(slave), "baud": 115200, "parity": "none"}
+    config = ConnectionConfig.model_validate(line | {"timeout": "1 s", "longest_reply": "1 s"})
+    client = config.client(0.0)
+    client.open()
+    yield client
+    client.close()
+    server.stop()
+    os.close(master)
+    os.close(slave)
+
+
+@pytest.fixture(params=["tcp", "rtu"])
+def client(request: pytest.FixtureRequest) -> Client:
+    """One of them, opened."""
+    found = request.getfixturevalue(request.param)
+    assert isinstance(found, Client)
+    return found
+
+
+def test_registers_are_read_with_both_functions(client: Client) -> None:
+    assert client.ask(read_registers(7, 3)) == tuple(HOLDING)
+    assert client.ask(read_registers(3, 2, READ_INPUT)) == tuple(INPUTS)
+    assert sum(client.counts) == 0
+
+
+def test_what_is_written_stands_there(client: Client) -> None:
+    assert client.ask(write_register(20, 0xABCD)) == ()
+    assert client.ask(write_registers(21, [1, 0xFFFF, 3])) == ()
+    assert client.ask(read_registers(20, 4)) == (0xABCD, 1, 0xFFFF, 3)
+    assert sum(client.counts) == 0
+
+
+def test_the_largest_read_and_write_pass(client: Client) -> None:
+    words = list(range(1000, 1000 + REGISTERS))
+    assert client.ask(write_registers(0, words)) == ()
+    assert client.ask(read_registers(0, REGISTERS)) == tuple(words)
+
+
+def test_a_refusal_is_named(client: Client) -> None:
+    with pytest.raises(DeviceError, match="exception 2, illegal data address"):
+        client.ask(read_registers(REGISTERS, 1))
+    assert client.ask(read_registers(7, 1)) == (HOLDING[0],)
