@@ -19,8 +19,7 @@ from rigd.daemon.provenance import trial_label
 from rigd.engine.result import RunResult
 from rigd.model.errors import ConfigError, Exit, RigdError
 from rigd.procedure.program import CompiledProcedure
-from rigd.record import Recording, run_info
-from rigd.record.info import TrialInfo
+from rigd.record import Recording, TrialInfo, run_info
 
 #: Endings that say nothing about the procedure: the rig was not fit, or a device failed.
 _NOT_ITS_DOING: Final = frozenset({"blocked", "faulted"})

@@ -157,3 +157,20 @@ def parse_quantity(text: str) -> Quantity:
 def format_quantity(value: float, unit: str) -> str:
     """Return SI ``value`` as text in ``unit``, such as ``0.15 A``."""
     return str(Quantity(value, parse_unit(unit)))
+
+
+#: Derived units that people know better than their base units.
+_NAMED: Final = {parse_unit(name).dimension: name for name in ("N", "V", "W", "Pa", "ohm", "H")}
+
+
+def si_symbol(dimension: Dimension) -> str:
+    """Return the SI unit of a dimension: ``N``, ``kg m/s``, or ``1``."""
+    if dimension in _NAMED:
+        return _NAMED[dimension]
+    above = [_power(base, n) for base, n in zip(BASES, dimension, strict=True) if n > 0]
+    below = [_power(base, -n) for base, n in zip(BASES, dimension, strict=True) if n < 0]
+    return (" ".join(above) or "1") + "".join(f"/{one}" for one in below)
+
+
+def _power(base: str, exponent: int) -> str:
+    return base if exponent == 1 else f"{base}^{exponent}"

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final, TypeAlias
 
-from rigd.model.units import BASES, NO_DIMENSION, Dimension, parse_unit
+from rigd.model.units import NO_DIMENSION, Dimension, parse_unit, si_symbol
 
 #: How deep brackets may nest.
 _MAX_DEPTH: Final = 20
@@ -259,20 +259,6 @@ def _join(node: Operation, left: Number, right: Number) -> Number:
     return joined
 
 
-#: Derived units that people know better than their base units.
-_NAMED: Final = {parse_unit(name).dimension: name for name in ("N", "V", "W", "Pa", "ohm", "H")}
-
-
 def describe(dimension: Dimension) -> str:
     """Return a dimension for a person: ``N``, ``kg m/s``, or ``a plain number``."""
-    if dimension in _NAMED:
-        return _NAMED[dimension]
-    above = [_power(base, n) for base, n in zip(BASES, dimension, strict=True) if n > 0]
-    below = [_power(base, -n) for base, n in zip(BASES, dimension, strict=True) if n < 0]
-    if not above and not below:
-        return "a plain number"
-    return (" ".join(above) or "1") + "".join(f"/{one}" for one in below)
-
-
-def _power(base: str, exponent: int) -> str:
-    return base if exponent == 1 else f"{base}^{exponent}"
+    return "a plain number" if dimension == NO_DIMENSION else si_symbol(dimension)

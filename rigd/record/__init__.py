@@ -5,10 +5,13 @@ To export one, import :mod:`rigd.record.export`.
 
 from rigd.record.catalogue import BrokenRun, Catalogue, Filters, list_runs
 from rigd.record.events import NO_TRIAL, Event
-from rigd.record.info import RunInfo, StreamInfo, TrialInfo, info_json, run_info, trials
+from rigd.record.info import RunInfo, StreamInfo, info_json, run_info
 from rigd.record.prefix import Attachment
 from rigd.record.reader import Recording
 from rigd.record.recover import RecoveryReport, recover
+from rigd.record.tables import Table
+from rigd.record.trial import Trial, Trials
+from rigd.record.trials import Step, TrialInfo, steps, trials
 from rigd.record.writer import RecordingWriter
 
 __all__ = [
@@ -22,11 +25,16 @@ __all__ = [
     "RecordingWriter",
     "RecoveryReport",
     "RunInfo",
+    "Step",
     "StreamInfo",
+    "Table",
+    "Trial",
     "TrialInfo",
+    "Trials",
     "info_json",
     "list_runs",
     "recover",
     "run_info",
+    "steps",
     "trials",
 ]

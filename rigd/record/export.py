@@ -7,41 +7,24 @@ recorder nor ``rigd info`` should pay.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final, Literal
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pa_parquet
 import scipy.io
-from numpy.typing import NDArray
 
-from rigd.model import RecordingError, Stream
-from rigd.model.channels import STATUS_FIELD
-from rigd.model.rows import TIME_FIELD
-from rigd.record.events import NO_TRIAL, Event
-from rigd.record.info import TrialInfo, trials
+from rigd.model import RecordingError
 from rigd.record.reader import Recording
 from rigd.record.schema import EVENTS_STREAM
+from rigd.record.tables import TRIALS_TABLE, Table, events_table
 
 Format = Literal["parquet", "csv", "mat"]
 #: Longest name of a field that MATLAB 7 files can hold (``long_field_names`` of scipy).
 MAX_MAT_NAME: Final = 63
-
-Column = NDArray[Any] | Sequence[str]
-
-
-@dataclass(frozen=True)
-class Table:
-    """One stream, or the events, as columns of equal length with a unit each ("" for none)."""
-
-    name: str
-    columns: Mapping[str, Column]
-    units: Mapping[str, str]
-    docs: Mapping[str, str]
+_MAT_HEADER_BYTES: Final = 128
 
 
 def export(
@@ -54,92 +37,62 @@ def export(
 ) -> list[Path]:
     """Write each stream, and the events, to ``folder`` as a table of its own; return the files.
 
-    Every table has ``t_ns`` (ns since the Unix epoch), ``time`` (s since the recording began)
-    and ``trial`` (-1 outside of trials). A NaN stays one. ``streams`` None: all, with events.
+    The columns are those of :mod:`rigd.record.tables`. A NaN stays one. ``streams`` None: all,
+    with events. The table of the trials is written always.
 
     Raises:
         RecordingError: no such stream, a file exists (unless ``overwrite``), or it cannot be
             written. Files written before the error stay.
 
     """
-    events = recording.events()
-    attempts = trials(events)
     names = [*recording.streams, EVENTS_STREAM] if streams is None else list(streams)
+    trials_name = _free_table_name(recording)
+    names.append(trials_name)
+    for name in names:
+        if name not in (EVENTS_STREAM, trials_name):
+            recording.count(name)  # raises where there is no such stream
     write, targets = _WRITERS[format], {name: _target(folder, name, format) for name in names}
-    existing = [str(path) for path in targets.values() if path.exists()]
+    # That of the trials is there if another stream was exported before; it must be the same.
+    existing = [str(path) for name, path in targets.items() if path.exists() and name in names[:-1]]
     if existing and not overwrite:
-        raise RecordingError(
-            f"{', '.join(existing)} exists already", hint="Choose another folder, or overwrite."
-        )
+        raise _exists(*existing)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, path in targets.items():
-            if name == EVENTS_STREAM:
-                table = events_table(events, recording.start_ns)
-            else:
-                table = stream_table(recording, name, attempts)
             # Beside and then renamed, so that no half table looks like a whole one.
             beside = path.with_name(path.name + ".part")
-            write(table, recording, beside)
+            write(_table(recording, name), recording, beside)
+            if path.exists() and not overwrite and not _same(beside, path):
+                beside.unlink()
+                raise _exists(str(path))
             beside.replace(path)
     except OSError as error:
         raise RecordingError(f"cannot export to {folder}: {error}") from error
     return list(targets.values())
 
 
-def stream_table(recording: Recording, name: str, attempts: Sequence[TrialInfo]) -> Table:
-    """Return the rows of a stream as columns.
-
-    Raises:
-        RecordingError: no such stream, or a damaged chunk.
-
-    """
-    rows = recording.read(name)
-    stream = recording.streams[name]
-    times = np.ascontiguousarray(rows[TIME_FIELD])
-    columns: dict[str, Column] = {
-        TIME_FIELD: times,
-        **_unless_taken("time", (times - recording.start_ns) * 1e-9, stream),
-        **_unless_taken("trial", trial_numbers(times, attempts), stream),
-    }
-    fields = [channel.name for channel in stream.channels]
-    if stream.has_status:
-        fields.append(STATUS_FIELD)
-    columns.update({field: np.ascontiguousarray(rows[field]) for field in fields})
-    units = {TIME_FIELD: "ns", "time": "s"}
-    units.update({channel.name: channel.unit for channel in stream.channels})
-    docs = {channel.name: channel.doc for channel in stream.channels}
-    return Table(name, columns, units, docs)
+def _exists(*paths: str) -> RecordingError:
+    return RecordingError(
+        f"{', '.join(paths)} exists already", hint="Choose another folder, or overwrite."
+    )
 
 
-def events_table(events: Sequence[Event], start_ns: int) -> Table:
-    """Return the events as columns; what belongs to one is a text of JSON."""
-    times = np.array([event.t_ns for event in events], np.int64)
-    columns: dict[str, Column] = {
-        TIME_FIELD: times,
-        "time": (times - start_ns) * 1e-9,
-        "trial": np.array([event.trial for event in events], np.int32),
-        "kind": [event.kind for event in events],
-        "data": [json.dumps(event.data, ensure_ascii=False) for event in events],
-    }
-    return Table(EVENTS_STREAM, columns, {TIME_FIELD: "ns", "time": "s"}, {})
+def _same(new: Path, old: Path) -> bool:
+    """Return whether two tables are the same, but for the date that begins a MATLAB file."""
+    skipped = _MAT_HEADER_BYTES if old.suffix == ".mat" else 0
+    return new.read_bytes()[skipped:] == old.read_bytes()[skipped:]
 
 
-def trial_numbers(times: NDArray[np.int64], attempts: Sequence[TrialInfo]) -> NDArray[np.int32]:
-    """Return the number of the trial at each time, in ns; start inclusive, end exclusive."""
-    numbers = np.full(len(times), NO_TRIAL, np.int32)
-    for trial in attempts:
-        inside = times >= trial.start_ns
-        if trial.end_ns is not None:
-            inside &= times < trial.end_ns
-        numbers[inside] = trial.number
-    return numbers
+def _table(recording: Recording, name: str) -> Table:
+    if name == EVENTS_STREAM:
+        return events_table(recording.all_events, recording.start_ns)
+    if name == _free_table_name(recording):
+        return recording.trials.table
+    return recording[name]
 
 
-def _unless_taken(name: str, column: Column, stream: Stream) -> dict[str, Column]:
-    """Return the added column under its name, or ``rigd_`` before it where a channel has that."""
-    taken = any(channel.name == name for channel in stream.channels)
-    return {f"rigd_{name}" if taken else name: column}
+def _free_table_name(recording: Recording) -> str:
+    return f"rigd_{TRIALS_TABLE}" if TRIALS_TABLE in recording.streams else TRIALS_TABLE
 
 
 def _target(folder: Path, name: str, format: Format) -> Path:
@@ -173,11 +126,7 @@ def _write_mat(table: Table, recording: Recording, path: Path) -> None:
                 f"{table.name}.{name}: MATLAB takes names of {MAX_MAT_NAME} letters at most",
                 hint="Export to parquet or csv instead.",
             )
-    columns = {
-        name: np.array(column, object) if isinstance(column, list) else column
-        for name, column in table.columns.items()
-    }
-    content = {**columns, "units": dict(table.units), "recording": recording.path.name}
+    content = {**table.columns, "units": dict(table.units), "recording": recording.path.name}
     # The name ends in .part, to which scipy would add .mat.
     scipy.io.savemat(str(path), content, appendmat=False, long_field_names=True, oned_as="column")
 

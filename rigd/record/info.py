@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from rigd.model import Stream
 from rigd.record.events import Event
 from rigd.record.reader import Recording
 from rigd.record.recover import RECOVERY_METADATA
+from rigd.record.trials import INTERRUPTED, TrialInfo, trials
 
-#: State of a run whose recording has no ``run_end`` after its last ``run_start``.
-INTERRUPTED: Final = "interrupted"
 #: State where ``run_end`` names none.
 COMPLETE: Final = "complete"
 
@@ -25,25 +24,6 @@ class StreamInfo:
     stream: Stream
     rows: int
     rate_hz: float
-
-
-@dataclass(frozen=True)
-class TrialInfo:
-    """One attempt at a trial; ``end_ns`` is None where the recording ends within it.
-
-    ``answers`` holds what was last said of each quantity that prompts set up (``load``, in SI),
-    in this trial or one before; a person may have said something else than ``parameters`` planned.
-    """
-
-    number: int
-    start_ns: int
-    end_ns: int | None = None
-    repeat: int | None = None
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-    complete: bool = False
-    reason: str = ""
-    answers: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -155,49 +135,6 @@ def run_state(events: Sequence[Event]) -> tuple[str, str]:
         if event.kind == "run_start":
             break
     return INTERRUPTED, ""
-
-
-def trials(events: Sequence[Event]) -> tuple[TrialInfo, ...]:
-    """Return every attempt at a trial, in the order they began.
-
-    An attempt ends at its ``trial_end``; where that is missing it lasts, for want of better
-    knowledge, until the next ``trial_start`` or ``run_start``.
-    """
-    done: list[TrialInfo] = []
-    current: TrialInfo | None = None
-    answers: dict[str, Any] = {}
-    for event in sorted(events, key=lambda event: event.t_ns):
-        if current is not None and event.kind in ("trial_start", "run_start"):
-            done.append(_ended(current, event.t_ns, {"reason": INTERRUPTED}))
-            current = None
-        if event.kind == "run_start":
-            answers = {}  # whoever resumes is asked again
-        if event.kind == "answer" and event.data.get("changes"):
-            answers = {**answers, event.data["changes"]: event.data.get("answer")}
-            if current is not None:
-                current = replace(current, answers=answers)
-        if event.kind == "trial_start":
-            current = TrialInfo(
-                number=event.trial,
-                start_ns=event.t_ns,
-                repeat=event.data.get("repeat"),
-                parameters=event.data.get("parameters") or {},
-                units=event.data.get("units") or {},
-                answers=answers,
-            )
-        elif event.kind == "trial_end" and current is not None and event.trial == current.number:
-            done.append(_ended(current, event.t_ns, event.data))
-            current = None
-    return (*done, current) if current is not None else tuple(done)
-
-
-def _ended(trial: TrialInfo, end_ns: int, data: Mapping[str, Any]) -> TrialInfo:
-    return replace(
-        trial,
-        end_ns=end_ns,
-        complete=bool(data.get("complete", False)),
-        reason=str(data.get("reason") or ""),
-    )
 
 
 def _stream_info(recording: Recording, name: str) -> StreamInfo:

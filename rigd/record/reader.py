@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 from typing import Final
 
@@ -27,14 +28,19 @@ from rigd.record.events import Event, parse_event
 from rigd.record.prefix import FORMAT_METADATA, START_KEY, Attachment
 from rigd.record.scan import Scan, scan
 from rigd.record.schema import EVENTS_TOPIC, STREAM_KEY, stream_from_json, stream_from_schema
+from rigd.record.tables import Table, stream_table
+from rigd.record.trial import Trial, Trials
+from rigd.record.trials import Step, steps, trials
 from rigd.record.wire import FOOTER, MAGIC, Malformed, Record, decode, map_file, record_at
 
 _LAST_NS: Final = 2**63 - 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """The index of one recording. Holds no open file; each read opens it anew.
+
+    ``recording.trials`` are its trials, ``recording.trial(3)["carriage"]`` is a table of samples.
 
     ``streams`` are those that rigd can read as columns, by name; :attr:`other_topics` has the
     rest of a file that something else wrote.
@@ -50,7 +56,7 @@ class Recording:
     data_end: int = 0  #: bytes that are sound
 
     @classmethod
-    def open(cls, path: Path, *, partial: bool = False) -> Recording:
+    def open(cls, path: str | PathLike[str], *, partial: bool = False) -> Recording:
         """Read the index of a recording.
 
         ``partial``: where the end of the file is missing, walk it and take what is sound.
@@ -59,6 +65,7 @@ class Recording:
             RecordingError: missing, empty, cut short (unless partial), or no MCAP file.
 
         """
+        path = Path(path)
         with _opened(path) as fd:
             try:
                 found = _walked(fd) if partial else None
@@ -72,6 +79,11 @@ class Recording:
                 raise damaged(path, error) from error
             size = os.fstat(fd).st_size
         return cls(path, contents, streams, others, metadata, size, problem, end)
+
+    def __repr__(self) -> str:
+        """Return what it is in one line."""
+        span_s = (self.end_ns - self.start_ns) * 1e-9
+        return f"<Recording {self.path}: {span_s:.1f} s of {', '.join(self.streams) or 'nothing'}>"
 
     @property
     def written_by_rigd(self) -> bool:
@@ -173,6 +185,54 @@ class Recording:
                 except Malformed as error:
                     raise damaged(self.path, error) from error
         return events
+
+    @cached_property
+    def all_events(self) -> tuple[Event, ...]:
+        """All events in the order of the file, read once.
+
+        Raises:
+            RecordingError: a damaged chunk or event.
+
+        """
+        return tuple(self.events())
+
+    @cached_property
+    def trials(self) -> Trials:
+        """All attempts at trials, in the order they began.
+
+        Raises:
+            RecordingError: a damaged chunk or event.
+
+        """
+        return Trials(self, trials(self.all_events))
+
+    @cached_property
+    def steps(self) -> tuple[Step, ...]:
+        """All steps that were played, in order.
+
+        Raises:
+            RecordingError: a damaged chunk or event.
+
+        """
+        return steps(self.all_events)
+
+    def trial(self, number: int) -> Trial:
+        """Return the trial of that number: the last attempt that is complete, else the last.
+
+        Raises:
+            RecordingError: the recording has no trial of that number.
+
+        """
+        return self.trials.number(number)
+
+    def __getitem__(self, stream: str) -> Table:
+        """Return all samples of a stream, with the trial and step of each.
+
+        Raises:
+            RecordingError: no such stream, or a damaged chunk.
+
+        """
+        return stream_table(self, stream, [one.info for one in self.trials], self.steps)
 
     @cached_property
     def attachments(self) -> Mapping[str, Attachment]:

@@ -55,6 +55,7 @@ def test_parquet(given: NDArray[np.void], tmp_path: Path) -> None:
         "wheel_servo.parquet",
         "force.parquet",
         "events.parquet",
+        "trials.parquet",
     ]
     table = pyarrow.parquet.read_table(paths[0])
     check_columns({name: table[name].to_numpy() for name in table.column_names}, given)
@@ -69,7 +70,14 @@ def test_parquet(given: NDArray[np.void], tmp_path: Path) -> None:
 def test_csv(given: NDArray[np.void], tmp_path: Path) -> None:
     paths = export(Recording.open(tmp_path / "run.mcap"), tmp_path / "out", "csv")
     table = pyarrow.csv.read_csv(paths[0])
-    assert table.column_names[:4] == ["t_ns [ns]", "time [s]", "trial", "current [A]"]
+    assert table.column_names[:6] == [
+        "t_ns [ns]",
+        "time [s]",
+        "trial",
+        "trial_time [s]",
+        "step",
+        "current [A]",
+    ]
     columns = {
         name.split(" ")[0]: table[name].to_numpy(zero_copy_only=False)
         for name in table.column_names
@@ -87,6 +95,21 @@ def test_mat(given: NDArray[np.void], tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("format", ["parquet", "csv", "mat"])
+def test_streams_are_exported_one_by_one(
+    given: NDArray[np.void], create: Create, start_ns: int, tmp_path: Path, format: Format
+) -> None:
+    recording, out = Recording.open(tmp_path / "run.mcap"), tmp_path / "out"
+    export(recording, out, format, streams=["force"])
+    export(recording, out, format, streams=["wheel_servo"])
+    with create("other.mcap") as writer:
+        writer.event(start_ns, "trial_start", 8)
+    before = (out / f"trials.{format}").read_bytes()
+    with pytest.raises(RecordingError, match=rf"trials\.{format} exists already"):
+        export(Recording.open(tmp_path / "other.mcap"), out, format, streams=["events"])
+    assert (out / f"trials.{format}").read_bytes() == before
+
+
+@pytest.mark.parametrize("format", ["parquet", "csv", "mat"])
 def test_nothing_is_overwritten_unasked(
     given: NDArray[np.void], tmp_path: Path, format: Format
 ) -> None:
@@ -98,15 +121,15 @@ def test_nothing_is_overwritten_unasked(
         export(recording, out, format)
     assert [path.name for path in out.iterdir()] == [kept.name]
     assert kept.read_text() == "mine"
-    assert len(export(recording, out, format, overwrite=True)) == 3
+    assert len(export(recording, out, format, overwrite=True)) == 4
     assert kept.read_bytes() != b"mine"
-    assert len(list(out.iterdir())) == 3
+    assert len(list(out.iterdir())) == 4
 
 
 def test_one_stream_may_be_chosen(given: NDArray[np.void], tmp_path: Path) -> None:
     recording = Recording.open(tmp_path / "run.mcap")
-    (path,) = export(recording, tmp_path / "out", "csv", streams=["force"])
-    assert path.name == "force.csv"
+    paths = export(recording, tmp_path / "out", "csv", streams=["force"])
+    assert [path.name for path in paths] == ["force.csv", "trials.csv"]
     with pytest.raises(RecordingError, match="no stream 'forces'"):
         export(recording, tmp_path / "out", "csv", streams=["forces"])
 
@@ -118,7 +141,7 @@ def test_a_channel_named_time_keeps_its_name(
     moved = rows(clock, 3)
     with create(streams=(clock,)) as writer:
         writer.write("clock", moved)
-    (path,) = export(Recording.open(tmp_path / "run.mcap"), tmp_path, "parquet", streams=["clock"])
+    path, _ = export(Recording.open(tmp_path / "run.mcap"), tmp_path, "parquet", streams=["clock"])
     table = pyarrow.parquet.read_table(path)
-    assert table.column_names == ["t_ns", "rigd_time", "trial", "time"]
+    assert table.column_names == ["t_ns", "rigd_time", "trial", "trial_time", "step", "time"]
     np.testing.assert_array_equal(table["time"].to_numpy(), moved["time"])

@@ -15,7 +15,7 @@ from typing import Final
 
 from rigd.model.errors import RecordingError
 from rigd.record import Recording, RunInfo, info_json, run_info
-from rigd.record.info import INTERRUPTED
+from rigd.record.trials import INTERRUPTED
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.arguments import RUN_NAME
 from rigd.remote.protocol.results import PieceView, RunLine, RunList, RunView

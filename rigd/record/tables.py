@@ -1,0 +1,213 @@
+"""Tables: columns of equal length with units, of a stream, of the events, of the trials.
+
+The same columns stand in a notebook and in every exported file. All values are SI.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd.model import RecordingError, Stream
+from rigd.model.channels import STATUS_FIELD
+from rigd.model.rows import TIME_FIELD
+from rigd.model.units import parse_unit, si_symbol
+from rigd.record.events import NO_TRIAL, Event
+from rigd.record.schema import EVENTS_STREAM
+from rigd.record.trials import Step, TrialInfo
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from rigd.record.reader import Recording
+
+TRIALS_TABLE: Final = "trials"
+Column = NDArray[Any]
+
+
+@dataclass(frozen=True, repr=False)
+class Table:
+    """Columns of equal length by name, with a unit and a description each ("" for none)."""
+
+    name: str
+    columns: Mapping[str, Column]
+    units: Mapping[str, str]
+    docs: Mapping[str, str]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def __getitem__(self, column: str) -> Column:
+        """Return a column (n,); a KeyError names those there are."""
+        if column not in self.columns:
+            raise KeyError(f"{self.name} has no column {column!r}; it has {list(self.columns)}")
+        return self.columns[column]
+
+    def __repr__(self) -> str:
+        columns = (
+            f"{name} [{self.units[name]}]" if self.units.get(name) else name
+            for name in self.columns
+        )
+        return f"<{self.name}: {len(self)} rows of {', '.join(columns)}>"
+
+    def to_numpy(self) -> NDArray[np.void]:
+        """Return a structured array (n,) with a field per column; texts are of dtype ``U``."""
+        arrays = {
+            name: column.astype(np.str_) if column.dtype == object else column
+            for name, column in self.columns.items()
+        }
+        rows = np.empty(len(self), [(name, column.dtype) for name, column in arrays.items()])
+        for name, column in arrays.items():
+            rows[name] = column
+        return rows
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return a DataFrame; ``attrs["units"]`` has the units by column.
+
+        Raises:
+            RecordingError: pandas, which rigd does not need otherwise, is not installed.
+
+        """
+        try:
+            import pandas as pd
+        except ImportError as error:
+            raise RecordingError(
+                "pandas is not installed", hint="`pip install pandas`, or use to_numpy()."
+            ) from error
+        frame = pd.DataFrame(dict(self.columns))
+        frame.attrs["units"] = dict(self.units)
+        return frame
+
+
+def stream_table(
+    recording: Recording,
+    name: str,
+    attempts: Sequence[TrialInfo],
+    steps: Sequence[Step],
+    start_ns: int | None = None,
+    end_ns: int | None = None,
+) -> Table:
+    """Return the rows of a stream with ``start_ns <= t_ns < end_ns`` as a table.
+
+    Before the channels stand ``t_ns`` (ns since the Unix epoch), ``time`` (s since the recording
+    began), ``trial`` (-1 outside of trials), ``trial_time`` (s since the trial began, NaN outside)
+    and ``step`` ("" outside of steps), each with ``rigd_`` before it if a channel has that name.
+
+    Raises:
+        RecordingError: no such stream, or a damaged chunk.
+
+    """
+    rows = recording.read(name, start_ns, end_ns)
+    stream = recording.streams[name]
+    times = np.ascontiguousarray(rows[TIME_FIELD])
+    numbers, trial_time = within_trials(times, attempts)
+    added: dict[str, Column] = {
+        "time": (times - recording.start_ns) * 1e-9,
+        "trial": numbers,
+        "trial_time": trial_time,
+        "step": step_names(times, steps),
+    }
+    columns: dict[str, Column] = {TIME_FIELD: times}
+    units = {TIME_FIELD: "ns"}
+    for column, values in added.items():
+        free = _free_name(column, stream)
+        columns[free] = values
+        units[free] = "s" if column in ("time", "trial_time") else ""
+    fields = [channel.name for channel in stream.channels]
+    if stream.has_status:
+        fields.append(STATUS_FIELD)
+    columns.update({field: np.ascontiguousarray(rows[field]) for field in fields})
+    units.update({channel.name: channel.unit for channel in stream.channels})
+    docs = {channel.name: channel.doc for channel in stream.channels}
+    return Table(name, columns, units, docs)
+
+
+def events_table(events: Sequence[Event], start_ns: int) -> Table:
+    """Return the events as a table; what belongs to an event is a text of JSON."""
+    times = np.array([event.t_ns for event in events], np.int64)
+    columns: dict[str, Column] = {
+        TIME_FIELD: times,
+        "time": (times - start_ns) * 1e-9,
+        "trial": np.array([event.trial for event in events], np.int32),
+        "kind": np.array([event.kind for event in events], object),
+        "data": np.array([json.dumps(e.data, ensure_ascii=False) for e in events], object),
+    }
+    return Table(EVENTS_STREAM, columns, {TIME_FIELD: "ns", "time": "s"}, {})
+
+
+def trials_table(attempts: Sequence[TrialInfo], start_ns: int) -> Table:
+    """Return the trials as a table, an attempt in each row.
+
+    ``start``, ``end`` (s since the recording began) and ``duration`` are NaN where the recording
+    ends within the trial. A column per parameter has its values in SI (numbers), or as texts.
+    """
+    start = np.array([one.start_ns for one in attempts], np.int64)
+    ends = np.array([np.nan if one.end_ns is None else one.end_ns - start_ns for one in attempts])
+    repeats = [np.nan if one.repeat is None else one.repeat for one in attempts]
+    columns: dict[str, Column] = {
+        "number": np.array([one.number for one in attempts], np.int32),
+        "repeat": np.array(repeats, np.float64),
+        "complete": np.array([one.complete for one in attempts], np.bool_),
+        "reason": np.array([one.reason for one in attempts], object),
+        "start_ns": start,
+        "start": (start - start_ns) * 1e-9,
+        "end": ends.astype(np.float64) * 1e-9,
+    }
+    columns["duration"] = columns["end"] - columns["start"]
+    units = {"start_ns": "ns", "start": "s", "end": "s", "duration": "s"}
+    for name in dict.fromkeys(name for one in attempts for name in one.parameters):
+        column = f"parameter_{name}" if name in columns else name
+        columns[column] = _values([one.parameters.get(name) for one in attempts])
+        written = next((one.units[name] for one in attempts if name in one.units), None)
+        if written is not None:
+            units[column] = si_symbol(parse_unit(written).dimension)
+    return Table(TRIALS_TABLE, columns, units, {})
+
+
+def within_trials(
+    times: NDArray[np.int64], attempts: Sequence[TrialInfo]
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Return the number of the trial at each time in ns, and the time in s since it began.
+
+    -1 and NaN outside of trials; the start of a trial is inclusive, its end exclusive.
+    """
+    numbers = np.full(len(times), NO_TRIAL, np.int32)
+    since = np.full(len(times), np.nan)
+    for trial in attempts:
+        inside = times >= trial.start_ns
+        if trial.end_ns is not None:
+            inside &= times < trial.end_ns
+        numbers[inside] = trial.number
+        since[inside] = (times[inside] - trial.start_ns) * 1e-9
+    return numbers, since
+
+
+def step_names(times: NDArray[np.int64], steps: Sequence[Step]) -> NDArray[np.object_]:
+    """Return the name of the step at each time in ns; "" outside of steps."""
+    names = np.full(len(times), "", object)
+    for step in steps:
+        inside = times >= step.start_ns
+        if step.end_ns is not None:
+            inside &= times < step.end_ns
+        names[inside] = step.name
+    return names
+
+
+def _free_name(column: str, stream: Stream) -> str:
+    taken = any(channel.name == column for channel in stream.channels)
+    return f"rigd_{column}" if taken else column
+
+
+def _values(given: Sequence[object]) -> Column:
+    """Return a parameter's values: numbers as float64 (NaN for none), else as texts."""
+    numbers = all(
+        one is None or (isinstance(one, int | float) and not isinstance(one, bool)) for one in given
+    )
+    if numbers:
+        return np.array([np.nan if one is None else one for one in given], np.float64)
+    return np.array(["" if one is None else str(one) for one in given], object)

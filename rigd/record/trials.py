@@ -1,0 +1,104 @@
+"""The trials of a run, from its events alone; no sample is read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+from rigd.record.events import Event
+
+#: State of a run whose recording has no ``run_end`` after its last ``run_start``, and reason of a
+#: trial that another began within.
+INTERRUPTED: Final = "interrupted"
+_ENDS_STEP: Final = ("step", "trial_start", "trial_end", "run_start", "run_end")
+
+
+@dataclass(frozen=True)
+class TrialInfo:
+    """One attempt at a trial; ``end_ns`` is None where the recording ends within it.
+
+    ``answers`` holds what was last said of each quantity that prompts set up (``load``, in SI),
+    in this trial or one before; a person may have said something else than ``parameters`` planned.
+    """
+
+    number: int
+    start_ns: int
+    end_ns: int | None = None
+    repeat: int | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    complete: bool = False
+    reason: str = ""
+    answers: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of the procedure as it was played; ``trial`` is -1 outside of trials.
+
+    ``end_ns`` is None where the recording ends within it.
+    """
+
+    name: str
+    trial: int
+    start_ns: int
+    end_ns: int | None = None
+
+
+def steps(events: Sequence[Event]) -> tuple[Step, ...]:
+    """Return the steps in the order they began; each ends where the next, or its trial, does."""
+    done: list[Step] = []
+    current: Step | None = None
+    for event in sorted(events, key=lambda event: event.t_ns):
+        if event.kind not in _ENDS_STEP:
+            continue
+        if current is not None:
+            done.append(replace(current, end_ns=event.t_ns))
+            current = None
+        if event.kind == "step":
+            current = Step(str(event.data.get("name", "")), event.trial, event.t_ns)
+    return (*done, current) if current is not None else tuple(done)
+
+
+def trials(events: Sequence[Event]) -> tuple[TrialInfo, ...]:
+    """Return every attempt at a trial, in the order they began.
+
+    An attempt ends at its ``trial_end``; where that is missing it lasts, for want of better
+    knowledge, until the next ``trial_start`` or ``run_start``.
+    """
+    done: list[TrialInfo] = []
+    current: TrialInfo | None = None
+    answers: dict[str, Any] = {}
+    for event in sorted(events, key=lambda event: event.t_ns):
+        if current is not None and event.kind in ("trial_start", "run_start"):
+            done.append(_ended(current, event.t_ns, {"reason": INTERRUPTED}))
+            current = None
+        if event.kind == "run_start":
+            answers = {}  # whoever resumes is asked again
+        if event.kind == "answer" and event.data.get("changes"):
+            answers = {**answers, event.data["changes"]: event.data.get("answer")}
+            if current is not None:
+                current = replace(current, answers=answers)
+        if event.kind == "trial_start":
+            current = TrialInfo(
+                number=event.trial,
+                start_ns=event.t_ns,
+                repeat=event.data.get("repeat"),
+                parameters=event.data.get("parameters") or {},
+                units=event.data.get("units") or {},
+                answers=answers,
+            )
+        elif event.kind == "trial_end" and current is not None and event.trial == current.number:
+            done.append(_ended(current, event.t_ns, event.data))
+            current = None
+    return (*done, current) if current is not None else tuple(done)
+
+
+def _ended(trial: TrialInfo, end_ns: int, data: Mapping[str, Any]) -> TrialInfo:
+    return replace(
+        trial,
+        end_ns=end_ns,
+        complete=bool(data.get("complete", False)),
+        reason=str(data.get("reason") or ""),
+    )
