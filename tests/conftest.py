@@ -36,6 +36,7 @@ SIDE_BY_SIDE = tuple(
         "packaging", "panel", "procedure", "record", "remote", "sdk", "sim",
         "system/test_approach_angle.py", "system/test_bad_input.py", "system/test_calibrate.py",
         "system/test_identify_campaign.py", "system/test_identify_command.py",
+        "system/test_seeds.py",
     )
 )  # fmt: skip
 

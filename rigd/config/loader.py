@@ -142,6 +142,7 @@ def _device(
         link=source.link,
         waiver=None if waiver is None else Waiver(waiver.by, waiver.reason),
         status_bits=driver.status_bits,
+        oldest_s=driver.oldest_s if isinstance(driver, BlockDriver) else 0.0,
     )
 
 
@@ -305,12 +306,7 @@ def _interlock(
         )
         if deadband < 0:
             problems.add(document.place((*path, "deadband")), "the deadband must be at least 0")
-    if source.stale_after * 1e9 < 2 * rig.period_ns:
-        problems.add(
-            document.place((*path, "stale_after")),
-            f"stale_after {source.stale_after:g} s is less than two cycles",
-            f"give at least {2e-9 * rig.period_ns:g} s",
-        )
+    _check_staleness(document, path, source, rig, problems)
     return Interlock(
         name=source.name,
         source=source.source,
@@ -324,6 +320,31 @@ def _interlock(
         action=Action[source.action.upper()],
         message=source.message,
     )
+
+
+def _check_staleness(
+    document: Document, path: Path_, source: InterlockSource, rig: RigConfig, problems: Problems
+) -> None:
+    """Check that rows which come as they should are never called stale."""
+    place = document.place((*path, "stale_after"))
+    if source.stale_after * 1e9 < 2 * rig.period_ns:
+        problems.add(
+            place, f"stale_after {source.stale_after:g} s is less than two cycles",
+            f"give at least {2e-9 * rig.period_ns:g} s",
+        )  # fmt: skip
+    channels = [one for one in (source.source, source.low, source.high) if one]
+    for name in dict.fromkeys(channel.partition(".")[0] for channel in channels):
+        device = rig.devices.get(name)
+        if device is None or not device.oldest_s:
+            continue
+        least_s = device.oldest_s + 1e-9 * rig.period_ns  # the cycle looks once in each period
+        if source.stale_after < least_s:
+            problems.add(
+                place,
+                f"stale_after {source.stale_after:g} s is too short for {name}: while all is well, "
+                f"its newest row becomes {1e3 * device.oldest_s:.1f} ms old before the next comes",
+                f"give at least {math.ceil(1e3 * least_s)} ms, or make its blocks smaller",
+            )
 
 
 def _bound(

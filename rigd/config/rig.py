@@ -76,6 +76,7 @@ class DeviceConfig:
     link: str | None = None
     waiver: Waiver | None = None
     status_bits: Mapping[str, int] = field(default_factory=dict)
+    oldest_s: float = 0.0  #: how old its newest row becomes while all is well, in s
 
     @property
     def stream(self) -> Stream:

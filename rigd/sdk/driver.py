@@ -209,6 +209,9 @@ class BlockDriver(AnyDriver, ABC):
     on_plant: ClassVar[bool] = False
     #: Rows per second, once open.
     rate_hz: float = 0.0
+    #: How old its newest row becomes before the next block comes, in s, while all is well. A rig
+    #: file whose interlock calls rows stale sooner is refused.
+    oldest_s: float = 0.0
 
     @abstractmethod
     def open(self) -> None:

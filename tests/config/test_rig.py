@@ -154,6 +154,34 @@ def test_stale_after_below_two_cycles_is_refused(spoil: Spoil) -> None:
         parse_rig(text, FILE)
 
 
+SOONER = """\
+rig: bench
+title: Bench
+cycle: 1 kHz
+plant: {model: approach-angle}
+devices: {daq: {driver: sim-angle-daq, options: OPTIONS}}
+interlocks:
+  - {name: far, source: daq.wheel_angle, high: 50 rad, action: stop, message: Look,
+     stale_after: 40 ms}
+"""
+
+
+@pytest.mark.parametrize(
+    ("options", "oldest", "least"),
+    [("{}", "45.1 ms", "47 ms"), ("{block: 960}", "135.1 ms", "137 ms")],
+)
+def test_staleness_sooner_than_blocks_come_is_refused(
+    options: str, oldest: str, least: str
+) -> None:
+    text = SOONER.replace("OPTIONS", options)
+    with pytest.raises(ConfigError) as error:
+        parse_rig(text, FILE)
+    assert "too short for daq" in error.value.message
+    assert oldest in error.value.message
+    assert least in (error.value.hint or "")
+    parse_rig(text.replace("40 ms", least), FILE)
+
+
 def test_a_block_device_of_a_plant_needs_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rigd.config.loader.find_driver", lambda name: PlantGrid)
     text = (

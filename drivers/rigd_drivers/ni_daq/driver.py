@@ -38,6 +38,7 @@ class NiDaq(BlockDriver):
         super().__init__(config, link)
         self.rate_hz = config.rate
         self.silent_s = SILENT_S + 5 * config.block / config.rate
+        self.oldest_s = config.block / config.rate  # and what the way to here takes: not known
         self.channels = (
             *(channel for one in config.inputs for channel in one.channels),
             Channel("device_time", "s", "sample number over nominal rate: the card's own clock"),

@@ -138,9 +138,13 @@ def _hooks(subject: Subject) -> Iterator[str]:
 
 
 def _silence(subject: Subject) -> Iterator[str]:
-    silent_s = subject.make().silent_s
+    driver = subject.make()
+    silent_s = driver.silent_s
     if not (math.isfinite(silent_s) and silent_s > 0):
         yield f"silent_s is {silent_s}"
+    oldest_s = getattr(driver, "oldest_s", 0.0)
+    if not 0 <= oldest_s < silent_s:
+        yield f"oldest_s is {oldest_s}, and silent_s {silent_s}"
 
 
 def _same_again(subject: Subject) -> Iterator[str]:
@@ -253,7 +257,7 @@ UNOPENED_RULES: Final = (
         "what a driver declares (watchdog_s, second_link, actions) it implements and describes",
         _hooks,
     ),
-    Rule("silence", "silent_s is a time in s, above 0", _silence),
+    Rule("silence", "silent_s is a time in s, above 0; oldest_s one below it", _silence),
     Rule(
         "safe and closed before open",
         "make_safe() and close() do nothing, silently, while nothing is open",

@@ -10,6 +10,7 @@ from pydantic import model_validator
 
 from rigd.sdk import Block, BlockDriver, Channel, DeviceError, DriverConfig, In
 from rigd_sim.plants.angle import layout
+from rigd_sim.plants.angle.layout import LATEST_JITTER
 from rigd_sim.plants.angle.plant import AnglePlant
 
 if TYPE_CHECKING:  # a rig file is checked without numpy and the physics
@@ -46,7 +47,7 @@ class DaqConfig(DriverConfig):
     latency: Annotated[float, In("s"), Ge(0), Le(0.5)] = 8e-3
     """How long after its last sample a block can be had, on average."""
     jitter: Annotated[float, In("s"), Ge(0), Le(0.1)] = 3e-3
-    """Mean of the exponential part of it."""
+    """Mean of the exponential part of it, which ends at ten times its mean."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -82,6 +83,8 @@ class AngleDaq(BlockDriver):
         super().__init__(config, link)
         self.rate_hz = config.rate
         self.silent_s = 0.1 + 5 * config.block / config.rate + 5 * config.latency
+        latest_s = config.latency + (LATEST_JITTER - 1.0) * config.jitter
+        self.oldest_s = (config.block + 1) / config.rate + latest_s
         self._inputs = len(_INPUTS) if config.load_cell else len(_INPUTS) - 1
         self.status_bits = {
             f"{name}_at_rail": 1 << k for k, name in enumerate(layout.SIGNALS[: self._inputs])

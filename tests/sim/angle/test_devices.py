@@ -89,6 +89,15 @@ def test_a_block_comes_its_latency_after_its_end_with_an_exponential_tail(
     assert np.mean(late) == pytest.approx(latency_ms + 0.5, abs=1.2)
 
 
+def test_no_newest_row_grows_older_than_declared() -> None:
+    """With this seed a block of the first second is drawn 44 ms late; a card holds none so long."""
+    daq = started(make_plant(seed=835))
+    got = blocks(daq, 1000)
+    came, newest = zip(*((now, int(block.times_ns[-1])) for now, block in got), strict=True)
+    oldest_s = max(np.subtract(came[1:], newest[:-1])) * 1e-9
+    assert daq.oldest_s - 0.5e-3 < oldest_s <= daq.oldest_s + 1e-3  # cycles are 1 ms apart
+
+
 def test_no_block_overtakes_the_one_before_it() -> None:
     """Though it may be ready before it: 10 ms lie between two, and the latency varies by more."""
     card = Acquisition(make_plant(), start_ns=0, latency_s=0.05, jitter_s=0.05)

@@ -33,7 +33,7 @@ class Acquisition:
     """Samples all inputs of a plant from ``start_ns`` on (its clock), ``block`` at a time.
 
     A block can be had ``latency_s`` after its last sample on average: a fixed part and an
-    exponential one of mean ``jitter_s``.
+    exponential one of mean ``jitter_s``, which ends at ``layout.LATEST_JITTER`` times its mean.
     """
 
     def __init__(
@@ -104,7 +104,8 @@ class Acquisition:
         end_s = (self._first + self.block) / self.rate_hz
         a, b = normal_pair(self.plant.seed + _LATENCY, self._blocks)
         # Half the sum of two squares of normal numbers is exponential with mean 1.
-        late_s = self._fixed_s + self._jitter_s * 0.5 * (a * a + b * b)
+        jitter = min(0.5 * (a * a + b * b), layout.LATEST_JITTER)
+        late_s = self._fixed_s + self._jitter_s * jitter
         late_s = max(late_s, 1.0 / layout.STEPS_PER_S)  # what the skew looks ahead
         due_ns = self.plant.origin_ns + math.ceil((end_s + late_s) * 1e9)
         return max(due_ns, not_before_ns)

@@ -28,6 +28,11 @@ FIRST_TRUTH: Final = len(SIGNALS)
 #: Rows that the history holds: 6.8 s.
 HISTORY_ROWS: Final = 1 << 17
 
+#: What a healthy card keeps of a block is bounded: the exponential part of a block's latency ends
+#: at so many times its mean. One block in 22,000 reaches it; without an end, a campaign of 100,000
+#: blocks would hold one that no card gives, and every other campaign would end by it.
+LATEST_JITTER: Final = 10.0
+
 #: The five sets: name -> (approach angle in deg, wheel).
 SETS: Final = {
     "clean_0": (0, "clean"),
