@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import json
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rigd.config.rig import RigConfig
+    from rigd.model.errors import ConfigError
 
 HELP = "check rig, procedure and calibration files without running anything"
 EXAMPLES = """\
@@ -16,8 +24,26 @@ examples:
 
   Without --rig only the keys of a procedure and their shapes are checked: names, units and
   expressions mean something on a rig.
-  Exit code 0: every file is right; 2: at least one is not.
+
+  A procedure is for another rig if all that is wrong with it are devices that the rig has not. Of
+  several procedures some may be: each is named in a line. If none fits the rig, that is an error.
+
+exit code: 0 every file is right, or a procedure for another rig beside one that fits; 2 otherwise
 """
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was found in one file: ``summary``, or else the ``problem``.
+
+    ``missing`` are the devices that the rig has not, if that is all that is wrong.
+    """
+
+    given: str
+    kind: str
+    summary: str = ""
+    problem: ConfigError | None = None
+    missing: tuple[str, ...] = ()
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -32,39 +58,93 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Check every file; one that is wrong never keeps the others from being checked."""
     from rigd.config.loader import load_rig
-    from rigd.config.rig import RigConfig
-    from rigd.model.errors import ConfigError, Exit
+    from rigd.model.errors import Exit
 
-    rig: RigConfig | None = None if args.rig is None else load_rig(args.rig)
-    reports: list[tuple[str, str, ConfigError | None]] = []
-    for given in args.files:
-        try:
-            reports.append((given, _check(given, rig), None))
-        except ConfigError as error:
-            reports.append((given, "", error))
+    rig = None if args.rig is None else load_rig(args.rig)
+    reports = [_report(given, rig) for given in args.files]
     if args.json:
-        print(json.dumps([_as_json(*report) for report in reports], indent=2))
+        print(json.dumps([_as_json(report) for report in reports], indent=2))
     else:
-        for given, summary, problem in reports:
-            if problem is None:
-                print(f"{given}: {summary}")
-            else:
-                print(f"rigd: {problem}", file=sys.stderr)
-    wrong = any(problem is not None for _, _, problem in reports)
-    return int(Exit.BAD_INPUT if wrong else Exit.OK)
+        _show(reports, rig)
+    return int(Exit.OK if _is_right(reports) else Exit.BAD_INPUT)
 
 
-def _check(given: str, rig: object) -> str:
-    """Return what a right file is; which kind it is stands in its first key."""
+def _report(given: str, rig: RigConfig | None) -> Report:
+    from rigd.model.errors import ConfigError
+
+    kind = ""
+    try:
+        kind = _kind(given)
+        return Report(given, kind, summary=_check(given, kind, rig))
+    except ConfigError as error:
+        missing = () if rig is None else _missing_devices(error, rig)
+        return Report(given, kind, problem=error, missing=missing)
+
+
+def _missing_devices(error: ConfigError, rig: RigConfig) -> tuple[str, ...]:
+    """Return the devices that a procedure needs and the rig has not, if nothing else is wrong.
+
+    A name that is nearly one of the rig's devices is a misspelt one.
+    """
+    names = {one.lacks.partition(".")[0] for one in (error, *error.others)}
+    devices = names - {"rig"}  # constants of the rig that it belongs to
+    if "" in names or devices & set(rig.devices):
+        return ()
+    if any(difflib.get_close_matches(name, rig.devices, n=1, cutoff=0.8) for name in devices):
+        return ()
+    return tuple(sorted(devices))
+
+
+def _is_right(reports: Sequence[Report]) -> bool:
+    wrong = any(report.problem is not None and not report.missing for report in reports)
+    return not wrong and (_fits(reports) or not any(report.missing for report in reports))
+
+
+def _fits(reports: Sequence[Report]) -> bool:
+    return any(report.kind == "procedure" and report.problem is None for report in reports)
+
+
+def _show(reports: Sequence[Report], rig: RigConfig | None) -> None:
+    """Print a line for each file, every problem of one that is wrong, and how many there are."""
+    name = "" if rig is None else rig.name
+    is_error = not _fits(reports)
+    for report in reports:
+        if report.problem is None:
+            print(f"{report.given}: {report.summary}")
+        elif report.missing:
+            line = f"{report.given}: for another rig: {name} has no {', '.join(report.missing)}"
+            hint = "\n  check it against its own rig: --rig RIG"
+            print(
+                f"rigd: {line}{hint}" if is_error else line, file=sys.stderr if is_error else None
+            )
+        else:
+            sys.stdout.flush()
+            print(f"rigd: {report.problem}", file=sys.stderr)
+    if len(reports) > 1:
+        right = sum(report.problem is None for report in reports)
+        others = [report for report in reports if report.missing]
+        wrong = len(reports) - right - len(others)
+        parts = [f"{right} right"]
+        if others:
+            devices = sorted({device for report in others for device in report.missing})
+            parts.append(f"{len(others)} for another rig (no {', '.join(devices)})")
+        parts += [f"{wrong} wrong"] * (wrong > 0)
+        print(", ".join(parts))
+
+
+def _check(given: str, kind: str, rig: RigConfig | None) -> str:
+    """Return what a right file is.
+
+    Raises:
+        ConfigError: it is wrong.
+    """
     from rigd.config.calibration import load_calibration
     from rigd.config.loader import load_rig
-    from rigd.config.rig import RigConfig
     from rigd.config.shipped import find_file
     from rigd.evaluate.models import needs_of
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import load_procedure
 
-    kind = _kind(given)
     if kind == "calibration":
         calibration = load_calibration(Path(given))
         last = calibration.valid_until
@@ -86,7 +166,7 @@ def _check(given: str, rig: object) -> str:
             parts.append(f"calibration {held.name}")
         return ", ".join(parts) + ": right"
     procedure = load_procedure(find_file(given, "procedures"))
-    if not isinstance(rig, RigConfig):
+    if rig is None:
         return "a procedure, right in itself; give --rig to check it against a rig"
     compiled = compile_procedure(procedure, rig, {})
     if compiled.identify is not None:
@@ -123,11 +203,10 @@ def _kind(given: str) -> str:
     return "procedure"
 
 
-def _as_json(given: str, summary: str, error: Exception | None) -> dict[str, object]:
-    from rigd.model.errors import ConfigError
-
-    if not isinstance(error, ConfigError):
-        return {"file": given, "right": True, "summary": summary}
+def _as_json(report: Report) -> dict[str, object]:
+    error = report.problem
+    if error is None:
+        return {"file": report.given, "right": True, "summary": report.summary}
     problems = [
         {
             "message": one.message,
@@ -137,4 +216,7 @@ def _as_json(given: str, summary: str, error: Exception | None) -> dict[str, obj
         }
         for one in (error, *error.others)
     ]
-    return {"file": given, "right": False, "problems": problems}
+    missing = list(report.missing)
+    return {
+        "file": report.given, "right": False, "missing_devices": missing, "problems": problems
+    }  # fmt: skip

@@ -15,11 +15,20 @@ class Problems:
 
     found: list[ConfigError] = field(default_factory=list)
 
-    def add(self, place: Place | None, message: str, hint: str | None = None) -> None:
+    def add(
+        self, place: Place | None, message: str, hint: str | None = None, *, lacks: str = ""
+    ) -> None:
         """Note one problem; the same one twice (in two trials of a sweep) counts once."""
-        error = ConfigError(message, place=place, hint=hint)
+        error = ConfigError(message, place=place, hint=hint, lacks=lacks)
         if all((error.place, error.message) != (old.place, old.message) for old in self.found):
             self.found.append(error)
+
+    def add_lacking(
+        self, place: Place, rig: str, kind: str, name: str, known: Iterable[str]
+    ) -> None:
+        """Note that the rig has no such channel, setpoint, device or stream."""
+        message = f"the rig {rig} has no {kind} {name!r}"
+        self.add(place, message, suggest(name, known), lacks=name)
 
     def raise_any(self) -> None:
         """Raise all problems noted so far as one error, in the order of the file.

@@ -69,15 +69,25 @@ class RigdError(Exception):
 
 
 class ConfigError(RigdError):
-    """A rig or procedure file is wrong; holds every problem found, each with its place."""
+    """A rig or procedure file is wrong; holds every problem found, each with its place.
+
+    ``lacks`` names what the file needs and its rig has not (``scale.mass``), empty if it is
+    something else that is wrong.
+    """
 
     exit_code = Exit.BAD_INPUT
 
     def __init__(
-        self, message: str, *, place: Place | None = None, hint: str | None = None
+        self,
+        message: str,
+        *,
+        place: Place | None = None,
+        hint: str | None = None,
+        lacks: str = "",
     ) -> None:
         super().__init__(message, hint=hint)
         self.place = place
+        self.lacks = lacks
         self.others: tuple[ConfigError, ...] = ()
 
     @classmethod

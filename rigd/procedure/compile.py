@@ -184,8 +184,8 @@ def _record(reader: Reader, source: ProcedureSource, rig: RigConfig) -> dict[str
     record = {CYCLE_STREAM: Recorded()}
     for name, given in source.record.items():
         if name not in streams:
-            reader.note_key(("record", name), f"the rig {rig.name} has no stream {name!r}",
-                            suggest(name, streams))  # fmt: skip
+            place = reader.document.key_place(("record", name))
+            reader.problems.add_lacking(place, rig.name, "stream", name, streams)
         if isinstance(given, int):
             record[name] = Recorded(given)
             continue
@@ -209,9 +209,9 @@ def _identify(
         return None
     for signal, channel in plan.signals.items():
         if rig.channel(channel) is None:
-            reader.note(("identify", "signals", signal),
-                        f"the rig {rig.name} has no channel {channel!r}",
-                        suggest(channel, channel_names(rig)))  # fmt: skip
+            place = reader.document.place(("identify", "signals", signal))
+            known = channel_names(rig)
+            reader.problems.add_lacking(place, rig.name, "channel", channel, known)
     for index, name in enumerate(plan.group_by):
         if name not in source.parameters:
             reader.note(("identify", "group_by", index), f"unknown parameter {name!r}",

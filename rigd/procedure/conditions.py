@@ -74,8 +74,7 @@ def _read_clause(
     channel = rig.channel(name)
     if channel is None:
         place = reader.document.inside(path, start + match.start("channel"))
-        reader.problems.add(place, f"the rig {rig.name} has no channel {name!r}",
-                            suggest(name, channel_names(rig)))  # fmt: skip
+        reader.problems.add_lacking(place, rig.name, "channel", name, channel_names(rig))
         return None
     threshold = reader.number(
         path, match["threshold"], channel.unit, scope, start + match.start("threshold")
@@ -97,8 +96,7 @@ def _read_status(
     device = rig.devices.get(name)
     if device is None:
         place = reader.document.inside(path, start + match.start("device"))
-        reader.problems.add(place, f"the rig {rig.name} has no device {name!r}",
-                            suggest(name, rig.devices))  # fmt: skip
+        reader.problems.add_lacking(place, rig.name, "device", name, rig.devices)
         return None
     mask = device.status_bits.get(word)
     if mask is None:

@@ -131,8 +131,9 @@ def _agreement(
         return None
     channel = rig.channel(source.channel)
     if channel is None:
-        reader.note((*path, "with"), f"the rig {rig.name} has no channel {source.channel!r}",
-                    suggest(source.channel, channel_names(rig)))  # fmt: skip
+        place = reader.document.place((*path, "with"))
+        known = channel_names(rig)
+        reader.problems.add_lacking(place, rig.name, "channel", source.channel, known)
         return None
     if not parse_unit(channel.unit).same_kind(parse_unit(prompt.unit)):
         message = f"{source.channel} is in {channel.unit}, the answer in {prompt.unit}"

@@ -121,12 +121,14 @@ class Reader:
         return NAME.sub(replace, template)
 
     def _note_inside(self, path: Path_, error: ExpressionError, offset: int, scope: Scope) -> None:
-        hint = error.hint
+        hint, lacks = error.hint, ""
         if isinstance(error, UnknownName):
             hint = suggest(error.name, scope)
+            lacks = error.name if error.name.startswith("rig.") else ""
             if error.name in self.swept:
                 hint = f"the sweep varies {error.name}: it has a value inside 'trial' only"
-        self.problems.add(self.document.inside(path, offset + error.offset), str(error), hint)
+        place = self.document.inside(path, offset + error.offset)
+        self.problems.add(place, str(error), hint, lacks=lacks)
 
 
 def describe_unit(value: Number) -> str:

@@ -179,11 +179,12 @@ def read_setpoint(
             for one in rig.devices.values()
             for channel in one.setpoints
         ]
-        measured = rig.channel(name) is not None
-        message = f"the rig {rig.name} has no setpoint {name!r}"
-        if measured:
+        if rig.channel(name) is not None:
             message = f"{name!r} is measured by the rig {rig.name}, not commanded"
-        reader.note_key(path, message, suggest(name, known))
+            reader.note_key(path, message, suggest(name, known))
+        else:
+            place = reader.document.key_place(path)
+            reader.problems.add_lacking(place, rig.name, "setpoint", name, known)
         return None
     limit = rig.devices[device].limits[short]
     return SetpointReader(reader, path, name, setpoint.unit, limit, scope).profile(source)

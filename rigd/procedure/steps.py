@@ -92,8 +92,8 @@ class StepCompiler:
             where = (*path, name)
             channel = self.rig.channel(name)
             if channel is None:
-                message = f"the rig {self.rig.name} has no channel {name!r}"
-                self.reader.note_key(where, message, suggest(name, channel_names(self.rig)))
+                place, known = self.reader.document.key_place(where), channel_names(self.rig)
+                self.reader.problems.add_lacking(place, self.rig.name, "channel", name, known)
                 continue
             low, high = -math.inf, math.inf
             if source.low is not None:

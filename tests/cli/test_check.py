@@ -1,0 +1,96 @@
+"""``rigd check``: what is right, what is wrong, and what is for another rig."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rigd.cli.main import main
+from rigd.config.shipped import shipped_folder
+
+PROCEDURES = shipped_folder("procedures")
+ALL = sorted(str(file) for file in PROCEDURES.glob("*.yaml"))
+QUICK = str(PROCEDURES / "quick.yaml")
+ANGLES = str(PROCEDURES / "approach_angles.yaml")
+
+
+def check(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    code = main(["check", *words])
+    told = capsys.readouterr()
+    return code, told.out, told.err
+
+
+@pytest.mark.parametrize(
+    ("rig", "missing"),
+    [
+        ("lugre-1", "daq, relay, scale"),
+        (
+            "angle-1",
+            "accelerometer, carriage, lateral_belt, longitudinal_belt, wheel_encoder, wheel_servo",
+        ),
+    ],
+)
+def test_procedures_for_another_rig_are_one_line_each(
+    rig: str, missing: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = check(*ALL, "--rig", rig, capsys=capsys)
+    assert (code, err) == (0, "")
+    *lines, summary = out.splitlines()
+    assert [line.partition(":")[0] for line in lines] == ALL
+    others = [line for line in lines if f": for another rig: {rig} has no " in line]
+    fits = [line for line in lines if line.endswith(f" on {rig}: right")]
+    assert len(others) + len(fits) == len(ALL)
+    assert summary == f"{len(fits)} right, {len(others)} for another rig (no {missing})"
+
+
+@pytest.mark.parametrize("files", [[ANGLES], [ANGLES, "lugre-1"]], ids=["alone", "no other"])
+def test_a_procedure_for_another_rig_is_wrong_if_none_fits(
+    files: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, err = check(*files, "--rig", "lugre-1", capsys=capsys)
+    assert code == 2
+    assert f"{ANGLES}: for another rig: lugre-1 has no daq, relay, scale" in err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("wheel_servo.current", "wheel_serov.current", "no setpoint 'wheel_serov.current'"),
+        ("wheel_servo.current", "wheel_servo.curent", "no setpoint 'wheel_servo.curent'"),
+        ("title:", "titel:", "unknown key 'titel'"),
+    ],
+)
+def test_a_mistake_is_no_other_rig(
+    old: str, new: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "mine.yaml"
+    text = Path(QUICK).read_text("utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), "utf-8")
+    code, out, err = check(QUICK, str(file), ANGLES, "--rig", "lugre-1", capsys=capsys)
+    assert code == 2
+    assert told in err
+    assert out.splitlines()[-1] == "1 right, 1 for another rig (no daq, relay, scale), 1 wrong"
+
+
+def test_a_mistake_beside_missing_devices_shows_all_problems(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "mine.yaml"
+    text = Path(ANGLES).read_text("utf-8")
+    assert "timeout: 20 s" in text
+    file.write_text(text.replace("timeout: 20 s", "timeout: 20 A", 1), "utf-8")
+    code, _, err = check(QUICK, str(file), "--rig", "lugre-1", capsys=capsys)
+    assert code == 2
+    assert "'20 A' is in A, expected s" in err
+    assert "no setpoint 'relay.closed'" in err
+
+
+def test_json_names_the_devices_that_are_missing(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = check(QUICK, ANGLES, "--rig", "lugre-1", "--json", capsys=capsys)
+    assert code == 0
+    fits, other = json.loads(out)
+    assert fits["right"] is True
+    assert (other["right"], other["missing_devices"]) == (False, ["daq", "relay", "scale"])
