@@ -23,13 +23,22 @@ def complete_status(status: Object) -> Object:
 
 def complete_event(event: Object) -> Object:
     """Return an event whose parameters, if it has some with units, say their factors."""
-    units = event["data"].get("units")
-    if event["kind"] != "trial_start" or not units:
+    if event["kind"] != "trial_start" or not event["data"].get("units"):
         return event
-    factors = {name: parse_unit(unit).factor for name, unit in units.items()}
-    return event | {"data": event["data"] | {"factors": factors}}
+    return event | {"data": _with_factors(event["data"])}
 
 
 def complete_procedure(view: Object) -> Object:
     """Return what ``procedure`` answers, with the factor of every parameter."""
     return view | {"parameters": [with_factor(one) for one in view["parameters"]]}
+
+
+def complete_run(view: Object) -> Object:
+    """Return what ``run`` answers, with the factors of the parameters of each trial."""
+    trials = [_with_factors(one) for one in view["details"].get("trials", [])]
+    return view | {"details": view["details"] | {"trials": trials}}
+
+
+def _with_factors(trial: Object) -> Object:
+    units = trial.get("units", {})
+    return trial | {"factors": {name: parse_unit(unit).factor for name, unit in units.items()}}

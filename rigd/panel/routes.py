@@ -12,7 +12,7 @@ from starlette.routing import Route
 
 from rigd.model.errors import RigdError
 from rigd.panel.answers import object_of, read_object, refuse, text_of
-from rigd.panel.quantities import complete_procedure
+from rigd.panel.quantities import complete_procedure, complete_run
 from rigd.panel.rates import BucketByAddress
 from rigd.panel.rig import Object, Rig
 from rigd.panel.seat import Seat
@@ -108,7 +108,8 @@ class Doors:
         if what not in ASKS:
             raise Refusal(Code.UNKNOWN_VERB, f"there is nothing like {what[:40]!r} to ask for")
         answer = await self.rig.ask(what, object_of(await read_object(request), "args"))
-        return complete_procedure(answer) if what == "procedure" else answer
+        complete = {"procedure": complete_procedure, "run": complete_run}.get(what)
+        return answer if complete is None else complete(answer)
 
     async def command(self, request: Request, session: Session) -> Object:
         """Command the rig."""

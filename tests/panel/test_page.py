@@ -4,74 +4,20 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Iterator
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
-from support.browser import PATIENCE_MS, Watched, chromium
+from support.browser import Watched
+from support.page import given, press, running, state, turn_to, wait_until
 from support.panel import ServedPanel
-from support.played_campaign import PROMPT, TRIP, WEIGH
+from support.played_campaign import TRIP
 from support.played_rig import PlayedRig
 
 from rigd.remote.protocol.status import Interrupted
 
-expect.set_options(timeout=PATIENCE_MS)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as started:
-        yield started
-
-
-@pytest.fixture
-def panel() -> Iterator[ServedPanel]:
-    with ServedPanel(PlayedRig(prompts=(PROMPT, WEIGH))) as served:
-        yield served
-
-
-@pytest.fixture
-def watched(browser: Browser) -> Iterator[Watched]:
-    one = Watched(browser)
-    yield one
-    one.context.close()
-
-
-def state(page: Page, text: str) -> None:
-    expect(page.locator(".state-word")).to_have_text(text)
-
-
-def press(page: Page, name: str) -> None:
-    page.get_by_role("button", name=name, exact=True).click()
-
-
-def turn_to(page: Page, name: str) -> None:
-    page.get_by_role("link", name=name, exact=True).click()
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE_MS / 1000
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-
-
-def given(panel: ServedPanel, verb: str) -> list[dict[str, object]]:
-    return [args for name, args in panel.rig.given if name == verb]
-
 
 def drawn(page: Page) -> int:
     return int(page.locator(".traces").get_attribute("data-drawn") or 0)
-
-
-def running(panel: ServedPanel, watched: Watched) -> Page:
-    """Return a page with control, before a rig that runs."""
-    page = watched.enter(panel.links["operator"])
-    press(page, "Take control")
-    panel.rig.state = "running"
-    panel.do(panel.rig.wake)
-    state(page, "Running")
-    return page
 
 
 def test_a_run_from_the_choice_of_a_procedure_to_its_stop(
@@ -268,7 +214,8 @@ def test_an_interrupted_run_is_offered_and_can_wait(panel: ServedPanel, watched:
     expect(card).to_have_count(0)
     turn_to(page, "Runs")
     page.locator(".run-list tbody tr").nth(2).click()
-    press(page, "Go on with it")
+    press(page, "Go on with it…")
+    press(page, "Go on now")
     wait_until(lambda: given(panel, "resume_run") == [{"run": run}])
 
 

@@ -29,8 +29,12 @@ def chromium() -> Iterator[Browser]:
 class Watched:
     """A page whose complaints are kept, and every address it asks for."""
 
-    def __init__(self, browser: Browser, width: int = 1440, height: int = 900) -> None:
-        self.context = browser.new_context(viewport={"width": width, "height": height})
+    def __init__(
+        self, browser: Browser, width: int = 1440, height: int = 900, *, has_touch: bool = False
+    ) -> None:
+        self.context = browser.new_context(
+            viewport={"width": width, "height": height}, has_touch=has_touch
+        )
         self.context.set_default_timeout(PATIENCE_MS)
         self.page: Page = self.context.new_page()
         self.complaints: list[str] = []

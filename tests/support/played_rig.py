@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from support.played_campaign import (
     ACTIONS,
     CHANNELS,
+    DETAILS,
     INTERLOCKS,
     PROCEDURES,
     PROMPT,
@@ -230,7 +231,7 @@ class PlayedRig:
             case "runs":
                 return as_json(RunList(runs=tuple(self.runs), more=False))
             case "run":
-                return as_json(RunView(line=self._run(args), details={"seed": 1}))
+                return as_json(RunView(line=self._run(args), details=DETAILS))
             case "report":
                 if not self._run(args).has_report:
                     raise Refusal(Code.NOT_FOUND, "this run has no report yet")

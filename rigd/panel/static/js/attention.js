@@ -4,22 +4,43 @@ import { command, control } from "./api.js";
 import { el, file, icon } from "./dom.js";
 import { ACTIONS, clock, words } from "./format.js";
 import { promptCard } from "./prompt.js";
+import { resumeButton } from "./resume.js";
 import { hasControl, known, put, watch } from "./store.js";
 import { attempt } from "./toasts.js";
 
+/** How long the place of a card that went stays empty after a press there. */
+const EMPTY_MS = 3000;
+
 export function mountAttention(root) {
+  let pressedAt = -Infinity;
+  for (const kind of ["pointerdown", "keydown"]) root.addEventListener(kind, () => { pressedAt = performance.now(); });
+
+  /** Take a card away; while somebody presses here, nothing else moves to its place. */
+  function leave(card) {
+    const empty = el("div", { class: "gone" });
+    empty.style.setProperty("--height", `${card.getBoundingClientRect().height}px`);
+    card.replaceWith(empty);
+    const close = () => {
+      const left = pressedAt + EMPTY_MS - performance.now();
+      if (left > 0) setTimeout(close, left);
+      else empty.remove();
+    };
+    close();
+  }
+
   const cards = new Map(); // what it says -> its element: a card that still holds is left alone
   watch(["status", "link"], () => {
     if (known.status === null) return;
     const wanted = new Map(known.link === "ok" ? list(known.status) : []);
     for (const [key, card] of cards) {
       if (wanted.has(key)) continue;
-      card.remove();
+      leave(card);
       cards.delete(key);
     }
     let place = null;
     for (const [key, make] of wanted) {
       if (!cards.has(key)) {
+        for (const empty of root.querySelectorAll(".gone")) empty.remove(); // something new stands there
         cards.set(key, make());
         if (place === null) root.prepend(cards.get(key));
         else place.after(cards.get(key));
@@ -86,15 +107,6 @@ function interruptedCard(one, older, mine) {
       el("p", {}, file(one.run)),
       el("p", { class: "quiet" }, `${one.reason}.${older ? ` ${older} more, in the list of runs.` : ""}`)),
     el("div", { class: "card-buttons" }, later, resume));
-}
-
-/** Goes on with a run that was interrupted. */
-export function resumeButton(run, mine) {
-  const made = el("button", {
-    type: "button", class: "primary", disabled: !mine,
-    onclick: () => attempt(made, () => command("resume_run", { run })),
-  }, icon("play"), "Go on with it");
-  return made;
 }
 
 function askingCard(name, to) {

@@ -1,5 +1,6 @@
 // A dialog that leaves the stops within reach. The browser's own modal dialogs make everything else
-// inert, the stops too; this one leaves the head of the page as it is.
+// inert, the stops too; this one leaves the head of the page as it is. The dialog itself gets the
+// keyboard, none of its buttons: Enter answers nothing until somebody has gone to a button.
 
 import { el, fill } from "./dom.js";
 
@@ -8,7 +9,7 @@ const BEHIND = ["bar", "attention", "main"].map((id) => document.getElementById(
 /** Open a dialog with what `contents(close)` returns; Esc, or a press beside it, closes it. */
 export function openDialog(label, contents) {
   const before = document.activeElement;
-  const dialog = el("dialog", { "aria-label": label });
+  const dialog = el("dialog", { "aria-label": label, tabIndex: -1 });
   const shade = el("div", { class: "shade", onclick: () => dialog.close() });
   const onKey = (event) => event.key === "Escape" && dialog.close();
   dialog.addEventListener("close", () => {
@@ -23,4 +24,5 @@ export function openDialog(label, contents) {
   fill(dialog, contents(() => dialog.close()));
   document.getElementById("app").append(shade, dialog);
   dialog.show();
+  dialog.focus();
 }

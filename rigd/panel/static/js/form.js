@@ -18,6 +18,11 @@ export class Form {
     return Object.fromEntries(this.fields.filter((one) => one.isGiven).map((one) => [one.name, one.text]));
   }
 
+  /** Every parameter as it will be, for people; what was given by hand is set off. */
+  facts() {
+    return this.fields.map((one) => [words(one.name), one.isGiven ? el("strong", {}, quantities(one.text)) : one.usual]);
+  }
+
   /** Show what is wrong, beside the field it names where it names one; `early`: only in what was given. */
   blame(problems, early = false) {
     for (const field of this.fields) field.blame("");
@@ -75,6 +80,12 @@ class Field {
     const text = decimalPoint(this.input.value);
     const isBare = /^[-+]?[\d.]+(e[-+]?\d+)?$/i.test(text);
     return isBare && this.parameter.unit !== "1" ? `${text} ${this.parameter.unit}` : text;
+  }
+
+  /** What it is where nothing was given. */
+  get usual() {
+    if (this.parameter.swept) return "all of the sweep";
+    return this.parameter.default === null ? "–" : quantities(this.parameter.default);
   }
 
   blame(text) {

@@ -3,6 +3,7 @@
 import { session } from "./api.js";
 import { mountAttention } from "./attention.js";
 import { mountControl } from "./control.js";
+import { guardPresses } from "./deliberate.js";
 import { mountEvents } from "./events.js";
 import { connect } from "./link.js";
 import { mountLive } from "./live.js";
@@ -21,6 +22,7 @@ const app = document.getElementById("app");
 
 function enter(me) {
   put("me", me);
+  guardPresses();
   login.hidden = true;
   app.hidden = false;
   document.body.dataset.role = me.role;

@@ -1,9 +1,9 @@
 // Choosing a procedure, giving its parameters, trying it dry, starting it.
 
 import { ask, command } from "./api.js";
-import { openDialog } from "./dialog.js";
+import { confirmRun } from "./confirm.js";
 import { el, fill, icon, say } from "./dom.js";
-import { words } from "./format.js";
+import { duration, words } from "./format.js";
 import { Form } from "./form.js";
 import { drawPreview } from "./preview.js";
 import { hasControl, isOperator, known, watch } from "./store.js";
@@ -71,16 +71,12 @@ class Sheet {
   }
 
   #options() {
-    this.loss = el("select", { id: "on-loss" },
-      el("option", { value: "" }, `as the procedure says: ${LOSS[this.view.on_client_loss]}`),
-      ...Object.entries(LOSS).map(([value, text]) => el("option", { value }, text)));
     this.seed = el("input", {
       id: "seed", inputMode: "numeric", pattern: "\\d*", title: "a whole number", placeholder: "chosen by rigd", autocomplete: "off",
     });
     this.own = el("input", { id: "own", type: "checkbox" });
     return el("details", { class: "more" }, el("summary", {}, "More choices"),
       el("div", { class: "fields" },
-        el("label", { for: "on-loss" }, "If whoever has control goes away"), this.loss,
         el("label", { for: "seed" }, "Seed"), this.seed,
         known.describe.simulated ? [el("label", { for: "own" }, "The procedure answers its own questions"), this.own] : null));
   }
@@ -139,34 +135,39 @@ class Sheet {
       this.form.blame(check.problems);
       return;
     }
-    openDialog("Start the run", (close) => this.#question(check, close));
-  }
-
-  #question(check, close) {
-    const set = Object.entries(this.form.values());
-    const go = el("button", {
-      type: "button", class: "primary big", autofocus: true, onclick: () => this.#begin(go, close),
-    }, icon("play"), "Start now");
-    return [
-      el("h2", {}, `Start ${words(this.view.procedure.name)}?`),
-      el("dl", { class: "facts" },
-        el("dt", {}, "Rig"), el("dd", {}, `${known.describe.title || known.describe.rig}${known.describe.simulated ? "" : " – it will move"}`),
-        el("dt", {}, "Trials"), el("dd", {}, String(check.trials)),
-        ...set.flatMap(([name, value]) => [el("dt", {}, words(name)), el("dd", {}, value)])),
-      known.describe.simulated ? null : el("p", {}, "Is nobody within its reach?"),
-      el("div", { class: "row end" },
-        el("button", { type: "button", onclick: close }, "Cancel"), go),
-    ];
-  }
-
-  async #begin(button, close) {
     const seed = this.seed.value.trim();
     const args = { ...this.#given(), answers: this.own.checked ? "procedure" : "ask" };
     if (seed) args.seed = Number(seed);
-    if (this.loss.value) args.on_client_loss = this.loss.value;
-    const started = await attempt(button, () => command("start", args));
-    close();
-    if (started !== null) show("live");
+    confirmRun({
+      title: `Start ${words(this.view.procedure.name)}?`,
+      action: "Start now",
+      usual: this.view.on_client_loss,
+      facts: [
+        ["Procedure", this.view.title || words(this.view.procedure.name)],
+        ["Trials", String(check.trials)],
+        ["Takes", this.#duration(args)],
+        ...this.form.facts(),
+        ...(seed ? [["Seed", seed]] : []),
+        ...(check.prompts ? [["Questions", this.own.checked ? "answered by the procedure itself" : `${check.prompts}, for you to answer`]] : []),
+      ],
+      go: async (loss) => {
+        await command("start", loss ? { ...args, on_client_loss: loss } : args);
+        show("live");
+      },
+    });
+  }
+
+  /** How long the rig is busy: worked out by a dry run while the person reads the rest. */
+  #duration({ procedure, set }) {
+    const said = el("span", { class: "busy" }, "being worked out …");
+    const tell = (text, isGood = true) => {
+      said.className = isGood ? "" : "problem";
+      say(said, text);
+    };
+    command("dry_run", { procedure, set }).then(
+      (found) => tell(`about ${duration(found.duration_s)}${found.ok ? "" : `; the dry run says: ${found.refusals.join("; ") || "it would not run clean"}`}`, found.ok),
+      (refused) => tell(`not known: ${refused.message}`, false));
+    return said;
   }
 }
 
@@ -181,5 +182,3 @@ function prose(text) {
 const paragraph = (text) => /^( {2}|rigd |\$ )/m.test(text)
   ? el("pre", {}, text)
   : el("p", {}, text.replace(/\s*\n\s*/g, " "));
-
-const LOSS = { continue: "go on", finish_trial: "finish the trial, then stop", stop: "stop" };

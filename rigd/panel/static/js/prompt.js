@@ -21,10 +21,11 @@ export function promptCard(prompt, mine) {
     },
   }, ...fields(prompt, mine));
   if (!mine) form.append(el("p", { class: "quiet" }, "Only who has control can answer."));
-  const card = el("section", { class: "card prompt", data: { mood: "ask" }, "aria-label": "A question" },
+  const card = el("section", { class: "card prompt", data: { mood: "ask" }, "aria-label": "A question", tabIndex: -1 },
     icon("question"),
     el("div", { class: "card-text" }, el("h2", {}, prompt.text), problem, form));
-  if (mine) requestAnimationFrame(() => form.elements[0]?.focus({ preventScroll: true }));
+  // The keyboard comes to the question, to none of its answers, and is taken from nobody.
+  if (mine) requestAnimationFrame(() => document.activeElement === document.body && card.focus({ preventScroll: true }));
   return card;
 }
 

@@ -1,9 +1,9 @@
 // The recordings, and the report of each.
 
 import { ask, command } from "./api.js";
-import { resumeButton } from "./attention.js";
 import { el, file, fill, icon, say } from "./dom.js";
 import { bytes, day, duration, words, withHint } from "./format.js";
+import { resumeButton } from "./resume.js";
 import { hasControl, known, watch } from "./store.js";
 import { onShow } from "./tabs.js";
 import { attempt, complain } from "./toasts.js";
