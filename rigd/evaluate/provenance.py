@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rigd import __version__
+from rigd.evaluate.heading import heading
 from rigd.evaluate.source import RecordedSweep
 from rigd.identify.report import Attachment, Facts, Provenance
+from rigd.record import Recording, RunInfo
 
 
 def provenance(
@@ -24,28 +26,34 @@ def provenance(
     """
     more = further or [{} for _ in sweeps]
     facts = [
-        Facts(
-            sweep.path.name,
-            {
-                "sha256": _sha256(sweep.path),
-                **{name: value for name, value in sweep.info.metadata["run"].items() if value},
-                **{f"parameter {name}": value for name, value in sweep.info.parameters.items()},
-                "state": sweep.info.state,
-                "trials used": str(used),
-                **extra,
-            },
-        )
+        facts_of(sweep.info, {"trials used": str(used), **extra})
         for sweep, used, extra in zip(sweeps, trials_used, more, strict=True)
     ]
     facts.append(Facts("Identification", {"rigd": __version__, **identification}))
-    return Provenance(tuple(facts), _attachments(sweeps))
+    recordings = [sweep.recording for sweep in sweeps]
+    top = heading([sweep.info for sweep in sweeps])
+    return Provenance(tuple(facts), attachments_of(recordings), top)
 
 
-def _attachments(sweeps: Sequence[RecordedSweep]) -> tuple[Attachment, ...]:
+def facts_of(info: RunInfo, further: Mapping[str, str]) -> Facts:
+    """Return what a recording says of itself, with the digest of its file."""
+    return Facts(
+        info.path.name,
+        {
+            "sha256": _sha256(info.path),
+            **{name: value for name, value in info.metadata.get("run", {}).items() if value},
+            **{f"parameter {name}": value for name, value in info.parameters.items()},
+            "state": info.state,
+            **further,
+        },
+    )
+
+
+def attachments_of(recordings: Sequence[Recording]) -> tuple[Attachment, ...]:
     """Return each attached file once, however many recordings have it."""
     texts: dict[bytes, str] = {}
-    for sweep in sweeps:
-        for name, one in sweep.recording.attachments.items():
+    for recording in recordings:
+        for name, one in recording.attachments.items():
             texts.setdefault(one.data, name)
     return tuple(Attachment(name, data.decode(errors="replace")) for data, name in texts.items())
 

@@ -23,6 +23,7 @@ from rigd.identify.report import Provenance
 from rigd.identify.report.calibration import render_calibration
 from rigd.identify.report.rounding import number, places_for
 from rigd.model.errors import DataError
+from rigd.record.moment import is_virtual
 
 _METHODS: Final[Mapping[str, Callable[[Steps], CalibrationResult]]] = {
     "torque-calibration": torque_result,
@@ -30,8 +31,6 @@ _METHODS: Final[Mapping[str, Callable[[Steps], CalibrationResult]]] = {
     "friction-calibration": friction_result,
     "rise-calibration": rise_result,
 }
-#: What the mode of a run in virtual time says; its dates are not the operator's.
-_VIRTUAL: Final = "virtual time"
 
 
 @dataclass(frozen=True)
@@ -119,7 +118,7 @@ def evaluate(
         rig=sweep.info.rig,
         instruments=steps.instruments(),
         made=None
-        if _VIRTUAL in run.get("mode", "")
+        if is_virtual(sweep.info)  # its dates are not the operator's
         else datetime.fromisoformat(run["started"]).date(),
         provenance=provenance([sweep], [len(sweep.trials)], {"method": sweep.plan.model}),
     )

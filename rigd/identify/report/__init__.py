@@ -4,6 +4,7 @@ from rigd.identify.report.render import render_report
 from rigd.identify.report.section import (
     Attachment,
     Facts,
+    Heading,
     Provenance,
     ReferenceCurve,
     ReportSection,
@@ -13,6 +14,7 @@ from rigd.identify.report.summary import SummaryRow, summary_rows
 __all__ = [
     "Attachment",
     "Facts",
+    "Heading",
     "Provenance",
     "ReferenceCurve",
     "ReportSection",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +52,11 @@ def panels(trials: Sequence[TrialFit]) -> tuple[Panel, ...]:
             peak = float(np.abs(values).max()) if values.size else 0.0
             of_unit = peaks.setdefault(signal.unit, {})
             of_unit[name] = max(of_unit.get(name, 0.0), peak)
+    return spread(peaks)
+
+
+def spread(peaks: Mapping[str, Mapping[str, float]]) -> tuple[Panel, ...]:
+    """Return the panels of signals whose greatest magnitudes are known, by unit and name."""
     found: list[Panel] = []
     for unit, of_unit in peaks.items():
         bar = FLAT_LINE * max(of_unit.values())

@@ -50,12 +50,26 @@ class Attachment:
 
 
 @dataclass(frozen=True)
+class Heading:
+    """What stands under the title of a report.
+
+    ``badge`` says that the data are simulated and how; it is empty for real devices. ``entries``
+    are names and texts: rig, recordings, operator, dates. ``notes`` are what people wrote.
+    """
+
+    badge: str = ""
+    entries: tuple[tuple[str, str], ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Provenance:
     """Where the numbers come from, so that another can repeat them.
 
     One :class:`Facts` for each recording (file name, sha256, run metadata) and one for the
-    software; rig and procedure files as attachments.
+    software; rig and procedure files as attachments. ``heading`` stands at the top of the page.
     """
 
     facts: tuple[Facts, ...] = ()
     attachments: tuple[Attachment, ...] = ()
+    heading: Heading = field(default_factory=Heading)

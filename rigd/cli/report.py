@@ -1,0 +1,51 @@
+"""``rigd report``: a recording as a page, with or without an identification."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "show recordings as pages: channels, steps, events, limits, parameters of each trial"
+EXAMPLES = """\
+examples:
+  rigd report runs/20261121-080000-quick.mcap        writes runs/20261121-080000-quick-run.html
+  rigd report FILE --trials 7,12-15                  these trials drawn one by one
+  rigd report FILE --output page.html
+
+The page shows what was recorded. What follows from it stands in the report of `rigd identify`.
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="recordings")
+    parser.add_argument(
+        "--trials", metavar="LIST", help="trials to draw one by one, such as 1,4,7-9"
+    )
+    parser.add_argument(
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="page to write, of a single recording (default: RECORDING-run.html beside it)",
+    )
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Write a page for each recording."""
+    from rigd.evaluate.run import parse_selection, run_report
+    from rigd.model.errors import ConfigError, RecordingError
+
+    if args.output is not None and len(args.files) > 1:
+        raise ConfigError("--output is for one recording", hint="leave it out for several")
+    if args.output is not None and args.output.suffix == ".mcap":
+        raise ConfigError(f"--output {args.output} would overwrite a recording")
+    selection = None if args.trials is None else parse_selection(args.trials)
+    for file in args.files:
+        page = args.output or file.with_name(f"{file.stem}-run.html")
+        text = run_report(file, selection)
+        try:
+            page.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise RecordingError(f"cannot write the page {page}: {error.strerror}") from error
+        print(f"report: {page}")
+    return 0

@@ -1,0 +1,143 @@
+"""The bounds that a run had to keep, from the rig and procedure files that a recording carries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from rigd.config.binding import bind
+from rigd.config.document import parse_document
+from rigd.config.problems import Problems
+from rigd.config.source import RigSource
+from rigd.model.channels import Stream
+from rigd.model.errors import ConfigError
+from rigd.record import Recording
+from rigd.sdk import In
+
+#: What is written behind the name of a setpoint in a recording.
+SETPOINT: Final = "_setpoint"
+
+
+@dataclass(frozen=True)
+class Bound:
+    """One value that ``channel`` (``device.channel``) was not to pass, in its SI unit."""
+
+    channel: str
+    value: float
+    upper: bool
+    by: str  #: what holds it: ``limit``, ``limit of the trial``, ``interlock over_current``
+    hard: bool  #: whether an interlock holds it
+    delay_s: float = 0.0  #: for how long it may be passed
+
+    def passed(self, least: float, greatest: float) -> bool:
+        """Return whether values from ``least`` to ``greatest`` passed it, where none may."""
+        return self.delay_s == 0.0 and (greatest > self.value if self.upper else least < self.value)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The bounds of a run, and what is to say where they are not known."""
+
+    known: tuple[Bound, ...] = ()
+    problem: str = ""
+
+    def of(self, channel: str) -> tuple[Bound, ...]:
+        """Return the bounds of ``device.channel``."""
+        return tuple(one for one in self.known if one.channel == channel)
+
+
+def bounds_of(recording: Recording) -> Bounds:
+    """Return the bounds in the attached files; drivers need not be installed.
+
+    A bound that another channel or a swept parameter gives has no one value and is left out.
+    """
+    texts = {name: one.data.decode(errors="replace") for name, one in recording.attachments.items()}
+    if "rig.yaml" not in texts:
+        return Bounds(problem="the recording carries no rig file: limits are not drawn")
+    units = _units(recording.streams)
+    try:
+        document = parse_document(texts["rig.yaml"], Path("rig.yaml"))
+        problems = Problems()
+        rig = bind(document, RigSource, problems)
+        problems.raise_any()
+        trial = _of_trial(texts.get("procedure.yaml"), units)
+    except ConfigError as error:
+        return Bounds(problem=f"limits are not drawn: {error.message}")
+    if rig is None:
+        return Bounds(problem="limits are not drawn: the rig file cannot be used")
+    return Bounds((*_limits(rig, units), *trial, *_interlocks(rig, units)))
+
+
+def recorded_during(recording: Recording) -> frozenset[str]:
+    """Return the steps that some stream was recorded during, where it was not always."""
+    attached = recording.attachments.get("procedure.yaml")
+    if attached is None:
+        return frozenset()
+    try:
+        document = parse_document(attached.data.decode(errors="replace"), Path("procedure.yaml"))
+    except ConfigError:
+        return frozenset()
+    record = document.get(("record",))
+    names: set[str] = set()
+    for one in record.values() if isinstance(record, Mapping) else ():
+        during = one.get("during", ()) if isinstance(one, Mapping) else ()
+        names.update([during] if isinstance(during, str) else map(str, during or ()))
+    return frozenset(names)
+
+
+def _limits(rig: RigSource, units: Mapping[str, str]) -> Iterator[Bound]:
+    for device, one in rig.devices.items():
+        for name, limit in one.limits.items():
+            channel = f"{device}.{name}{SETPOINT}"
+            yield from _pair(channel, limit.low, limit.high, "limit", units)
+
+
+def _interlocks(rig: RigSource, units: Mapping[str, str]) -> Iterator[Bound]:
+    for one in rig.interlocks:
+        by = f"interlock {one.name}"
+        for bound in _pair(one.source, one.low, one.high, by, units):
+            after = f"{by} after {one.delay:g} s" if one.delay else by
+            yield replace(bound, by=after, hard=True, delay_s=one.delay)
+
+
+def _of_trial(text: str | None, units: Mapping[str, str]) -> list[Bound]:
+    """Return the limits of a trial that the procedure gives as plain quantities."""
+    if text is None:
+        return []
+    limits = parse_document(text, Path("procedure.yaml")).get(("trial", "limits"))
+    if not isinstance(limits, Mapping):
+        return []
+    return [
+        bound
+        for channel, one in limits.items()
+        if isinstance(one, Mapping)
+        for bound in _pair(
+            str(channel), one.get("low"), one.get("high"), "limit of the trial", units
+        )
+    ]
+
+
+def _pair(
+    channel: str, low: object, high: object, by: str, units: Mapping[str, str]
+) -> Iterator[Bound]:
+    unit = units.get(channel)
+    if unit is None:
+        return  # it was not recorded
+    for text, upper in ((low, False), (high, True)):
+        if text is None:
+            continue
+        try:
+            value = In(unit).read(str(text))
+        except ValueError:
+            continue  # another channel or a parameter gives it
+        yield Bound(channel, value, upper, by, hard=False)
+
+
+def _units(streams: Mapping[str, Stream]) -> dict[str, str]:
+    return {
+        f"{stream.name}.{channel.name}": channel.unit
+        for stream in streams.values()
+        for channel in stream.channels
+    }

@@ -1,0 +1,54 @@
+"""When a recording was made, by the calendar of people."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Final, Literal
+
+from rigd.record.info import RunInfo
+
+#: What the mode of a run in virtual time says; its clock is not the calendar's.
+VIRTUAL: Final = "virtual time"
+_STAMP: Final = re.compile(r"(?<!\d)(\d{8})[-T](\d{6})(?!\d)")
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A date in UTC, and what it is of: the run's own clock, the file's name, or the file."""
+
+    at: datetime
+    of: Literal["run", "file name", "file"]
+
+
+def is_virtual(info: RunInfo) -> bool:
+    """Return whether the clock of the run was made from its seed."""
+    return VIRTUAL in info.mode
+
+
+def recorded_at(info: RunInfo) -> Moment:
+    """Return when the run began; of a run in virtual time, when its file was made.
+
+    A run in virtual time repeats bit for bit and so holds no date of its own: its file name says
+    when it was made where rigd chose the name, else the date of the file, which a copy may lose.
+
+    Raises:
+        OSError: the date of the file is needed, and it is gone.
+    """
+    if not is_virtual(info):
+        try:
+            began = datetime.fromisoformat(info.started)
+        except ValueError:
+            pass  # a file of another program
+        else:
+            return Moment(began if began.tzinfo else began.replace(tzinfo=UTC), "run")
+    stamp = _STAMP.search(info.path.name)
+    if stamp is not None:
+        try:
+            named = datetime.strptime("".join(stamp.groups()), "%Y%m%d%H%M%S")
+        except ValueError:
+            pass  # digits that are no date
+        else:
+            return Moment(named.replace(tzinfo=UTC), "file name")
+    return Moment(datetime.fromtimestamp(info.path.stat().st_mtime, UTC), "file")
