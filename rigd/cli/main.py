@@ -65,7 +65,8 @@ examples:
                                          a first run on the simulated rig
   rigd run procedures/constant_current.yaml --rig lugre-1 --set floor=pvc
                                          ten currents on PVC, recorded to runs/
-  rigd identify runs/*.mcap              friction parameters with uncertainties, and a report
+  rigd identify runs/*constant_current*.mcap
+                                         friction parameters with uncertainties, and a report
   rigd check my_procedure.yaml           is this file right? nothing moves
   rigd doctor --rig wire-1               is this machine and this rig fit? nothing moves
 

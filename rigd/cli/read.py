@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 HELP = "show what the channels of a rig read now; nothing is armed, nothing moves"
 EXAMPLES = """\
 examples:
-  rigd read --rig wire-1                         all channels, until Ctrl-C
-  rigd read --rig wire-1 scale carriage.position only these devices are opened
-  rigd read --rig wire-1 --once --json           one object for a script
-  rigd read --rig wire-1 --for 10s --json        one object per line, each second
+  rigd read --rig wire-1                            all channels, until Ctrl-C
+  rigd read --rig wire-1 scale carriage.position   only these devices are opened
+  rigd read --rig wire-1 --once --json              one object for a script
+  rigd read --rig wire-1 --for 10s --json           one object per line, each second
 
 On a terminal a table that refreshes itself, elsewhere a line per channel each second. Interlocks
 are judged and shown, but end nothing: nothing is armed that they could stop.

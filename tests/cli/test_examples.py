@@ -1,0 +1,303 @@
+"""Every command of README and of ``--help`` does what its reader expects.
+
+A command stands in one of three tables: it is run here, with what it shows; or another test runs
+it; or nothing can, and the reason stands there. A command in none of them fails.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from support.asking import ASKING
+from support.examples import of_help, of_readme, words_of
+
+from rigd.cli.main import COMMANDS, build_parser, main
+from rigd.config.loader import load_rig
+from rigd.config.shipped import shipped_folder
+from rigd.daemon.execute import RunRequest, perform
+from rigd.engine.control import Control, Verb
+from rigd.engine.result import Progress
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import load_procedure
+
+TESTS = Path(__file__).resolve().parents[1]
+DAY = "runs/20261121-080000"
+PVC = f"{DAY}-constant_current-pvc.mcap"
+QUICK = f"{DAY}-quick.mcap"
+TORQUE = f"{DAY}-calibrate_torque.mcap"
+ANGLES = f"{DAY}-approach_angles.mcap"
+RUN_PVC = "run procedures/constant_current.yaml --rig configs/sim_lugre.yaml --set floor=pvc"
+
+
+@dataclass(frozen=True)
+class Shows:
+    """What a command shows; ``means`` is what a reader puts in for its placeholders."""
+
+    text: str
+    means: Mapping[str, str] = field(default_factory=dict)
+    code: int = 0
+
+
+SHOWN: dict[str, Shows] = {
+    "rigd --help": Shows("exit codes:"),
+    "rigd identify runs/<that run>.mcap": Shows("sigma_2", {"runs/<that run>.mcap": PVC}),
+    "rigd identify runs/<that run>.mcap --calibration calibrations/approach_angle.yaml": Shows(
+        "clean_0", {"runs/<that run>.mcap": ANGLES}
+    ),
+    f"rigd identify {PVC}": Shows("sigma_2"),
+    "rigd identify runs/*constant_current*.mcap": Shows("sigma_2"),
+    "rigd identify FILE --json": Shows('"recordings"', {"FILE": ANGLES}),
+    "rigd identify runs/*approach_angles*.mcap": Shows("clean_0"),
+    "rigd identify FILE --calibration new.yaml": Shows("clean_0", {"FILE": ANGLES}),
+    f"rigd {RUN_PVC}": Shows("identify:    rigd identify runs/"),
+    "rigd run procedures/quick.yaml --rig configs/sim_lugre.yaml": Shows("1 of 1 trials"),
+    "rigd run procedures/quick.yaml --rig lugre-1": Shows("1 of 1 trials"),
+    "rigd run procedures/quick.yaml --rig lugre-1 --junit result.xml": Shows("1 of 1 trials"),
+    "rigd run constant_current --rig lugre-1 --set floor=pvc": Shows("10 of 10 trials"),
+    "rigd run … --dry-run": Shows(
+        "every predicted peak is inside its limit", {"…": "procedures/quick.yaml --rig lugre-1"}
+    ),
+    "rigd run procedures/constant_current.yaml --rig lugre-1 --dry-run": Shows(
+        "every predicted peak is inside its limit"
+    ),
+    "rigd run --resume runs/<run>.mcap": Shows("2 of 2 trials", {"<run>": "interrupted"}),
+    "rigd run --resume runs/interrupted.mcap": Shows("2 of 2 trials"),
+    "rigd check procedures/*.yaml --rig lugre-1": Shows(
+        "5 right, 5 for another rig (no daq, relay, scale)"
+    ),
+    "rigd check configs/sim_lugre.yaml": Shows("rig lugre-1, 7 devices"),
+    "rigd check my_procedure.yaml": Shows("right in itself"),
+    'rigd calibrate procedures/calibrate_torque.yaml --rig angle-1 --operator "J. Doe"': Shows(
+        "new beside old", code=3  # nobody sits at a terminal: tests/system/test_calibrate.py
+    ),
+    'rigd calibrate procedures/calibrate_torque.yaml --rig angle-1 --operator "A. Miller"': Shows(
+        "new beside old", code=3
+    ),
+    "rigd calibrate procedures/calibrate_scale.yaml --rig angle-1 "
+    '--operator "A. Miller" --valid 180d': Shows("new beside old", code=3),
+    f'rigd calibrate --from {TORQUE} --operator "A. Miller"': Shows("new beside old", code=3),
+    "rigd runs": Shows("10/10"),
+    "rigd runs data/ --procedure constant_current --set floor=pvc": Shows("10/10"),
+    "rigd runs --state interrupted": Shows("no recordings in runs match"),
+    "rigd info FILE": Shows("lugre-1", {"FILE": QUICK}),
+    f"rigd info {QUICK}": Shows("lugre-1"),
+    "rigd info FILE --json": Shows('"rig": "lugre-1"', {"FILE": QUICK}),
+    "rigd info FILE --attachments folder/": Shows("folder/rig.yaml", {"FILE": QUICK}),
+    "rigd export FILE --to parquet": Shows(".parquet", {"FILE": QUICK}),
+    f"rigd export {QUICK} --to parquet": Shows(".parquet"),
+    "rigd export FILE --to csv --stream carriage --stream wheel_servo --output tables/": Shows(
+        "carriage.csv", {"FILE": QUICK}
+    ),
+    "rigd export FILE --to mat": Shows(".mat", {"FILE": QUICK}),
+    "rigd report FILE": Shows("-quick-run.html", {"FILE": QUICK}),
+    f"rigd report {QUICK}": Shows("-quick-run.html"),
+    "rigd report FILE --trials 7,12-15": Shows("-pvc-run.html", {"FILE": PVC, "7,12-15": "7,9-10"}),
+    "rigd report FILE --output page.html": Shows("page.html", {"FILE": QUICK}),
+    "rigd recover FILE": Shows("intact", {"FILE": QUICK}),
+    f"rigd recover {PVC}": Shows("intact"),
+    "rigd recover runs/*.mcap": Shows("intact"),
+    "rigd recover": Shows("no killed run has left anything behind"),
+    "rigd drivers": Shows("serial-scale"),
+    "rigd drivers serial-scale": Shows("tare"),
+    "rigd drivers serial-scale --json": Shows('"tare"'),
+    "rigd new driver NAME": Shows("my-driver", {"NAME": "my-driver"}),
+    "rigd new driver acme-scale --kind slow": Shows("acme-scale"),
+    "rigd new driver acme-servo --kind fast": Shows("acme-servo"),
+    "rigd new driver acme-daq --kind block": Shows("acme-daq"),
+    "rigd schema procedure": Shows("rigd procedure file"),
+    "rigd completion bash": Shows("_shtab_rigd"),
+    "rigd remote list": Shows("lugre-1"),
+    "rigd remote setup-tls certs --host rig.lab --host 192.168.0.7 --client alice --client panel":
+        Shows("alice"),
+    "rigd remote setup-tls certs --client bob": Shows("bob"),
+    "rigd schema procedure > procedure.schema.json": Shows(""),
+    "rigd completion bash > ~/.local/share/bash-completion/completions/rigd": Shows(""),
+}  # fmt: skip
+
+#: Commands that need devices at the wire, a daemon or real time, and the file that runs them.
+ELSEWHERE: dict[str, tuple[str, ...]] = {
+    "support/wire.py": (
+        "rigd sim configs/wire_lugre.yaml",
+        "rigd sim wire-1 --faults my_faults.yaml",
+    ),
+    "system/test_real_rig.py": (
+        "rigd run procedures/constant_current.yaml --rig wire-1",
+        "rigd jog",
+        "rigd jog wheel_servo.current=0.1A --for 2s --rig lugre-1",
+        "rigd jog longitudinal_belt.speed=-50mm/s --for '1 s' --rig wire-1",
+    ),
+    "system/test_manual.py": (
+        "rigd read --rig RIG",
+        "rigd read --rig wire-1",
+        "rigd read --rig wire-1 scale carriage.position",
+        "rigd read --rig wire-1 --once --json",
+        "rigd read --rig wire-1 --for 10s --json",
+        "rigd tare",
+        "rigd tare scale --rig wire-1",
+        "rigd tare scale --action zero --rig wire-1",
+        "rigd doctor",
+        "rigd doctor --rig wire-1",
+        "rigd doctor --rig wire-1 --json",
+    ),
+    "support/daemon.py": (
+        "rigd serve --rig lugre-1",
+        "rigd serve --rig configs/sim_lugre.yaml",
+        "rigd serve --rig wire-1 --no-panel --foxglove",
+    ),
+    "support/panel.py": (
+        "rigd panel",
+        "rigd panel --rig lugre-1 --port 8500",
+        "rigd panel --rig wire-1 --host 0.0.0.0 --name rig.lab --https-certificate certs/panel.crt "
+        "--https-key certs/panel.key",
+    ),
+    "../docs/remote.md": (
+        "rigd remote",
+        "rigd remote start procedures/quick.yaml --rig lugre-1 --watch",
+        "rigd remote start constant_current --set floor=pvc",
+        "rigd remote start procedures/quick.yaml --yes --watch --json",
+        "rigd remote status",
+        "rigd remote status --rig lugre-1",
+        "rigd remote status --watch",
+        'rigd remote stop --reason "wrong floor"',
+        "rigd remote lease",
+        "rigd remote dry-run procedures/quick.yaml --rig lugre-1",
+        "rigd remote dry-run constant_current --set floor=pvc",
+        "rigd remote fetch RUN",
+        "rigd remote fetch lugre-1_quick_20261121T080000.mcap --to data/",
+    ),
+    "cli/remote/test_commands.py": (
+        "rigd remote events --follow",
+        "rigd remote events --since 120 --json",
+        "rigd remote answer '1.2 kg'",
+        "rigd remote answer yes",
+        "rigd remote lease request",
+        "rigd remote lease give bob",
+        "rigd remote lease take",
+        "rigd remote lease seize",
+        "rigd remote report RUN --make",
+    ),
+    "../scripts/demo": (
+        "rigd run approach_angles --rig angle-1",  # 200 runs
+        "rigd run procedures/constant_current.yaml --rig lugre-1 --set floor=pvc",
+    ),
+}
+
+#: Commands that no test runs, and why.
+NEVER: dict[str, str] = {
+    "make demo": "`.ci/run` does",
+    "make test": "this is it",
+    "make check": "`.ci/run` does",
+    "make bench": "takes an hour; each of its parts has a test of its own",
+    ". .venv/bin/activate": "the environment of this test",
+    "pip install -e 'acme-scale[test]' && pytest acme-scale && rigd drivers acme-scale": (
+        "changes this environment; tests/cli/test_new.py builds, installs and tests such a package"
+    ),
+    'rigd completion zsh > "${fpath[1]}/_rigd"': "there is no zsh; tests/cli/test_main.py reads it",
+}
+
+READERS = list(dict.fromkeys([*of_readme(), *of_help()]))
+TABLES = [*SHOWN, *(command for commands in ELSEWHERE.values() for command in commands), *NEVER]
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder as the checkout, with the recordings that the commands before would leave."""
+    folder = tmp_path_factory.mktemp("desk")
+    for kind in ("configs", "procedures"):
+        shutil.copytree(shipped_folder(kind), folder / kind)
+    shutil.copytree(folder / "configs" / "calibrations", folder / "calibrations")
+    shutil.copy(folder / "calibrations" / "approach_angle.yaml", folder / "new.yaml")
+    shutil.copy(folder / "procedures" / "quick.yaml", folder / "my_procedure.yaml")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        Path("runs").mkdir()
+        assert run(f"{RUN_PVC} --output {PVC}") == 0
+        assert run(f"run quick --rig lugre-1 --output {QUICK}") == 0
+        assert run(f"run calibrate_torque --rig angle-1 --output {TORQUE}") == 0
+        one = "--set set=clean_0 --set load=4kg --set voltage=10V --start 2026-11-22"
+        assert run(f"run approach_angles --rig angle-1 {one} --output {ANGLES}") == 0
+        Path("data").symlink_to("runs")
+        Path("asking.yaml").write_text(ASKING, "utf-8")
+        rig, source = load_rig("lugre-1"), load_procedure("asking.yaml")
+        interrupted = RunRequest(
+            compile_procedure(source, rig), source.file.text, rig, 1,
+            output=Path("runs/interrupted.mcap"),
+        )  # fmt: skip
+        control = Control()
+
+        def stop_in_first_trial(progress: Progress) -> None:
+            if progress.trial is not None:
+                control.request(Verb.STOP, "stopped by a person")
+
+        assert perform(interrupted, control, watch=stop_in_first_trial).result.exit_code == 5
+    return folder
+
+
+def run(line: str) -> int:
+    return main(words_of(line, {}))
+
+
+def ended(words: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    """Run a command; return its exit code, and what it printed to both streams."""
+    try:
+        code = main(words)
+    except SystemExit as left:  # argparse, after `--help`
+        code = int(left.code or 0)
+    return code, *capsys.readouterr()
+
+
+@pytest.fixture(scope="module")
+def told() -> dict[tuple[str, ...], tuple[int, str, str]]:
+    """Return what commands have shown: those that mean the same to the letter run once."""
+    return {}
+
+
+@pytest.mark.parametrize("command", SHOWN)
+def test_a_command_does_what_its_reader_expects(
+    command: str,
+    desk: Path,
+    told: dict[tuple[str, ...], tuple[int, str, str]],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(desk)
+    monkeypatch.setenv("HOME", str(desk))
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(desk))
+    shows = SHOWN[command]
+    line, _, file = command.partition(" > ")
+    program, *words = words_of(line, shows.means)
+    assert program == "rigd"
+    code, out, err = told.get(tuple(words)) or ended(words, capsys)
+    told[tuple(words)] = code, out, err
+    assert code == shows.code, err
+    assert shows.text in out + err
+    assert file == "" or out
+
+
+@pytest.mark.parametrize("command", sorted({*READERS} - {*SHOWN, *NEVER}))
+def test_a_command_of_another_test_is_one_that_rigd_has(command: str) -> None:
+    name = command.split()[1]
+    if command == f"rigd {name}":
+        assert name in [module.__name__.rpartition(".")[2] for module in COMMANDS]
+    elif command.startswith("rigd "):
+        build_parser().parse_args(words_of(command, {})[1:])
+
+
+def test_each_command_stands_in_one_table() -> None:
+    assert len(TABLES) == len(set(TABLES))
+    assert {*READERS} - {*TABLES} == set(), "put it in a table, with what it shows"
+    assert {*TABLES} - {*READERS} == set(), "no page shows this any more"
+
+
+@pytest.mark.parametrize(("file", "commands"), ELSEWHERE.items())
+def test_the_other_test_uses_the_command(file: str, commands: tuple[str, ...]) -> None:
+    text = (TESTS / file).read_text("utf-8")
+    for command in commands:
+        words = command.split()
+        depth = 2 if words[1] == "remote" and len(words) > 2 else 1
+        assert re.search(rf"\b{words[depth]}\b", text), command
