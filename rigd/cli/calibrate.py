@@ -9,6 +9,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigd.cli.about import add_about, read_about
+
 if TYPE_CHECKING:
     from rigd.config.rig import RigConfig
     from rigd.daemon.calibrate import Renewal
@@ -77,6 +79,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--runs", type=Path, default=Path("runs"), metavar="FOLDER", help="folder of recordings"
     )
+    add_about(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.add_argument("--quiet", action="store_true", help="no progress")
 
@@ -166,8 +169,9 @@ def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
             hint=f"its `identify:` names no model that does: {known}",
         )
     request = RunRequest(
-        procedure, source.file.text, rig, args.seed, folder=args.runs, overrides=overrides
-    )
+        procedure, source.file.text, rig, args.seed, folder=args.runs, overrides=overrides,
+        about=read_about(args.operator, args.note, args.meta),
+    )  # fmt: skip
     by_person = args.ask or (rig.plant is None and rig.simulation is None and not args.yes)
     done = record(request, quiet=args.quiet or args.json, by_person=by_person)
     if done.result.exit_code and not args.json:

@@ -64,6 +64,8 @@ def _print(info: RunInfo) -> None:
     from rich.markup import escape
     from rich.table import Table
 
+    from rigd.model.about import plain
+
     console = Console(highlight=False)
     facts = {
         "recording": f"{info.path}, {info.size / 1e6:.2f} MB, {info.duration_s:.1f} s",
@@ -71,6 +73,10 @@ def _print(info: RunInfo) -> None:
         "rig": info.rig,
         "mode": f"{info.mode}, seed {info.seed}" if info.seed else info.mode,
         "started": info.started,
+        "recorded": _recorded(info),
+        "operator": info.metadata.get("run", {}).get("operator", ""),
+        "note": info.metadata.get("run", {}).get("note", ""),
+        "meta": ", ".join(f"{k}={v}" for k, v in info.metadata.get("meta", {}).items()),
         "state": info.state + (f": {info.reason}" if info.reason else ""),
         "trials": f"{info.trials_done} complete, {len(info.trials)} begun",
         "parameters": ", ".join(f"{name} = {value}" for name, value in info.parameters.items()),
@@ -82,7 +88,7 @@ def _print(info: RunInfo) -> None:
     }
     for name, text in facts.items():
         if text:
-            console.print(f"{name:<12}{escape(text)}", soft_wrap=True)
+            console.print(f"{name:<12}{escape(plain(text))}", soft_wrap=True)
     if info.recovered:
         console.print("[yellow]this file was torn and has been recovered[/]")
     if info.problem:
@@ -100,6 +106,16 @@ def _print(info: RunInfo) -> None:
             escape(one.stream.name), str(one.rows), f"{one.rate_hz:.0f} Hz", escape(channels)
         )
     console.print(table)
+
+
+def _recorded(info: RunInfo) -> str:
+    """Return when a run in virtual time was made, as far as its file says; its start is no date."""
+    from rigd.record.moment import is_virtual, recorded_at
+
+    if not is_virtual(info):
+        return ""
+    moment = recorded_at(info)
+    return f"{moment.at:%Y-%m-%d %H:%M} UTC, the date of the {moment.of}"
 
 
 def _calibration(held: Mapping[str, str]) -> str:

@@ -9,6 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigd.cli.about import add_about, read_about
+
 if TYPE_CHECKING:
     from rigd.config.rig import RigConfig
     from rigd.procedure.program import CompiledProcedure
@@ -22,6 +24,8 @@ examples:
                                     steps, duration and peaks, nothing moves, nothing is written
   rigd run procedures/quick.yaml --rig lugre-1 --junit result.xml
                                     for continuous integration: a test case for each trial
+  rigd run procedures/quick.yaml --rig lugre-1 --operator "A. Miller" --meta specimen=W7
+                                    kept in the recording, shown by info, runs and reports
   rigd run --resume runs/interrupted.mcap
                                     go on where it ended: only the trials that are missing
 
@@ -84,6 +88,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--compression", choices=("zstd", "lz4", "none"), default="zstd", help="of the recording"
     )
+    parser.add_argument("--operator", metavar="NAME", help="who runs it, kept in the recording")
+    add_about(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     parser.add_argument(
         "--junit", type=Path, metavar="FILE", help="write the result as JUnit XML, case by trial"
@@ -121,6 +127,7 @@ def _execute(args: argparse.Namespace) -> int:
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import load_procedure
 
+    about = read_about(args.operator, args.note, args.meta)
     resume = None if args.resume is None else read_resume_point(args.resume)
     overrides = dict(split_assignment(one) for one in args.set)
     if resume is not None:
@@ -177,6 +184,7 @@ def _execute(args: argparse.Namespace) -> int:
         start_ns=args.start,
         compression=args.compression,
         overrides=overrides,
+        about=about,
     )
     by_person = args.ask or (rig.plant is None and rig.simulation is None and not args.yes)
     return play(request, as_json=args.json, quiet=args.quiet, by_person=by_person, junit=args.junit)

@@ -5,7 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rigd.record import RunInfo
 
 HELP = "list the recordings of a folder"
 EXAMPLES = """\
@@ -13,6 +18,7 @@ examples:
   rigd runs
   rigd runs data/ --procedure constant_current --set floor=pvc
   rigd runs --state interrupted
+  rigd runs --since 7d --meta specimen=W7
 """
 
 
@@ -33,6 +39,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="only runs with this value of a parameter",
     )
+    parser.add_argument(
+        "--meta",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="only runs of which this was said at their start, such as specimen=W7",
+    )
+    parser.add_argument(
+        "--since",
+        type=_since,
+        metavar="DATE",
+        help="only runs recorded since then: 2026-11-01 (UTC), or 7d for the last seven days",
+    )
     parser.add_argument("--json", action="store_true", help="print as JSON")
 
 
@@ -43,39 +62,68 @@ def execute(args: argparse.Namespace) -> int:
     from rich.table import Table
 
     from rigd.cli.run import split_assignment
+    from rigd.model.about import plain
     from rigd.record import Filters, info_json, list_runs
 
     wanted = dict(split_assignment(one) for one in args.set)
-    catalogue = list_runs(args.folder, Filters(args.procedure, args.rig, args.state, wanted))
+    meta = dict(split_assignment(one) for one in args.meta)
+    filters = Filters(args.procedure, args.rig, args.state, wanted, meta, args.since)
+    catalogue = list_runs(args.folder, filters)
     if args.json:
         print(json.dumps([info_json(info) for info in catalogue.runs], indent=2))
         return 0
     # Piped, a line is a line: nothing folds.
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
     table = Table(box=None, pad_edge=False)
-    for name in ("recording", "procedure", "rig", "state"):
+    for name in ("recording", "recorded (UTC)", "procedure", "rig", "state"):
         table.add_column(name, overflow="fold")
     for name in ("trials", "s", "MB"):
         table.add_column(name, justify="right")
     table.add_column("set", overflow="fold")
+    table.add_column("meta", overflow="fold")
     for info in catalogue.runs:
         total = info.metadata.get("run", {}).get("trials", "?")
         texts = (
             str(info.path),
+            _date(info),
             info.procedure,
             info.rig,
             info.state,
             f"{info.trials_done}/{total}",
             f"{info.duration_s:.0f}",
             f"{info.size / 1e6:.1f}",
-            ", ".join(
-                f"{name}={value}" for name, value in info.metadata.get("overrides", {}).items()
-            ),
+            _assigned(info, "overrides"),
+            _assigned(info, "meta"),
         )
-        table.add_row(*map(escape, texts))
+        table.add_row(*(escape(plain(text)) for text in texts))
     console.print(table)
     for broken in catalogue.broken:
         console.print(f"[red]{escape(str(broken.problem))}[/]", soft_wrap=True)
     if not catalogue.runs and not catalogue.broken:
         console.print(f"no recordings in {escape(str(args.folder))} match")
     return 0
+
+
+def _date(info: RunInfo) -> str:
+    """Return when a run was recorded; ``~`` before it where the file alone says so."""
+    from rigd.record.moment import recorded_at
+
+    moment = recorded_at(info)
+    return f"{'~' if moment.of == 'file' else ''}{moment.at:%Y-%m-%d %H:%M}"
+
+
+def _assigned(info: RunInfo, name: str) -> str:
+    return ", ".join(f"{key}={value}" for key, value in info.metadata.get(name, {}).items())
+
+
+def _since(text: str) -> datetime:
+    days = text.strip().removesuffix("d")
+    if days.isdecimal() and text.strip().endswith("d") and int(days) <= 36500:
+        return datetime.now(UTC) - timedelta(days=int(days))
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is neither a date such as 2026-11-01 nor a number of days such as 7d"
+        ) from error
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)

@@ -24,6 +24,7 @@ from rigd.engine.control import Control
 from rigd.engine.result import Progress, RunResult
 from rigd.engine.run import Run
 from rigd.engine.shared import RunFolder
+from rigd.model.about import About
 from rigd.model.errors import Blocked, RecordingError
 from rigd.procedure.program import CompiledProcedure
 from rigd.record import Attachment
@@ -47,8 +48,8 @@ class RunRequest:
     """What to run, and how.
 
     ``pace`` is None for virtual time, 1 for the wall clock. ``output`` None makes a name in
-    ``folder``. ``overrides`` are the ``--set`` values as given, and ``operator`` is who started
-    it from elsewhere, for the record.
+    ``folder``. ``overrides`` are the ``--set`` values as given, and ``about`` is what a person says
+    of the run, for the record.
     """
 
     procedure: CompiledProcedure
@@ -62,7 +63,7 @@ class RunRequest:
     start_ns: int | None = None
     compression: Compression = "zstd"
     overrides: Mapping[str, str] = field(default_factory=dict)
-    operator: str = ""
+    about: About = field(default_factory=About)
 
 
 @dataclass(frozen=True)
@@ -172,9 +173,7 @@ def _form(
     metadata = _metadata(request, start_ns)
     if request.resume is not None:
         resumed = {"mode": metadata["run"]["mode"], "trials": str(done)}
-        if request.operator:
-            resumed["operator"] = request.operator
-        metadata = {"resumed": resumed}
+        metadata = {"resumed": resumed} | _said(request.about, resumed)
     kept = Kept(
         path,
         request.procedure.record,
@@ -270,9 +269,13 @@ def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
         mode=mode,
         overrides=request.overrides,
     )
-    if request.operator:
-        records["run"]["operator"] = request.operator
-    return records | calibration_metadata(request.rig)
+    return records | _said(request.about, records["run"]) | calibration_metadata(request.rig)
+
+
+def _said(about: About, run: dict[str, str]) -> dict[str, dict[str, str]]:
+    """Add operator and note to the metadata ``run``; return the further values as metadata."""
+    run.update({k: v for k, v in (("operator", about.operator), ("note", about.note)) if v})
+    return {"meta": dict(about.meta)} if about.meta else {}
 
 
 def day_of(start_ns: int | None) -> date:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 
 from rigd.model import RecordingError, parse_quantity
 from rigd.record.info import RunInfo, run_info
+from rigd.record.moment import recorded_at
 from rigd.record.reader import Recording
 
 
@@ -17,13 +19,16 @@ class Filters:
     """What a run must match; None and empty match all.
 
     ``parameters`` are matched as text or as quantities (``150 mA`` is ``0.15 A``), against those
-    of the run and of each of its trials.
+    of the run and of each of its trials; ``meta`` as text. ``since`` is the earliest moment that
+    the run may have been recorded at (see :func:`~rigd.record.moment.recorded_at`).
     """
 
     procedure: str | None = None
     rig: str | None = None
     state: str | None = None
     parameters: Mapping[str, str] = field(default_factory=dict)
+    meta: Mapping[str, str] = field(default_factory=dict)
+    since: datetime | None = None
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,11 @@ def matches(info: RunInfo, filters: Filters) -> bool:
         (filters.rig, info.rig),
         (filters.state, info.state),
     )
+    if filters.since is not None and recorded_at(info).at < filters.since:
+        return False
+    said = info.metadata.get("meta", {})
+    if any(said.get(name) != wanted for name, wanted in filters.meta.items()):
+        return False
     return all(wanted is None or wanted == actual for wanted, actual in pairs) and all(
         any(same_value(wanted, actual) for actual in _values(info, name))
         for name, wanted in filters.parameters.items()

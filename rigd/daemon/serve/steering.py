@@ -29,6 +29,7 @@ from rigd.daemon.serve.trips import Acted, TripMemory
 from rigd.engine.control import Control, Verb
 from rigd.engine.interlocks import Trip
 from rigd.engine.shared import RunFolder
+from rigd.model.about import About
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import OnClientLoss
@@ -117,7 +118,7 @@ class Steering:
             pace=self._pace,
             folder=self._runs,
             overrides=args.set,
-            operator=str(who),
+            about=About(operator=str(who)),
         )
         return self._begin(
             who,
@@ -153,7 +154,7 @@ class Steering:
             output=recording,
             resume=point,
             overrides=point.overrides,
-            operator=str(who),
+            about=About(operator=str(who)),
         )
         check_resumable(request, point)
         return self._begin(

@@ -1,0 +1,41 @@
+"""Options by which a person says something of a run: ``--operator``, ``--note``, ``--meta``."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rigd.model.about import About
+
+
+def add_about(parser: argparse.ArgumentParser) -> None:
+    """Add ``--note`` and ``--meta``; what they say is recorded."""
+    parser.add_argument("--note", default="", metavar="TEXT", help="a note, kept in the recording")
+    parser.add_argument(
+        "--meta",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a name and a value, kept in the recording, such as specimen=W7",
+    )
+
+
+def read_about(operator: str | None, note: str, meta: Sequence[str]) -> About:
+    """Return what the options say.
+
+    Raises:
+        ConfigError: one is too long, is no NAME=VALUE, or holds control characters.
+    """
+    from rigd.cli.run import split_assignment
+    from rigd.model.about import About
+    from rigd.model.errors import ConfigError
+
+    values = dict(split_assignment(one) for one in meta)
+    try:
+        return About((operator or "").strip(), note.strip(), values)
+    except ValueError as error:
+        raise ConfigError(
+            str(error), hint="--operator, --note and --meta are kept in the recording as text"
+        ) from error

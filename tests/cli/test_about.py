@@ -1,0 +1,86 @@
+"""What a person says of a run stands in its recording, its lists and its report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rigd.cli.main import main
+
+SAID = ["--operator", "A. Miller", "--note", "wheel cleaned", "--meta", "specimen=W7"]
+
+
+def run(path: Path, *said: str) -> int:
+    """Play the quick procedure in virtual time."""
+    return main(["run", "quick", "--rig", "lugre-1", "--quiet", "--output", str(path), *said])
+
+
+def test_what_was_said_is_kept_shown_and_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said, silent = tmp_path / "said.mcap", tmp_path / "silent.mcap"
+    assert run(said, *SAID) == 0
+    assert run(silent) == 0
+    capsys.readouterr()
+
+    assert main(["info", str(said)]) == 0
+    shown = capsys.readouterr().out
+    for text in ("A. Miller", "wheel cleaned", "specimen=W7"):
+        assert text in shown
+    main(["info", str(said), "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert (found["operator"], found["note"], found["meta"]) == (
+        "A. Miller", "wheel cleaned", {"specimen": "W7"},
+    )  # fmt: skip
+
+    main(["runs", str(tmp_path), "--meta", "specimen=W7", "--json"])
+    assert [Path(one["recording"]).name for one in json.loads(capsys.readouterr().out)] == [
+        "said.mcap"
+    ]
+
+    assert main(["report", str(said)]) == 0
+    page = (tmp_path / "said-run.html").read_text(encoding="utf-8")
+    for text in ("A. Miller", "wheel cleaned", "specimen", "SIMULATED, virtual time"):
+        assert text in page.split("<main>")[0]
+
+
+def test_same_words_and_seed_give_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        assert run(tmp_path / f"{name}.mcap", *SAID) == 0
+    assert (tmp_path / "one.mcap").read_bytes() == (tmp_path / "two.mcap").read_bytes()
+
+
+def test_words_that_steer_a_terminal_move_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.mcap"
+    assert run(path, "--note", "a\x1b[2Jb") == 2
+    assert "U+001B" in capsys.readouterr().err
+    assert not path.exists()
+
+
+def test_runs_since_a_date_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = ["20200301-080000-old.mcap", "20261121-080000-new.mcap"]
+    for name in names:
+        assert run(tmp_path / name) == 0
+    listed = {}
+    for since in ("2020-02-01", "2026-11-01", "2026-11-21T08:00:01+00:00", "9d"):
+        capsys.readouterr()
+        assert main(["runs", str(tmp_path), "--since", since, "--json"]) == 0
+        found = json.loads(capsys.readouterr().out)
+        listed[since] = [Path(one["recording"]).name for one in found]
+    assert listed["2020-02-01"] == names
+    assert listed["2026-11-01"] == names[1:]
+    assert listed["2026-11-21T08:00:01+00:00"] == []
+    assert names[0] not in listed["9d"]
+
+
+def test_runs_show_when_they_were_recorded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(tmp_path / "20261121-080000-a.mcap") == 0
+    capsys.readouterr()
+    main(["runs", str(tmp_path)])
+    assert "2026-11-21 08:00" in capsys.readouterr().out
