@@ -11,6 +11,7 @@ import time
 from dataclasses import dataclass, field
 
 from rigd.config.rig import DeviceConfig, RigConfig
+from rigd.engine.shared.scarce import insist
 from rigd.sdk import Driver
 
 #: A rescue that has not returned by then is given up; the device's watchdog stands behind it.
@@ -56,7 +57,7 @@ def _rescue(rig: RigConfig, device: DeviceConfig, found: Rescue) -> None:
         if not isinstance(driver, Driver) or not driver.second_link:
             found.done.append(f"{device.name} is left to its watchdog")
             return
-        driver.rescue()
+        insist(driver.rescue)
         took_ms = (time.monotonic() - begun) * 1e3
         found.done.append(f"{device.name} was made safe over a second link in {took_ms:.0f} ms")
     except Exception as error:  # noqa: BLE001 - boundary: told, and the others go on

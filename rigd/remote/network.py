@@ -19,6 +19,8 @@ from rigd.remote.protocol.limits import MAX_MESSAGE_BYTES, MAX_REQUEST_BYTES
 
 #: Silence after which a connection counts as broken: a client that hangs is seen within it.
 _LINK_LEASE_MS: Final = 2000
+#: How long whoever connects may take to show a certificate, and then to open a session.
+_ACCEPT_MS: Final = 3000
 #: Connections at once: ten watchers, a panel, and some to spare.
 _MAX_SESSIONS: Final = 32
 #: How long a client tries to connect; it is told nothing but that nobody let it in.
@@ -34,7 +36,9 @@ def server_config(keys: Keys, setup: RemoteSetup) -> zenoh.Config:
         "tx": {"lease": _LINK_LEASE_MS, "keep_alive": 4},
         "rx": {"max_message_size": MAX_MESSAGE_BYTES},
     }
+    listened = list(setup.listen)
     if setup.tls is not None:
+        listened = [f"{one}#tls_handshake_timeout_ms={_ACCEPT_MS}" for one in listened]
         link["tls"] = {
             "root_ca_certificate": str(setup.tls.ca),
             "listen_certificate": str(setup.tls.certificate),
@@ -45,12 +49,12 @@ def server_config(keys: Keys, setup: RemoteSetup) -> zenoh.Config:
     return _config(
         {
             **_quiet("peer"),
-            "listen": {"endpoints": list(setup.listen), "exit_on_failure": True},
+            "listen": {"endpoints": listened, "exit_on_failure": True},
             "connect": {"endpoints": []},
             "transport": {
                 "unicast": {
                     "max_sessions": _MAX_SESSIONS,
-                    "accept_timeout": 3000,
+                    "accept_timeout": _ACCEPT_MS,
                     "accept_pending": 32,
                 },
                 "link": link,

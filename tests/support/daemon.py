@@ -36,11 +36,23 @@ def listening(rig: Path, port: int) -> str:
 class Daemon:
     """The daemon of the rig ``name``, described by ``rig``, with a client that has a process too.
 
-    ``state`` is where its rings stand.
+    ``state`` is where its rings stand, ``certificates`` whence its client alice has hers, and
+    ``descriptors`` how many it may have.
     """
 
-    def __init__(self, rig: Path, name: str, endpoint: str, folder: Path, state: Path) -> None:
+    def __init__(
+        self,
+        rig: Path,
+        name: str,
+        endpoint: str,
+        folder: Path,
+        state: Path,
+        *,
+        certificates: Path | None = None,
+        descriptors: int | None = None,
+    ) -> None:
         self.name, self.endpoint = name, endpoint
+        self._certificates = certificates
         self.runs, self.state = folder / "runs", state
         folder.mkdir(exist_ok=True)
         self._told = folder / f"serve-{time.monotonic_ns()}.log"
@@ -53,6 +65,7 @@ class Daemon:
         with self._told.open("wb") as log:
             self.process = subprocess.Popen(
                 [
+                    *([] if descriptors is None else ["prlimit", f"--nofile={descriptors}"]),
                     *(sys.executable, "-m", "rigd", "serve", "--rig", str(rig), "--no-panel"),
                     *("--runs", str(self.runs)),
                 ],
@@ -111,8 +124,13 @@ class Daemon:
     def client(self) -> ZenohClient:
         """A client in a process of its own."""
         if self._client is None:
-            self._client = ZenohClient(config(self.endpoint))
+            self._client = self.connect()
         return self._client
+
+    def connect(self) -> ZenohClient:
+        """Return another client, in a process of its own."""
+        name = None if self._certificates is None else "alice"
+        return ZenohClient(config(self.endpoint, self._certificates, name))
 
     def kill_client(self) -> None:
         """The client vanishes without a word."""

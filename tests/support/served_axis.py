@@ -17,6 +17,7 @@ from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.serve.aside import Aside
 from rigd.daemon.serve.audit import AuditLog
+from rigd.daemon.serve.descriptors import Descriptors
 from rigd.daemon.serve.library import Library
 from rigd.daemon.serve.looks import Looks
 from rigd.daemon.serve.notices import Notices
@@ -151,6 +152,7 @@ class ServedAxis:
                 self.notices,
                 self.audit,
                 Aside(),
+                Descriptors(),
             ),
             RefusedCounts,
             self.news.set,

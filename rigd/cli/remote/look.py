@@ -92,6 +92,13 @@ def _print(status: Status, where: str) -> None:
         say(f"    rigd remote resume-run {one.run}{where}")
     if status.last is not None:
         say(f"  last run: {status.last.run}, {status.last.ending}: {status.last.reason}")
+    daemon = status.daemon
+    if daemon.door_shut or 2 * daemon.descriptors > daemon.descriptors_most > 0:
+        say(
+            f"  {daemon.descriptors} of {daemon.descriptors_most} descriptors in use; strangers: "
+            f"nobody new was let in {daemon.door_shut} times, {daemon.turned_away} turned away",
+            "yellow",
+        )
     for notice in status.notices[-5:]:
         say(f"  {_clock(notice.t_ns)} {notice.text}", "" if notice.level == "info" else "yellow")
 

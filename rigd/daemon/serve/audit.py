@@ -13,9 +13,12 @@ from pathlib import Path
 from time import time_ns
 from typing import Any, Final
 
+from rigd.engine.shared.scarce import insist
 from rigd.model.errors import RecordingError
 
 _LOG: Final = logging.getLogger(__name__)
+#: How long a descriptor is waited for, in s; meanwhile the daemon gives no sign of life.
+_PATIENCE_S: Final = 2.0
 
 
 class AuditLog:
@@ -54,7 +57,7 @@ class AuditLog:
                     missing = {"who": "rigd", "what": "audit", "args": {"missing": self._missing}}
                     self._append(self._line({**missing, "result": "kept again"}))
                     self._missing = 0
-                self._append(line)
+                insist(lambda: self._append(line), _PATIENCE_S)
             except OSError as error:
                 self._missing += 1
                 self.broken = f"{self.path} cannot be written: {error.strerror}"
@@ -72,7 +75,7 @@ class AuditLog:
             self.write("rigd", "audit", {}, "tried again")
         else:
             try:
-                os.close(self._open())
+                os.close(insist(self._open, _PATIENCE_S))
             except OSError as error:
                 self.broken = f"{self.path} cannot be written: {error.strerror}"
         if self.broken:

@@ -17,6 +17,7 @@ from rigd.daemon.live.foxglove import FoxgloveServer
 from rigd.daemon.serve.aside import Aside
 from rigd.daemon.serve.audit import AuditLog
 from rigd.daemon.serve.companion import Companion
+from rigd.daemon.serve.descriptors import Descriptors
 from rigd.daemon.serve.library import Library
 from rigd.daemon.serve.looks import Looks
 from rigd.daemon.serve.notices import Notices
@@ -91,12 +92,13 @@ def serve(options: Options, announce: Callable[[str], None]) -> None:
         LinkError: an address cannot be listened on.
         RigdError: a file that is needed cannot be read or written.
     """
-    signals, notifier = Signals(), Notifier()
-    with _heeding(signals), ExitStack() as stack:
+    signals = Signals()
+    with _heeding(signals), Notifier() as notifier, ExitStack() as stack:
         news = threading.Event()
         parts, server = _compose(options, stack, news.set, announce)
         service = RigService(parts, server.refused, news.set)
         signals.steer(parts.steering)
+        stack.enter_context(parts.descriptors.watched(server.doorway, parts.notices.note))
         server.start(service)
         companions = []
         if options.panel:
@@ -117,10 +119,12 @@ def serve(options: Options, announce: Callable[[str], None]) -> None:
                 parts.notices.note(signals.asked.pop(0), "warning")
             service.tend()
             # Where that says nothing, the service manager starts a daemon that serves.
-            if not (hangs := server.hangs):
+            if not (hangs := server.hangs or service.helpless):
+                hung = ""
                 notifier.alive(service.doing)
             elif hangs != hung:
                 hung = hangs
+                notifier.hanging(hangs)
                 parts.notices.note(f"clients are not served any more: {hangs}", "error")
 
         while not signals.reason:
@@ -141,6 +145,8 @@ def _compose(
 ) -> tuple[Parts, Server]:
     """Take the rig and put everything together; ``stack`` takes it apart again, last first."""
     rig, runs = options.rig, options.runs
+    descriptors = Descriptors()
+    descriptors.raise_limit()
     folder = RunFolder.take(rig.name, command="rigd serve", patience_s=PATIENCE_S)
     stack.callback(folder.release)
     _make(runs)
@@ -183,7 +189,18 @@ def _compose(
     audit.write("rigd", "serve", {"listen": list(rig.remote.listen)})
     stack.callback(audit.write, "rigd", "end", {})
     parts = Parts(
-        rig, lease, feed, steering, recordings, library, interruptions, trips, notices, audit, aside
+        rig,
+        lease,
+        feed,
+        steering,
+        recordings,
+        library,
+        interruptions,
+        trips,
+        notices,
+        audit,
+        aside,
+        descriptors,
     )
     return parts, server
 

@@ -10,7 +10,8 @@ import os
 import socket
 import time
 from collections.abc import Mapping
-from typing import Final
+from types import TracebackType
+from typing import Final, Self
 
 _LOG: Final = logging.getLogger(__name__)
 #: Signs of life are this far apart; `WatchdogSec=` must be several times as long.
@@ -26,6 +27,9 @@ class Notifier:
         self._address = environ.get("NOTIFY_SOCKET", "")
         if self._address.startswith("@"):
             self._address = "\0" + self._address[1:]  # of the abstract name space
+        # Made once: when no descriptor is left, the manager must still hear of it.
+        self._link = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
+        self._link.settimeout(PATIENCE_S)
         self._failed = False
         self._doing = ""
         self._next_sign = 0.0
@@ -41,17 +45,34 @@ class Notifier:
             self._doing, self._next_sign = doing, now + SIGN_S
             self._tell("WATCHDOG=1", f"STATUS={doing}")
 
+    def hanging(self, why: str) -> None:
+        """Tell why there are no signs of life any more."""
+        self._tell(f"STATUS=clients are not served any more: {why}")
+
     def ending(self) -> None:
         """Tell that the end has begun; it may take a while."""
         self._tell("STOPPING=1", "STATUS=ending")
+
+    def close(self) -> None:
+        """Tell nothing more."""
+        self._link.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
 
     def _tell(self, *lines: str) -> None:
         if not self._address:
             return
         try:
-            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as link:
-                link.settimeout(PATIENCE_S)
-                link.sendto("\n".join(lines).encode(), self._address)
+            self._link.sendto("\n".join(lines).encode(), self._address)
         except OSError as error:
             if not self._failed:  # the manager acts on its silence; once is enough for the log
                 _LOG.warning("the service manager cannot be told: %s", error)

@@ -13,6 +13,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
+from rigd.engine.shared.scarce import insist
 from rigd.model.errors import RecordingError
 from rigd.record import Recording, RunInfo, info_json, run_info
 from rigd.record.trials import INTERRUPTED
@@ -121,7 +122,7 @@ class Recordings:
     def interrupted(self, name: str) -> Interrupted | None:
         """Return what a recording offers, if it is there and its run was interrupted."""
         try:
-            return interrupted(_info(self.folder / name))
+            return interrupted(insist(lambda: _info(self.folder / name)))
         except RecordingError:
             return None  # it is listed, with its problem
 

@@ -19,6 +19,7 @@ from rigd.daemon.serve.aside import Aside
 from rigd.daemon.serve.asker import Asker
 from rigd.daemon.serve.audit import AuditLog
 from rigd.daemon.serve.describe import describe
+from rigd.daemon.serve.descriptors import Descriptors
 from rigd.daemon.serve.library import Library
 from rigd.daemon.serve.notices import Notices, one_line
 from rigd.daemon.serve.recordings import Recordings
@@ -78,6 +79,7 @@ class Parts:
     notices: Notices
     audit: AuditLog
     aside: Aside
+    descriptors: Descriptors
 
 
 class RigService:
@@ -97,6 +99,7 @@ class RigService:
         self._stops: deque[tuple[Asker, str, str]] = deque()  # not written down yet
         self._broken = ""  # why the audit log could not be written when it was last looked at
         self._daemon = Daemon(version=__version__, pid=os.getpid(), started_ns=time.time_ns())
+        self._strangers = (0, 0)  # what the audit log knows of them
 
     def status(self) -> Status:
         """Return the state of everything."""
@@ -107,7 +110,7 @@ class RigService:
             title=parts.rig.title,
             t_ns=time.time_ns(),
             seq=next(self._numbers),
-            daemon=self._daemon,
+            daemon=self._daemon.model_copy(update=parts.descriptors.told()),
             **({"state": "idle"} if running is None else _progress(running)),
             lease=parts.lease.view(),
             trips=parts.trips.views(),
@@ -118,6 +121,15 @@ class RigService:
             refused=self._refused(),
             notices=parts.notices.views(),
         )
+
+    @property
+    def helpless(self) -> str:
+        """Why a daemon that is started anew serves clients and this one does not, or "".
+
+        A run under way goes on: whoever is connected steers it, and a stop is at its drives.
+        """
+        running = self._parts.steering.running
+        return self._parts.descriptors.helpless if running is None else ""
 
     @property
     def doing(self) -> str:
@@ -211,6 +223,12 @@ class RigService:
         broken, self._broken = self._broken, self._parts.audit.broken
         if self._broken and not broken:
             self._parts.notices.note(f"nothing can start: {self._broken}", "error")
+        descriptors = self._parts.descriptors
+        strangers = descriptors.door_shut, descriptors.turned_away
+        if strangers != self._strangers:
+            self._strangers = strangers
+            seen = dict(zip(("door_shut", "turned_away"), strangers, strict=True))
+            self._parts.audit.write("rigd", "strangers", seen)
         self._parts.steering.tend()
 
     def _command(self, who: Asker, verb: str, args: Message) -> Message:

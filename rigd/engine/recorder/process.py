@@ -12,6 +12,7 @@ from typing import Final
 from rigd.engine.deaths import how_ended
 from rigd.engine.recorder.service import ERROR_FILE
 from rigd.engine.shared import RecorderState, RunFolder, Word
+from rigd.engine.shared.scarce import insist
 from rigd.model.errors import RecordingError
 
 #: What the recorder prints, which is nothing unless it has a bug.
@@ -23,6 +24,8 @@ START_S: Final = 60.0
 #: A recorder that dies more often than this while a run ends has a bug.
 MOST_DEATHS: Final = 5
 _LOOK_S: Final = 0.005
+#: How long a descriptor for it is waited for: less than the silence that the cycle bears.
+_PATIENCE_S: Final = 0.2
 #: A process that was killed is gone within this, unless the kernel holds it.
 _REAP_S: Final = 0.25
 
@@ -113,7 +116,7 @@ class RecorderProcess:
         silence the daemon. It is started again by a later call, once it is gone.
         """
         if self._kill():
-            self.start()
+            insist(self.start, _PATIENCE_S)
         else:
             self._started_ns = time.monotonic_ns()  # not judged again for a while
 

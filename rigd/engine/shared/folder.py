@@ -23,6 +23,7 @@ from rigd.engine.shared.board import Board
 from rigd.engine.shared.eventring import EventRing
 from rigd.engine.shared.job import Job
 from rigd.engine.shared.rowring import RowRing
+from rigd.engine.shared.scarce import insist
 from rigd.model.errors import Blocked, RecordingError
 
 #: Environment variable that names the state folder.
@@ -200,7 +201,7 @@ class RunFolder:
     def clear(self) -> None:
         """Remove what the run left, the job first; the lock stays."""
         (self.path / _JOB).unlink(missing_ok=True)
-        for path in self.path.iterdir():
+        for path in insist(lambda: list(self.path.iterdir())):
             if path.name != _LOCK:
                 path.unlink(missing_ok=True)
 

@@ -28,6 +28,14 @@ class Daemon(Message):
     version: Told
     pid: Count
     started_ns: Nanoseconds
+    descriptors: Count = 0
+    """Files and connections that it has open."""
+    descriptors_most: Count = 0
+    """How many it may have; 0 where it does not say."""
+    turned_away: Count = 0
+    """Connections of strangers that it has ended to stay below that."""
+    door_shut: Count = 0
+    """How often nobody new was let in for a while, as too many strangers were inside."""
 
 
 class Trial(Message):

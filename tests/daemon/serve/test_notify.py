@@ -25,25 +25,28 @@ def manager(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[so
 
 def test_the_manager_hears_of_start_life_and_end(manager: tuple[socket.socket, str]) -> None:
     link, name = manager
-    notifier = Notifier({"NOTIFY_SOCKET": name})
-    notifier.ready()
-    notifier.alive("quick: running, 1 of 3 trials")
-    notifier.alive("quick: running, 1 of 3 trials")  # too soon after the other to be told
-    notifier.ending()
+    with Notifier({"NOTIFY_SOCKET": name}) as notifier:
+        notifier.ready()
+        notifier.alive("quick: running, 1 of 3 trials")
+        notifier.alive("quick: running, 1 of 3 trials")  # too soon after the other to be told
+        notifier.hanging("no descriptor is left")
+        notifier.ending()
     assert link.recv(1000) == b"READY=1"
     assert link.recv(1000) == b"WATCHDOG=1\nSTATUS=quick: running, 1 of 3 trials"
+    assert link.recv(1000) == b"STATUS=clients are not served any more: no descriptor is left"
     assert link.recv(1000) == b"STOPPING=1\nSTATUS=ending"
 
 
 def test_without_a_manager_nothing_is_told() -> None:
-    Notifier({}).ready()
+    with Notifier({}) as notifier:
+        notifier.ready()
 
 
 def test_a_manager_that_is_gone_is_logged_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    notifier = Notifier({"NOTIFY_SOCKET": str(tmp_path / "gone")})
-    with caplog.at_level(logging.WARNING):
+    gone = Notifier({"NOTIFY_SOCKET": str(tmp_path / "gone")})
+    with gone as notifier, caplog.at_level(logging.WARNING):
         notifier.ready()
         notifier.alive("idle")
     assert len(caplog.records) == 1

@@ -9,6 +9,7 @@ import pytest
 
 from rigd.cli.main import build_parser
 from rigd.config.shipped import shipped_folder
+from rigd.daemon.serve.descriptors import WANTED
 from rigd.daemon.serve.notify import SIGN_S
 
 
@@ -40,3 +41,4 @@ def test_the_daemon_is_waited_for_and_its_processes_are_left_to_end(unit: dict[s
     assert float(unit["WatchdogSec"]) >= 10 * SIGN_S
     assert unit["Restart"] == "on-failure"
     assert unit["LimitMEMLOCK"] == "infinity"
+    assert int(unit["LimitNOFILE"]) >= WANTED

@@ -1,0 +1,147 @@
+"""Descriptors for the rig's own work, whoever connects.
+
+A process may have so many files and connections open (RLIMIT_NOFILE). Strangers who connect and
+say nothing use them up. A thread of its own watches the number and ends the connections of
+strangers before it is reached; some descriptors are kept back for that.
+"""
+
+from __future__ import annotations
+
+import logging
+import resource
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from rigd.daemon.serve.notices import Level
+from rigd.engine.shared.scarce import NONE_LEFT
+from rigd.remote.server import Doorway
+
+_LOG: Final = logging.getLogger(__name__)
+
+#: More than a rig with all its clients ever needs (about 100).
+WANTED: Final = 65_536
+#: Kept back for the watch: what it opens itself, and room for zenoh to look after its connections.
+KEPT_BACK: Final = 32
+#: The number is looked at this often.
+LOOK_S: Final = 0.05
+#: From this part of the limit on, strangers are turned away.
+BUSY: Final = 0.75
+#: Without room for so long, the daemon cannot help itself.
+HELPLESS_S: Final = 10.0
+
+
+class Descriptors:
+    """The descriptors of this process."""
+
+    def __init__(self) -> None:
+        #: How many there may be.
+        self.limit, self._hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        self._most = self.limit
+        #: How many there are, when last looked at.
+        self.used = self._count()
+        self.turned_away = 0  #: connections of strangers that were ended
+        self.door_shut = 0  #: how often nobody new was let in for a while
+        self._full_since_s: float | None = None
+        self._crowded = False
+
+    def raise_limit(self) -> None:
+        """Allow as many as may be, but for those that are kept back."""
+        unlimited = self._hard == resource.RLIM_INFINITY
+        self._most = WANTED if unlimited else min(WANTED, self._hard)
+        self.limit = self._most - KEPT_BACK
+        self._set(self.limit)
+
+    def told(self) -> dict[str, int]:
+        """Return what the status says of them."""
+        return {
+            "descriptors": self.used,
+            "descriptors_most": self.limit,
+            "turned_away": self.turned_away,
+            "door_shut": self.door_shut,
+        }
+
+    @contextmanager
+    def watched(self, doorway: Doorway, told: Callable[[str, Level], None]) -> Iterator[None]:
+        """Watch them while inside; ``told`` gets lines for whoever looks after the rig."""
+        closing = threading.Event()
+        thread = threading.Thread(
+            target=self._work, args=(doorway, told, closing), name="descriptors", daemon=True
+        )
+        thread.start()
+        try:
+            yield
+        finally:
+            closing.set()
+            thread.join()
+
+    @property
+    def helpless(self) -> str:
+        """Why nobody can connect any more, in words; "" while all is well, or may become so."""
+        since_s = self._full_since_s
+        if since_s is None or time.monotonic() - since_s < HELPLESS_S:
+            return ""
+        return f"all {self.limit} descriptors have been in use for {HELPLESS_S:g} s"
+
+    def _work(
+        self, doorway: Doorway, told: Callable[[str, Level], None], closing: threading.Event
+    ) -> None:
+        while not closing.wait(LOOK_S):
+            try:
+                self._look(doorway, told)
+            except Exception:  # noqa: BLE001 - a watch that ends watches nothing
+                _LOG.exception("the descriptors cannot be looked after")
+
+    def _look(self, doorway: Doorway, told: Callable[[str, Level], None]) -> None:
+        if doorway.times_shut > self.door_shut:
+            self.door_shut = doorway.times_shut
+            told("too many strangers connect: for a while nobody new is let in", "warning")
+        self.used = self._count()
+        full = self.used >= self.limit
+        if not full:
+            self._full_since_s = None
+        elif self._full_since_s is None:
+            self._full_since_s = time.monotonic()
+        if self.used < BUSY * self.limit:
+            self._crowded = False
+            return
+        with self._all():
+            ended = doorway.turn_away()
+            if full:
+                ended += doorway.refuse_waiting()
+                # With room again, zenoh sees that those have ended.
+                time.sleep(LOOK_S)
+        self.turned_away += ended
+        if (ended or full) and not self._crowded:
+            self._crowded = True
+            told(
+                f"{self.used} of {self.limit} descriptors are in use: connections of strangers "
+                "are turned away",
+                "warning",
+            )
+
+    def _count(self) -> int:
+        size = Path("/proc/self/fd").stat().st_size  # their number, since Linux 6.2; before it, 0
+        if size:
+            return size
+        try:
+            return len(list(Path("/proc/self/fd").iterdir())) - 1
+        except OSError as error:
+            if error.errno not in NONE_LEFT:
+                raise
+            return self.limit
+
+    @contextmanager
+    def _all(self) -> Iterator[None]:
+        """Let the process have those kept back, for as long as it takes."""
+        self._set(self._most)
+        try:
+            yield
+        finally:
+            self._set(self.limit)
+
+    def _set(self, limit: int) -> None:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (limit, self._hard))

@@ -1,0 +1,192 @@
+"""The connections of a daemon that nobody has proved to be theirs: few are let in at a time.
+
+zenoh takes every TCP connection in and gives it time to show a certificate. Two properties of its
+TLS listener (tls-listener 0.11 under eclipse-zenoh 1.10.2) let strangers keep everybody out who is
+not connected yet. After each connection that fails it pauses for 0.1 s, so that a client waits for
+all that fail before it. And once the process has no descriptor left for another connection, it
+looks no more after those that it has: even when all of them have gone it stays as it is, for good.
+
+So the kernel keeps a connection to itself until its other end has said something (TCP_DEFER_ACCEPT
+of tcp(7)). And the door is shut while too many are inside that have not shown who they are: the
+kernel drops the first packet of who comes then, and their computer sends it again. Who is
+connected is not concerned.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+import select
+import socket
+import struct
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Final
+
+import zenoh
+
+from rigd.config.remote import Endpoint
+
+_log = logging.getLogger(__name__)
+
+#: So many may be inside at once without having shown who they are; the door is opened again when
+#: so many are left, which zenoh needs 1.6 s for where all of them fail.
+MOST_UNPROVEN: Final = 32
+FEW_UNPROVEN: Final = 16
+#: A connection without a word is kept by the kernel for so long; it costs no descriptor. A client
+#: speaks at once.
+_SILENT_S: Final = 30
+#: How often it is looked whether the door can be opened again.
+_LOOK_S: Final = 0.05
+#: Options of sockets <asm-generic/socket.h>, and the filter that lets nothing in: `ret #0`
+#: (socket(7), "SO_ATTACH_FILTER"; Linux applies it to the packets of a listening socket too).
+_ATTACH_FILTER: Final = 26
+_DETACH_FILTER: Final = 27
+_NOTHING: Final = ctypes.create_string_buffer(struct.pack("@HBBI", 0x06, 0, 0, 0))
+_FILTER: Final = struct.pack("@HP", 1, ctypes.addressof(_NOTHING))
+#: The first byte of `struct tcp_info` is the state of the connection <linux/tcp.h>.
+_ESTABLISHED: Final = 1
+#: Connections that wait to be taken are no more than this (tokio's backlog is 1024).
+_MOST_WAITING: Final = 4096
+
+
+class Doorway:
+    """What comes in on the ``endpoints`` of a daemon, watched from :meth:`watch` to :meth:`close`.
+
+    Any thread may call. Looking around needs one free descriptor.
+    """
+
+    def __init__(self, session: zenoh.Session, endpoints: Sequence[str]) -> None:
+        self.times_shut = 0  #: how often the door was shut
+        self._session = session
+        read = map(Endpoint.read, endpoints)
+        self._ports = frozenset(one.port for one in read if one is not None)
+        self._listening: list[int] = []  # descriptors of our own for zenoh's sockets
+        self._shut = False
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="doorway", daemon=True)
+
+    def watch(self) -> None:
+        """Begin to watch."""
+        found = [one.fileno() for one, listens in self._sockets() if listens]
+        # Not socket.dup(): it lets both block, and zenoh's must not.
+        self._listening = [os.dup(number) for number in found]
+        self._set(socket.IPPROTO_TCP, socket.TCP_DEFER_ACCEPT, _SILENT_S)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Watch no more; the ports are free once zenoh has closed them too."""
+        self._closing.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+        for number in self._listening:
+            os.close(number)
+        self._listening = []
+
+    def turn_away(self) -> int:
+        """End all connections that belong to no client, and return how many there were.
+
+        zenoh closes each once it sees that it has ended.
+        """
+        ended = 0
+        clients = self._clients()
+        for one, listens in self._sockets():
+            if listens or _peer(one) in clients:
+                continue
+            with suppress(OSError):  # it has gone by itself
+                if one.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0] == _ESTABLISHED:
+                    one.shutdown(socket.SHUT_RDWR)
+                    ended += 1
+        return ended
+
+    def refuse_waiting(self) -> int:
+        """End the connections that zenoh has not taken yet, and return how many there were.
+
+        Its listener cannot: it looks at nothing else while one of them waits.
+        """
+        refused = 0
+        for one, listens in self._sockets():
+            # Each is taken and closed; the listener of zenoh never blocks (O_NONBLOCK).
+            while listens and refused < _MOST_WAITING:
+                try:
+                    one.accept()[0].close()
+                except OSError:
+                    break
+                refused += 1
+        return refused
+
+    def _work(self) -> None:
+        with select.epoll() as came:
+            for number in self._listening:
+                came.register(number, select.EPOLLIN | select.EPOLLET)
+            while not self._closing.is_set():
+                came.poll(_LOOK_S if self._shut else 10 * _LOOK_S)
+                try:
+                    self._look()
+                except Exception:  # noqa: BLE001 - a watch that ends watches nothing
+                    _log.exception("strangers cannot be counted")
+
+    def _look(self) -> None:
+        """Shut the door, or open it again."""
+        clients = self._clients()
+        inside = [_peer(one) for one, listens in self._sockets() if not listens]
+        unproven = sum(peer not in clients for peer in inside)
+        if not self._shut and unproven > MOST_UNPROVEN:
+            self._shut = True
+            self.times_shut += 1
+            self._set(socket.SOL_SOCKET, _ATTACH_FILTER, _FILTER)
+            _log.warning("%d connections are of strangers: no others are let in", unproven)
+        elif self._shut and unproven < FEW_UNPROVEN:
+            self._set(socket.SOL_SOCKET, _DETACH_FILTER, 0)
+            self._shut = False
+
+    def _set(self, level: int, option: int, value: int | bytes) -> None:
+        for number in self._listening:
+            with _looked_at(number) as one:
+                if one is not None:
+                    one.setsockopt(level, option, value)
+
+    def _clients(self) -> frozenset[str]:
+        """Return where the connections of clients come from."""
+        return frozenset(link.dst.rpartition("/")[2] for link in self._session.info.links())
+
+    def _sockets(self) -> Iterator[tuple[socket.socket, bool]]:
+        """Yield the sockets on these ports, each with whether it is one that listens."""
+        for path in Path("/proc/self/fd").iterdir():
+            with _looked_at(int(path.name)) as one:
+                if one is None:
+                    continue
+                try:
+                    if one.getsockname()[1] not in self._ports:
+                        continue
+                    listens = one.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN) == 1
+                except OSError:  # closed meanwhile
+                    continue
+                yield one, listens
+
+
+@contextmanager
+def _looked_at(number: int) -> Iterator[socket.socket | None]:
+    """Give a descriptor of this process as a socket, if it is one of TCP; it stays open."""
+    try:
+        one = socket.socket(fileno=number)
+    except OSError:
+        yield None
+        return
+    try:
+        internet = one.family in (socket.AF_INET, socket.AF_INET6)
+        yield one if internet and one.type == socket.SOCK_STREAM else None
+    finally:
+        one.detach()
+
+
+def _peer(one: socket.socket) -> str:
+    """Return the address of the other end as zenoh writes it; "" where it has gone."""
+    try:
+        host, port = one.getpeername()[:2]
+    except OSError:
+        return ""
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
