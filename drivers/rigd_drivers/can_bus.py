@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, ClassVar, Final, Literal
 
 from annotated_types import Ge, Gt, Le, MinLen
 from pydantic import Field
 
-from rigd.sdk import In, Link, LinkConfig, LinkError, ProtocolError
+from rigd.sdk import DeviceSheet, In, Link, LinkConfig, LinkError, ProtocolError
 from rigd_drivers.can_load import FRAME_BITS, LoadMeter
 from rigd_drivers.can_ports import Frame, Full, Port, open_port
 from rigd_drivers.canopen import frames, nmt
@@ -98,6 +99,13 @@ class CanBus(Link):
     def behind(self) -> bool:
         """Whether more has come than was taken in: what was taken may then be old."""
         return self._flood.crowded
+
+    @classmethod
+    def read_sheet(cls, path: Path) -> DeviceSheet:
+        """Return what the EDS or DCF at ``path`` says; see :class:`~rigd.sdk.Link`."""
+        from rigd_drivers.canopen.sheet_view import describe
+
+        return describe(path)
 
     # -- opening and closing -------------------------------------------------------------------
 

@@ -10,9 +10,11 @@ from typing import Final
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
 from rigd_drivers.can_bus import CanBus
+from rigd_drivers.can_sheet import WRONG_EDS
 from rigd_drivers.canopen import emcy, frames, nmt, objects, sdo
 from rigd_drivers.canopen.objects import Entry
 from rigd_drivers.canopen.pdo import EVENT_DRIVEN, Pdo
+from rigd_drivers.canopen.sheet import Sheet
 
 #: A node answers an SDO request within this, also when its host or ours stalls, in s.
 SDO_TIMEOUT_S: Final = 0.5
@@ -35,11 +37,13 @@ _START_S: Final = 1.0
 
 
 class Node:
-    """Node ``node_id`` on ``bus``."""
+    """Node ``node_id`` on ``bus``; with a ``sheet`` nothing is sent that this forbids."""
 
-    def __init__(self, bus: CanBus, node_id: int) -> None:
+    def __init__(self, bus: CanBus, node_id: int, sheet: Sheet | None = None) -> None:
         self.bus = bus
         self.node_id = node_id
+        self._sheet = sheet
+        self._beside_sheet: set[Entry] = set()  #: what the node has though its sheet may not
         self.identity = ""
         self.state: nmt.State | None = None  #: what its last heartbeat said
         self.emergency: emcy.Emergency | None = None  #: the first that was not looked at yet
@@ -121,6 +125,12 @@ class Node:
             with suppress(LinkError):  # the bus is lost: the node hears nothing from us anyway
                 self._order(nmt.Command.PRE_OPERATIONAL)
 
+    def called(self, entry: Entry) -> str:
+        """Return ``entry`` as messages give it: by the name in the EDS, where there is one."""
+        if self._sheet is None:
+            return str(entry)
+        return self._sheet.called(entry.index, entry.sub)
+
     def read(self, entry: Entry) -> int:
         """Return the value of ``entry``.
 
@@ -129,10 +139,12 @@ class Node:
             ProtocolError: it refuses, or answers with something else.
 
         """
+        if self._sheet is not None and entry not in self._beside_sheet:
+            self._heed(self._sheet.unreadable(entry))
         try:
             return entry.unpack(self._upload(entry.index, entry.sub))
         except sdo.Aborted as error:
-            raise self._refused(f"reading {entry}", error) from error
+            raise self._refused(f"reading {self.called(entry)}", error) from error
         except ValueError as error:
             raise ProtocolError(f"{self}: {error}") from error
 
@@ -148,7 +160,9 @@ class Node:
         except sdo.Aborted as error:
             if error.code in sdo.MISSING:
                 return None
-            raise self._refused(f"reading {entry}", error) from error
+            raise self._refused(f"reading {self.called(entry)}", error) from error
+        if self._sheet is not None and self._sheet.find(entry.index, entry.sub) is None:
+            self._beside_sheet.add(entry)
         return int.from_bytes(data, "little", signed=entry.code.islower())
 
     def write(self, entry: Entry, value: int) -> None:
@@ -158,10 +172,13 @@ class Node:
             LinkError, ProtocolError: see :meth:`read`.
 
         """
+        if self._sheet is not None and entry not in self._beside_sheet:
+            self._heed(self._sheet.unwritable(entry, value))
         try:
             self._run(sdo.Download(entry.index, entry.sub, entry.pack(value)))
         except sdo.Aborted as error:
-            raise self._refused(f"writing {value} (0x{value:X}) to {entry}", error) from error
+            what = f"writing {value} (0x{value:X}) to {self.called(entry)}"
+            raise self._refused(what, error) from error
 
     def ensure(self, entry: Entry, value: int) -> None:
         """Write ``value`` to ``entry`` and read it back.
@@ -175,7 +192,8 @@ class Node:
         kept = self.read(entry)
         if kept != value:
             raise ProtocolError(
-                f"{self}: {entry} reads back {kept} (0x{kept:X}), written was {value} (0x{value:X})"
+                f"{self}: {self.called(entry)} reads back {kept} (0x{kept:X}), written was "
+                f"{value} (0x{value:X})"
             )
 
     def ensure_optional(self, entry: Entry, value: int) -> bool:
@@ -331,18 +349,25 @@ class Node:
             if error.code not in sdo.MISSING:
                 raise ProtocolError(f"{self} does not tell its name (1008): {error}") from error
             text = "unnamed"
+        found = [
+            self.read_optional(entry)
+            for entry in (objects.VENDOR, objects.PRODUCT, objects.REVISION)
+        ]
+        if self._sheet is not None:
+            self._heed(self._sheet.another_device(found))
         numbers = [
             f"{label} 0x{value:X}"
-            for label, entry in (
-                ("vendor", objects.VENDOR),
-                ("product", objects.PRODUCT),
-                ("revision", objects.REVISION),
-            )
-            if (value := self.read_optional(entry)) is not None
+            for label, value in zip(("vendor", "product", "revision"), found, strict=True)
+            if value is not None
         ]
         if serial is not None:
             numbers.append(f"serial number {serial}")
         return ", ".join([text, *numbers])
+
+    def _heed(self, problem: str | None) -> None:
+        """Raise ProtocolError where the sheet has a ``problem`` with what is about to be sent."""
+        if problem is not None:
+            raise ProtocolError(f"{self}: {problem}", hint=WRONG_EDS)
 
     def _silent(self, where: str, errors: int) -> LinkError:
         if errors:

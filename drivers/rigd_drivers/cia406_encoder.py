@@ -9,9 +9,10 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
-from rigd.sdk import Channel, Driver, DriverConfig, In, LinkError, ProtocolError
+from rigd.sdk import Channel, Driver, DriverConfig, In, LinkConfig, LinkError, ProtocolError
 from rigd_drivers.can_bus import CanBus
-from rigd_drivers.can_node import Node
+from rigd_drivers.can_node import HEARTBEAT_MS, Node
+from rigd_drivers.can_sheet import NodeConfig, Plan, contradictions, refuse
 from rigd_drivers.canopen import frames, objects, pdo
 from rigd_drivers.canopen.counter import Unwrap
 from rigd_drivers.canopen.inbox import Inbox
@@ -27,15 +28,11 @@ _OPTIONS: Final = {
 }
 
 
-class EncoderConfig(DriverConfig):
+class EncoderConfig(NodeConfig):
     """Which encoder it is, and how its counts become an angle or a position."""
 
-    node: Annotated[int, Ge(1), Le(127)]
-    """Node id of the encoder."""
     kind: Literal["rotary", "linear"]
     """Whether it gives an angle or a position."""
-    serial: int | None = None
-    """Serial number that the encoder must have (object 1018:4); none: any."""
     counts_per_revolution: Annotated[float, In("count/rad"), Gt(0)] | None = None
     """Rotary: counts per revolution of its shaft; none: as it says (object 6501)."""
     gear_ratio: Annotated[float, In("1"), Gt(0)] = 1.0
@@ -93,6 +90,12 @@ class Cia406Encoder(Driver):
         self._watched = False
         self._node: Node | None = None
 
+    def contradictions(self, link: LinkConfig | None) -> Sequence[str]:
+        """Return what the EDS says against this encoder on ``link``."""
+        writes = [(objects.HEARTBEAT_PRODUCER, HEARTBEAT_MS)]
+        plan = Plan(_PROFILE, [objects.ENCODER_POSITION], writes, [self._tpdo])
+        return contradictions(self.config, link, plan)
+
     def open(self) -> None:
         """Set the encoder up by SDO, reading everything back.
 
@@ -103,7 +106,8 @@ class Cia406Encoder(Driver):
         """
         config, link = self.config, self.link
         self.close()
-        node = self._node = Node(link, config.node)
+        refuse(self.title, self.contradictions(link.config))
+        node = self._node = Node(link, config.node, config.sheet())
         node.open(self.title, _PROFILE, config.serial)
         self.identity = node.identity
         scale = config.distance_per_count

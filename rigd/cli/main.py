@@ -11,6 +11,7 @@ from types import ModuleType
 from rigd import __version__
 from rigd.cli import (
     calibrate,
+    can,
     check,
     completion,
     doctor,
@@ -54,6 +55,7 @@ COMMANDS: tuple[ModuleType, ...] = (
     panel,
     sim,
     drivers,
+    can,
     new,
     schema,
     completion,

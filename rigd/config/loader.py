@@ -128,6 +128,9 @@ def _device(
     except (ValueError, RigdError) as error:
         problems.add(document.place((*path, "options")), f"{source.driver}: {error}")
         return None
+    link = links.get(source.link or "")
+    for text in driver.contradictions(None if link is None else link.config):
+        problems.add(document.place((*path, "options")), f"{source.driver}: {text}")
     setpoints: tuple[Channel, ...] = getattr(driver, "setpoints", ())
     waiver = source.waiver
     return DeviceConfig(

@@ -11,9 +11,10 @@ from rigd.sdk.driver import (
     EmitRow,
     SlowDriver,
 )
-from rigd.sdk.link import Link, LinkConfig
+from rigd.sdk.link import DeviceSheet, Link, LinkConfig
 from rigd.sdk.plant import Plant, PlantConfig
 from rigd.sdk.quantities import In
+from rigd.sdk.shipped import shipped_configs
 from rigd.sdk.simulation import Simulation, SimulationConfig
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "BlockDriver",
     "Channel",
     "DeviceError",
+    "DeviceSheet",
     "Driver",
     "DriverConfig",
     "EmitRow",
@@ -36,4 +38,5 @@ __all__ = [
     "SimulationConfig",
     "SlowDriver",
     "Stream",
+    "shipped_configs",
 ]

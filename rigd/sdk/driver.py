@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import BaseModel, ConfigDict
 
 from rigd.model.channels import Channel
+from rigd.sdk.link import LinkConfig
 
 if TYPE_CHECKING:  # a rig file is checked without numpy
     import numpy as np
@@ -63,6 +64,13 @@ class AnyDriver:
     def __init__(self, config: Any, link: Any) -> None:
         self.config = config
         self.link = link
+
+    def contradictions(self, link: LinkConfig | None) -> Sequence[str]:
+        """Return what in the options can never work, a sentence each; asked of every rig file.
+
+        ``link`` holds the options of the link that the rig file names. Nothing is opened.
+        """
+        return ()
 
     def preflight(self) -> Sequence[str]:
         """Return what keeps this device from being armed, a sentence each; empty when fit."""

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
@@ -12,6 +15,16 @@ class LinkConfig(BaseModel):
     """The options of one link in a rig file: frozen, every key known, every field documented."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+@dataclass(frozen=True)
+class DeviceSheet:
+    """What the maker of a device says about it in a file, for a person."""
+
+    facts: Mapping[str, str]  #: by name, in the order to be read
+    columns: tuple[str, ...]
+    objects: tuple[tuple[str, ...], ...]  #: a row each, as ``columns`` say
+    remarks: tuple[str, ...] = ()  #: what is odd and hinders nothing
 
 
 class Link(ABC):
@@ -37,6 +50,16 @@ class Link(ABC):
         None where the link does not know.
         """
         return None
+
+    @classmethod
+    def read_sheet(cls, path: Path) -> DeviceSheet:
+        """Return what the file at ``path`` says about a device on such a link.
+
+        Raises:
+            ConfigError: it cannot be read, or is wrong; every problem with its line.
+
+        """
+        raise NotImplementedError(f"{cls.__name__} reads no files of devices")
 
     @abstractmethod
     def open(self) -> None:

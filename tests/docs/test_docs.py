@@ -61,7 +61,7 @@ UNCHECKED = {
     "identification.md": 2,
     "drivers.md": 3,
     "simulation.md": 5,
-    "devices.md": 4,
+    "devices.md": 5,
     "faults.md": 1,
     "calibration.md": 0,
     "foxglove.md": 2,

@@ -36,6 +36,7 @@ def test_the_wheel_holds_what_is_needed_and_no_more(wheel: Path) -> None:
         "rigd/_bundled/procedures/constant_current.yaml",
         "rigd/_bundled/configs/sim_lugre.yaml",
         "rigd/_bundled/configs/plants/lugre.yaml",
+        "rigd/_bundled/configs/eds/rigd_servo.eds",
         "rigd/_bundled/schemas/procedure.schema.json",
         "rigd/identify/report/templates/report.css",
     } <= names

@@ -54,6 +54,8 @@ SHUTDOWN: Final = 0x06
 SWITCH_ON: Final = 0x07
 ENABLE: Final = 0x0F
 FAULT_RESET: Final = 0x80  #: acts on its rising edge
+#: All that are written.
+WORDS: Final = (DISABLE_VOLTAGE, FAULT_RESET, SHUTDOWN, SWITCH_ON, ENABLE)
 
 _TOWARDS_ENABLED: Final = {
     DriveState.SWITCH_ON_DISABLED: SHUTDOWN,  # transition 2

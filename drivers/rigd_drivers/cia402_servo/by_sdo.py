@@ -10,6 +10,7 @@ from rigd.sdk import DeviceError, ProtocolError
 from rigd_drivers.can_node import Node
 from rigd_drivers.canopen import cia402, emcy, objects
 from rigd_drivers.canopen.cia402 import DriveState, Mode
+from rigd_drivers.canopen.objects import Entry
 
 #: 6007h: what the drive does when it loses our heartbeat. 2 switches the voltage off at once; a
 #: quick stop (3) would keep torque on the wheel.
@@ -52,10 +53,19 @@ def watch_heartbeat(node: Node, watchdog_s: float) -> None:
         LinkError, ProtocolError: it does not answer, or refuses.
 
     """
-    master = node.bus.config.master_node
-    node.write(objects.HEARTBEAT_CONSUMER, 0)
-    node.ensure(objects.HEARTBEAT_CONSUMER, master << 16 | round(watchdog_s * 1e3))
-    node.ensure(objects.ABORT_CONNECTION_OPTION, _DISABLE_VOLTAGE)
+    first, *kept = watch_writes(node.bus.config.master_node, watchdog_s)
+    node.write(*first)
+    for entry, value in kept:
+        node.ensure(entry, value)
+
+
+def watch_writes(master: int, watchdog_s: float) -> list[tuple[Entry, int]]:
+    """Return what :func:`watch_heartbeat` writes, in this order."""
+    return [
+        (objects.HEARTBEAT_CONSUMER, 0),
+        (objects.HEARTBEAT_CONSUMER, master << 16 | round(watchdog_s * 1e3)),
+        (objects.ABORT_CONNECTION_OPTION, _DISABLE_VOLTAGE),
+    ]
 
 
 def set_mode(node: Node, mode: Mode) -> None:

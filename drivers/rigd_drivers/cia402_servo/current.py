@@ -38,6 +38,7 @@ class CurrentServo(Servo):
     title = "CiA 402 servo drive on CAN, current mode"
     mode = Mode.CYCLIC_TORQUE
     target = objects.TARGET_TORQUE
+    range_option = "current_range"
     feedback = ((objects.STATUSWORD, objects.TORQUE, objects.POSITION),)
     config: CurrentServoConfig
 
@@ -54,6 +55,8 @@ class CurrentServo(Servo):
             Channel("counts", "count", "position of the drive", raw_of="angle"),
         )
         self._amperes = float("nan")  #: of one per mille, with sign
+        if config.rated_torque is not None and config.torque_constant is not None:
+            self._amperes = self._sign * config.rated_torque / _PER_MILLE / config.torque_constant
         self._radians = self._sign / config.counts_per_revolution
 
     def write(self, setpoints: Sequence[float]) -> None:
@@ -71,6 +74,10 @@ class CurrentServo(Servo):
         counts = self._unwrap.follow(position)
         angle = (counts - self._zero) * self._radians
         return torque * self._amperes, torque, angle, counts, status
+
+    def _largest_target(self) -> int | None:
+        known = self._amperes == self._amperes
+        return round(self.config.current_range / abs(self._amperes)) if known else None
 
     def _check_ratings(self, node: Node) -> None:
         super()._check_ratings(node)

@@ -10,9 +10,10 @@ from typing import Annotated, ClassVar, Final
 
 from annotated_types import Ge, Gt, Le
 
-from rigd.sdk import Channel, DeviceError, Driver, DriverConfig, In, LinkError, ProtocolError
+from rigd.sdk import Channel, DeviceError, Driver, In, LinkConfig, LinkError, ProtocolError
 from rigd_drivers.can_bus import CanBus
-from rigd_drivers.can_node import RESCUE_TIMEOUT_S, Node
+from rigd_drivers.can_node import HEARTBEAT_MS, RESCUE_TIMEOUT_S, Node
+from rigd_drivers.can_sheet import NodeConfig, Plan, contradictions, refuse
 from rigd_drivers.canopen import cia402, frames, objects, pdo
 from rigd_drivers.canopen.cia402 import DriveState, Mode
 from rigd_drivers.canopen.counter import Unwrap
@@ -26,17 +27,21 @@ _PROFILE: Final = 402
 _ARMING_NS: Final = 3_000_000_000
 #: Heartbeats that must fit into the watchdog time, so that a late one does not trip it.
 _HEARTBEATS_IN_WATCHDOG: Final = 3
+#: What set-up cannot do without reading.
+_READ: Final = (
+    objects.RATED_TORQUE,
+    objects.STATUSWORD,
+    objects.SUPPORTED_MODES,
+    objects.MODE_DISPLAY,
+    objects.POSITION,
+)
 #: Tolerance of a rating against what the rig file says: drives round it to their own unit.
 _RATING_TOLERANCE: Final = 0.01
 
 
-class ServoConfig(DriverConfig):
+class ServoConfig(NodeConfig):
     """Which drive it is, and what its units stand for."""
 
-    node: Annotated[int, Ge(1), Le(127)]
-    """Node id of the drive."""
-    serial: int | None = None
-    """Serial number that the drive must have (object 1018:4); none: any."""
     counts_per_revolution: Annotated[float, In("count/rad"), Gt(0)]
     """Counts of the position (object 6064) per revolution of the motor, as in `4096 count/rev`."""
     inverted: bool = False
@@ -62,6 +67,8 @@ class Servo(Driver):
     #: Mode of operation, and the object that holds its target.
     mode: ClassVar[Mode]
     target: ClassVar[Entry]
+    #: The option that bounds the setpoint.
+    range_option: ClassVar[str]
     #: What the drive sends at every SYNC, one tuple of entries per TPDO.
     feedback: ClassVar[tuple[tuple[Entry, ...], ...]]
     config: ServoConfig
@@ -95,6 +102,11 @@ class Servo(Driver):
 
     # -- before the first cycle ----------------------------------------------------------------
 
+    def contradictions(self, link: LinkConfig | None) -> Sequence[str]:
+        """Return what the EDS says against this drive on ``link``."""
+        plan = Plan(_PROFILE, _READ, self._writes(link), self._pdos())
+        return [*contradictions(self.config, link, plan), *self._beyond_range()]
+
     def open(self) -> None:
         """Set the drive up by SDO, reading everything back, and leave it switched off.
 
@@ -105,10 +117,12 @@ class Servo(Driver):
 
         """
         self.close()
-        node = self._node = Node(self.link, self.config.node)
+        refuse(self.title, self.contradictions(self.link.config))
+        node = self._node = Node(self.link, self.config.node, self.config.sheet())
         node.open(self.title, _PROFILE, self.config.serial)
         self.identity = node.identity
         self._check_ratings(node)
+        refuse(node, self._beyond_range())
         by_sdo.watch_heartbeat(node, self.config.watchdog)
         by_sdo.switch_off(node)
         node.ensure(self.target, 0)
@@ -253,6 +267,18 @@ class Servo(Driver):
     def _row(self, values: Sequence[int]) -> Sequence[float]:
         """Return the row of the values of all TPDOs, in the order of ``feedback``."""
 
+    def _largest_target(self) -> int | None:
+        """Return the largest target of either sign that the rig file allows, once it is known."""
+        return None
+
+    def _beyond_range(self) -> list[str]:
+        """Return which limit in the EDS a target can pass that the rig file allows."""
+        sheet, largest = self.config.sheet(), self._largest_target()
+        if sheet is None or largest is None:
+            return []
+        problems = (sheet.beyond(self.target, target) for target in (-largest, largest))
+        return [f"{each}, which `{self.range_option}` allows" for each in problems if each]
+
     def _check_ratings(self, node: Node) -> None:
         """Read from the drive what its units stand for, and check it against the rig file."""
         self._rated_torque = node.read(objects.RATED_TORQUE) * 1e-6  # in µN m
@@ -320,6 +346,17 @@ class Servo(Driver):
         node.switch_off_rest(used, len(self._tpdos))
         # A second watchdog, where the drive has it: targets must keep coming, not only heartbeats.
         node.ensure_optional(self._command.event_timer(), round(self.config.watchdog * 1e3))
+
+    def _writes(self, link: LinkConfig | None) -> list[tuple[Entry, int]]:
+        """Return what set-up and proof of the watchdog write by SDO, beside the PDOs."""
+        master = getattr(link, "master_node", 127)
+        return [
+            (objects.HEARTBEAT_PRODUCER, HEARTBEAT_MS),
+            *by_sdo.watch_writes(master, self.config.watchdog),
+            *((objects.CONTROLWORD, word) for word in cia402.WORDS),
+            (self.target, 0),
+            (objects.MODE, self.mode),
+        ]
 
     def _pdos(self) -> tuple[pdo.Pdo, ...]:
         return (self._command, *self._tpdos)

@@ -8,11 +8,12 @@ from typing import Annotated, ClassVar, Final
 
 from annotated_types import Ge, Gt, Le
 
-from rigd.sdk import Channel, DriverConfig, In, ProtocolError
+from rigd.sdk import Channel, DriverConfig, In, LinkConfig, ProtocolError
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import Node
 from rigd_drivers.canopen import frames, objects, pdo
 from rigd_drivers.canopen.cia402 import Mode
+from rigd_drivers.canopen.objects import Entry
 from rigd_drivers.cia402_servo.servo import Servo, ServoConfig
 
 #: 606Ch and 60FFh have 32 bits with sign.
@@ -52,6 +53,7 @@ class SpeedServo(Servo):
     title = "CiA 402 servo drive on CAN, speed mode, linear axis"
     mode = Mode.CYCLIC_VELOCITY
     target = objects.TARGET_VELOCITY
+    range_option = "speed_range"
     feedback = (
         (objects.STATUSWORD, objects.TORQUE, objects.POSITION),
         (objects.VELOCITY,),
@@ -116,6 +118,13 @@ class SpeedServo(Servo):
             node.ensure_optional(objects.OUTPUTS_MASK, 1 << self.config.clutch_output)
             node.ensure(objects.OUTPUTS, 0)
             self._released = False
+
+    def _writes(self, link: LinkConfig | None) -> list[tuple[Entry, int]]:
+        writes = super()._writes(link)
+        return [*writes, (objects.OUTPUTS, 0)] if self.config.clutch else writes
+
+    def _largest_target(self) -> int | None:
+        return round(self.config.speed_range / abs(self._metres_per_s))
 
     def _check_ratings(self, node: Node) -> None:
         super()._check_ratings(node)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import rigd
 from rigd.model.errors import ConfigError, Place
+from rigd.sdk import shipped_configs
 
 if TYPE_CHECKING:  # finding a file needs no pydantic
     from pydantic import BaseModel
@@ -26,11 +26,10 @@ def find_parameters(name: str, folder: Path | None = None) -> Path:
     beside = (folder or Path.cwd()) / name
     if beside.is_file():
         return beside
-    package = Path(rigd.__file__).parent
-    for shipped in (package / "_bundled" / "configs", package.parent / "configs"):
-        for candidate in (shipped / name, shipped / "plants" / Path(name).with_suffix(".yaml")):
-            if candidate.is_file():
-                return candidate
+    shipped = shipped_configs()
+    for candidate in (shipped / name, shipped / "plants" / Path(name).with_suffix(".yaml")):
+        if candidate.is_file():
+            return candidate
     raise ValueError(
         f"no parameter file '{name}': neither {beside} nor a shipped one; "
         "leave 'parameters' out for the paper's rig"

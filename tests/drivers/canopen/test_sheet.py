@@ -1,0 +1,263 @@
+"""EDS and DCF files by themselves: what they say, and that wrong ones are refused with the line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from support.eds import SHIPPED, line_of, write_eds
+
+from rigd.model.errors import ConfigError
+from rigd_drivers.can_bus import CanBus
+from rigd_drivers.canopen import objects
+from rigd_drivers.canopen.eds_text import LARGEST
+from rigd_drivers.canopen.objects import Entry
+from rigd_drivers.canopen.pdo import SYNCHRONOUS, Pdo
+from rigd_drivers.canopen.sheet import Sheet, _read, read_sheet
+
+SMALL = """\
+[DeviceInfo]
+VendorName=Käfer & Söhne
+BaudRate_500=1
+[1000]
+ParameterName=Device type
+DataType=0x0007
+AccessType=ro
+DefaultValue=0x00020192
+[6071]
+ParameterName=Target torque
+DataType=0x0003
+AccessType=rw
+PDOMapping=1
+LowLimit=0xFC18
+HighLimit=1000
+"""
+
+
+def written(path: Path, text: str, encoding: str = "utf-8") -> Path:
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Sheet:
+    return read_sheet(written(tmp_path / "small.eds", SMALL))
+
+
+def test_objects_are_named_as_the_file_names_them(small: Sheet) -> None:
+    assert small.called(0x6071) == "0x6071 Target torque"
+    servo = read_sheet(SHIPPED / "rigd_servo.eds")
+    assert servo.called(0x1018, 2) == "0x1018:02 Identity object, Product code"
+    assert servo.called(0x1018, 9) == "0x1018:09 Identity object"
+    assert servo.called(0x2345) == "0x2345"
+
+
+def test_limits_of_signed_types_may_be_written_as_bits(small: Sheet) -> None:
+    assert small.unwritable(objects.TARGET_TORQUE, -1000) is None
+    assert small.unwritable(objects.TARGET_TORQUE, 1000) is None
+    problem = small.unwritable(objects.TARGET_TORQUE, -1001)
+    assert problem == "small.eds:14: 0x6071 Target torque is at least -1000, not -1001"
+    problem = small.unwritable(objects.TARGET_TORQUE, 1001)
+    assert problem == "small.eds:15: 0x6071 Target torque is at most 1000, not 1001"
+
+
+def test_a_missing_object_is_named_by_what_it_is_for(small: Sheet) -> None:
+    problem = small.unreadable(objects.SUPPORTED_MODES)
+    assert problem == "small.eds:1: there is no object 0x6502 (supported drive modes)"
+
+
+def test_another_size_of_a_value_is_named(small: Sheet) -> None:
+    problem = small.unwritable(Entry(0x6071, 0, "i", "target torque"), 0)
+    assert problem == "small.eds:11: 0x6071 Target torque has 2 bytes, this driver expects 4"
+
+
+def test_an_array_has_the_parts_that_are_described(tmp_path: Path) -> None:
+    text = SMALL + (
+        "[1003]\nParameterName=Errors\nObjectType=8\n"
+        "[1003sub0]\nParameterName=Number\nDataType=5\nAccessType=rw\n"
+        "[1003sub1]\nParameterName=Field\nDataType=7\nAccessType=ro\n"
+        "[2000]\nParameterName=Compact\nObjectType=8\nDataType=7\nAccessType=ro\nCompactSubObj=3\n"
+    )
+    sheet = read_sheet(written(tmp_path / "array.eds", text))
+    assert sheet.unreadable(Entry(0x1003, 1, "I", "e")) is None
+    assert "no object 0x1003:02 (e)" in (sheet.unreadable(Entry(0x1003, 2, "I", "e")) or "")
+    assert sheet.unreadable(Entry(0x2000, 3, "I", "e")) is None
+    assert "no object 0x2000:04 (e)" in (sheet.unreadable(Entry(0x2000, 4, "I", "e")) or "")
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"6041/PDOMapping": "0"}, "6041/PDOMapping: 0x6041 Statusword cannot be mapped to TPDO1"),
+        ({"6041/AccessType": "wo"}, "6041/AccessType: 0x6041 Statusword cannot be mapped to TPDO1"),
+        ({"6041/DataType": "7"}, "6041/DataType: 0x6041 Statusword has 4 bytes"),
+        ({"6041": None}, "there is no object 0x6041 (statusword)"),
+        ({"1A00sub2": None}, "1A00/: there is no object 0x1A00:02 (object 2 mapped to TPDO1"),
+        (
+            {"1A00sub0/AccessType": "ro"},
+            "1A00sub0/AccessType: 0x1A00:00 TPDO mapping parameter 1, Number of mapped objects is "
+            "read only (ro)",
+        ),
+        ({"1800sub2/HighLimit": "0"}, "1800sub2/HighLimit: 0x1800:02 TPDO communication"),
+    ],
+)
+def test_what_cannot_be_mapped_is_said(
+    tmp_path: Path, changes: dict[str, str | None], problem: str
+) -> None:
+    path = write_eds(tmp_path / "x.eds", changes)
+    entries = (objects.STATUSWORD, objects.TORQUE)
+    tpdo = Pdo(1, True, 0x181, SYNCHRONOUS, entries)
+    told = list(read_sheet(path).unmappable(tpdo))
+    where, colon, text = problem.partition(": ")
+    if "/" in where:
+        section, _, key = where.partition("/")
+        text = f"x.eds:{line_of(path, section, key)}{colon}{text}"
+    else:
+        text = problem
+    assert len(told) == 1
+    assert text in told[0]
+    assert not list(read_sheet(SHIPPED / "rigd_servo.eds").unmappable(tpdo))
+
+
+@pytest.mark.parametrize(("access", "receives"), [("rwr", False), ("rww", True), ("wo", True)])
+def test_an_access_for_one_direction_forbids_the_other(
+    tmp_path: Path, access: str, receives: bool
+) -> None:
+    sheet = read_sheet(write_eds(tmp_path / "x.eds", {"6071/AccessType": access}))
+    rpdo = Pdo(1, False, 0x201, SYNCHRONOUS, (objects.TARGET_TORQUE,))
+    tpdo = Pdo(1, True, 0x181, SYNCHRONOUS, (objects.TARGET_TORQUE,))
+    assert bool(list(sheet.unmappable(rpdo))) is not receives
+    assert bool(list(sheet.unmappable(tpdo))) is receives
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-8-sig"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_text_of_any_origin_is_read(tmp_path: Path, encoding: str, end: str) -> None:
+    text = SMALL.replace("\n", end)
+    sheet = read_sheet(written(tmp_path / "x.eds", text, encoding))
+    assert sheet.vendor_name == "Käfer & Söhne"
+    assert sheet.bit_rates == {500_000}
+
+
+def test_indented_lines_and_spellings_of_keys_are_read(tmp_path: Path) -> None:
+    text = SMALL.replace("[6071]", "   [6071]   ").replace("PDOMapping", "pdomapping")
+    sheet = read_sheet(written(tmp_path / "x.eds", text.replace("=1\n", "= 1 ; yes\n")))
+    found = sheet.find(0x6071)
+    assert found is not None
+    assert found.pdo_mappable
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ("[DeviceInfo]", "DeviceInfo", 1, "expected [section] or key=value"),
+        ("[DeviceInfo]", "<?xml version='1.0'?>", 1, "XDD files (XML) are not read"),
+        ("[DeviceInfo]", "[Device]", 1, "it has no section [DeviceInfo]"),
+        ("[1000]", "[1005]", 1, "0x1000 (device type) is missing"),
+        ("[6071]", "[6071", 9, "expected ']'"),
+        ("[6071]", "[1000]", 9, "section [1000] stands here again, first in line 4"),
+        ("[6071]", "[6071sub1]", 9, "[6071sub1] stands here without [6071]"),
+        ("DataType=0x0003", "AccessType=rw", 12, "AccessType stands here again"),
+        ("DataType=0x0003", "DataType=INTEGER16", 11, "DataType of [6071] is 'INTEGER16'"),
+        ("DataType=0x0003", "", 9, "DataType is missing in [6071]"),
+        ("AccessType=rw", "AccessType=r/w", 12, "AccessType of [6071] is 'r/w', expected ro, wo"),
+        ("PDOMapping=1", "PDOMapping=yes", 13, "PDOMapping of [6071] is 'yes'"),
+        ("HighLimit=1000", "HighLimit=1e3", 15, "HighLimit of [6071] is '1e3'"),
+        ("HighLimit=1000", "HighLimit=-2000", 14, "LowLimit of [6071] is -1000, above its High"),
+        ("HighLimit=1000", "ParameterValue=-1001", 15, "is -1001, expected -1000 to 32767"),
+        ("HighLimit=1000", "ParameterValue=70000", 15, "is 70000, expected -1000 to 32767"),
+        ("HighLimit=1000", "ParameterValue=much", 15, "ParameterValue of [6071] is 'much'"),
+        ("BaudRate_500=1", "BaudRate_500=on", 3, "BaudRate_500 of [DeviceInfo] is 'on'"),
+        ("[6071]", "[6071Name]\nNrOfEntries=999999999\n[6071]", 9, "more than 255 entries"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_its_line(
+    tmp_path: Path, old: str, new: str, line: int, message: str
+) -> None:
+    path = written(tmp_path / "x.eds", SMALL.replace(old, new, 1))
+    with pytest.raises(ConfigError) as caught:
+        read_sheet(path)
+    assert caught.value.place is not None
+    assert caught.value.place.line == line
+    assert message in str(caught.value)
+    assert str(caught.value).startswith(f"{path}:{line}:")
+
+
+def test_all_problems_are_named_at_once(tmp_path: Path) -> None:
+    text = SMALL.replace("0x0003", "three").replace("=ro", "=read")
+    with pytest.raises(ConfigError) as caught:
+        read_sheet(written(tmp_path / "x.eds", text))
+    assert [each.place.line for each in (caught.value, *caught.value.others) if each.place] == [
+        7,
+        11,
+    ]
+
+
+def test_what_is_no_text_or_too_large_is_refused(tmp_path: Path) -> None:
+    binary = tmp_path / "x.eds"
+    binary.write_bytes(b"[DeviceInfo]\n\0\0")
+    with pytest.raises(ConfigError, match="it is not text"):
+        read_sheet(binary)
+    huge = tmp_path / "huge.eds"
+    with huge.open("wb") as file:
+        file.truncate(LARGEST + 1)
+    with pytest.raises(ConfigError, match=r"4\.2 MB are too much"):
+        read_sheet(huge)
+    with pytest.raises(ConfigError, match="no such file"):
+        read_sheet(tmp_path)
+
+
+def test_a_file_that_changed_is_read_anew(tmp_path: Path) -> None:
+    path = written(tmp_path / "x.eds", SMALL)
+    assert read_sheet(path).find(0x6072) is None
+    path.write_text(SMALL.replace("6071", "6072"), "utf-8")
+    assert read_sheet(path).find(0x6072) is not None
+
+
+def test_a_dcf_tells_node_bit_rate_and_values(tmp_path: Path) -> None:
+    text = SMALL + "ParameterValue=0xFFFF\n[DeviceComissioning]\nNodeID=0x05\nBaudrate=500\n"
+    path = written(tmp_path / "x.dcf", text)
+    sheet = read_sheet(path)
+    assert (sheet.node, sheet.bit_rate) == (5, 500_000)
+    facts = CanBus.read_sheet(path).facts
+    assert facts["values"].startswith("1 as configured")
+
+
+def test_objects_that_a_maker_lists_and_forgets_are_remarked(tmp_path: Path) -> None:
+    path = written(tmp_path / "x.eds", SMALL + "[OptionalObjects]\nSupportedObjects=1\n1=0x6502\n")
+    remark = "line 18: [OptionalObjects] lists 0x6502, and there is no section [6502]"
+    assert CanBus.read_sheet(path).remarks == (remark,)
+
+
+#: What a line of a spoilt file may be; `=` follows the key that stood there.
+SPOILT = st.text(max_size=12) | st.sampled_from(
+    [
+        *("", "[", "[6071]", "[6071sub1]", "=", "=0", "=-1", "=7", "=9", "=0x1C", "=0xZ"),
+        *("=9999999999", "=$NODEID", "=%(a)s", "=ro", "=\x85"),
+    ]
+)
+
+
+@given(st.lists(st.tuples(st.integers(0, 22), SPOILT), min_size=1, max_size=4))
+@settings(
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_a_spoilt_file_is_read_or_refused(tmp_path: Path, spoilt: list[tuple[int, str]]) -> None:
+    text = SMALL + "[1A00]\nParameterName=M\nObjectType=9\n[1A00sub1]\nParameterName=O\n"
+    lines = (text + "DataType=7\nAccessType=rw\nDefaultValue=$NODEID+0x180\n").split("\n")
+    for at, value in spoilt:
+        key = lines[at].partition("=")[0] if value.startswith("=") else ""
+        lines[at] = key + value
+    path = tmp_path / "x.eds"
+    path.write_bytes("\n".join(lines).encode("utf-8", "surrogatepass"))
+    _read.cache_clear()  # faster than the clock of the file system
+    try:
+        sheet = read_sheet(path)
+    except ConfigError as error:
+        assert "x.eds" in str(error)
+    else:
+        for found in sheet.variables():
+            sheet.called(found.index, found.subindex)
+        CanBus.read_sheet(path)
