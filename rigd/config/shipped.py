@@ -23,22 +23,29 @@ def shipped_folder(kind: Kind) -> Path:
     return bundled if bundled.is_dir() else _PACKAGE.parent / kind
 
 
+def is_path(given: str | Path) -> bool:
+    """Return whether ``given`` is a path, and not the name of a rig or a procedure."""
+    return isinstance(given, Path) or "/" in given or given.endswith((".yaml", ".yml"))
+
+
 def find_file(given: str | Path, kind: Kind) -> Path:
     """Return the file that ``given`` means: a path, or a name as it stands in the file.
 
-    A relative path is looked for below the current folder, then below the shipped one, so that
-    ``procedures/quick.yaml`` works anywhere.
+    A path means that file and no other. Only ``procedures/quick.yaml``, as the documentation
+    writes it, is the shipped one where the current folder has no ``procedures``.
 
     Raises:
         ConfigError: there is no such file, or the name stands in two files of one folder.
     """
     path = Path(given)
     shipped = shipped_folder(kind)
-    for candidate in (path, shipped.parent / path, shipped / path):
-        if candidate.is_file():
-            return candidate
+    if path.is_file():
+        return path
+    documented = str(given) == f"{kind}/{path.name}" and not Path(kind).exists()
+    if documented and (shipped / path.name).is_file():
+        return shipped / path.name
     names: set[str] = set()
-    if len(path.parts) == 1:
+    if not is_path(given):
         for folder in (Path(), Path(kind), shipped):
             found = {file: name for file, name in _named_files(folder, kind)}
             names.update(found.values())
@@ -50,6 +57,11 @@ def find_file(given: str | Path, kind: Kind) -> Path:
                 return matches[0]
     else:
         names.update(name for _, name in _named_files(shipped, kind))
+        if path.stem in names:
+            raise ConfigError(
+                f"there is no file {str(given)!r} below {Path.cwd()}",
+                hint=f"the shipped {_KEYS.get(kind, 'file')} is meant by its name: {path.stem}",
+            )
     raise ConfigError(
         f"there is no {_KEYS.get(kind, 'file')} {str(given)!r}, neither below {Path.cwd()} "
         f"nor among the shipped ones",

@@ -23,6 +23,30 @@ def test_shipped_path_works_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert found == shipped_folder("procedures") / "quick.yaml"
 
 
+@pytest.mark.parametrize(
+    "path",
+    ["./quick.yaml", "quick.yaml", "./procedures/quick.yaml", "../procedures/quick.yaml",
+     "foo/quick.yaml", "foo/quick", "./quick"],
+)  # fmt: skip
+def test_a_path_without_a_file_means_no_shipped_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str
+) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    with pytest.raises(ConfigError, match=rf"there is no file '{path}' below .*here") as told:
+        find_file(path, "procedures")
+    assert told.value.hint == "the shipped procedure is meant by its name: quick"
+
+
+def test_a_missing_file_of_an_own_folder_means_no_shipped_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("procedures").mkdir()
+    with pytest.raises(ConfigError, match=r"there is no file 'procedures/quick\.yaml'"):
+        find_file("procedures/quick.yaml", "procedures")
+
+
 def test_own_file_goes_before_the_shipped_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

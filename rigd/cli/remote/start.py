@@ -45,8 +45,8 @@ def _configure_watch(parser: argparse.ArgumentParser) -> None:
 
 
 def _start(args: argparse.Namespace) -> int:
+    from rigd.config.shipped import is_path
     from rigd.procedure.loader import load_procedure
-    from rigd.remote.client.procedures import is_path
 
     async def begin(rig: AsyncClient) -> Started:
         if not is_path(args.procedure):

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any, Final, Literal, Self, TypeVar
 
 from rigd.config.remote import TlsFiles
+from rigd.config.shipped import is_path
 from rigd.model.errors import LinkError
 from rigd.remote.client.connection import EVENTS, FRAMES, STATUSES, Connection
 from rigd.remote.client.holding import Holding
-from rigd.remote.client.procedures import is_path, read_procedure
+from rigd.remote.client.procedures import read_procedure
 from rigd.remote.client.remotes import find_target
 from rigd.remote.client.transfer import Progress, fetch
 from rigd.remote.client.watching import RunWatch, each, reader, without_gaps

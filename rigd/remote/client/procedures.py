@@ -16,8 +16,3 @@ def read_procedure(given: str | Path) -> ProcedureFile:
     """
     procedure = load_procedure(given)
     return ProcedureFile.of(procedure.name, procedure.file.text)
-
-
-def is_path(given: str | Path) -> bool:
-    """Return whether ``given`` is a path, and not the name of a procedure."""
-    return isinstance(given, Path) or "/" in given or given.endswith((".yaml", ".yml"))
