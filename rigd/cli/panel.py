@@ -45,12 +45,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     page.add_argument(
         "--links", type=Path, metavar="FILE", help="write the links to a file, print none"
     )
+    page.add_argument(
+        "--spare",
+        action="store_true",
+        help="load everything, then wait for a line on the standard input before serving",
+    )
 
 
 def execute(args: argparse.Namespace) -> int:
     """Serve until a signal."""
     import asyncio
     import signal
+    import sys
+
+    import zenoh  # noqa: F401 - loaded before a spare waits, not after
 
     from rigd.model.errors import Exit
     from rigd.panel.server import Listen, serve
@@ -60,6 +68,9 @@ def execute(args: argparse.Namespace) -> int:
         args.identity = IDENTITY
     client = connect_async(args)
     listen = Listen(args.host, args.port, tuple(args.name), args.https_certificate, args.https_key)
+
+    if args.spare and not sys.stdin.readline():
+        return int(Exit.OK)  # whoever wanted it stand by is gone
 
     book = None if args.sessions is None else SessionBook(args.sessions)
 

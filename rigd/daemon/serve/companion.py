@@ -7,18 +7,21 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from types import TracebackType
 from typing import Final, Self
 
 from rigd.daemon.serve.notices import Notices
 from rigd.engine.deaths import how_ended
 
-#: One that died is started again after this long, and twice as long each time it dies again: it
-#: may die of something that lasts, and each start takes a second of a processor.
-AGAIN_S: Final = 5.0
+#: One that died is started again at once. If it dies again it is started after this long, and after
+#: twice as long each time: it may die of something that lasts, and a start costs a second of CPU.
+AGAIN_S: Final = 0.5
 LONGEST_S: Final = 300.0
 #: One that has lived for so long died of something else than the one before.
 LIVED_S: Final = 60.0
+#: The spare is started this long after the process it stands by: the start of that comes first.
+SPARE_S: Final = 3.0
 #: How long it may take to end.
 END_S: Final = 3.0
 
@@ -27,16 +30,22 @@ class Companion:
     """Runs ``command`` from entering the context to leaving it; :meth:`tend` it now and then.
 
     It speaks to the daemon as every client does, and ends where the daemon is killed. Whatever
-    becomes of it, the daemon goes on.
+    becomes of it, the daemon goes on. ``spare`` is the same command that waits for a line on its
+    standard input before it begins: one that has loaded everything stands by, and takes over within
+    a fraction of a second on a machine however busy.
     """
 
-    def __init__(self, name: str, command: Sequence[str], notices: Notices) -> None:
+    def __init__(
+        self, name: str, command: Sequence[str], notices: Notices, spare: Sequence[str] = ()
+    ) -> None:
         self._name = name
         self._command = command
         self._notices = notices
+        self._spare_command = spare
         self._process: subprocess.Popen[bytes] | None = None
+        self._spare: subprocess.Popen[bytes] | None = None
         self._started_at = self._again_at = 0.0  # monotonic, s
-        self._wait_s = AGAIN_S / 2
+        self._wait_s: float | None = None  # before the start that follows the next death
 
     def __enter__(self) -> Self:
         self._start()
@@ -48,15 +57,16 @@ class Companion:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        process = self._process
-        if process is None:
-            return
-        process.terminate()
-        try:
-            process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        processes = [one for one in (self._process, self._spare) if one is not None]
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            try:
+                process.wait(END_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            _close_input(process)
 
     def tend(self) -> None:
         """See that it lives."""
@@ -66,25 +76,64 @@ class Companion:
             self._failed(f"ended ({how_ended(process.returncode)})")
         if self._process is None and now >= self._again_at:
             self._start()
+        if self._spare is not None and self._spare.poll() is not None:
+            _close_input(self._spare)
+            self._spare = None
+        if self._spare is None and self._spare_command and now >= self._started_at + SPARE_S:
+            self._stand_by()
 
     def _start(self) -> None:
         self._started_at = time.monotonic()
         try:
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "rigd.daemon.serve.tied", str(os.getpid()),
-                 *self._command],
-                stdin=subprocess.DEVNULL,
-                start_new_session=True,  # the terminal's Ctrl-C is for the daemon
-            )  # fmt: skip
+            self._process = self._take_spare() or _spawn(self._command, subprocess.DEVNULL)
         except OSError as error:
             self._failed(f"cannot be started ({error.strerror})")
 
+    def _take_spare(self) -> subprocess.Popen[bytes] | None:
+        """Let the spare begin, and return it; None if there is none."""
+        spare, self._spare = self._spare, None
+        if spare is None or spare.poll() is not None or spare.stdin is None:
+            return None
+        try:
+            spare.stdin.write(b"\n")
+            spare.stdin.flush()
+        except BrokenPipeError:  # it has just ended
+            return None
+        finally:
+            _close_input(spare)
+        return spare
+
+    def _stand_by(self) -> None:
+        if self._process is None:
+            return
+        try:
+            self._spare = _spawn(self._spare_command, subprocess.PIPE)
+        except OSError as error:
+            self._spare_command = ()
+            self._notices.note(f"{self._name} has no spare ({error.strerror})", "warning")
+
     def _failed(self, how: str) -> None:
         now = time.monotonic()
-        lived_s = now - self._started_at
-        longer_s = AGAIN_S if lived_s > LIVED_S else 2 * self._wait_s
-        self._wait_s = min(longer_s, LONGEST_S)
-        self._again_at = now + self._wait_s
-        self._notices.note(
-            f"{self._name} {how}, and is started again in {self._wait_s:.0f} s", "warning"
-        )
+        if self._wait_s is None or now - self._started_at > LIVED_S:
+            wait_s, self._wait_s = 0.0, AGAIN_S
+        else:
+            wait_s, self._wait_s = self._wait_s, min(2 * self._wait_s, LONGEST_S)
+        self._again_at = now + wait_s
+        when = f"in {wait_s:g} s" if wait_s else "at once"
+        self._notices.note(f"{self._name} {how}, and is started again {when}", "warning")
+
+
+def _spawn(command: Sequence[str], standard_input: int) -> subprocess.Popen[bytes]:
+    """Start a command that ends with this process."""
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "rigd.daemon.serve.tied", str(os.getpid()), *command],
+        stdin=standard_input,
+        start_new_session=True,  # the terminal's Ctrl-C is for the daemon
+    )
+
+
+def _close_input(process: subprocess.Popen[bytes]) -> None:
+    """Close the pipe to a process; one that has ended reads no more."""
+    if process.stdin is not None:
+        with suppress(BrokenPipeError):
+            process.stdin.close()

@@ -102,7 +102,9 @@ def serve(options: Options, announce: Callable[[str], None]) -> None:
         server.start(service)
         companions = []
         if options.panel:
-            panel = Companion("the panel", options.panel, parts.notices)
+            panel = Companion(
+                "the panel", options.panel, parts.notices, spare=(*options.panel, "--spare")
+            )
             companions.append(stack.enter_context(panel))
         parts.steering.show()
         notifier.ready()

@@ -23,6 +23,11 @@ COMMAND = "import os, pathlib, sys, time; p = pathlib.Path(sys.argv[1]); \
 d = p.with_suffix('.new'); d.write_text(str(os.getpid())); d.replace(p); time.sleep(600)"
 
 
+#: Says that it waits, and waits for a line.
+STAND_BY = "import os, pathlib, sys; w = pathlib.Path(sys.argv[2]); d = w.with_suffix('.new'); \
+d.write_text(str(os.getpid())); d.replace(w); sys.stdin.readline() or sys.exit(); "
+
+
 def until(condition: Callable[[], bool], do: Callable[[], None] = lambda: None) -> None:
     deadline = time.monotonic() + 60
     while not condition():
@@ -41,9 +46,27 @@ def test_it_lives_as_long_as_the_daemon(tmp_path: Path, monkeypatch: pytest.Monk
         until(lambda: int(said.read_text()) != first, companion.tend)
         second = int(said.read_text())
         assert [one.text for one in notices.views()] == [
-            "the panel ended (signal SIGKILL), and is started again in 0 s"
+            "the panel ended (signal SIGKILL), and is started again at once"
         ]
     assert not alive(second)
+
+
+def test_a_spare_that_stands_by_takes_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "SPARE_S", 0.0)
+    notices, said, waits = Notices(lambda: None), tmp_path / "pid", tmp_path / "waits"
+    command = [sys.executable, "-c", COMMAND, str(said)]
+    spare = [sys.executable, "-c", STAND_BY + COMMAND, str(said), str(waits)]
+    with Companion("the panel", command, notices, spare) as companion:
+        for _ in range(2):
+            until(lambda: said.exists() and waits.exists(), companion.tend)
+            first, standing_by = int(said.read_text()), int(waits.read_text())
+            waits.unlink()
+            assert first != standing_by
+            os.kill(first, signal.SIGKILL)
+            until(lambda first=first: int(said.read_text()) != first, companion.tend)  # type: ignore[misc]
+            assert int(said.read_text()) == standing_by
+        until(waits.exists, companion.tend)
+    assert not alive(standing_by) and not alive(int(waits.read_text()))
 
 
 def test_one_that_cannot_live_is_tried_ever_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -60,8 +83,9 @@ def test_one_that_cannot_live_is_tried_ever_less_often(monkeypatch: pytest.Monke
             companion.tend()
     told = [one.text for one in notices.views()]
     assert told[0].startswith("the panel cannot be started (Cannot allocate memory), and")
-    assert [text.rpartition(" in ")[2] for text in told] == [
-        "5 s", "10 s", "20 s", "40 s", "80 s", "160 s", "300 s", "300 s", "300 s",
+    assert [text.rpartition("started again ")[2] for text in told] == [
+        "at once", "in 0.5 s", "in 1 s", "in 2 s", "in 4 s", "in 8 s", "in 16 s", "in 32 s",
+        "in 64 s", "in 128 s", "in 256 s", "in 300 s", "in 300 s", "in 300 s",
     ]  # fmt: skip
 
 
