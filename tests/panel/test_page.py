@@ -130,10 +130,61 @@ def test_a_page_that_is_cut_off_says_so_and_comes_back(
     expect(lost).to_contain_text("use the hardware emergency stop")
     expect(page.locator(".channel-table tr", has_text="angle")).to_have_attribute("data-stale", "")
     press(page, "Stop")
+    expect(page.locator(".stop-told")).to_contain_text("Stop NOT DELIVERED YET")
+    assert panel.rig.state == "running"
+    panel.rig.is_silent = False
+    state(page, "Stopping")
+    expect(page.locator(".stop-told")).to_contain_text("Stop: confirmed")
+    expect(lost).to_be_hidden()
+
+
+def test_a_stop_that_was_not_delivered_can_be_withdrawn(
+    panel: ServedPanel, watched: Watched
+) -> None:
+    page = running(panel, watched)
+    panel.rig.is_silent = True
+    state(page, "Not connected")
+    press(page, "Stop")
+    press(page, "Do not send it any more")
     expect(page.locator(".stop-told")).to_contain_text("WAS NOT CONFIRMED")
     panel.rig.is_silent = False
     state(page, "Running")
-    expect(lost).to_be_hidden()
+
+
+def test_an_abort_that_waits_is_not_replaced_by_a_stop(
+    panel: ServedPanel, watched: Watched
+) -> None:
+    page = running(panel, watched)
+    panel.rig.is_silent = True
+    state(page, "Not connected")
+    press(page, "Abort")
+    expect(page.locator(".stop-told")).to_contain_text("Abort NOT DELIVERED YET")
+    press(page, "Stop")
+    expect(page.locator(".stop-told")).to_contain_text("Abort NOT DELIVERED YET")
+    panel.rig.is_silent = False
+    wait_until(lambda: panel.rig.last is not None)
+    assert panel.rig.last is not None and panel.rig.last.ending == "aborted"
+
+
+def test_interlocks_are_called_clear_only_while_watched(
+    panel: ServedPanel, watched: Watched
+) -> None:
+    page = watched.enter(panel.links["operator"])
+    verdict = page.locator(".interlocks .verdict")
+    expect(verdict).to_have_text("not watched: nothing runs")
+    page.locator(".interlocks summary").click()
+    expect(page.locator(".lock-state").first).to_have_text("not watched")
+    panel.rig.state = "preflight"
+    panel.do(panel.rig.wake)
+    expect(verdict).to_have_text("not watched yet")
+    panel.rig.state = "running"
+    panel.do(panel.rig.wake)
+    expect(verdict).to_have_text(re.compile(r"^all 4 clear, watched since \d\d:\d\d:\d\d$"))
+    expect(page.locator(".lock-state").first).to_have_text("clear")
+    panel.do(lambda: panel.rig.end("complete", ""))
+    expect(verdict).to_have_text(re.compile(r"^not watched since the run ended at \d\d:"))
+    panel.rig.is_silent = True
+    expect(verdict).to_have_text("not known")
 
 
 def test_a_panel_that_dies_is_noticed(browser: Browser) -> None:

@@ -11,6 +11,9 @@ from support.panel import ServedPanel
 
 expect.set_options(timeout=PATIENCE_MS)
 
+#: Returns when the page has been drawn anew.
+DRAWN = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
 
 def state(page: Page, text: str) -> None:
     """Wait until the state of the rig reads ``text``."""
@@ -18,8 +21,12 @@ def state(page: Page, text: str) -> None:
 
 
 def press(page: Page, name: str) -> None:
-    """Press a button, once it takes presses."""
-    page.get_by_role("button", name=name, exact=True).click()
+    """Press a button, once it takes presses; one that was scrolled to takes none for a while."""
+    button = page.get_by_role("button", name=name, exact=True)
+    button.evaluate("one => one.scrollIntoView({block: 'nearest'})")
+    page.evaluate(DRAWN)
+    expect(button).to_be_enabled()  # or the click would scroll the page while it waits for that
+    button.click()
 
 
 def turn_to(page: Page, name: str) -> None:

@@ -40,6 +40,8 @@ async function request(method, path, body, timeoutMs) {
 }
 
 export const session = () => request("GET", "/api/session", null, 8000);
+/** Whether the panel answers at all. */
+export const reach = () => request("GET", "/api/session", null, 2000).then(() => true, () => false);
 export const login = (code, name) => request("POST", "/api/login", { code, name }, 8000);
 export const logout = () => request("POST", "/api/logout", {}, 8000);
 export const invite = (role) => request("POST", "/api/invite", { role }, 8000);

@@ -113,6 +113,7 @@ export function guardPresses() {
       type === "attributes" || [...addedNodes, ...removedNodes].some((one) => one instanceof Element);
     if (changes.some(counts)) look();
   }).observe(document.body, { subtree: true, childList: true, attributeFilter: ["disabled", "hidden", "inert", "open"] });
+  window.addEventListener("scroll", look, first);
   setInterval(look, LOOK_MS);
   look();
 }

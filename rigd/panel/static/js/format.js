@@ -76,6 +76,9 @@ export function duration(seconds) {
   return `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min`;
 }
 
+/** How long ago something was, for people. */
+export const ago = (seconds) => `${seconds < 48 * 3600 ? duration(seconds) : `${Math.round(seconds / 86_400)} days`} ago`;
+
 const TIME = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "2-digit", second: "2-digit" });
 const DAY = new Intl.DateTimeFormat("en-GB", {
   day: "2-digit", month: "short", hour: "2-digit", minute: "2-digit",

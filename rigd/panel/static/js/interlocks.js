@@ -1,9 +1,20 @@
-// Every interlock with its condition and how it stands.
+// Every interlock with its condition and how it stands. They are watched by the cycle of a run: while
+// none plays nobody watches, and nothing is called clear.
 
 import { el, fill, icon, mark, say } from "./dom.js";
-import { ACTIONS, quantity, words } from "./format.js";
+import { ACTIONS, clock, quantity, words } from "./format.js";
 import { channelInfo } from "./infos.js";
+import { watchEvents } from "./link.js";
 import { known, watch } from "./store.js";
+
+/** The states of a run in which its cycle watches. */
+const WATCHED = new Set(["armed", "running", "pausing", "paused", "stopping", "finishing", "aborting"]);
+
+/** When a run ended last, as far as this page knows, in ns since the Unix epoch. */
+let endedNs = null;
+watchEvents(({ kind, t_ns }) => {
+  if (kind === "run_end") endedNs = t_ns;
+});
 
 export function mountInterlocks(root) {
   const summary = el("summary", {});
@@ -30,24 +41,34 @@ export function mountInterlocks(root) {
     }));
     update();
   });
-  watch(["status", "describe"], update);
+  watch(["status", "describe", "link"], update);
 
   function update() {
     if (known.status === null || known.describe === null) return;
+    const isWatched = known.link === "ok" && WATCHED.has(known.status.state);
+    const calm = isWatched ? "clear" : known.link === "ok" ? "not watched" : "not known";
     const trips = new Map(known.status.trips.map((one) => [one.interlock, one]));
     for (const [name, cell] of rows) {
       const trip = trips.get(name);
-      const text = trip === undefined ? "clear" : trip.acknowledged ? "acknowledged" : ACTIONS[trip.action];
+      const text = trip === undefined ? calm : trip.acknowledged ? "acknowledged" : ACTIONS[trip.action];
       if (cell.dataset.text === text) continue;
       cell.dataset.text = text;
-      cell.dataset.mood = trip === undefined ? "calm" : trip.acknowledged ? "warn" : "bad";
-      fill(cell, icon(trip === undefined ? "check" : "warn"), text);
+      cell.dataset.mood = trip === undefined ? (isWatched ? "calm" : "none") : trip.acknowledged ? "warn" : "bad";
+      fill(cell, trip !== undefined || isWatched ? icon(trip === undefined ? "check" : "warn") : null, text);
     }
     const open = known.status.trips.filter((one) => !one.acknowledged).map((one) => words(one.interlock));
-    const all = rows.size === 0 ? "none" : `all ${rows.size} clear`;
-    say(verdict, open.length === 0 ? all : open.length > 2 ? `${open.length} tripped` : `${open.join(", ")} tripped`);
-    mark(verdict, "mood", open.length ? "bad" : "calm");
+    say(verdict, rows.size === 0 ? "none" : open.length === 0 ? verdictOf(isWatched, rows.size) : open.length > 2 ? `${open.length} tripped` : `${open.join(", ")} tripped`);
+    mark(verdict, "mood", open.length ? "bad" : isWatched ? "calm" : "none");
   }
+}
+
+/** What is known of interlocks of which none has acted, and since when. */
+function verdictOf(isWatched, count) {
+  const { status, link } = known;
+  if (link !== "ok") return "not known";
+  if (isWatched) return `all ${count} clear, watched since ${clock(status.t_ns / 1e6 - status.run_s * 1e3)}`;
+  if (status.run !== null) return "not watched yet";
+  return endedNs === null ? "not watched: nothing runs" : `not watched since the run ended at ${clock(endedNs / 1e6)}`;
 }
 
 function condition({ source, low, high }) {

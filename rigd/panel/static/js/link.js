@@ -1,10 +1,14 @@
 // The connection to the panel: what comes in goes to the store; silence is never taken for life.
 
+import { reach } from "./api.js";
 import { decode } from "./frame.js";
 import { put, known, setClock } from "./store.js";
 
 const SILENCE_MS = 2000; // the panel speaks every 0.5 s
-const AGAIN_MS = [300, 600, 1000, 2000]; // between attempts to connect
+// Between attempts to connect: a panel that died is back within a second or two.
+const SOON_MS = 250;
+const OFTEN = 40;
+const LATER_MS = 1000;
 const NO_SESSION = 4401;
 
 const onFrames = new Set();
@@ -58,8 +62,20 @@ function open() {
       return;
     }
     judge();
-    setTimeout(() => socket === null && open(), AGAIN_MS[Math.min(attempts++, AGAIN_MS.length - 1)]);
+    again();
   };
+}
+
+/**
+ * Open anew as soon as the panel answers. That is asked by plain requests: after some connections
+ * that failed, a browser holds back the next WebSocket for ever longer.
+ */
+function again() {
+  setTimeout(async () => {
+    if (socket !== null) return;
+    if (await reach()) open();
+    else again();
+  }, attempts++ < OFTEN ? SOON_MS : LATER_MS);
 }
 
 function hear(message) {

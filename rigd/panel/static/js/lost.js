@@ -23,7 +23,7 @@ export function mountLost(root) {
     fill(
       root,
       el("strong", {}, `Not connected since ${clock(since)}. ${WHY[link][0]}`),
-      el("span", {}, "Nothing shown here is live, and Stop does not get through: use the hardware emergency stop. "),
+      el("span", {}, "Nothing shown here is live, and Stop does not get through before this page is connected again: use the hardware emergency stop. "),
       el("span", {}, WHY[link][1]),
     );
   });

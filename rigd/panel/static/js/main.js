@@ -2,9 +2,11 @@
 
 import { session } from "./api.js";
 import { mountAttention } from "./attention.js";
+import { mountCall } from "./call.js";
 import { mountControl } from "./control.js";
 import { guardPresses } from "./deliberate.js";
 import { mountEvents } from "./events.js";
+import { measureHead } from "./head.js";
 import { connect } from "./link.js";
 import { mountLive } from "./live.js";
 import { mountLogin } from "./login.js";
@@ -29,8 +31,10 @@ function enter(me) {
   mountState(document.getElementById("state"));
   mountStops(document.getElementById("stops"));
   mountLost(document.getElementById("lost"));
+  measureHead(app.querySelector(".head"));
   mountTabs(document.getElementById("tabs"));
   mountControl(document.getElementById("control"));
+  mountCall(document.getElementById("user"));
   mountUser(document.getElementById("user"));
   mountAttention(document.getElementById("attention"));
   mountLive(document.getElementById("page-live"));

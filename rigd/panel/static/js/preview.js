@@ -1,7 +1,7 @@
 // What a dry run found: how long, which steps, and how near the limits.
 
 import { el, fill, icon } from "./dom.js";
-import { duration, quantities, short, unit, words } from "./format.js";
+import { duration, quantities, scaled, short, steady, words } from "./format.js";
 
 const BLOCKS = { prepare: "Before the trials", trial: "In each trial", after: "After each trial", finish: "At the end" };
 
@@ -14,7 +14,7 @@ export function drawPreview(root, found) {
       el("span", {}, `${found.trials} ${found.trials === 1 ? "trial" : "trials"}, about ${duration(found.duration_s)} of rig time`)),
     found.refusals.length ? el("ul", { class: "problems" }, found.refusals.map((one) => el("li", {}, one))) : null,
     el("h3", {}, "How near the limits"),
-    el("div", { class: "peaks" }, found.peaks.map((one) => peak(one, found.ok))),
+    el("div", { class: "peaks" }, heading(), found.peaks.map((one) => peak(one, found.ok))),
     el("h3", {}, "Steps"),
     el("div", { class: "scroll" },
       el("table", { class: "steps" },
@@ -53,12 +53,20 @@ function peak(one, isFit) {
   bar.style.setProperty("--from", from);
   bar.style.setProperty("--to", Math.max(to, from + 0.005));
   const end = (value) => (value === null ? "" : short(value));
+  const scale = Math.max(Math.abs(low), Math.abs(high), Math.abs(one.lowest ?? 0), Math.abs(one.highest ?? 0));
+  const shown = scaled(scale, one.unit);
+  const found = (value) => steady(value === null ? null : value / shown.factor, scale / shown.factor);
   const beyond = isFit ? "beyond, too briefly to trip" : "beyond the limit";
-  return el("div", { class: "peak", data: { mood: one.inside ? "calm" : isFit ? "warn" : "bad" }, title: `limit by ${one.limit_by}` },
+  return el("div", { class: "peak", data: { mood: one.inside ? "calm" : isFit ? "warn" : "bad" } },
     el("span", { class: "peak-name" }, words(one.channel)),
     el("span", { class: "peak-end" }, end(one.low)),
     el("span", { class: "peak-bar" }, bar),
     el("span", { class: "peak-end" }, end(one.high)),
-    el("span", { class: "peak-values" }, `${short(one.lowest, 3)} … ${short(one.highest, 3)}\u202f${unit(one.unit)}`,
-      one.inside ? null : el("span", { class: "peak-note" }, beyond)));
+    el("span", { class: "peak-values" },
+      el("span", { class: "whole" }, found(one.lowest)), " … ", el("span", { class: "whole" }, `${found(one.highest)}\u202f${shown.unit}`),
+      one.inside ? null : el("span", { class: "peak-note" }, beyond)),
+    el("span", { class: "peak-by" }, one.limit_by));
 }
+
+const heading = () => el("div", { class: "peak peak-head", "aria-hidden": "true" },
+  ...["Channel", "Lowest", "", "Highest", "Predicted", "Limits set by"].map((text) => el("span", {}, text)));

@@ -3,7 +3,7 @@
 import { ask, command } from "./api.js";
 import { confirmRun } from "./confirm.js";
 import { el, file, icon } from "./dom.js";
-import { day, duration, parameters, quantities, words } from "./format.js";
+import { ago, day, parameters, quantities, words } from "./format.js";
 import { known, rigNow } from "./store.js";
 import { show } from "./tabs.js";
 import { attempt } from "./toasts.js";
@@ -29,7 +29,7 @@ function confirm(run, { line, details }) {
     usual: null,
     facts: [
       ["Procedure", words(line.procedure)],
-      ["Began", `${day(line.started_ns / 1e6)}, ${duration((rigNow() - line.started_ns / 1e6) / 1e3)} ago`],
+      ["Began", `${day(line.started_ns / 1e6)}, ${ago((rigNow() - line.started_ns / 1e6) / 1e3)}`],
       ["Ended", interrupted?.reason ?? words(line.state)],
       ["Trials left", `${total - done} of ${total}`],
       ...settings(details),

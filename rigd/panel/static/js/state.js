@@ -1,5 +1,6 @@
 // The state of the rig in one word, and what it is doing; and how far it has come.
 
+import { setTitle } from "./call.js";
 import { el, icon, mark, say } from "./dom.js";
 import { duration, STATES, words } from "./format.js";
 import { known, watch } from "./store.js";
@@ -24,7 +25,7 @@ export function mountState(root) {
       say(doing, link === "connecting" ? "" : "What is shown here is old");
       say(left, "");
       bar.hidden = true;
-      document.title = "✕ not connected";
+      setTitle("✕ not connected");
       return;
     }
     const [name, meaning, mood] = STATES[status.state];
@@ -37,7 +38,7 @@ export function mountState(root) {
     bar.hidden = status.run === null;
     bar.firstChild.style.setProperty("--done", share(status, done));
     say(left, status.left_s === null ? "" : `${duration(status.left_s)} left`);
-    document.title = `${title} – ${status.rig}`;
+    setTitle(`${title} – ${status.rig}`);
   });
 }
 

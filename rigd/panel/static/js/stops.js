@@ -10,6 +10,8 @@ import { known, watch } from "./store.js";
 const HELD_MS = 350;
 const AGAIN_MS = 700; // a second press so soon is the same press
 const FORGET_MS = 20_000; // after that, Esc begins with stop again
+const RETRY_MS = 250; // between attempts to deliver what did not get through
+const KEPT_MS = 60_000; // after that, what was meant by it is long past
 const SHOWN_MS = 8000; // a confirmation; what was not confirmed stays until somebody has seen it
 
 const VERBS = {
@@ -20,6 +22,9 @@ const VERBS = {
 
 let last = { verb: null, at: -Infinity };
 let presses = 0;
+let underWay = null; // the verb that is being delivered
+
+const ORDER = Object.keys(VERBS);
 
 /** What became of the newest press, beside the buttons. */
 class Outcome {
@@ -37,6 +42,16 @@ class Outcome {
       const seconds = (performance.now() - begun) / 1000;
       if (seconds > 0.5) say(since, `Not confirmed for ${seconds.toFixed(1)} s. The hardware emergency stop needs no network.`);
     }, 100);
+  }
+
+  /** It did not get through, and is tried again until `giveUp` is called. */
+  keep(name, begun, giveUp) {
+    const since = this.element.querySelector(".kept .since") ?? el("span", { class: "since", "aria-hidden": "true" });
+    say(since, `${Math.round((performance.now() - begun) / 1000)} s`);
+    if (since.isConnected) return;
+    this.#show("bad", `${name} NOT DELIVERED YET. Use the hardware emergency stop.`,
+      el("p", { class: "kept" }, "It is sent as soon as the rig can be reached. Not delivered for ", since, "."),
+      el("button", { type: "button", onclick: giveUp }, "Do not send it any more"));
   }
 
   confirm(text, note) {
@@ -62,12 +77,14 @@ const outcome = new Outcome();
 async function send(verb) {
   const now = performance.now();
   if (last.verb === verb && now - last.at < AGAIN_MS) return;
+  if (ORDER.indexOf(verb) < ORDER.indexOf(underWay)) return; // what was asked for goes further
   last = { verb, at: now };
   const mine = ++presses;
+  underWay = verb;
   const [name, , follows] = VERBS[verb];
   outcome.wait(name);
   try {
-    const { acted } = await stop(verb);
+    const { acted } = await deliver(verb, name, () => mine !== presses);
     if (mine !== presses) return; // something was pressed since, and is told instead
     if (acted) outcome.confirm(`${name}: confirmed`, follows);
     else if (known.status?.run == null) outcome.confirm(`${name}: nothing is running`, "");
@@ -75,6 +92,25 @@ async function send(verb) {
   } catch (refused) {
     if (refused.code === undefined) throw refused;
     if (mine === presses) outcome.fail(name, refused.message);
+  } finally {
+    if (mine === presses) underWay = null;
+  }
+}
+
+/** Ask until somebody answers: a panel or a daemon that died is started anew within seconds. */
+async function deliver(verb, name, isOver) {
+  const begun = performance.now();
+  let isGivenUp = false;
+  for (;;) {
+    try {
+      return await stop(verb);
+    } catch (refused) {
+      if (refused.code !== "unreachable" || isOver() || isGivenUp) throw refused;
+      if (performance.now() - begun > KEPT_MS) throw refused;
+      outcome.keep(name, begun, () => { isGivenUp = true; });
+      await new Promise((done) => setTimeout(done, RETRY_MS));
+      if (isOver() || isGivenUp) throw refused;
+    }
   }
 }
 

@@ -1,0 +1,150 @@
+"""Nothing that must be read is cut or covered: from phones to wide screens, and much enlarged."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+
+import pytest
+from playwright.sync_api import Browser, FloatRect, Locator, Page, expect
+from support.browser import Watched
+from support.page import DRAWN, in_control, press, running, state, turn_to
+from support.panel import ServedPanel
+
+#: Width and height in CSS pixels: phones, a tablet, laptops, a screen; 1280 x 1024 at 400 %.
+SIZES = [
+    (320, 640), (390, 844), (768, 1024), (1280, 800), (1440, 900), (1920, 1080), (320, 256),
+]  # fmt: skip
+NARROW = [(320, 256), (320, 640), (390, 844), (768, 1024), (1280, 800)]
+
+#: Fields whose content is wider than they are, as [id, width of content, width].
+CUT = """() => [...document.querySelectorAll("input, select")]
+  .filter(one => one.offsetParent && one.scrollWidth > one.clientWidth)
+  .map(one => [one.id, one.scrollWidth, one.clientWidth])"""
+
+#: Words of a text that are broken within: each word has one box.
+BROKEN = r"""(root) => {
+  const bad = [];
+  const walker = document.createTreeWalker(root, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode()) {
+    for (const { 0: word, index } of walker.currentNode.textContent.matchAll(/\S+/g)) {
+      const range = document.createRange();
+      range.setStart(walker.currentNode, index);
+      range.setEnd(walker.currentNode, index + word.length);
+      // A first letter has a box of its own.
+      const boxes = [...range.getClientRects()];
+      const isBroken = Math.max(...boxes.map(b => b.top)) > Math.min(...boxes.map(b => b.bottom));
+      if (isBroken) bad.push(word);
+    }
+  }
+  return bad;
+}"""
+
+#: Text of the head that something else covers, by what stands at the ends of each of its lines.
+COVERED = """() => {
+  const bad = [];
+  for (const part of document.querySelectorAll(".state-word, .state-doing, .stops button")) {
+    const box = part.getBoundingClientRect();
+    for (const x of [box.left + 3, box.left + box.width / 2, box.right - 3]) {
+      for (const y of [box.top + 3, box.bottom - 3]) {
+        const top = document.elementFromPoint(x, y);
+        if (!part.contains(top)) bad.push([part.className, x, y, top?.className]);
+      }
+    }
+  }
+  return bad;
+}"""
+
+#: Controls of the page that stand under the head once the keyboard comes to them.
+UNDER = """() => {
+  const head = document.querySelector(".head").getBoundingClientRect().bottom;
+  const bad = [];
+  for (const one of document.querySelectorAll("#attention :enabled, main :is(:enabled, summary)")) {
+    if (!one.offsetParent || one.matches("[type=radio], option, fieldset")) continue;
+    window.scrollTo(0, document.body.scrollHeight);
+    one.focus();
+    const box = one.getBoundingClientRect();
+    const room = innerHeight - head;
+    if (box.top < head - 0.5 && box.height < room) bad.push([one.outerHTML.slice(0, 80), box.top]);
+  }
+  return bad;
+}"""
+
+
+def box_of(one: Locator) -> FloatRect:
+    box = one.bounding_box()
+    assert box is not None
+    return box
+
+
+def form(page: Page) -> None:
+    """Open a procedure's form, with long numbers in it."""
+    turn_to(page, "Procedures")
+    page.get_by_role("button", name=re.compile("Identification tests")).click()
+    page.get_by_label("brake at").fill("1.15")
+    page.get_by_label("current", exact=True).fill("-1.23e-5")
+    press(page, "Dry run")
+    expect(page.locator(".preview")).to_contain_text("Fit to run")
+
+
+def resize(page: Page, width: int, height: int) -> None:
+    page.set_viewport_size({"width": width, "height": height})
+    page.evaluate(DRAWN)
+
+
+def test_no_number_in_the_form_is_cut(panel: ServedPanel, watched: Watched) -> None:
+    page = in_control(panel, watched)
+    form(page)
+    expect(page.locator(".peak-by").first).to_have_text("rig file")
+    for width, height in SIZES:
+        resize(page, width, height)
+        assert page.evaluate(CUT) == [], f"at {width} x {height}"
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        for value in page.locator(".peak-values .whole").all():
+            assert value.evaluate(BROKEN) == []
+        field, preview = box_of(page.get_by_label("brake at")), box_of(page.locator(".preview"))
+        assert width >= 1400 or preview["y"] > field["y"] + field["height"], "below the form"
+
+
+@pytest.mark.parametrize("name", ["Live", "Procedures", "Runs", "Events"])
+def test_the_state_is_whole_and_uncovered_everywhere(
+    panel: ServedPanel, watched: Watched, name: str
+) -> None:
+    page = running(panel, watched)
+    panel.do(panel.rig.trip)
+    expect(page.locator(".trip")).to_be_visible()
+    state(page, "Tripped")
+    turn_to(page, name)
+    for width, height in NARROW:
+        resize(page, width, height)
+        page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
+        assert page.evaluate(COVERED) == [], f"at {width} x {height}"
+        assert page.locator("#state").evaluate(BROKEN) == []
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate(UNDER) == [], f"at {width} x {height}"
+        assert box_of(page.locator(".head"))["height"] < 0.45 * height
+
+
+def test_a_dialog_leaves_state_and_stops_uncovered(panel: ServedPanel, watched: Watched) -> None:
+    page = running(panel, watched)
+    press(page, "Ada")
+    for width, height in NARROW:
+        resize(page, width, height)
+        head, dialog = box_of(page.locator(".head")), box_of(page.get_by_role("dialog"))
+        assert dialog["y"] >= head["y"] + head["height"]
+        assert dialog["y"] + dialog["height"] <= height
+        assert page.evaluate(COVERED) == [], f"at {width} x {height}"
+
+
+def test_the_head_is_as_high_at_every_step(panel: ServedPanel, browser: Browser) -> None:
+    watched = Watched(browser, 390, 844)
+    page = running(panel, watched)
+    heights = []
+    for step in ("settle", "drive", "a step with a name that is longer than most of them are"):
+        panel.rig.carriage.step = step
+        panel.do(panel.rig.wake)
+        expect(page.locator(".run .facts")).to_contain_text(step)
+        heights.append(box_of(page.locator(".head"))["height"])
+        panel.rig.state = "paused"  # the step stays
+    assert all(abs(a - b) < 0.5 for a, b in pairwise(heights)), heights
+    watched.context.close()
