@@ -171,6 +171,7 @@ def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
     request = RunRequest(
         procedure, source.file.text, rig, args.seed, folder=args.runs, overrides=overrides,
         about=read_about(args.operator, args.note, args.meta),
+        procedure_whence=source.whence,
     )  # fmt: skip
     by_person = args.ask or (rig.plant is None and rig.simulation is None and not args.yes)
     done = record(request, quiet=args.quiet or args.json, by_person=by_person)

@@ -58,9 +58,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Check every file; one that is wrong never keeps the others from being checked."""
     from rigd.config.loader import load_rig
+    from rigd.config.shipped import titled
     from rigd.model.errors import Exit
 
     rig = None if args.rig is None else load_rig(args.rig)
+    if rig is not None and rig.source.whence not in ("shipped", args.rig) and not args.json:
+        print(f"rig {titled(rig.name, rig.source.whence)}")
     reports = [_report(given, rig) for given in args.files]
     if args.json:
         print(json.dumps([_as_json(report) for report in reports], indent=2))
@@ -140,7 +143,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
     """
     from rigd.config.calibration import load_calibration
     from rigd.config.loader import load_rig
-    from rigd.config.shipped import find_file
+    from rigd.config.shipped import titled
     from rigd.evaluate.models import needs_of
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import load_procedure
@@ -165,7 +168,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
                 return f"{', '.join(parts)}: {missing}"
             parts.append(f"calibration {held.name}")
         return ", ".join(parts) + ": right"
-    procedure = load_procedure(find_file(given, "procedures"))
+    procedure = load_procedure(given)
     if rig is None:
         return "a procedure, right in itself; give --rig to check it against a rig"
     compiled = compile_procedure(procedure, rig, {})
@@ -178,7 +181,8 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         )
     count = len(compiled.trials)
     trials = "1 trial" if count == 1 else f"{count} trials"
-    return f"procedure {compiled.name}, {trials} on {rig.name}: right"
+    found = "" if procedure.document.path == Path(given) else procedure.whence
+    return f"procedure {titled(compiled.name, found)}, {trials} on {rig.name}: right"
 
 
 def _kind(given: str) -> str:

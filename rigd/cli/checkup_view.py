@@ -11,6 +11,7 @@ from rich.text import Text
 
 from rigd.config.loader import channel_names
 from rigd.config.rig import RigConfig
+from rigd.config.shipped import titled
 from rigd.daemon.doctor import Check, Verdict, is_fit
 
 _COLOUR: Final = {Verdict.OK: "green", Verdict.WARN: "yellow", Verdict.FAIL: "bold red"}
@@ -36,13 +37,11 @@ class CheckupView:
         if rig is not None:
             longest = max(map(len, channel_names(rig)), default=0)
             self._channel_width = max(min(longest, _CHANNEL_WIDTH), _NAME_WIDTH)
+            self._console.print(f"rig {titled(rig.name, rig.source.whence)}", markup=False)
         if rig is None:
             text = f"This takes about {seconds + 2:.0f} s. With --rig, a rig is examined too."
         else:
-            text = (
-                f"This takes about {2 * seconds + 10:.0f} s. Every device of rig {rig.name} is "
-                "opened"
-            )
+            text = f"This takes about {2 * seconds + 10:.0f} s. Every device of it is opened"
             if rig.plant is None and any(one.setpoints for one in rig.devices.values()):
                 text += (
                     ", and each drive is left without our heartbeat once, to prove that it makes "

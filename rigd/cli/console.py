@@ -30,9 +30,9 @@ from rigd.procedure.program import Answer, AnswerKind, CompiledProcedure, Prompt
 class RunDisplay(TrialBar):
     """Progress of one run on standard error: a bar on a terminal, a line per trial elsewhere."""
 
-    def __init__(self, procedure: CompiledProcedure, rig: str, *, quiet: bool) -> None:
+    def __init__(self, procedure: CompiledProcedure, title: str, *, quiet: bool) -> None:
         self._procedure = procedure
-        self._rig = rig
+        self._title = title
         super().__init__(TextColumn("left"), TimeRemainingColumn(), quiet=quiet)
         self._task = self._bar.add_task("preflight", total=max(len(procedure.trials), 1))
         self._shown: TrialPlan | None = None
@@ -42,7 +42,7 @@ class RunDisplay(TrialBar):
         """Say where the samples go, before the first one does."""
         if not self._quiet:
             self._console.print(
-                f"[bold]{escape(self._procedure.name)}[/] on {escape(self._rig)}, "
+                f"{escape(self._title)}, "
                 f"{_count(len(self._procedure.trials), 'trial')}, "
                 f"recording to [cyan]{escape(str(path))}[/]"
             )

@@ -38,7 +38,7 @@ def play(
 def record(request: RunRequest, *, quiet: bool, by_person: bool) -> Recorded:
     """Execute ``request`` and show its progress; see :func:`play`."""
     screen = sys.stderr  # itself, not what stands in for it beside the bar: that ends every line
-    with RunDisplay(request.procedure, request.rig.name, quiet=quiet) as display:
+    with RunDisplay(request.procedure, request.title, quiet=quiet) as display:
         answers: Answers = OwnAnswers()
         if by_person:
             answers = ConsoleAnswers(sys.stdin, screen, display.quiet)

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 from rigd.cli.about import add_about, read_about
 
 if TYPE_CHECKING:
-    from rigd.config.rig import RigConfig
-    from rigd.procedure.program import CompiledProcedure
+    from rigd.daemon.execute import RunRequest
 
 HELP = "run a procedure on a rig and record every sample"
 EXAMPLES = """\
@@ -169,9 +168,6 @@ def _execute(args: argparse.Namespace) -> int:
             rig,
         )
     seed = args.seed if args.seed is not None else 1 if resume is None else resume.seed
-    if args.dry_run:
-        unfit = unusable(rig, needed(procedure, rig), day_of(args.start))
-        return _dry_run(procedure, rig, seed, unfit, as_json=args.json)
     request = RunRequest(
         procedure,
         source.file.text,
@@ -185,20 +181,24 @@ def _execute(args: argparse.Namespace) -> int:
         compression=args.compression,
         overrides=overrides,
         about=about,
+        procedure_whence=source.whence,
     )
+    if args.dry_run:
+        unfit = unusable(rig, needed(procedure, rig), day_of(args.start))
+        return _dry_run(request, unfit, as_json=args.json)
     by_person = args.ask or (rig.plant is None and rig.simulation is None and not args.yes)
     return play(request, as_json=args.json, quiet=args.quiet, by_person=by_person, junit=args.junit)
 
 
-def _dry_run(
-    procedure: CompiledProcedure, rig: RigConfig, seed: int, unfit: Sequence[str], *, as_json: bool
-) -> int:
+def _dry_run(request: RunRequest, unfit: Sequence[str], *, as_json: bool) -> int:
     """Rehearse and show it; ``unfit`` says why the calibration would not let the run begin."""
     from rigd.cli.rehearsal_view import print_rehearsal, rehearsal_json
     from rigd.model.errors import Exit
     from rigd.rehearsal import rehearse
 
-    rehearsal = rehearse(procedure, rig, seed)
+    if not as_json:
+        print(f"dry run: {request.title}", flush=True)
+    rehearsal = rehearse(request.procedure, request.rig, request.seed)
     rehearsal = replace(rehearsal, refusals=(*rehearsal.refusals, *unfit))
     if as_json:
         print(json.dumps(rehearsal_json(rehearsal), indent=2))

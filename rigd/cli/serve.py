@@ -76,6 +76,7 @@ def execute(args: argparse.Namespace) -> int:
     # A service manager ends a daemon that hangs by SIGABRT: then each thread says where it stood.
     faulthandler.enable()
     from rigd.config.loader import load_rig
+    from rigd.config.shipped import titled
     from rigd.daemon.serve import Options, logging_to, serve
     from rigd.model.errors import Exit
 
@@ -88,6 +89,7 @@ def execute(args: argparse.Namespace) -> int:
         foxglove=args.foxglove,
         panel=_panel_of(rig, args.runs.absolute(), args.panel_port) if args.panel else (),
     )
+    print(f"rig {titled(rig.name, rig.source.whence)}", flush=True)
     with logging_to(sys.stderr, as_json=None if args.log == "auto" else args.log == "json"):
         serve(options, lambda line: print(line, flush=True))
     return int(Exit.OK)

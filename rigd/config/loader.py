@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,7 +25,7 @@ from rigd.config.rig import (
     Supervision,
     Waiver,
 )
-from rigd.config.shipped import find_file
+from rigd.config.shipped import find_file, whence
 from rigd.config.source import DeviceSource, InterlockSource, LimitSource, RigSource
 from rigd.model.channels import Channel
 from rigd.model.errors import ConfigError, RigdError
@@ -42,7 +43,9 @@ def load_rig(given: str | Path) -> RigConfig:
     Raises:
         ConfigError: there is no such file, or it is wrong; names every problem with its place.
     """
-    return _build(read_document(find_file(given, "configs")))
+    found = find_file(given, "configs")
+    rig = _build(read_document(found))
+    return replace(rig, source=replace(rig.source, whence=whence(given, found, "configs")))
 
 
 def parse_rig(text: str, path: Path) -> RigConfig:

@@ -25,10 +25,14 @@ from rigd.sdk import (
 
 @dataclass(frozen=True)
 class SourceFile:
-    """A file as its author wrote it; recordings attach it unchanged."""
+    """A file as its author wrote it; recordings attach it unchanged.
+
+    ``whence`` is where it was taken from, as :func:`rigd.config.shipped.whence` says it.
+    """
 
     path: Path
     text: str
+    whence: str = ""
 
 
 @dataclass(frozen=True)

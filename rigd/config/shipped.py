@@ -69,6 +69,27 @@ def find_file(given: str | Path, kind: Kind) -> Path:
     )
 
 
+def whence(given: str | Path, found: Path, kind: Kind) -> str:
+    """Return where the file that ``given`` means was taken from, as a person reads it.
+
+    ``found`` is what :func:`find_file` returned. A file of the current folder that was found by
+    the name of a shipped one says so: the two may differ in everything but the name.
+    """
+    shipped = shipped_folder(kind)
+    if found.resolve().is_relative_to(shipped):
+        return "shipped"
+    if Path(given) == found:
+        return str(found)
+    names = (name for file, text in _named_files(shipped, kind) for name in (file.stem, text))
+    instead = f", instead of the shipped {_KEYS.get(kind, 'file')}" if str(given) in names else ""
+    return f"./{found}{instead}"
+
+
+def titled(name: str, whence: str) -> str:
+    """Return ``name``, which a file gives, with where that was taken from, if that is known."""
+    return f"{name} ({whence})" if whence else name
+
+
 def _named_files(folder: Path, kind: Kind) -> Iterator[tuple[Path, str]]:
     """Yield the files of ``folder`` that say what they are, with the name they give."""
     pattern = re.compile(rf"^{_KEYS.get(kind, kind)}:[ \t]*([A-Za-z0-9_-]+)", re.MULTILINE)

@@ -13,6 +13,7 @@ from queue import SimpleQueue
 
 from rigd.config.calibration import ATTACHMENT
 from rigd.config.rig import RigConfig
+from rigd.config.shipped import titled
 from rigd.daemon.calibration import calibration_metadata, exchanged, needed, unusable
 from rigd.daemon.forms import Form, Kept, in_process, processes
 from rigd.daemon.provenance import run_metadata
@@ -49,7 +50,7 @@ class RunRequest:
 
     ``pace`` is None for virtual time, 1 for the wall clock. ``output`` None makes a name in
     ``folder``. ``overrides`` are the ``--set`` values as given, and ``about`` is what a person says
-    of the run, for the record.
+    of the run, for the record. ``procedure_whence`` is where the procedure was taken from.
     """
 
     procedure: CompiledProcedure
@@ -64,6 +65,13 @@ class RunRequest:
     compression: Compression = "zstd"
     overrides: Mapping[str, str] = field(default_factory=dict)
     about: About = field(default_factory=About)
+    procedure_whence: str = ""
+
+    @property
+    def title(self) -> str:
+        """What is played on which rig, and which files say so."""
+        rig = titled(self.rig.name, self.rig.source.whence)
+        return f"{titled(self.procedure.name, self.procedure_whence)} on {rig}"
 
 
 @dataclass(frozen=True)
@@ -269,6 +277,8 @@ def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
         mode=mode,
         overrides=request.overrides,
     )
+    files = {"procedure_file": request.procedure_whence, "rig_file": request.rig.source.whence}
+    records["run"] |= {name: whence for name, whence in files.items() if whence}
     return records | _said(request.about, records["run"]) | calibration_metadata(request.rig)
 
 

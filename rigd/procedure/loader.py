@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rigd.config.binding import bind
 from rigd.config.document import Document, parse_document, read_document
 from rigd.config.problems import Problems
 from rigd.config.rig import SourceFile
-from rigd.config.shipped import find_file
+from rigd.config.shipped import find_file, whence
 from rigd.model.errors import ConfigError
 from rigd.procedure.source import ProcedureSource
 
@@ -20,6 +20,7 @@ class Procedure:
 
     source: ProcedureSource
     document: Document
+    whence: str = ""
 
     @property
     def name(self) -> str:
@@ -29,7 +30,7 @@ class Procedure:
     @property
     def file(self) -> SourceFile:
         """The file as its author wrote it, for the recording."""
-        return SourceFile(self.document.path, self.document.text)
+        return SourceFile(self.document.path, self.document.text, self.whence)
 
 
 def load_procedure(given: str | Path) -> Procedure:
@@ -38,7 +39,8 @@ def load_procedure(given: str | Path) -> Procedure:
     Raises:
         ConfigError: there is no such file, or it is wrong; names every problem with its place.
     """
-    return _bind(read_document(find_file(given, "procedures")))
+    found = find_file(given, "procedures")
+    return replace(_bind(read_document(found)), whence=whence(given, found, "procedures"))
 
 
 def parse_procedure(text: str, path: Path) -> Procedure:

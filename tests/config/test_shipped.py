@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rigd.config.shipped import find_file, shipped_folder
+from rigd.config.shipped import find_file, shipped_folder, whence
 from rigd.model import ConfigError
 
 
@@ -70,3 +70,27 @@ def test_unknown_name_gives_the_nearest() -> None:
         find_file("quik", "procedures")
     with pytest.raises(ConfigError, match=r"there is no rig 'configs/none\.yaml'"):
         find_file("configs/none.yaml", "configs")
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("lugre-1", "./coated.yaml, instead of the shipped rig"),
+        ("sim_approach_angle", "./sim_approach_angle.yaml, instead of the shipped rig"),
+        ("bench-7", "./configs/bench.yaml"),
+        ("configs/bench.yaml", "configs/bench.yaml"),
+        ("coated.yaml", "coated.yaml"),
+        ("wire-1", "shipped"),
+        ("configs/wire_lugre.yaml", "shipped"),
+    ],
+)
+def test_where_a_rig_was_taken_from_is_said(
+    given: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "configs").mkdir()
+    for file, name in {
+        "coated.yaml": "lugre-1", "sim_approach_angle.yaml": "mine", "configs/bench.yaml": "bench-7"
+    }.items():  # fmt: skip
+        (tmp_path / file).write_text(f"rig: {name}\n")
+    assert whence(given, find_file(given, "configs"), "configs") == told
