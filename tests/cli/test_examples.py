@@ -58,6 +58,9 @@ SHOWN: dict[str, Shows] = {
     "rigd run procedures/quick.yaml --rig configs/sim_lugre.yaml": Shows("1 of 1 trials"),
     "rigd run procedures/quick.yaml --rig lugre-1": Shows("1 of 1 trials"),
     "rigd run procedures/quick.yaml --rig lugre-1 --junit result.xml": Shows("1 of 1 trials"),
+    'rigd run procedures/quick.yaml --rig lugre-1 --operator "A. Miller" --meta specimen=W7': Shows(
+        "1 of 1 trials"
+    ),
     "rigd run constant_current --rig lugre-1 --set floor=pvc": Shows("10 of 10 trials"),
     "rigd run … --dry-run": Shows(
         "every predicted peak is inside its limit", {"…": "procedures/quick.yaml --rig lugre-1"}
@@ -84,6 +87,11 @@ SHOWN: dict[str, Shows] = {
     "rigd runs": Shows("10/10"),
     "rigd runs data/ --procedure constant_current --set floor=pvc": Shows("10/10"),
     "rigd runs --state interrupted": Shows("no recordings in runs match"),
+    "rigd runs --since 7d --meta specimen=W7": Shows("recording"),
+    "rigd can eds eds/rigd_servo.eds": Shows("rigd simulated servo"),
+    "rigd can eds drive.eds": Shows("rigd simulated servo"),
+    "rigd can eds drive.eds --objects": Shows("6041"),
+    "rigd can eds drive.eds --json": Shows("{"),
     "rigd info FILE": Shows("lugre-1", {"FILE": QUICK}),
     f"rigd info {QUICK}": Shows("lugre-1"),
     "rigd info FILE --json": Shows('"rig": "lugre-1"', {"FILE": QUICK}),
@@ -213,6 +221,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(folder / "configs" / "calibrations", folder / "calibrations")
     shutil.copy(folder / "calibrations" / "approach_angle.yaml", folder / "new.yaml")
     shutil.copy(folder / "procedures" / "quick.yaml", folder / "my_procedure.yaml")
+    shutil.copy(folder / "configs" / "eds" / "rigd_servo.eds", folder / "drive.eds")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         Path("runs").mkdir()
