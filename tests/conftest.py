@@ -25,6 +25,8 @@ for number, action in (
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, action)
 
+pytest_plugins = ["support.cpu"]
+
 HERE = Path(__file__).parent
 #: Folders and files whose tests compute, or wait for answers and not by the clock. All others run
 #: rigs or watchdogs in real time, and want the machine for themselves.

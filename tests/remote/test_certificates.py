@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -16,7 +16,7 @@ from rigd.remote.certificates import SOON, check_usable, distrusted, expires_soo
 from rigd.remote.server import Lease, Server
 from rigd.remote.tls import CA_VALID, SERVER, VALID, files_of, setup_tls
 
-NOW = datetime(2026, 11, 21, 12, tzinfo=UTC)  # no later than any day on which this runs
+NOW = datetime(2026, 11, 21, 12, tzinfo=UTC)  # for what is asked about a day, not about today
 
 
 @pytest.fixture
@@ -87,18 +87,23 @@ def test_what_expires_soon_is_told_in_time(folder: Path) -> None:
     assert "rigd.crt expires on 2028-11-20" in str(expires_soon(server, end - SOON))
 
 
+def made_two_days_ago(folder: Path) -> date:
+    """Make certificates that were valid for a day; return the day on which they expired."""
+    made = datetime.now(UTC) - timedelta(days=2)
+    setup_tls(folder, ["localhost"], ["alice"], now=made, valid=timedelta(days=1))
+    return (made + timedelta(days=1)).date()
+
+
 def test_a_daemon_whose_certificate_has_expired_does_not_begin_to_serve(tmp_path: Path) -> None:
-    setup_tls(tmp_path, ["localhost"], [], now=NOW - timedelta(days=2), valid=timedelta(days=1))
+    expired = made_two_days_ago(tmp_path)
     setup = RemoteSetup(("tls/127.0.0.1:1",), files_of(tmp_path, SERVER), {"alice": "operator"})
-    with pytest.raises(ConfigError, match=r"rigd\.crt expired on 2026-11-20") as caught:
+    with pytest.raises(ConfigError, match=rf"rigd\.crt expired on {expired}") as caught:
         Server("lugre-1", setup, Lease(lambda _: True))
     assert "setup-tls" in str(caught.value.hint)
 
 
 def test_a_client_who_is_not_let_in_is_told_what_is_wrong_with_its_own(tmp_path: Path) -> None:
-    setup_tls(
-        tmp_path, ["localhost"], ["alice"], now=NOW - timedelta(days=2), valid=timedelta(days=1)
-    )
+    expired = made_two_days_ago(tmp_path)
     with pytest.raises(LinkError, match="nobody lets us in") as caught:
         Client("lugre-1", endpoint="tls/127.0.0.1:1", tls=files_of(tmp_path, "alice"))
-    assert "alice.crt expired on 2026-11-20" in str(caught.value.hint)
+    assert f"alice.crt expired on {expired}" in str(caught.value.hint)
