@@ -3,39 +3,35 @@
 from __future__ import annotations
 
 import sys
-from collections import Counter
 from pathlib import Path
 
 #: Lines of the table of files.
 FILES = 40
 
 
-def table(title: str, cpu: Counter[str], wall: Counter[str], most: int | None = None) -> str:
-    """Return a table of the largest."""
+def table(title: str, spent: dict[str, list[float]], most: int | None = None) -> str:
+    """Return a table of those that take the most: name, CPU seconds, wall seconds."""
+    largest = sorted(spent.items(), key=lambda row: -row[1][0])[:most]
     rows = [f"| {title} | CPU s | wall s |", "|---|---:|---:|"]
-    rows += [
-        f"| {name} | {spent:.1f} | {wall[name]:.1f} |" for name, spent in cpu.most_common(most)
-    ]
+    rows += [f"| {name} | {cpu:.1f} | {wall:.1f} |" for name, (cpu, wall) in largest]
     return "\n".join(rows)
 
 
 def summary(lines: list[str]) -> str:
     """Return the tables: by folder, and the files that take the most."""
-    cpu: dict[str, Counter[str]] = {"folder": Counter(), "file": Counter()}
-    wall: dict[str, Counter[str]] = {"folder": Counter(), "file": Counter()}
-    total = 0.0
+    folders: dict[str, list[float]] = {}
+    files: dict[str, list[float]] = {}
     for line in lines:
-        spent, lasted, name = line.rstrip("\n").split("\t", 2)
-        total += float(spent)
+        cpu, wall, name = line.rstrip("\n").split("\t", 2)
         file = name.split("::")[0].removeprefix("tests/")
-        for by, key in (("folder", file.split("/")[0]), ("file", file)):
-            cpu[by][key] += float(spent)
-            wall[by][key] += float(lasted)
-    tables = (
-        table("folder", cpu["folder"], wall["folder"]),
-        table("file", cpu["file"], wall["file"], FILES),
+        for spent, key in ((folders, file.split("/")[0]), (files, file)):
+            sums = spent.setdefault(key, [0.0, 0.0])
+            sums[0] += float(cpu)
+            sums[1] += float(wall)
+    total = sum(cpu for cpu, _ in folders.values())
+    return "\n\n".join(
+        (f"{total:.0f} CPU seconds", table("folder", folders), table("file", files, FILES))
     )
-    return "\n\n".join((f"{total:.0f} CPU seconds", *tables))
 
 
 if __name__ == "__main__":

@@ -1,19 +1,26 @@
-"""What holds for every test: one thread of linear algebra, signals that act, what runs beside what.
+"""What holds for every test: one thread of linear algebra, signals that act, what runs when.
 
 The systems to solve are small. Threads that wait for one another cost many times what one alone
 does, and the cores that other tests need. Commands that tests start inherit it.
+
+A folder named in none of the lists below runs alone, in real time, and not in `make quick`.
 """
 
 from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Generator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # before numpy is imported
     os.environ.setdefault(name, "1")
+
+# The commands that tests start keep what they compile: it costs more than many of them do.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # A suite started with nohup, or in the background of a script, is told to ignore these. What it
 # starts would inherit that, and rigd heeds it: no test of a Ctrl-C or a lost terminal could pass.
@@ -28,23 +35,93 @@ for number, action in (
 pytest_plugins = ["support.cpu"]
 
 HERE = Path(__file__).parent
-#: Folders and files whose tests compute, or wait for answers and not by the clock. All others run
-#: rigs or watchdogs in real time, and want the machine for themselves.
-SIDE_BY_SIDE = tuple(
-    HERE / name
-    for name in (
-        "cli", "config", "daemon/live", "daemon/serve", "daemon/test_forms.py",
-        "daemon/test_virtual_time.py", "docs", "drivers", "evaluate", "identify", "model",
-        "packaging", "panel", "procedure", "record", "remote", "sdk", "sim",
-        "system/test_approach_angle.py", "system/test_bad_input.py", "system/test_calibrate.py",
-        "system/test_identify_campaign.py", "system/test_identify_command.py",
-        "system/test_seeds.py",
-    )
+
+
+def places(*names: str) -> tuple[Path, ...]:
+    """Return folders and files of tests."""
+    return tuple(HERE / name for name in names)
+
+
+#: Tests that compute, or wait for answers and not by the clock. All others run rigs or watchdogs
+#: in real time, and want the machine for themselves.
+SIDE_BY_SIDE = places(
+    "cli", "config", "daemon/live", "daemon/serve", "daemon/test_forms.py",
+    "daemon/test_virtual_time.py", "docs", "drivers", "evaluate", "identify", "model",
+    "packaging", "panel", "procedure", "record", "remote", "sdk", "sim",
+    "system/test_approach_angle.py", "system/test_bad_input.py", "system/test_calibrate.py",
+    "system/test_identify_campaign.py", "system/test_identify_command.py", "system/test_seeds.py",
 )  # fmt: skip
+#: Of these, tests whose driver or simulated device lives by the clock in the process of the test.
+#: rigd and `rigd sim` give both real-time priority; so does the suite, on a machine that allows it.
+WITH_PRIORITY = places(
+    "drivers/modbus", "drivers/ni_relay", "drivers/scale", "drivers/test_ni_clock.py",
+    "drivers/test_ni_daq.py", "sim/wire",
+)  # fmt: skip
+#: `make quick`: computes only, in less than a minute. No browser, no node, nothing in real time.
+QUICK = places(
+    "config", "daemon/live/test_points.py", "daemon/serve/test_library.py",
+    "daemon/serve/test_recordings.py", "drivers/canopen/test_bus.py",
+    "drivers/canopen/test_servo_cycle.py", "drivers/canopen/test_servo_setup.py",
+    "drivers/modbus/test_exchange.py", "drivers/modbus/test_frames.py",
+    "drivers/modbus/test_maps.py", "drivers/mf624", "drivers/test_analog_servo.py",
+    "drivers/test_analog_speed_servo.py", "drivers/test_card_analog.py",
+    "drivers/test_card_encoder.py", "engine/test_cycle.py", "engine/test_interlocks.py",
+    "engine/test_limiter.py", "engine/test_player.py", "engine/test_run.py",
+    "engine/test_windows.py",
+    "evaluate/test_resample.py", "identify/test_fit.py", "identify/test_residuals.py", "model",
+    "procedure", "record/test_events.py", "record/test_values.py", "record/test_writer.py",
+    "remote/protocol", "remote/test_access.py", "remote/test_certificates.py",
+    "sdk/test_options.py", "sim/test_parameters.py",
+)  # fmt: skip
+#: `make test-days`: tests that ask which day it is. Shown to be all by whole runs on other days.
+DATES = places(
+    "config/test_calibration.py", "config/test_shipped.py", "daemon/serve/test_audit.py",
+    "daemon/serve/test_logs.py", "daemon/test_forms.py", "remote/test_certificates.py",
+    "remote/test_strangers.py", "remote/test_tls.py", "system/test_calibrate.py",
+)  # fmt: skip
+#: The same, of documents.
+DATED_DOCUMENTS = ("[calibration.md]",)
+MARKED = {"side_by_side": SIDE_BY_SIDE, "quick": QUICK, "dates": DATES}
+
+
+def is_in(path: Path, listed: tuple[Path, ...]) -> bool:
+    """Return whether a file stands in one of these folders, or is one of these files."""
+    return any(path.is_relative_to(place) for place in listed)
+
+
+def pytest_sessionstart() -> None:
+    """Refuse lists that name what is not there."""
+    listed = {place for those in (*MARKED.values(), WITH_PRIORITY) for place in those}
+    if missing := sorted(str(place) for place in listed if not place.exists()):
+        raise pytest.UsageError(f"tests/conftest.py lists what is not there: {missing}")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Import no more than a marker asked for by itself needs."""
+    asked = str(config.getoption("markexpr"))
+    if asked not in MARKED or collection_path.suffix != ".py":
+        return None
+    wanted = MARKED[asked] + (places("docs") if asked == "dates" else ())
+    return None if is_in(collection_path, wanted) else True
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests that `make test` runs side by side."""
+    """Mark the tests by what may run when."""
     for item in items:
-        if any(item.path.is_relative_to(place) for place in SIDE_BY_SIDE):
-            item.add_marker("side_by_side")
+        for marker, listed in MARKED.items():
+            if is_in(item.path, listed):
+                item.add_marker(marker)
+        if is_in(item.path, places("docs")) and item.name.endswith(DATED_DOCUMENTS):
+            item.add_marker("dates")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Give a test that lives by the clock real-time priority, above whatever else is running."""
+    policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
+    if is_in(item.path, WITH_PRIORITY):
+        with suppress(PermissionError):
+            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+    result = yield
+    os.sched_setscheduler(0, policy, parameter)
+    return result

@@ -1,0 +1,35 @@
+"""A witness of how late this machine is: what a bound on wall time must allow besides itself."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+#: How often the witness asks to be woken, in s.
+PERIOD_S = 2e-3
+
+
+@contextmanager
+def witnessed() -> Iterator[Callable[[], float]]:
+    """Yield what returns the seconds that were withheld from this process since the beginning.
+
+    A thread that only sleeps is woken late by what the machine, or another thread of this process,
+    takes from it. Whoever else waits in the meantime is served as late.
+    """
+    began, periods, ended = time.monotonic(), 0, threading.Event()
+
+    def watch() -> None:
+        nonlocal periods
+        while not ended.is_set():
+            time.sleep(PERIOD_S)
+            periods += 1
+
+    witness = threading.Thread(target=watch, name="witness of stalls", daemon=True)
+    witness.start()
+    try:
+        yield lambda: max(time.monotonic() - began - periods * PERIOD_S, 0.0)
+    finally:
+        ended.set()
+        witness.join()
