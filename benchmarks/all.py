@@ -23,6 +23,7 @@ BENCHES = (
     "plant",
     "simulated_run",
     "simulated_bus",
+    "can_cycle",
     "modbus_codec",
     "register_card",
     "cycle",
