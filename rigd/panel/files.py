@@ -47,7 +47,8 @@ class Files:
         if self.doors.find(request.cookies) is None:
             return PlainTextResponse("this page is not logged in", 401)
         try:
-            pieces = Pieces(self.rig, "report", request.path_params["run"])
+            page = "run" if request.query_params.get("page") == "run" else "identification"
+            pieces = Pieces(self.rig, "report", request.path_params["run"], page=page)
             await pieces.begin(MOST_REPORT_BYTES)
             body = b"".join([piece async for piece in pieces])
         except RigdError as error:
@@ -80,10 +81,11 @@ class Files:
 class Pieces:
     """A file of the rig, asked for piece by piece; what comes is checked against its hash."""
 
-    def __init__(self, rig: Rig, what: str, run: str) -> None:
+    def __init__(self, rig: Rig, what: str, run: str, **further: str) -> None:
         self._rig = rig
         self._what = what
         self._run = run
+        self._further = further
         self._first: Object = {}
 
     async def begin(self, most: int | None = None) -> int:
@@ -121,7 +123,7 @@ class Pieces:
         yield data
 
     async def _piece(self, offset: int) -> Object:
-        args = {"run": self._run, "offset": offset, "length": MAX_PIECE_BYTES}
+        args = {"run": self._run, "offset": offset, "length": MAX_PIECE_BYTES, **self._further}
         return await self._rig.ask(self._what, args)
 
 

@@ -187,6 +187,7 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
         "rigd remote lease give bob",
         "rigd remote lease take",
         "rigd remote lease seize",
+        "rigd remote report RUN",
         "rigd remote report RUN --make",
     ),
     "../scripts/demo": (

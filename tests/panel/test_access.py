@@ -106,6 +106,9 @@ def test_a_report_is_a_page_without_rights(panel: ServedPanel) -> None:
     visitor = panel.visitor()
     status, headers, body = visitor.get(f"/api/run/{run}/report")
     assert status == 200 and b"LuGre model" in body
+    drawn = visitor.get(f"/api/run/{run}/report?page=run")
+    assert drawn[0] == 200 and b"What was recorded" in drawn[2]
+    assert drawn[1]["content-security-policy"] == headers["content-security-policy"]
     policy = headers["content-security-policy"]
     assert policy.startswith("sandbox;") and "allow" not in policy
     assert "script-src" not in policy and "default-src 'none'" in policy

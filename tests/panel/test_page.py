@@ -119,6 +119,23 @@ def test_a_report_is_made_and_read_and_no_script_of_it_runs(
     assert download.value.suggested_filename == panel.rig.runs[0].run
 
 
+def test_past_run_is_drawn_without_control(panel: ServedPanel, watched: Watched) -> None:
+    page = watched.enter(panel.links["operator"])
+    turn_to(page, "Runs")
+    page.locator(".run-list tbody tr").nth(2).click()
+    expect(page.locator(".sheet").last).to_contain_text("Nothing is identified from this run.")
+    press(page, "Show what was recorded")
+    report = page.frame_locator(".report iframe")
+    expect(report.get_by_role("heading")).to_have_text("What was recorded")
+    assert given(panel, "draw") == [{"run": panel.rig.runs[2].run}]
+    assert given(panel, "lease_take") == []
+    expect(page.get_by_role("button", name="Make the report")).to_have_count(0)
+    page.locator(".run-list tbody tr").first.click()
+    expect(page.locator(".sheet").last).to_contain_text("Whoever has control can make it")
+    page.locator(".run-list tbody tr").nth(2).click()
+    expect(report.get_by_role("heading")).to_have_text("What was recorded")
+
+
 def test_a_page_that_is_cut_off_says_so_and_comes_back(
     panel: ServedPanel, watched: Watched
 ) -> None:

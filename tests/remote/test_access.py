@@ -18,7 +18,7 @@ ASKS = (
 STOPS = ("stop", "abort", "estop")
 COMMANDS = (
     "lease_take", "lease_renew", "lease_request", "start", "pause", "resume", "answer",
-    "acknowledge", "resume_run", "identify", "dry_run", "lease_give", "lease_release",
+    "acknowledge", "resume_run", "identify", "draw", "dry_run", "lease_give", "lease_release",
 )  # fmt: skip
 MAINTENANCE = ("act", "lease_seize")
 NEED_LEASE = (

@@ -33,6 +33,7 @@ from rigd.remote.protocol.arguments import (
     Piece,
     ProcedureFile,
     ProcedureName,
+    ReportPiece,
     Run,
     Runs,
     Since,
@@ -87,6 +88,7 @@ trial:
 """
 FILE = ProcedureFile(name="small", text=TEXT, sha256=hashlib.sha256(TEXT.encode()).hexdigest())
 RECORDING = bytes(range(256)) * 4000  # four pieces, the last one short
+RUN_PAGE = b"<!doctype html><title>run</title>"
 REPORT = b"<!doctype html><title>report</title>"
 QUESTION = PromptView(
     id=7, name="weight", text="Put the weight on", kind="number", unit="kg", low=0.5, high=2.0,
@@ -194,6 +196,8 @@ class AnsweringRig:
                 return RunView(line=self._line(run), details={"rig": self.name})
             case "fetch", Piece() as piece:
                 return self._piece(self.recording, piece)
+            case "report", ReportPiece(page="run") as piece:
+                return self._piece(RUN_PAGE, piece)
             case "report", Piece() as piece:
                 return self._piece(REPORT, piece)
         raise AssertionError(what)
@@ -216,7 +220,7 @@ class AnsweringRig:
             case "dry_run", _:
                 time.sleep(self.slow_s)
                 return DryRun(ok=True, duration_s=2.0, trials=3)
-            case "identify", Run(run=run):
+            case (("identify" | "draw"), Run(run=run)):
                 return Reported(run=run, size=len(REPORT))
             case "act", _:
                 return Acted(said="done")
@@ -249,6 +253,8 @@ class AnsweringRig:
             trials_total=3,
             size=len(self.recording),
             has_report=True,
+            has_page=True,
+            identifies=run != "plain.mcap",
         )
 
     def _piece(self, whole: bytes, piece: Piece) -> PieceView:

@@ -148,6 +148,7 @@ DETAILS: dict[str, Any] = {
 }
 RECORDING = bytes(range(256)) * 3000  # three pieces
 
+RUN_PAGE = """<!doctype html><html lang="en"><title>Run</title><h1>What was recorded</h1></html>"""
 REPORT = """<!doctype html><html lang="en"><title>Report</title>
 <style>body{font:16px/1.5 system-ui;margin:2rem;max-width:60rem}td,th{padding:.3rem 1rem}</style>
 <h1>LuGre model of constant_current</h1><p>Ten trials on stone.</p>

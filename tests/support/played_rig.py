@@ -21,6 +21,7 @@ from support.played_campaign import (
     PROMPT,
     RECORDING,
     REPORT,
+    RUN_PAGE,
     SETPOINTS,
     STREAMS,
     TRIP,
@@ -103,6 +104,7 @@ class PlayedRig:
                 started_ns=time.time_ns() - (40 - day) * 86_400 * 10**9,
                 duration_s=93.4, trials_done=10 if day % 3 else 4, trials_total=10,
                 size=len(RECORDING), has_report=bool(day % 2),
+                has_page=day == 19, identifies=day != 18,
             )
             for day in range(20, 12, -1)
         ]  # fmt: skip
@@ -232,6 +234,10 @@ class PlayedRig:
                 return as_json(RunList(runs=tuple(self.runs), more=False))
             case "run":
                 return as_json(RunView(line=self._run(args), details=DETAILS))
+            case "report" if args.get("page") == "run":
+                if not self._run(args).has_page:
+                    raise Refusal(Code.NOT_FOUND, "this run has no page yet")
+                return piece(RUN_PAGE.encode(), args)
             case "report":
                 if not self._run(args).has_report:
                     raise Refusal(Code.NOT_FOUND, "this run has no report yet")
@@ -246,6 +252,8 @@ class PlayedRig:
         self._hear(verb, args)
         self.users[verb] = user
         await asyncio.sleep(self.delay_s)
+        if verb == "draw":
+            return self._made(args, "has_page", RUN_PAGE)
         if verb == "dry_run":
             return as_json(dry_run(float(args["set"].get("brake_at", "1.15 m").split()[0])))
         match verb:
@@ -357,11 +365,13 @@ class PlayedRig:
         self.trips = [one for one in self.trips if one.interlock != interlock]
 
     async def _identify(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        line = self._run(args)
         await asyncio.sleep(0.2)
-        place = self.runs.index(line)
-        self.runs[place] = line.model_copy(update={"has_report": True})
-        return as_json(Reported(run=line.run, size=len(REPORT)))
+        return self._made(args, "has_report", REPORT)
+
+    def _made(self, args: Mapping[str, Any], what: str, text: str) -> dict[str, Any]:
+        line = self._run(args)
+        self.runs[self.runs.index(line)] = line.model_copy(update={what: True})
+        return as_json(Reported(run=line.run, size=len(text)))
 
     async def _trial_ended(self) -> None:
         if self.state == "pausing":

@@ -40,6 +40,7 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "acknowledge": {"interlock": "overrun"},
     "resume_run": {"run": "a.mcap"},
     "identify": {"run": "a.mcap"},
+    "draw": {"run": "a.mcap"},
     "dry_run": {"procedure": _PROCEDURE, "set": {}},
     "act": {"device": "scale", "action": "tare"},
     "stop": {"reason": "lunch"},

@@ -86,15 +86,30 @@ def _fetch(args: argparse.Namespace) -> int:
 
 def _configure_report(parser: argparse.ArgumentParser) -> None:
     _configure_fetch(parser)
-    parser.add_argument("--make", action="store_true", help="identify first; may take minutes")
+    parser.add_argument(
+        "--identification", action="store_true", help="the report of the last identification"
+    )
+    parser.add_argument(
+        "--make", action="store_true", help="identify first, then fetch that; may take minutes"
+    )
 
 
 def _report(args: argparse.Namespace) -> int:
     with connect(args) as rig, _progress(args) as progress:
+        identified = args.identification or args.make
         if args.make:
-            with rig.control(brief=True):
-                rig.identify(args.run)
-        path = rig.report(args.run, args.to, progress)
+            identified = rig.run(args.run).line.identifies
+            if identified:
+                with rig.control(brief=True):
+                    rig.identify(args.run)
+            else:
+                note = f"{args.run} does not say what to identify: this is the page of the run"
+                print(note, file=sys.stderr)
+        if identified:
+            path = rig.report(args.run, args.to, progress, page="identification")
+        else:
+            rig.draw(args.run)
+            path = rig.report(args.run, args.to, progress, page="run")
     _tell(args, path)
     return 0
 
@@ -141,12 +156,13 @@ it gets its name.
 """,
     ),
     "report": Command(
-        "fetch the report of a recording",
+        "fetch a recording as a page, or the report of its identification",
         _report,
         _configure_report,
         """\
 examples:
-  rigd remote report RUN --make      identify on the daemon's machine, then fetch the report
+  rigd remote report RUN             what was recorded, drawn on the daemon's machine
+  rigd remote report RUN --make      identify on the daemon's machine, then fetch that report
 """,
     ),
 }

@@ -54,6 +54,15 @@ class Aside:
         result = self._do("identify", {"recording": str(recording)})
         return Reported.model_validate_json(json.dumps(result))
 
+    def draw(self, recording: Path) -> Reported:
+        """Draw what a recording holds, and write the page beside it.
+
+        Raises:
+            Refusal: nothing of it can be read, or it took too long.
+        """
+        result = self._do("draw", {"recording": str(recording)})
+        return Reported.model_validate_json(json.dumps(result))
+
     def close(self) -> None:
         """Give up what is under way; nothing more is done."""
         with self._lock:
@@ -144,9 +153,20 @@ def _identify(job: Mapping[str, Any]) -> Reported:
     from rigd.evaluate.evaluation import evaluate
 
     recording = Path(job["recording"])
-    report = recording.with_suffix(".html")
+    return _write(recording, recording.with_suffix(".html"), evaluate([recording]).report())
+
+
+def _draw(job: Mapping[str, Any]) -> Reported:
+    from rigd.daemon.serve.recordings import page_of
+    from rigd.evaluate.run import run_report
+
+    recording = Path(job["recording"])
+    return _write(recording, page_of(recording), run_report(recording))
+
+
+def _write(recording: Path, report: Path, text: str) -> Reported:
     draft = report.with_suffix(".html.new")
-    draft.write_text(evaluate([recording]).report(), encoding="utf-8")
+    draft.write_text(text, encoding="utf-8")
     draft.replace(report)  # whoever reads it meanwhile has the old one, whole
     return Reported(run=recording.name, size=report.stat().st_size)
 
@@ -159,7 +179,7 @@ def main() -> int:
     """Do the job on standard input."""
     os.nice(NICENESS)
     job: Mapping[str, Any] = json.load(sys.stdin)
-    work = {"dry_run": _dry_run, "identify": _identify}[job["do"]]
+    work = {"dry_run": _dry_run, "identify": _identify, "draw": _draw}[job["do"]]
     try:
         said: Mapping[str, object] = {"result": work(job).model_dump(mode="json")}
     except RigdError as error:

@@ -28,6 +28,7 @@ _UNREADABLE: Final = (RecordingError, ValueError)
 _NAME: Final = re.compile(RUN_NAME)
 _KNOWN: Final = "`rigd remote runs` lists those there are"
 _MAKE: Final = "`rigd remote report {} --make` makes one"
+IDENTIFICATION: Final = "identification"
 #: Digests of so many files are remembered: a transfer asks for that of its file with each piece.
 _DIGESTS: Final = 8
 #: So many trials of a recording are told in one message, the newest.
@@ -96,15 +97,19 @@ class Recordings:
             raise Refusal(Code.NOT_FOUND, f"there is no recording {name}", hint=_KNOWN)
         return path
 
-    def report(self, name: str) -> Path:
-        """Return the path of the report on a recording.
+    def report(self, name: str, page: str = IDENTIFICATION) -> Path:
+        """Return the path of a page on a recording: ``run`` or ``identification``.
 
         Raises:
             Refusal: there is none.
         """
-        path = self.path(name).with_suffix(".html")
+        recording = self.path(name)
+        if page == IDENTIFICATION:
+            path, hint = recording.with_suffix(".html"), _MAKE.format(name)
+        else:
+            path, hint = page_of(recording), "`draw` makes one"
         if not path.is_file():
-            raise Refusal(Code.NOT_FOUND, f"there is no report on {name}", hint=_MAKE.format(name))
+            raise Refusal(Code.NOT_FOUND, f"there is no report on {name}", hint=hint)
         return path
 
     def of(self, rig: str) -> Sequence[RunInfo]:
@@ -159,6 +164,19 @@ class Recordings:
         return known.st_size, self._digests[key]
 
 
+def page_of(recording: Path) -> Path:
+    """Return where the page of a run stands; that of its identification ends in ``.html`` alone."""
+    return recording.with_name(f"{recording.stem}-run.html")
+
+
+def is_drawn(recording: Path) -> bool:
+    """Return whether the page of a run is there, and as new as its recording."""
+    try:
+        return page_of(recording).stat().st_mtime_ns >= recording.stat().st_mtime_ns
+    except OSError:
+        return False
+
+
 def interrupted(info: RunInfo) -> Interrupted | None:
     """Return what a run that did not come to an end of its own offers, or None."""
     if info.state != INTERRUPTED:
@@ -194,6 +212,8 @@ def _line_of(info: RunInfo, under_way: bool) -> RunLine:
         trials_total=_total(info),
         size=info.size,
         has_report=info.path.with_suffix(".html").is_file(),
+        has_page=is_drawn(info.path),
+        identifies="identify" in info.metadata,
     )
 
 
@@ -214,5 +234,7 @@ def _unread(path: Path, error: Exception, under_way: bool) -> RunLine:
         trials_total=0,
         size=size,
         has_report=False,
+        has_page=is_drawn(path),
+        identifies=False,
         problem=None if under_way else problem,
     )

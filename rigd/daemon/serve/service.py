@@ -22,7 +22,7 @@ from rigd.daemon.serve.describe import describe
 from rigd.daemon.serve.descriptors import Descriptors
 from rigd.daemon.serve.library import Library
 from rigd.daemon.serve.notices import Notices, one_line
-from rigd.daemon.serve.recordings import Recordings
+from rigd.daemon.serve.recordings import Recordings, is_drawn, page_of
 from rigd.daemon.serve.recovery import Interruptions
 from rigd.daemon.serve.running import Running
 from rigd.daemon.serve.steering import Steering
@@ -47,18 +47,28 @@ from rigd.remote.protocol.arguments import (
     InterlockName,
     Piece,
     ProcedureName,
+    ReportPiece,
     Run,
     Runs,
     Since,
     Start,
     StreamName,
 )
-from rigd.remote.protocol.results import Acted, DryRun, Events, Nothing, PieceView, Stopped
+from rigd.remote.protocol.results import (
+    Acted,
+    DryRun,
+    Events,
+    Nothing,
+    PieceView,
+    Reported,
+    Stopped,
+)
 from rigd.remote.protocol.status import Daemon, RefusedCounts, Trial
 from rigd.remote.server import Lease
 
-#: Commands that say nothing about what was done: the lease is renewed every two seconds.
-UNAUDITED: Final = frozenset({"lease_renew"})
+#: Commands that say nothing about what was done: the lease is renewed every two seconds, and pages
+#: of past runs are looked at.
+UNAUDITED: Final = frozenset({"lease_renew", "draw"})
 #: Commands after which the rig may move, or its data change: only while they can be audited.
 MOVING: Final = frozenset({"start", "resume_run", "act"})
 _VERBS: Final = {"stop": Verb.STOP, "abort": Verb.ABORT, "estop": Verb.ESTOP}
@@ -170,8 +180,8 @@ class RigService:
                 return parts.recordings.view(run.run, self._under_way)
             case "fetch", Piece() as piece:
                 return self._fetch(piece)
-            case "report", Piece() as piece:
-                report = parts.recordings.report(piece.run)
+            case "report", ReportPiece() as piece:
+                report = parts.recordings.report(piece.run, piece.page)
                 return parts.recordings.piece(report, piece.offset, piece.length)
         raise Refusal(Code.UNKNOWN_VERB, f"this daemon cannot tell {what}")
 
@@ -252,6 +262,8 @@ class RigService:
                 return self._dry_run(checked)
             case "identify", Run() as run:
                 return parts.aside.identify(self._finished(run.run))
+            case "draw", Run() as run:
+                return self._draw(self._finished(run.run))
             case _ if verb.startswith("lease_"):
                 return self._lease(who, verb, args)
             case _:
@@ -280,6 +292,12 @@ class RigService:
         )
         self._parts.steering.expect(args, done.duration_s)
         return done
+
+    def _draw(self, recording: Path) -> Reported:
+        """Return the page of a run, made unless it is there; making one again gives the same."""
+        if is_drawn(recording):
+            return Reported(run=recording.name, size=page_of(recording).stat().st_size)
+        return self._parts.aside.draw(recording)
 
     def _fetch(self, piece: Piece) -> PieceView:
         path = self._finished(piece.run)

@@ -339,6 +339,10 @@ class AsyncClient:
         """Let the daemon identify from a recording, and make the report; may take minutes."""
         return await self._command("identify", Reported, run=run)
 
+    async def draw(self, run: str) -> Reported:
+        """Let the daemon draw what a recording holds, unless that page is there; takes seconds."""
+        return await self._command("draw", Reported, run=run)
+
     async def fetch(self, run: str, to: Path | str = ".", progress: Progress | None = None) -> Path:
         """Fetch a recording to the folder ``to``, and return its path; goes on where it broke off.
 
@@ -350,11 +354,21 @@ class AsyncClient:
         return await self._fetch("fetch", run, Path(to) / run, progress)
 
     async def report(
-        self, run: str, to: Path | str = ".", progress: Progress | None = None
+        self,
+        run: str,
+        to: Path | str = ".",
+        progress: Progress | None = None,
+        page: Literal["run", "identification"] = "identification",
     ) -> Path:
-        """Fetch the report of a recording; as :meth:`fetch`. :meth:`identify` makes it."""
+        """Fetch a page on a recording; as :meth:`fetch`.
+
+        That of its ``identification`` is made by :meth:`identify`, that of the ``run`` by
+        :meth:`draw`.
+        """
         path = (Path(to) / run).with_suffix(".html")
-        return await self._fetch("report", run, path, progress)
+        if page == "run":
+            path = path.with_name(f"{path.stem}-run.html")
+        return await self._fetch("report", run, path, progress, page=page)
 
     async def _ask(self, what: str, result: type[R], **args: Any) -> R:
         return await self.connection.request(Kind.ASK, what, args, result)
@@ -384,8 +398,10 @@ class AsyncClient:
             file = (await self.procedure(str(procedure))).procedure
         return {"procedure": as_json(file), "set": dict(set or {})}
 
-    async def _fetch(self, what: str, run: str, path: Path, progress: Progress | None) -> Path:
+    async def _fetch(
+        self, what: str, run: str, path: Path, progress: Progress | None, **args: str
+    ) -> Path:
         async def piece(offset: int) -> PieceView:
-            return await self._ask(what, PieceView, run=run, offset=offset)
+            return await self._ask(what, PieceView, run=run, offset=offset, **args)
 
         return await fetch(piece, path, progress)

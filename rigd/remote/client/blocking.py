@@ -158,6 +158,7 @@ class Client:
     runs = _blocking(AsyncClient.runs)
     run = _blocking(AsyncClient.run)
     identify = _blocking(AsyncClient.identify)
+    draw = _blocking(AsyncClient.draw)
     fetch = _blocking(AsyncClient.fetch)
     report = _blocking(AsyncClient.report)
 

@@ -111,6 +111,13 @@ class Piece(Message):
     """In bytes; the reply is shorter at the end of the file."""
 
 
+class ReportPiece(Piece):
+    """A piece of a page on a recording."""
+
+    page: Literal["run", "identification"] = "identification"
+    """What the page shows: what was recorded, or what was identified from it."""
+
+
 class Since(Message):
     """Which events."""
 

@@ -225,6 +225,11 @@ class RunLine(Message):
     size: Count
     """In bytes."""
     has_report: bool
+    """Whether the page of its identification is there."""
+    has_page: bool
+    """Whether the page of the run is there, and as new as the recording."""
+    identifies: bool
+    """Whether it says what to identify from it."""
     problem: Told | None = None
     """Why it cannot be read."""
 
@@ -296,7 +301,7 @@ class Started(Message):
 
 
 class Reported(Message):
-    """`identify`: the report, which `report` then gives."""
+    """`identify` and `draw`: the page, which `report` then gives."""
 
     run: RunName
     size: Count

@@ -10,7 +10,16 @@ from pathlib import Path
 from typing import TypeVar
 
 import pytest
-from support.answering_rig import FILE, QUESTION, RECORDING, REPORT, TEXT, Served, served
+from support.answering_rig import (
+    FILE,
+    QUESTION,
+    RECORDING,
+    REPORT,
+    RUN_PAGE,
+    TEXT,
+    Served,
+    served,
+)  # fmt: skip
 from support.command import Ended, rigd, start
 
 from rigd.remote.protocol.arguments import Answered, NoArguments, Start
@@ -164,6 +173,11 @@ def test_events_and_recordings(ask: Asking) -> None:
     assert ask("report", "a.mcap", "--make", "--json").json == {"path": "a.html", "size": 36}
     assert (ask.folder / "a.html").read_bytes() == REPORT
     assert "identify" in ask.remote.rig.verbs()
+    assert ask("report", "a.mcap").out == "a-run.html\n"
+    assert (ask.folder / "a-run.html").read_bytes() == RUN_PAGE
+    made = ask("report", "plain.mcap", "--make")  # it says nothing of an identification
+    assert made.out == "plain-run.html\n"
+    assert ask.remote.rig.verbs().count("identify") == 1
 
 
 def test_procedures_and_dry_runs(ask: Asking) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
@@ -13,6 +14,7 @@ from support.wire import ROOT
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.daemon.serve.aside import Aside
+from rigd.daemon.serve.recordings import is_drawn
 from rigd.model.channels import Channel, Stream
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
@@ -62,6 +64,22 @@ def test_data_that_cannot_answer_make_no_report(tmp_path: Path) -> None:
         Aside().identify(recording)
     assert refused.value.code is Code.REFUSED
     assert not (tmp_path / "run.html").exists()
+
+
+def test_any_recording_is_drawn_and_the_page_stands_beside_it(tmp_path: Path) -> None:
+    recording = tmp_path / "run.mcap"
+    stream = Stream("axis", (Channel("position", "m"),))
+    RecordingWriter.create(
+        recording, streams=[stream], metadata={}, attachments=(), start_ns=1_000
+    ).close()
+    told = Aside().draw(recording)
+    page = tmp_path / "run-run.html"
+    assert (told.run, told.size) == ("run.mcap", page.stat().st_size)
+    assert "No trial began" in page.read_text()
+    assert is_drawn(recording)
+    later = page.stat().st_mtime_ns + 1_000_000_000
+    os.utime(recording, ns=(later, later))
+    assert not is_drawn(recording)  # it has been gone on with
 
 
 def test_one_that_is_killed_is_told_as_such(

@@ -31,7 +31,7 @@ def test_what_moves_the_rig_needs_the_lease() -> None:
     free = {name for name, verb in VERBS[Kind.COMMAND].items() if not verb.needs_lease}
     assert free == {
         "lease_take", "lease_renew", "lease_release", "lease_request", "lease_give", "lease_seize",
-        "dry_run",
+        "draw", "dry_run",
     }  # fmt: skip
 
 

@@ -4,7 +4,7 @@ import { ask, command } from "./api.js";
 import { el, file, fill, icon, say } from "./dom.js";
 import { bytes, day, duration, words, withHint } from "./format.js";
 import { resumeButton } from "./resume.js";
-import { hasControl, known, watch } from "./store.js";
+import { hasControl, isOperator, known, watch } from "./store.js";
 import { onShow } from "./tabs.js";
 import { attempt, complain } from "./toasts.js";
 
@@ -77,37 +77,58 @@ function drawRun(root, one, refresh) {
   const path = `/api/run/${encodeURIComponent(one.run)}`;
   const report = el("div", { class: "report" });
   const note = el("span", { class: "quiet", role: "status" });
-  const make = el("button", {
-    type: "button", onclick: () => attempt(make, async () => {
-      say(note, "Identifying …");
-      try {
-        await command("identify", { run: one.run });
-        showReport();
-        refresh();
-      } catch (refused) {
-        if (refused.code === undefined) throw refused;
-        fill(report, el("p", { class: "problem empty" }, withHint(refused)));
-      } finally {
-        say(note, "");
-      }
-    }),
-  }, one.has_report ? "Make the report anew" : "Make the report");
-  const showReport = () => fill(report, el("iframe", {
-    // An address of its own each time, so that a new report replaces the old one.
-    src: `${path}/report?at=${Date.now()}`, title: `Report of ${one.run}`, sandbox: "", loading: "lazy",
-  }));
+  const own = el("a", { class: "button", target: "_blank", rel: "noopener", hidden: true }, "In a page of its own");
+  const show = (page) => {
+    const source = `${path}/report?page=${page}`;
+    fill(report, el("iframe", {
+      // An address of its own each time, so that a new report replaces the old one.
+      src: `${source}&at=${Date.now()}`, title: `Report of ${one.run}`, sandbox: "", loading: "lazy",
+    }));
+    own.href = source;
+    own.hidden = false;
+  };
+  const maker = (text, verb, page, doing) => {
+    const button = el("button", {
+      type: "button", onclick: () => attempt(button, async () => {
+        say(note, doing);
+        try {
+          await command(verb, { run: one.run });
+          show(page);
+          refresh();
+        } catch (refused) {
+          if (refused.code === undefined) throw refused;
+          own.hidden = true;
+          fill(report, el("p", { class: "problem empty" }, withHint(refused)));
+        } finally {
+          say(note, "");
+        }
+      }),
+    }, text);
+    return button;
+  };
+  // Looking at what was recorded commands nothing: no control is needed for it.
+  const draw = isOperator() ? maker("Show what was recorded", "draw", "run", "Drawing …") : null;
+  const canMake = hasControl() && one.identifies && one.problem === null;
+  const make = canMake
+    ? maker(one.has_report ? "Make the report anew" : "Make the report", "identify", "identification", "Identifying …")
+    : null;
   const canResume = known.status.run === null && known.status.interrupted.some((other) => other.run === one.run);
-  make.hidden = !hasControl() || one.problem !== null;
   fill(root,
     el("div", { class: "panel-head" },
       el("h2", {}, `${words(one.procedure)}, ${day(one.started_ns / 1e6)}`),
       el("a", { class: "button", href: `${path}/recording`, download: one.run }, icon("down"), `Recording (${bytes(one.size)})`),
-      one.has_report ? el("a", { class: "button", href: `${path}/report`, target: "_blank", rel: "noopener" }, "Report in a page of its own") : null,
-      make, canResume ? resumeButton(one.run, hasControl()) : null, note),
+      draw, one.has_report && !make ? el("button", { type: "button", onclick: () => show("identification") }, "Show the report") : null,
+      make, own, canResume ? resumeButton(one.run, hasControl()) : null, note),
     el("p", { class: "quiet" }, file(one.run)),
     one.problem === null ? null : el("p", { class: "problem" }, one.problem),
     report);
-  if (one.has_report) showReport();
-  else if (make.hidden) fill(report, el("p", { class: "empty" }, "No report yet. Who has control can make it."));
-  else fill(report, el("p", { class: "empty" }, "No report yet."));
+  if (one.has_report) show("identification");
+  else if (one.has_page) show("run");
+  else fill(report, el("p", { class: "empty" }, empty(one)));
+}
+
+function empty(one) {
+  if (!isOperator()) return "No report yet. Whoever may command can make it.";
+  if (one.identifies && !hasControl()) return "No report yet. Whoever has control can make it.";
+  return one.identifies ? "No report yet." : "Nothing is identified from this run.";
 }
