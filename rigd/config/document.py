@@ -29,6 +29,7 @@ from ruamel.yaml.events import (
 )
 from ruamel.yaml.reader import ReaderError
 
+from rigd.config.mistakes import explain
 from rigd.model.errors import ConfigError, Place
 
 #: Mappings, lists, text, and None for a key with nothing behind it.
@@ -148,7 +149,7 @@ def parse_document(text: str, path: Path) -> Document:
     try:
         data = composer.compose(YAML(typ="safe", pure=True, plug_ins=[]).parse(text))
     except MarkedYAMLError as error:
-        raise composer.explain(error) from error
+        raise explain(error, text, composer.last) from error
     except ReaderError as error:
         raise ConfigError(
             f"character U+{ord(text[error.position]):04X} may not stand in YAML",
@@ -158,7 +159,7 @@ def parse_document(text: str, path: Path) -> Document:
     except (YAMLError, ValueError, OverflowError, LookupError, AttributeError) as error:
         raise ConfigError(
             "the text from here on cannot be read as YAML 1.2", place=composer.last,
-            hint="look for control characters, broken escapes or directives",
+            hint="look for control characters and backslashes",
         ) from error  # fmt: skip
     return Document(path, text, data, composer.values, composer.keys)
 
@@ -257,19 +258,6 @@ class _Composer:
     def _place(self, event: Event) -> Place:
         mark = event.start_mark
         return Place(self.file, mark.line + 1, mark.column + 1)
-
-    def explain(self, error: MarkedYAMLError) -> ConfigError:
-        mark = error.problem_mark or error.context_mark
-        place = self.last if mark is None else Place(self.file, mark.line + 1, mark.column + 1)
-        problem = str(error.problem or error.context or "cannot be read")
-        if "'\\t'" in problem or "\\t" in problem:
-            return ConfigError("a tab stands here", place=place, hint="indent with spaces")
-        hint = None if error.context is None else f"{error.context}"
-        if "found '{'" in problem or "got '{'" in problem:
-            hint = "inside braces, quote references: {speed: '${speed}'}"
-        if "mapping values are not allowed" in problem:
-            hint = "quote text that holds ': ', or check the indentation"
-        return ConfigError(f"not YAML: {problem}", place=place, hint=hint)
 
 
 def _is_null(event: ScalarEvent) -> bool:

@@ -1,0 +1,112 @@
+"""Mistakes in YAML in the words of a person who writes files, not of the parser that met them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from ruamel.yaml.error import MarkedYAMLError
+
+from rigd.model.errors import ConfigError, Place
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """What the parser says of a mistake, and what to say instead.
+
+    ``at`` is where it stands: where the parser gave up, or where what it was reading began.
+    ``{...}`` are the groups of ``pattern``, ``{rest}`` what stands at the place up to the end of
+    its line, ``{begin}`` the line and ``{column}`` the column where it began.
+    """
+
+    pattern: str
+    message: str
+    hint: str
+    at: Literal["problem", "context"] = "problem"
+
+
+_FLOW: Final = "a bracket or brace of line {begin} is not closed, or a comma is missing before this"
+_FLOW_HINT: Final = "close it, or separate the items by ', '; quote text that holds , [ ] {{ or }}"
+_QUOTE: Final = "this quote is never closed"
+_QUOTE_HINT: Final = "close it; inside '…' a quote is written twice: ''"
+_EXTRA: Final = (
+    "text that begins with '{first}' has a meaning of its own in YAML, which is not read"
+)
+_EXTRA_HINT: Final = "quote it: '{rest}'"
+_INDENT_HINT: Final = (
+    "keys that belong together begin in the same column, and what belongs to a key stands further "
+    "right"
+)
+
+#: The first that fits; the text is what was being read, a semicolon, and what was met.
+MISTAKES: Final = (
+    Mistake(r"\\t'", "a tab stands here", "indent with spaces"),
+    Mistake(r"block scalar.*(expected|but found)",
+            "text behind '{opens}' begins in the next line; a condition or text that begins with "
+            "'{opens}' must be quoted", "write '{opened}'", "context"),
+    Mistake(r"in a block scalar", "this line is indented further than the first one of its text",
+            "indent the lines of a text alike"),
+    Mistake(r"quoted scalar.*(end of stream|document separator)", _QUOTE, _QUOTE_HINT, "context"),
+    Mistake(r"double-quoted scalar.*(escape|hex|but found)",
+            "a backslash has a meaning of its own inside double quotes",
+            r"use single quotes: 'a\b', or write \\"),
+    Mistake(r"simple key.*could not find expected", "this line has no ': ' behind its key",
+            "write 'key: value', with a blank behind the colon", "context"),
+    Mistake(r"mapping values are not allowed", "a second ': ' in one value, or a line that is "
+            "indented too far", "quote text that holds ': ', put a blank behind the colon of the "
+            "line above, or check the indentation"),
+    Mistake(r"mapping keys are not allowed", "'?' cannot stand here", "quote text that begins so"),
+    Mistake(r"sequence entries are not allowed", "a list item '- ' cannot begin here",
+            "begin each item in a line of its own, or write [a, b]"),
+    Mistake(r"flow (mapping|sequence).*(found|got) '\{'", "a brace inside of braces",
+            "inside braces, quote references: {{speed: '${{speed}}'}}"),
+    Mistake(r"flow |unclosed", _FLOW, _FLOW_HINT),
+    Mistake(r"but found '<scalar>'", "text goes on behind a quote that was closed",
+            "quote all of it, or nothing"),
+    Mistake(r"block (mapping|collection).*expected <block end>",
+            "this does not go on as it began: what it belongs to begins in line {begin}, "
+            "column {column}", _INDENT_HINT),
+    Mistake(r"cannot start any token", "text cannot begin with '{first}'", _EXTRA_HINT),
+    Mistake(r"(an? (anchor|alias)|scanning an)\b", _EXTRA, _EXTRA_HINT, "context"),
+    Mistake(r"\btag\b", _EXTRA, _EXTRA_HINT, "context"),
+    Mistake(r"directive|incompatible YAML", "a line that begins with '%' is not read",
+            "remove it, or quote the text"),
+    Mistake(r"node content", "a value is missing before this", "write one, or remove the key"),
+    Mistake(r"document (start|end)", "this line does not belong to what stands above it",
+            "a file is one list of 'key: value' lines; " + _INDENT_HINT),
+)  # fmt: skip
+_ANY: Final = Mistake(
+    "", "this cannot be read as YAML",
+    "look at the quotes, brackets, colons and indentation of this line and of the one above it",
+)  # fmt: skip
+
+
+def explain(error: MarkedYAMLError, text: str, last: Place) -> ConfigError:
+    """Return what is wrong with ``text``, where the parser raised ``error``.
+
+    ``last`` is the last thing that was read, the place if the error has none.
+    """
+    said = f"{error.context or ''}; {error.problem or ''}"
+    mistake = next((one for one in MISTAKES if re.search(one.pattern, said, re.S)), _ANY)
+    problem = error.problem_mark or error.context_mark
+    context = error.context_mark or error.problem_mark
+    mark = context if mistake.at == "context" else problem
+    if mark is None or context is None:
+        return ConfigError(_ANY.message, place=last, hint=_ANY.hint)
+    lines = text.split("\n")
+    line = lines[mark.line] if mark.line < len(lines) else ""
+    rest = line[mark.column :].strip()
+    opened = re.search(r"[|>].*", line)
+    words = {
+        "rest": rest.replace("'", "''"),
+        "first": rest[:1],
+        "opens": opened[0][0] if opened else "|",
+        "opened": opened[0].strip().replace("'", "''") if opened else "|",
+        "begin": context.line + 1,
+        "column": context.column + 1,
+    }
+    place = Place(last.file, mark.line + 1, mark.column + 1)
+    return ConfigError(
+        mistake.message.format(**words), place=place, hint=mistake.hint.format(**words)
+    )
