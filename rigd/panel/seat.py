@@ -36,7 +36,9 @@ class Seat:
         self._rig = rig
         self._sessions = sessions
         self._changed = changed
-        self._holder: Session | None = None
+        # A panel that takes over from one that died goes on with its user, if their page comes back
+        # in time; where the lease has passed to somebody else, the first renewal finds out.
+        self._holder = sessions.in_control
         self._asked_by: list[Session] = []
         self._has_failed = False  # to renew the lease, the last time
         self._changing = asyncio.Lock()  # held from looking who sits here until that has changed
@@ -154,7 +156,7 @@ class Seat:
         if holder.pages == 0:
             return  # being loaded anew, or gone: the lease lasts long enough to find out
         try:
-            await self._rig.command("lease_renew", {})
+            await self._rig.command("lease_renew", {}, holder.name)
         except Refusal as refusal:
             log.warning("control is lost: %s", refusal)
             self._sit(None)
@@ -171,6 +173,7 @@ class Seat:
 
     def _sit(self, session: Session | None) -> None:
         self._holder = session
+        self._sessions.give_control(session)
         self._asked_by = (
             [] if session is None else [one for one in self._asked_by if one is not session]
         )

@@ -24,6 +24,7 @@ class Kept:
     role: Literal["operator", "observer"]
     number: int
     idle_s: float | None  #: for how long no page of it had been open; None while one was
+    has_control: bool = False
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,7 @@ class Session:
     used_s: float
     pages: int = 0  #: pages that are open now
     left_s: float = 0.0  #: when the last page was closed
+    has_control: bool = False
     requests: Bucket = field(default_factory=lambda: Bucket(per_s=20.0, burst=60.0))
     stops: Bucket = field(default_factory=lambda: Bucket(per_s=5.0, burst=20.0))
     over: asyncio.Event = field(default_factory=asyncio.Event)  #: its pages are to close
@@ -107,6 +108,17 @@ class Sessions:
             session.over.set()
             self._keep()
 
+    @property
+    def in_control(self) -> Session | None:
+        """The session that has control, which outlives the panel."""
+        return next((one for one in self._sessions.values() if one.has_control), None)
+
+    def give_control(self, session: Session | None) -> None:
+        """From now on it is this session that has control, or none."""
+        for one in self._sessions.values():
+            one.has_control = one is session
+        self._keep()
+
     def open_page(self, session: Session) -> None:
         """A page of the session has connected."""
         session.pages += 1
@@ -135,7 +147,10 @@ class Sessions:
         for one in kept:
             # While a page was open, the session was in use up to the end of that process.
             idle_s = 0.0 if one.idle_s is None else one.idle_s + since_s
-            session = Session(one.name, one.role, one.number, self._now() - idle_s)
+            session = Session(
+                one.name, one.role, one.number, self._now() - idle_s,
+                left_s=self._now(), has_control=one.has_control,
+            )  # fmt: skip
             if not self._is_over(session):
                 self._sessions[bytes.fromhex(one.key_sha256)] = session
             self._count = max(self._count, one.number)
@@ -147,7 +162,7 @@ class Sessions:
         self._book.write(
             [
                 Kept(key.hex(), one.name, one.role, one.number,
-                     None if one.pages else now - one.used_s)
+                     None if one.pages else now - one.used_s, one.has_control)
                 for key, one in self._sessions.items()
             ]
         )  # fmt: skip

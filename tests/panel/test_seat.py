@@ -5,11 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from support.panel import ServedPanel, Visitor
+from support.played_rig import PlayedRig
 
 from rigd.panel import seat
+from rigd.panel.session_book import SessionBook
 
 
 @pytest.fixture
@@ -95,6 +98,7 @@ def test_the_lease_is_renewed_while_the_page_is_open_and_not_after(panel: Served
         ada.post("/api/control/take", args={})
         before = renewals(panel)
         wait_until(lambda: renewals(panel) > before + 8)
+        assert panel.rig.users["lease_renew"] == "Ada", "the daemon knows whose page it is"
     wait_until(lambda: ada.post("/api/command/pause", args={})[1]["error"]["code"] == "no_lease")
     after = renewals(panel)
     time.sleep(0.5)
@@ -111,6 +115,25 @@ def test_a_page_that_is_loaded_anew_keeps_control(panel: ServedPanel) -> None:
         time.sleep(0.6)
         panel.rig.state = "running"
         assert ada.post("/api/command/pause", args={})[0] == 200
+
+
+@pytest.mark.usefixtures("panel")  # which makes the times short
+def test_control_outlives_the_panel(tmp_path: Path) -> None:
+    path = tmp_path / "sessions.json"
+    with ServedPanel(book=SessionBook(path)) as first:
+        ada = first.visitor()
+        with ada.page():
+            assert ada.post("/api/control/take", args={})[0] == 200
+            kept = path.read_bytes()
+    path.write_bytes(kept)  # as a kill leaves it
+    rig = PlayedRig()
+    rig.holder, rig.state = "panel", "running"
+    with ServedPanel(rig, SessionBook(path)) as second:
+        again = Visitor(second)
+        again.cookie = ada.cookie.replace(f"rigd-{first.port}=", f"rigd-{second.port}=")
+        with again.page():
+            wait_until(lambda: renewals(second) > 3)
+            assert again.post("/api/command/pause", args={})[0] == 200
 
 
 def test_control_that_was_lost_elsewhere_is_not_believed_in(panel: ServedPanel) -> None:

@@ -16,13 +16,15 @@ from websockets import Origin
 from websockets.sync.client import ClientConnection, connect
 
 from rigd.panel.server import Listen, serve
+from rigd.panel.session_book import SessionBook
 
 
 class ServedPanel:
     """Serves ``rig`` on a free port while the context lasts."""
 
-    def __init__(self, rig: PlayedRig | None = None) -> None:
+    def __init__(self, rig: PlayedRig | None = None, book: SessionBook | None = None) -> None:
         self.rig = rig or PlayedRig()
+        self._book = book
         self.links: dict[str, str] = {}
         self.port = 0
         self._told: Future[Mapping[str, str]] = Future()
@@ -65,7 +67,7 @@ class ServedPanel:
 
         async def run() -> None:
             self._serving = asyncio.create_task(
-                serve(self.rig, Listen(port=0), self._told.set_result)
+                serve(self.rig, Listen(port=0), self._told.set_result, self._book)
             )
             await asyncio.wait([self._serving])
             if not self._serving.cancelled():

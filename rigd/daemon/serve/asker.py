@@ -17,3 +17,10 @@ class Asker:
 
     def __str__(self) -> str:
         return f"{self.user} ({self.identity})" if self.user else self.identity
+
+    @property
+    def lost(self) -> str:
+        """What has happened where it shows life no more; a user's sign of life is their page."""
+        if self.user:
+            return f"{self.user}'s page ({self.identity}) was closed or cut off"
+        return f"{self.identity} has vanished"

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from rigd.daemon.execute import RunRequest, perform
+from rigd.daemon.serve.asker import Asker
 from rigd.daemon.serve.prompts import RemoteAnswers
 from rigd.daemon.serve.time_left import TimeLeft
 from rigd.engine.control import Control, Verb
@@ -80,9 +81,9 @@ class Running:
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
-    def client_lost(self, who: str) -> str:
+    def client_lost(self, who: Asker) -> str:
         """Do what the procedure wants where nobody steers it any more; return it in words."""
-        reason = f"{who}, who steered this run, has vanished"
+        reason = who.lost if who.user else f"{who}, who steered this run, has vanished"
         match self.on_client_loss:
             case OnClientLoss.CONTINUE:
                 return "the run goes on"

@@ -69,6 +69,8 @@ from rigd.remote.server import Lease
 #: Commands that say nothing about what was done: the lease is renewed every two seconds, and pages
 #: of past runs are looked at.
 UNAUDITED: Final = frozenset({"lease_renew", "draw"})
+#: Commands that show who has the lease.
+HOLDING: Final = frozenset({"lease_take", "lease_seize", "lease_renew"})
 #: Commands after which the rig may move, or its data change: only while they can be audited.
 MOVING: Final = frozenset({"start", "resume_run", "act"})
 _VERBS: Final = {"stop": Verb.STOP, "abort": Verb.ABORT, "estop": Verb.ESTOP}
@@ -107,6 +109,7 @@ class RigService:
         self._changed = changed
         self._numbers = itertools.count()
         self._stops: deque[tuple[Asker, str, str]] = deque()  # not written down yet
+        self._steered = Asker("")  # who showed last that they have the lease
         self._broken = ""  # why the audit log could not be written when it was last looked at
         self._daemon = Daemon(version=__version__, pid=os.getpid(), started_ns=time.time_ns())
         self._strangers = (0, 0)  # what the audit log knows of them
@@ -204,6 +207,8 @@ class RigService:
             self._write(asker, role, verb, args, f"internal: {error!r}")
             raise
         self._write(asker, role, verb, args, "done")
+        if verb in HOLDING:
+            self._steered = asker
         self._changed()
         return result
 
@@ -226,10 +231,11 @@ class RigService:
             asker, verb, reason = self._stops.popleft()
             self._parts.audit.write(asker.identity, verb, {"reason": reason}, user=asker.user)
             self._tell(asker, verb, {"reason": reason})
-        for who in self._parts.lease.lost():
+        for identity in self._parts.lease.lost():
+            who = self._steered if self._steered.identity == identity else Asker(identity)
             done = self._parts.steering.client_lost(who)
-            self._parts.notices.note(f"{who} has vanished: {done}", "warning")
-            self._parts.audit.write(who, "lease_lost", {}, done)
+            self._parts.notices.note(f"{who.lost}: {done}", "warning")
+            self._parts.audit.write(identity, "lease_lost", {}, done, user=who.user)
         broken, self._broken = self._broken, self._parts.audit.broken
         if self._broken and not broken:
             self._parts.notices.note(f"nothing can start: {self._broken}", "error")

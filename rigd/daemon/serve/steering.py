@@ -231,8 +231,8 @@ class Steering:
             control.pause_wanted = False
         return bool(news)
 
-    def client_lost(self, who: str) -> str:
-        """Do what the run wants where whoever steered it has vanished; return it in words."""
+    def client_lost(self, who: Asker) -> str:
+        """Do what the run wants where ``who`` steered it and is lost; return it in words."""
         running, holder = self._running, self._lease.view().holder
         if running is None:
             return "nothing was running"

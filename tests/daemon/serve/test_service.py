@@ -216,6 +216,24 @@ def test_a_run_whose_client_vanishes_is_stopped_by_default(tmp_path: Path) -> No
     ]
 
 
+def test_a_run_whose_page_is_closed_names_the_person(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.command("lease_take", "panel", user="Ada")
+        served.command("start", "panel", user="Ada", procedure=travelling(LONG))
+        served.until(lambda status: status.step == "go")
+        served.command("lease_renew", "panel", user="Bob")  # to whom Ada handed it over
+        vanish(served)
+        last = served.until_idle().last
+        assert last is not None
+        assert "Bob's page (panel) was closed or cut off" in last.reason
+        assert "Bob's page (panel) was closed or cut off: the run is stopped" in [
+            one.text for one in served.status.notices
+        ]
+    assert ("panel", "Bob", "lease_lost") in [
+        (line["who"], line.get("user"), line["what"]) for line in served.audited()
+    ]
+
+
 def test_a_run_may_end_its_trial_when_its_client_vanishes(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start(set={"time": "2 s"}, on_client_loss="finish_trial")
