@@ -69,12 +69,14 @@ class Sheet:
     # -- objects -------------------------------------------------------------------------------
 
     def find(self, index: int, sub: int = 0) -> ODVariable | None:
-        """Return what stands at ``index``:``sub``."""
-        if self._text.object(index, sub) is None:  # an array makes up any sub-index asked for
-            whole = self._text.object(index)
-            compact = 0 if whole is None else whole.number("CompactSubObj")
-            if sub > compact and self._is_array(index):
-                return None
+        """Return what stands at ``index``:``sub``.
+
+        The library gives an array, and what has no parts, any sub-index that it is asked for.
+        """
+        whole = self._text.object(index)
+        compact = 0 if whole is None else whole.number("CompactSubObj")
+        if sub > compact and self._text.object(index, sub) is None:
+            return None
         return self.od.get_variable(index, sub)
 
     def variables(self) -> Iterator[ODVariable]:
@@ -180,11 +182,6 @@ class Sheet:
         return None
 
     # -- within --------------------------------------------------------------------------------
-
-    def _is_array(self, index: int) -> bool:
-        from canopen.objectdictionary import ODArray
-
-        return isinstance(self.od.get(index), ODArray)
 
     def _at(self, entry: Entry, key: str) -> str:
         where = self.at(entry.index, entry.sub, key)

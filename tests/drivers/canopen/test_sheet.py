@@ -73,6 +73,11 @@ def test_another_size_of_a_value_is_named(small: Sheet) -> None:
     assert problem == "small.eds:11: 0x6071 Target torque has 2 bytes, this driver expects 4"
 
 
+def test_what_has_no_parts_has_no_sub_index(small: Sheet) -> None:
+    problem = small.unreadable(Entry(0x6071, 1, "h", "part"))
+    assert problem == "small.eds:9: there is no object 0x6071:01 (part) in 0x6071 Target torque"
+
+
 def test_an_array_has_the_parts_that_are_described(tmp_path: Path) -> None:
     text = SMALL + (
         "[1003]\nParameterName=Errors\nObjectType=8\n"
