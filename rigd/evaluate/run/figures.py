@@ -250,8 +250,9 @@ def _draw_bounds(ax: Axes, one: Shown, bounds: Mapping[str, Sequence[Bound]]) ->
         ax.axhline(bound.value, color=shade, linewidth=0.9, linestyle=style)
         if all(abs(bound.value - other) > APART * (high - low) for other in labelled):
             labelled.append(bound.value)
-            ax.text(
-                0.995, bound.value, bound.by, transform=ax.get_yaxis_transform(), fontsize=6,
+            ax.annotate(
+                bound.by, (0.995, bound.value), (0.0, -1.5 if bound.upper else 1.5),
+                xycoords=ax.get_yaxis_transform(), textcoords="offset points", fontsize=6,
                 color=shade, ha="right", va="top" if bound.upper else "bottom",
             )  # fmt: skip
 

@@ -23,7 +23,7 @@ from rigd.evaluate.run.account import (
     trial_rows,
     warnings,
 )
-from rigd.evaluate.run.bounds import Bound, Bounds, bounds_of, recorded_during
+from rigd.evaluate.run.bounds import SETPOINT, Bound, Bounds, bounds_of, recorded_during
 from rigd.evaluate.run.figures import Shown
 from rigd.evaluate.run.groups import Groups, groups_of, varying
 from rigd.evaluate.run.samples import Attempt, Samples, gather, shared_time, shown_streams
@@ -176,8 +176,18 @@ def _panels(recording: Recording, samples: Samples) -> tuple[list[Shown], tuple[
                 steady.append(f"{name} {number(low)} {channel.unit}".removesuffix(" 1"))
             else:
                 peaks.setdefault(channel.unit, {})[channel.name] = max(abs(low), abs(high))
-        shown += [Shown(stream.name, panel) for panel in spread(peaks)]
+        shown += [Shown(stream.name, panel) for panel in spread(_together(peaks))]
     return shown, tuple(steady)
+
+
+def _together(peaks: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    """Return the peaks with those of a setpoint as its channel's: they share an axis."""
+    return {
+        unit: {
+            name: max(peak, of.get(name.removesuffix(SETPOINT), 0.0)) for name, peak in of.items()
+        }
+        for unit, of in peaks.items()
+    }
 
 
 def _timeline(recording: Recording, info: RunInfo, events: Sequence[Event]) -> Drawing | None:
@@ -190,7 +200,7 @@ def _timeline(recording: Recording, info: RunInfo, events: Sequence[Event]) -> D
     ]
     marks = [(event.t_ns - start) * 1e-9 for event in events if event.kind == "interlock"]
     early = sum(not trial.complete for trial in info.trials)
-    alt = f"When each of {len(bars)} trials was played; {early or 'none'} of them ended early."
+    alt = f"When each trial ({len(bars)}) was played; {early or 'none'} of them ended early."
     caption = "Blue: trials that played to their end."
     if early:
         caption += " Orange: trials that ended early."

@@ -155,7 +155,7 @@ def _statements(bending: Bending | None, settings: BetterSettings) -> tuple[str,
         "holds it and is not taken off."
         if bending is None
         else f"The gauges see {1e3 * bending.amplitude:.2f} mN m of bending per N of load, once "
-        f"per turn (+-{2e3 * bending.u:.2f}, k = 2; learnt from {bending.runs} sliding runs); it "
+        f"per turn (±{2e3 * bending.u:.2f}, k = 2; learnt from {bending.runs} sliding runs); it "
         "and the zero before the trigger are taken off every run."
     )
     return (

@@ -237,6 +237,10 @@ def _check_sign(trials: Sequence[ProcessedTrial]) -> None:
         )
 
 
+def _trials(count: int) -> str:
+    return "1 trial" if count == 1 else f"{count} trials"
+
+
 def _account(
     kept: Sequence[ProcessedTrial], rejected: Sequence[TrialRejection], guards: Guards
 ) -> Preprocessing:
@@ -251,7 +255,7 @@ def _account(
             "Traction is F = m a + guide friction + rolling resistance, both kinetic.",
             f"Samples slower than {guards.min_speed_m_s} m/s, within half a window of a current "
             "step, and after the end of the drive do not count; slip is zero before the step.",
-            f"{used} samples of {len(kept)} trials count; {len(rejected)} trials were left out.",
+            f"{used} samples of {_trials(len(kept))} count; left out: {_trials(len(rejected))}.",
         ),
         settings={
             "window_s": guards.window_s,

@@ -46,3 +46,22 @@ def test_axis_is_logarithmic_over_decades_only(
     curve = replace(section.result.curve, x=np.geomspace(first, 0.1, 80))
     figure = curves([replace(section, result=replace(section.result, curve=curve))], [0])
     assert figure.axes[0].get_xscale() == scale
+
+
+@pytest.mark.parametrize(
+    ("first", "numbers"),
+    [(2e-3, {"0.002", "0.005", "0.01", "0.02", "0.05", "0.1"}), (1e-6, {"1e-05", "0.01", "0.1"})],
+)
+def test_few_decades_have_numbers_between(
+    make_section: Maker, first: float, numbers: set[str]
+) -> None:
+    section = make_section(trials=1, samples=200)
+    curve = replace(section.result.curve, x=np.geomspace(first, 0.1, 80))
+    figure = curves([replace(section, result=replace(section.result, curve=curve))], [0])
+    figure.canvas.draw()
+    axis = figure.axes[0].xaxis
+    low, high = figure.axes[0].get_xlim()
+    ticks = zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=True)
+    shown = {text.get_text() for at, text in ticks if low <= at <= high}
+    assert numbers <= shown
+    assert ("0.05" in shown) == (first > 1e-4)

@@ -14,6 +14,9 @@ from rigd.identify.report.palette import MEASURED
 from rigd.identify.report.trace import spans
 from rigd.identify.result import BoolArray, FloatArray
 
+#: Up to so many decades, a logarithmic axis has numbers between them.
+FEW_DECADES: Final = 3
+
 
 @dataclass(frozen=True)
 class Margins:
@@ -87,10 +90,15 @@ def words(name: str) -> str:
 
 
 def plain_log(ax: Axes, which: str) -> None:
-    """Make an axis logarithmic with plain numbers at the decades."""
+    """Make an axis logarithmic with plain numbers at the decades; of few, also at 2 and 5.
+
+    Call it once the data are drawn: they say how many decades there are.
+    """
     (ax.set_xscale if which == "x" else ax.set_yscale)("log")
     axis = ax.xaxis if which == "x" else ax.yaxis
-    axis.set_major_locator(LogLocator(base=10.0, numticks=7))
+    low, high = ax.get_xlim() if which == "x" else ax.get_ylim()
+    between = (1.0, 2.0, 5.0) if high <= low * 10.0**FEW_DECADES else (1.0,)
+    axis.set_major_locator(LogLocator(base=10.0, subs=between, numticks=3 * FEW_DECADES + 1))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
