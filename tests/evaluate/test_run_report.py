@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 from numpy.typing import NDArray
-from support.html import outline
+from support.markup import outline
 
 from rigd.evaluate.run import parse_selection, run_report, samples
 from rigd.evaluate.run.samples import Attempt, gather, shared_time

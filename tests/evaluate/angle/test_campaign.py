@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from support.angle_recording import Recorded, calibration_text, write_campaign
 from support.command import rigd
-from support.html import outline
+from support.markup import outline
 
 from rigd.evaluate.angle import CampaignEvaluation
 from rigd.evaluate.evaluation import evaluate

@@ -7,7 +7,7 @@ from html import escape, unescape
 
 import matplotlib as mpl
 import pytest
-from support.html import outline
+from support.markup import outline
 
 from rigd.identify.report import (
     Attachment,

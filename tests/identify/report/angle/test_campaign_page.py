@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.angle_recording import small_campaign
 from support.angle_runs import TABLE_1, drawn_rig
-from support.html import outline
+from support.markup import outline
 
 from rigd.identify.angle.campaign import analyse_campaign
 from rigd.identify.angle.data import (
