@@ -57,6 +57,8 @@ _SYNONYMS: Final = {"Ω": "ohm", "°": "deg", "counts": "count", "sec": "s"}
 _SUPERSCRIPTS: Final = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _MAX_POWER: Final = 9  # no quantity of physics needs more, and 1000.0**200 overflows
 _FACTOR: Final = re.compile(r"(?P<symbol>[A-Za-zµμΩ°%]+|1)(?:\^?(?P<power>-?\d+))?$")
+#: A number as many write it: the part before the comma, and what follows it.
+DECIMAL_COMMA: Final = re.compile(r"\s*([-+]?\d+),(\d.*)$", re.DOTALL)
 _NUMBER: Final = re.compile(
     r"\s*(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*?)\s*$"
 )
@@ -134,7 +136,17 @@ def _parse_factor(word: str, text: str) -> tuple[float, Dimension, int]:
     if prefix in _PREFIXES and stem in _UNITS and _UNITS[stem][2]:
         factor, dimension, _ = _UNITS[stem]
         return _PREFIXES[prefix] * factor, dimension, power
-    raise ValueError(f"unknown unit {symbol!r} in {text!r}")
+    raise ValueError(f"unknown unit {symbol!r} in {text!r}{_meant(symbol)}")
+
+
+def _meant(symbol: str) -> str:
+    """Return ``, did you mean 'mA'?`` for ``ma``: letters in the wrong case, a blank left out."""
+    known = [*_UNITS, *(f"{prefix}{stem}" for stem, (_, _, may) in _UNITS.items() if may
+                        for prefix in _PREFIXES)]  # fmt: skip
+    same = [one for one in known if one.casefold() == symbol.casefold()]
+    parts = [f"{symbol[:at]} {symbol[at:]}" for at in range(1, len(symbol))
+             if symbol[:at] in known and symbol[at:] in known]  # fmt: skip
+    return "".join(f", did you mean {one!r}?" for one in (*parts, *same)[:1])
 
 
 def parse_quantity(text: str) -> Quantity:
@@ -144,6 +156,8 @@ def parse_quantity(text: str) -> Quantity:
         ValueError: not a number followed by a known unit.
 
     """
+    if (comma := DECIMAL_COMMA.match(text)) is not None:
+        raise ValueError(f"{text!r} has a decimal comma: write '{comma[1]}.{comma[2]}'")
     match = _NUMBER.match(text)
     if match is None:
         raise ValueError(f"cannot read {text!r} as a number with a unit, such as '1.5 A'")

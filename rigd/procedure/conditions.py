@@ -27,6 +27,16 @@ _STATUS = re.compile(
     r"(?:\s+for\s(?P<time>.+))?\s*$",
     re.DOTALL,
 )
+#: What other languages have, and what to write instead, by its first character.
+_FOREIGN = re.compile(r"\s(?:or|OR|AND|not)\s|\|\||&&?|[<>=!]=|=")
+_ANY = "give a list, any of which ends it: ['a.x > 1 m', 'b.y < 2 m']; 'and' joins within one"
+_COMPARE = "compare with '>' or '<'; a measured value never equals a number"
+_INSTEAD = {
+    **dict.fromkeys("oO|", _ANY),
+    **dict.fromkeys("A&", "join with 'and'"),
+    **dict.fromkeys("<>=!", _COMPARE),
+    "n": "write the opposite comparison, or 'DEVICE is not WORD'",
+}
 _JOIN = re.compile(r"\sand\s")
 
 
@@ -66,6 +76,12 @@ def _read_clause(
 ) -> Condition | None:
     match = _CLAUSE.match(text)
     place = reader.document.inside(path, start)
+    foreign = _FOREIGN.search(text)
+    if foreign is not None:
+        word = foreign[0].strip()
+        place = reader.document.inside(path, start + foreign.start() + foreign[0].index(word))
+        reader.problems.add(place, f"a condition has no {word!r}", _INSTEAD[word[0]])
+        return None
     if match is None or bool(match["open"]) != bool(match["close"]):
         hint = "such as 'carriage.position > 1.15 m' or '|belt.speed| < 3 mm/s for 0.2 s'"
         reader.problems.add(place, f"cannot read the condition {text.strip()!r}", hint)

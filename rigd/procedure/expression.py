@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final, TypeAlias
 
-from rigd.model.units import NO_DIMENSION, Dimension, parse_unit, si_symbol
+from rigd.model.units import DECIMAL_COMMA, NO_DIMENSION, Dimension, parse_unit, si_symbol
 
 #: How deep brackets may nest.
 _MAX_DEPTH: Final = 20
@@ -197,6 +197,12 @@ class _Parser:
                 else "a quantity is missing here",
                 self.at,
                 "write names as ${name}" if found[:1].isalpha() or found[:1] == "$" else None,
+            )  # fmt: skip
+        comma = DECIMAL_COMMA.match(self.text, self.at)
+        if comma is not None:
+            raise ExpressionError(
+                "a number has a decimal point, no comma", comma.end(1),
+                f"write {comma[1]}.{comma[2]}",
             )  # fmt: skip
         self.at = number.end()
         value = float(number[0])
