@@ -204,6 +204,10 @@ def _kind(given: str) -> str:
     for kind in ("rig", "procedure", "calibration"):  # a rig file names its calibration too
         if any(line.startswith(f"{kind}:") for line in lines):
             return kind
+    # The line that says what it is was lost: what only one kind of file has says so too.
+    for key, kind in (("devices", "rig"), ("interlocks", "rig"), ("values", "calibration")):
+        if any(line.startswith(f"{key}:") for line in lines):
+            return kind
     return "procedure"
 
 

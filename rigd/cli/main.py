@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import os
+import re
 import sys
 from collections.abc import Sequence
 from types import ModuleType
+from typing import Final, NoReturn
 
 from rigd import __version__
 from rigd.cli import (
@@ -61,6 +64,9 @@ COMMANDS: tuple[ModuleType, ...] = (
     completion,
 )
 
+#: What argparse says of a word that is none of those it knows.
+_NO_CHOICE: Final = re.compile(r"invalid choice: '(.*?)' \(choose from (.*)\)")
+
 EPILOG = """\
 examples:
   rigd run procedures/quick.yaml --rig configs/sim_lugre.yaml
@@ -80,9 +86,30 @@ exit codes:
 """
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser that helps a person on who gave no command, or one that there is not."""
+
+    def error(self, message: str) -> NoReturn:
+        """End with what is wrong; without any command, with the help."""
+        if message == "the following arguments are required: COMMAND":
+            self.print_help()
+            self.exit(Exit.OK)
+        wrong = _NO_CHOICE.search(message)
+        if wrong is not None:
+            known = re.findall(r"'([^']*)'", wrong[2])
+            nearest = difflib.get_close_matches(wrong[1], known, n=1)
+            is_command = "COMMAND" in message[: wrong.start()]
+            if is_command:
+                message = f"there is no command {wrong[1]!r}"
+            if nearest:
+                meant = f"{self.prog} {nearest[0]}" if is_command else nearest[0]
+                message += f", did you mean `{meant}`?"
+        super().error(message)
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Return the whole command line; importing nothing that a command needs to run."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="rigd",
         description="Controller and data acquisition for friction and traction test rigs.",
         epilog=EPILOG,

@@ -6,8 +6,15 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Final
 
 from rigd.engine.control import Control, Verb
+
+#: What a person calls them, who presses the keys or closes the window.
+_NAMES: Final[dict[int, str]] = {
+    signal.SIGINT: "Ctrl-C",
+    signal.SIGHUP: "SIGHUP (the terminal is gone)",
+}
 
 
 @contextmanager
@@ -19,13 +26,13 @@ def heed_signals(control: Control) -> Iterator[None]:
     gone. A signal that was ignored before (nohup) stays ignored.
     """
     words = {
-        Verb.STOP: "stopping; once more aborts",
-        Verb.ABORT: "aborting; once more drops power",
+        Verb.STOP: "stopping. Again: abort",
+        Verb.ABORT: "aborting. Again: drop power",
         Verb.ESTOP: "dropping power",
     }
 
     def end(number: int, frame: FrameType | None) -> None:
-        name = signal.Signals(number).name
+        name = _NAMES.get(number) or signal.Signals(number).name
         verb = control.escalate(f"stopped by {name}")
         control.pause_wanted = False
         control.notices.append(f"{name}: {words[verb]}")

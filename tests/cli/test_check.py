@@ -94,3 +94,21 @@ def test_json_names_the_devices_that_are_missing(capsys: pytest.CaptureFixture[s
     fits, other = json.loads(out)
     assert fits["right"] is True
     assert (other["right"], other["missing_devices"]) == (False, ["daq", "relay", "scale"])
+
+
+@pytest.mark.parametrize(
+    ("file", "key"),
+    [("sim_lugre.yaml", "rig"), ("calibrations/approach_angle.yaml", "calibration")],
+)
+def test_a_file_that_lost_its_first_line_is_judged_by_the_others(
+    file: str, key: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = (shipped_folder("configs") / file).read_text("utf-8").splitlines(keepends=True)
+    kept = [line for line in lines if not line.startswith(f"{key}:")]
+    assert len(kept) == len(lines) - 1
+    spoilt = tmp_path / "spoilt.yaml"
+    spoilt.write_text("".join(kept), "utf-8")
+    code, _, err = check(str(spoilt), capsys=capsys)
+    assert code == 2
+    assert f"key {key!r} is missing" in err
+    assert "unknown key" not in err

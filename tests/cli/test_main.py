@@ -101,3 +101,31 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.stdout == "{\n"
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        (["runn", "quick"], "there is no command 'runn', did you mean `rigd run`?"),
+        (["remote", "statsu"], "there is no command 'statsu', did you mean `rigd remote status`?"),
+        (["export", "x", "--to", "parket"], "did you mean `parquet`?"),
+        (["zzz"], "there is no command 'zzz'"),
+    ],
+)
+def test_a_word_that_is_nearly_one_is_named(
+    given: list[str], meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(given)
+    assert ended.value.code == Exit.BAD_INPUT
+    assert meant in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("given", [[], ["remote"]], ids=["rigd", "rigd remote"])
+def test_without_a_command_the_help_is_shown(
+    given: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(given)
+    assert ended.value.code == Exit.OK
+    assert "examples:" in capsys.readouterr().out

@@ -80,8 +80,12 @@ def test_the_dry_run_refuses_what_would_break_a_limit(tmp_path: Path) -> None:
     assert "refused" in dry.out
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
-def test_a_signal_stops_the_run_safe_with_its_file_finished(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "told"), [("SIGINT", "Ctrl-C"), ("SIGTERM", "SIGTERM"), ("SIGHUP", "SIGHUP")]
+)
+def test_a_signal_stops_the_run_safe_with_its_file_finished(
+    tmp_path: Path, name: str, told: str
+) -> None:
     path = tmp_path / "stopped.mcap"
     run = start(
         ["run", "constant_current", "--rig", "lugre-1", "--pace", "2", "--output", path], tmp_path
@@ -95,7 +99,7 @@ def test_a_signal_stops_the_run_safe_with_its_file_finished(tmp_path: Path, name
     assert steps[-1] == "hold"  # `finish` of the procedure
     recording = Recording.open(path)
     assert recording.read("wheel_servo")["current_setpoint"][-1] == 0.0
-    assert f"stopped by {name}" in ended.out
+    assert f"stopped by {told}" in ended.out
 
     resumed = rigd("run", "--resume", path, "--json", cwd=tmp_path)
     assert resumed.code == 0, resumed.err
@@ -112,7 +116,7 @@ def test_a_second_ctrl_c_aborts_without_finish(tmp_path: Path) -> None:
     )
     run.wait_for("trial 1/10")
     run.signal(signal.SIGINT)
-    run.wait_for("once more aborts")
+    run.wait_for("Ctrl-C: stopping. Again: abort")
     run.signal(signal.SIGINT)
     ended = run.end()
     assert ended.code == 5, ended.err
