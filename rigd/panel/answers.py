@@ -70,8 +70,8 @@ def object_of(found: Object, key: str) -> Object:
     return inner
 
 
-def refuse(error: RigdError) -> Response:
-    """Return the answer that says why a request was not carried out."""
+def refusal_of(error: RigdError) -> tuple[Object, int]:
+    """Return why a request was not carried out, and the status of HTTP that says so roughly."""
     if isinstance(error, Refusal):
         code, status = error.code.value, _STATUS.get(error.code, 409)
     elif isinstance(error, LinkError):
@@ -79,7 +79,12 @@ def refuse(error: RigdError) -> Response:
     else:
         code, status = "failed", 502
         log.warning("a request failed: %s", error)
-    told = {"code": code, "message": error.message, "hint": error.hint}
+    return {"code": code, "message": error.message, "hint": error.hint}, status
+
+
+def refuse(error: RigdError) -> Response:
+    """Return the answer that says why a request was not carried out."""
+    told, status = refusal_of(error)
     return JSONResponse({"error": told}, status)
 
 

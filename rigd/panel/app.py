@@ -23,6 +23,7 @@ from rigd.panel.rig import Rig
 from rigd.panel.routes import Doors
 from rigd.panel.seat import Seat
 from rigd.panel.sessions import Sessions
+from rigd.panel.stop_line import StopLine
 
 STATIC: Final = Path(__file__).parent / "static"
 #: Attempts to log in, of everybody together.
@@ -57,6 +58,7 @@ def build_panel(rig: Rig, sessions: Sessions, place: Place, port: int) -> Panel:
             Route("/", page, methods=["GET"]),
             Mount("/static", StaticFiles(directory=STATIC)),
             WebSocketRoute("/api/live", Feed(hub, doors).serve),
+            WebSocketRoute("/api/stop/line", StopLine(doors).serve),
             *doors.routes(),
             *Files(rig, doors).routes(),
         ],

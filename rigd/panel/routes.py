@@ -141,7 +141,16 @@ class Doors:
 
     async def stop(self, request: Request, session: Session) -> Object:
         """Stop, abort or estop: whoever may see the page may do so."""
-        verb = request.path_params["verb"]
+        return await self.stop_for(session, request.path_params["verb"])
+
+    async def stop_for(self, session: Session, verb: str) -> Object:
+        """Stop, abort or estop in the name of a session, by whatever way it asks.
+
+        Raises:
+            Refusal: it asks too often, or for something else.
+        """
+        if not session.stops.take():
+            raise Refusal(Code.BUSY, "too many requests; wait a second")
         if verb not in VERBS[Kind.STOP]:
             raise Refusal(Code.UNKNOWN_VERB, f"there is no {verb[:40]!r}")
         return await self.rig.stop(verb, session.name)
@@ -160,9 +169,8 @@ class Doors:
             if session is None:
                 told = {"code": "no_session", "message": "this page is not logged in", "hint": None}
                 return JSONResponse({"error": told}, 401)
-            bucket = session.stops if door == self.stop else session.requests
             try:
-                if not bucket.take():
+                if door != self.stop and not session.requests.take():
                     raise Refusal(Code.BUSY, "too many requests; wait a second")
                 return JSONResponse(await door(request, session))
             except RigdError as error:

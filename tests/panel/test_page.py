@@ -266,6 +266,25 @@ def test_a_stop_takes_one_press_whatever_is_open_and_says_what_became_of_it(
     assert watched.complaints == []
 
 
+def test_a_stop_waits_for_no_slow_request(panel: ServedPanel, watched: Watched) -> None:
+    page = running(panel, watched)
+    panel.rig.dry_run_s = 600.0
+    turn_to(page, "Procedures")
+    # As many as a browser has connections for, and some more that wait for one.
+    page.evaluate("""() => {
+      const headers = {"content-type": "application/json", "x-rigd": "1"};
+      const body = JSON.stringify({args: {set: {}}});
+      for (let count = 0; count < 10; count++)
+        fetch("/api/command/dry_run", {method: "POST", headers, body});
+    }""")
+    wait_until(lambda: len(given(panel, "dry_run")) == 6)
+    press(page, "Stop")
+    state(page, "Stopping")
+    expect(page.locator(".stop-told")).to_contain_text("Stop: confirmed")
+    assert len(given(panel, "stop")) == 1
+    assert len(given(panel, "dry_run")) == 6, "all connections are held still"
+
+
 def test_an_interrupted_run_is_offered_and_can_wait(panel: ServedPanel, watched: Watched) -> None:
     run = panel.rig.runs[2].run
     panel.rig.interrupted = tuple(

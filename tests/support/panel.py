@@ -136,10 +136,10 @@ class Visitor:
         finally:
             connection.close()
 
-    def page(self, origin: str | None = None) -> ClientConnection:
-        """Open the page's WebSocket."""
+    def page(self, origin: str | None = None, path: str = "/api/live") -> ClientConnection:
+        """Open the page's WebSocket, or that for its stops."""
         return connect(
-            f"ws://127.0.0.1:{self.panel.port}/api/live",
+            f"ws://127.0.0.1:{self.panel.port}{path}",
             origin=Origin(origin or self.panel.origin),
             additional_headers={"cookie": self.cookie} if self.cookie else {},
             max_size=2**22,

@@ -82,6 +82,7 @@ class PlayedRig:
         self.is_silent = False
         self.is_maintained = False
         self.delay_s = 0.0  #: how long a command takes
+        self.dry_run_s = 0.0  #: how long a dry run takes
         self.prompts = prompts
         self.carriage = Carriage()
         self._asked: list[PromptView] = []
@@ -255,6 +256,7 @@ class PlayedRig:
         if verb == "draw":
             return self._made(args, "has_page", RUN_PAGE)
         if verb == "dry_run":
+            await asyncio.sleep(self.dry_run_s)
             return as_json(dry_run(float(args["set"].get("brake_at", "1.15 m").split()[0])))
         match verb:
             case "lease_take" if self.holder in (None, self.identity):

@@ -8,7 +8,7 @@ export class Refused extends Error {
   }
 }
 
-const UNREACHABLE = {
+export const UNREACHABLE = {
   code: "unreachable",
   message: "The panel does not answer.",
   hint: "Is its process running, and is this computer on the network?",
@@ -49,4 +49,4 @@ export const ask = (what, args = {}) => request("POST", `/api/ask/${what}`, { ar
 /** A dry run and a report take as long as they take. */
 export const command = (verb, args = {}) => request("POST", `/api/command/${verb}`, { args }, 920_000);
 export const control = (verb, args = {}) => request("POST", `/api/control/${verb}`, { args }, 8000);
-export const stop = (verb) => request("POST", `/api/stop/${verb}`, {}, 6000);
+export const postStop = (verb) => request("POST", `/api/stop/${verb}`, {}, 6000);

@@ -2,9 +2,9 @@
 // a moment: the first time it stops, again it aborts, again it asks for power to drop. A tap of Esc,
 // which closes dialogs, does nothing.
 
-import { stop } from "./api.js";
 import { el, fill, say } from "./dom.js";
 import { clock, STATES } from "./format.js";
+import { keepStopLine, stop } from "./stop_line.js";
 import { known, watch } from "./store.js";
 
 const HELD_MS = 350;
@@ -133,6 +133,7 @@ export function mountStops(root) {
   const ring = el("span", { class: "stop-ring", "aria-hidden": "true" });
   buttons[0].append(hint, ring);
   root.append(...buttons);
+  keepStopLine();
   root.closest(".head").append(outcome.element);
   // What is typed into a report stays there: it is a document of its own.
   const isInReport = () => document.activeElement?.tagName === "IFRAME";
