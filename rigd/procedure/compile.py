@@ -27,7 +27,7 @@ from rigd.procedure.program import (
 from rigd.procedure.reader import Reader, describe_unit
 from rigd.procedure.source import FaultSource, MoveSource, ProcedureSource, PromptSource
 from rigd.procedure.steps import StepCompiler
-from rigd.procedure.sweep import play_order, read_points
+from rigd.procedure.sweep import MAX_STEPS, play_order, read_points
 
 #: The stream that the cycle itself gives; always recorded, because lateness is data.
 CYCLE_STREAM = "cycle"
@@ -39,6 +39,7 @@ def compile_procedure(
     overrides: Mapping[str, str] | None = None,
     *,
     done: Collection[int] = (),
+    most_steps: int = MAX_STEPS,
 ) -> CompiledProcedure:
     """Return ``procedure`` for ``rig``, ready to play.
 
@@ -47,6 +48,7 @@ def compile_procedure(
     per value is shown again in the first trial that is still to be played.
 
     Raises:
+        TooLong: all trials together have more than ``most_steps``; nothing was compiled.
         ConfigError: the procedure does not fit; names every problem with its place.
     """
     source, problems = procedure.source, Problems()
@@ -55,7 +57,7 @@ def compile_procedure(
     reader = Reader(procedure.document, problems, swept=hidden)
     parameters = read_parameters(reader, source, swept, overrides or {}, _constants(rig))
     base = {**parameters.scope, **read_tables(reader, source, parameters.scope)}
-    points = read_points(reader, source, parameters)
+    points = read_points(reader, source, parameters, most_steps)
     scopes = [_scope(reader, source, parameters.scope, point) for point in points]
 
     units = _units(rig, parameters, [base, *scopes[:1]])

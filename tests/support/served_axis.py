@@ -152,6 +152,7 @@ class ServedAxis:
                 self.notices,
                 self.audit,
                 Aside(),
+                Aside(),
                 Descriptors(),
             ),
             RefusedCounts,

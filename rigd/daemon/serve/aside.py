@@ -8,42 +8,67 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from rigd.engine.deaths import how_ended
-from rigd.model.errors import RigdError
-from rigd.remote.protocol import Code, Refusal
-from rigd.remote.protocol.results import DryRun, Reported
+from rigd.model.errors import ConfigError, RigdError
+from rigd.remote.protocol import Code, Message, Refusal
+from rigd.remote.protocol.results import Check, DryRun, Reported
 
 #: A calculation that takes longer is given up: a little less than a client waits for it.
 PATIENCE_S: Final = 890.0
+#: How often it is looked whether the client is still there, in s.
+_LOOK_S: Final = 0.2
+#: Memory that a calculation may take, in bytes.
+MEMORY: Final = 4 << 30
 #: The run under way, clients and panels come first.
 NICENESS: Final = 15
 
 
 class Aside:
-    """Does one calculation at a time; :meth:`close` gives up the one under way."""
+    """Does one calculation at a time; :meth:`close` gives up the one under way.
 
-    def __init__(self) -> None:
+    A calculation is given up too when it takes longer than ``patience_s`` or more than ``memory``
+    (in bytes), and when the client is gone that asked for it.
+    """
+
+    def __init__(self, patience_s: float = PATIENCE_S, memory: int = MEMORY) -> None:
+        self._patience_s = patience_s
+        self._memory = memory
         self._lock = threading.Lock()
         self._process: subprocess.Popen[str] | None = None
         self._closed = False
 
     def dry_run(
-        self, rig: str, rig_path: Path, procedure: str, settings: Mapping[str, str]
+        self, rig: str, rig_path: Path, procedure: str, name: str, settings: Mapping[str, str]
     ) -> DryRun:
         """Play a procedure on the plant of a rig, both given as texts; nothing moves.
+
+        ``name`` is what errors call the procedure.
 
         Raises:
             Refusal: it cannot be played, or took too long.
         """
-        job = {"rig": rig, "rig_path": str(rig_path), "procedure": procedure, "set": dict(settings)}
+        job = _job(rig, rig_path, procedure, name, settings)
         return DryRun.model_validate_json(json.dumps(self._do("dry_run", job)))
+
+    def check(
+        self, rig: str, rig_path: Path, procedure: str, name: str, settings: Mapping[str, str]
+    ) -> Check:
+        """Return whether a procedure can run on a rig, both given as texts.
+
+        Raises:
+            Refusal: it took too long, or too much memory.
+        """
+        job = _job(rig, rig_path, procedure, name, settings)
+        return Check.model_validate_json(json.dumps(self._do("check", job)))
 
     def identify(self, recording: Path) -> Reported:
         """Identify what a recording holds, and write the report beside it.
@@ -73,11 +98,8 @@ class Aside:
     def _do(self, what: str, job: Mapping[str, object]) -> object:
         process = self._start()
         try:
-            out, err = process.communicate(json.dumps({"do": what, **job}), timeout=PATIENCE_S)
-        except subprocess.TimeoutExpired as error:
-            process.kill()
-            process.communicate()
-            raise Refusal(Code.REFUSED, f"{what} took longer than {PATIENCE_S:g} s") from error
+            order = json.dumps({"do": what, "memory": self._memory, **job})
+            out, err = self._wait(process, what, order)
         finally:
             with self._lock:
                 self._process = None
@@ -90,8 +112,31 @@ class Aside:
             raise RuntimeError(f"{what} failed aside:\n{err}")
         said: Mapping[str, Any] = json.loads(out)
         if "error" in said:
-            raise Refusal(Code.REFUSED, said["error"], hint=said["hint"])
+            raise Refusal(Code(said["code"]), said["error"], hint=said["hint"])
         return said["result"]
+
+    def _wait(self, process: subprocess.Popen[str], what: str, order: str) -> tuple[str, str]:
+        """Return what the process has said once it has ended.
+
+        Raises:
+            Refusal: it took too long, or nobody waits for it any more; it is killed.
+        """
+        from rigd.remote.server import still_connected  # the process itself needs no network
+
+        give_up_s = time.monotonic() + self._patience_s
+        given: str | None = order
+        while True:
+            try:
+                return process.communicate(given, timeout=_LOOK_S)
+            except subprocess.TimeoutExpired:
+                given = None  # it goes on with what it was given
+                gone = not still_connected()
+                if not gone and time.monotonic() < give_up_s:
+                    continue
+            process.kill()
+            process.communicate()
+            took = "its client is gone" if gone else f"it took longer than {self._patience_s:g} s"
+            raise Refusal(Code.REFUSED, f"{what} was given up: {took}")
 
     def _start(self) -> subprocess.Popen[str]:
         with self._lock:
@@ -114,6 +159,29 @@ class Aside:
             return self._process
 
 
+def _job(
+    rig: str, rig_path: Path, procedure: str, name: str, settings: Mapping[str, str]
+) -> dict[str, object]:
+    return {
+        "rig": rig,
+        "rig_path": str(rig_path),
+        "procedure": procedure,
+        "name": name,
+        "set": dict(settings),
+    }
+
+
+def _check(job: Mapping[str, Any]) -> Check:
+    from rigd.config.loader import parse_rig
+    from rigd.daemon.serve.library import check
+    from rigd.remote.protocol.arguments import Checked, ProcedureFile
+
+    file = ProcedureFile.of(job["name"], job["procedure"])
+    return check(
+        Checked(procedure=file, set=job["set"]), parse_rig(job["rig"], Path(job["rig_path"]))
+    )
+
+
 def _dry_run(job: Mapping[str, Any]) -> DryRun:
     from dataclasses import asdict
 
@@ -124,7 +192,7 @@ def _dry_run(job: Mapping[str, Any]) -> DryRun:
     from rigd.remote.protocol.results import PeakView, StepView
 
     rig = parse_rig(job["rig"], Path(job["rig_path"]))
-    source = parse_procedure(job["procedure"], Path("procedure"))
+    source = parse_procedure(job["procedure"], Path(f"{job['name']}.yaml"))
     procedure = compile_procedure(source, rig, job["set"])
     found = rehearse(procedure, rig, seed=1)
     return DryRun(
@@ -175,15 +243,27 @@ def _finite(value: float) -> float | None:
     return value if abs(value) < float("inf") else None
 
 
+def _refused(code: Code, error: str, hint: str | None = None) -> dict[str, object]:
+    return {"error": error, "hint": hint, "code": code.value}
+
+
 def main() -> int:
     """Do the job on standard input."""
     os.nice(NICENESS)
     job: Mapping[str, Any] = json.load(sys.stdin)
-    work = {"dry_run": _dry_run, "identify": _identify, "draw": _draw}[job["do"]]
+    memory: int = job["memory"]
+    resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
+    work: Mapping[str, Callable[[Mapping[str, Any]], Message]] = {
+        "check": _check, "draw": _draw, "dry_run": _dry_run, "identify": _identify
+    }  # fmt: skip
     try:
-        said: Mapping[str, object] = {"result": work(job).model_dump(mode="json")}
+        said: Mapping[str, object] = {"result": work[job["do"]](job).model_dump(mode="json")}
+    except ConfigError as error:
+        said = _refused(Code.WRONG, str(error))
     except RigdError as error:
-        said = {"error": error.message, "hint": error.hint}
+        said = _refused(Code.REFUSED, error.message, error.hint)
+    except MemoryError:
+        said = _refused(Code.REFUSED, f"{job['do']} needs more than {memory >> 20} MB of memory")
     json.dump(said, sys.stdout)
     return 0
 

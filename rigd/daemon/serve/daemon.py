@@ -41,6 +41,10 @@ TICK_S: Final = 0.25
 #: given this long.
 PATIENCE_S: Final = 20.0
 
+#: A check may take so long (its client waits a little longer), and so much memory, in bytes.
+CHECK_S: Final = 25.0
+CHECK_MEMORY: Final = 1 << 30
+
 
 @dataclass(frozen=True)
 class Options:
@@ -174,6 +178,8 @@ def _compose(
     audit = AuditLog(runs / f"{name}.audit.jsonl")
     aside = Aside()
     stack.callback(aside.close)
+    checks = Aside(CHECK_S, CHECK_MEMORY)
+    stack.callback(checks.close)
     steering = Steering(
         rig,
         folder,
@@ -202,6 +208,7 @@ def _compose(
         notices,
         audit,
         aside,
+        checks,
         descriptors,
     )
     return parts, server

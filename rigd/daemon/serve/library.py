@@ -15,6 +15,7 @@ from rigd.model.errors import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import Procedure, load_procedure, parse_procedure
 from rigd.procedure.program import CompiledProcedure, Prompt
+from rigd.procedure.sweep import MAX_STEPS, TooLong
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.arguments import Checked, ProcedureFile
 from rigd.remote.protocol.results import (
@@ -26,6 +27,8 @@ from rigd.remote.protocol.results import (
     ProcedureView,
 )
 
+#: A procedure of no more steps, all trials together, is compiled in the daemon: within 0.1 s.
+SHORT_STEPS: Final = 4_000
 #: What a procedure may be called.
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,59}")
 
@@ -76,15 +79,15 @@ class Library:
             raise Refusal(Code.REFUSED, found.problem, hint=found.error.hint)
         return _view(found)
 
-    def check(self, args: Checked) -> Check:
-        """Return whether a procedure can run on this rig with these values."""
+    def check(self, args: Checked) -> Check | None:
+        """Return whether a procedure can run on this rig with these values.
+
+        None where it has too many steps for this process, which others wait for.
+        """
         try:
-            compiled = self.compile(args)
-        except ConfigError as error:
-            problems = tuple(_problem(one) for one in (error, *error.others))
-            return Check(ok=False, problems=problems)
-        asked = [step for step in compiled.steps() if isinstance(step, Prompt)]
-        return Check(ok=True, trials=len(compiled.trials), prompts=len(asked))
+            return check(args, self._rig, SHORT_STEPS)
+        except TooLong:
+            return None
 
     def compile(self, args: Checked) -> CompiledProcedure:
         """Return a procedure that travelled, ready to play on this rig.
@@ -92,9 +95,7 @@ class Library:
         Raises:
             ConfigError: it does not fit; names every problem with its place.
         """
-        # Errors give this name in front of line and column; a path of this machine helps nobody.
-        source = parse_procedure(args.procedure.text, Path(f"{args.procedure.name}.yaml"))
-        return compile_procedure(source, self._rig, args.set)
+        return _compile(args, self._rig, MAX_STEPS)
 
     def _line(self, procedure: Procedure | _Wrong) -> ProcedureLine:
         if isinstance(procedure, _Wrong):
@@ -127,6 +128,29 @@ class Library:
                     # By its file's name, so that no shipped procedure is run in its place.
                     if _NAME.fullmatch(path.stem):
                         yield _Wrong(path, error)
+
+
+def check(args: Checked, rig: RigConfig, most_steps: int = MAX_STEPS) -> Check:
+    """Return whether a procedure can run on ``rig`` with these values.
+
+    Raises:
+        TooLong: it has more than ``most_steps``, and fewer than any may have.
+    """
+    try:
+        compiled = _compile(args, rig, most_steps)
+    except ConfigError as error:
+        if isinstance(error, TooLong) and error.steps <= MAX_STEPS:
+            raise
+        problems = tuple(_problem(one) for one in (error, *error.others))
+        return Check(ok=False, problems=problems)
+    asked = [step for step in compiled.steps() if isinstance(step, Prompt)]
+    return Check(ok=True, trials=len(compiled.trials), prompts=len(asked))
+
+
+def _compile(args: Checked, rig: RigConfig, most_steps: int) -> CompiledProcedure:
+    # Errors give this name in front of line and column; a path of this machine helps nobody.
+    source = parse_procedure(args.procedure.text, Path(f"{args.procedure.name}.yaml"))
+    return compile_procedure(source, rig, args.set, most_steps=most_steps)
 
 
 def _view(procedure: Procedure) -> ProcedureView:

@@ -56,6 +56,7 @@ from rigd.remote.protocol.arguments import (
 )
 from rigd.remote.protocol.results import (
     Acted,
+    Check,
     DryRun,
     Events,
     Nothing,
@@ -91,6 +92,7 @@ class Parts:
     notices: Notices
     audit: AuditLog
     aside: Aside
+    checks: Aside
     descriptors: Descriptors
 
 
@@ -176,7 +178,7 @@ class RigService:
             case "procedure", ProcedureName() as procedure:
                 return parts.library.view(procedure.name)
             case "check", Checked() as checked:
-                return parts.library.check(checked)
+                return parts.library.check(checked) or self._check_aside(checked)
             case "runs", Runs() as runs:
                 return parts.recordings.lines(runs.limit, runs.before, self._under_way)
             case "run", Run() as run:
@@ -285,6 +287,10 @@ class RigService:
             self._parts.notices.note(f"{who} has handed control to {view.holder}")
         return view
 
+    def _check_aside(self, args: Checked) -> Check:
+        source, file = self._parts.rig.source, args.procedure
+        return self._parts.checks.check(source.text, source.path, file.text, file.name, args.set)
+
     def _dry_run(self, args: Checked) -> DryRun:
         rig = self._parts.rig
         if rig.plant is None:
@@ -294,7 +300,7 @@ class RigService:
                 hint="try it on the simulated sibling of this rig",
             )
         done = self._parts.aside.dry_run(
-            rig.source.text, rig.source.path, args.procedure.text, args.set
+            rig.source.text, rig.source.path, args.procedure.text, args.procedure.name, args.set
         )
         self._parts.steering.expect(args, done.duration_s)
         return done
@@ -364,7 +370,7 @@ def _trial(trial: TrialPlan, procedure: CompiledProcedure) -> Trial:
 def _refusal(error: RigdError) -> Refusal:
     """Return what a client is told; of a file, everything that is wrong with it."""
     if isinstance(error, ConfigError):
-        return Refusal(Code.REFUSED, str(error))
+        return Refusal(Code.WRONG, str(error))
     return Refusal(Code.REFUSED, error.message, hint=error.hint)
 
 

@@ -12,7 +12,7 @@ from rigd.config.shipped import is_path
 from rigd.model.errors import LinkError
 from rigd.remote.client.connection import EVENTS, FRAMES, STATUSES, Connection
 from rigd.remote.client.holding import Holding
-from rigd.remote.client.procedures import read_procedure
+from rigd.remote.client.procedures import read_procedure, told_by_file
 from rigd.remote.client.remotes import find_target
 from rigd.remote.client.transfer import Progress, fetch
 from rigd.remote.client.watching import RunWatch, each, reader, without_gaps
@@ -207,7 +207,8 @@ class AsyncClient:
     async def dry_run(self, procedure: str | Path, set: Mapping[str, str] | None = None) -> DryRun:
         """Return what a run would do, played on the simulated plant; may take minutes."""
         args = await self._checked(procedure, set)
-        return await self._command("dry_run", DryRun, **args)
+        with told_by_file(procedure, args["procedure"]["name"]):
+            return await self._command("dry_run", DryRun, **args)
 
     # The control lease
 
@@ -279,9 +280,10 @@ class AsyncClient:
         client vanishes with the lease; None: what the procedure says.
         """
         args = await self._checked(procedure, set)
-        return await self._command(
-            "start", Started, **args, seed=seed, answers=answers, on_client_loss=on_client_loss
-        )
+        with told_by_file(procedure, args["procedure"]["name"]):
+            return await self._command(
+                "start", Started, **args, seed=seed, answers=answers, on_client_loss=on_client_loss
+            )
 
     async def resume_run(self, run: str) -> Started:
         """Go on with an interrupted run: only the trials that are missing."""

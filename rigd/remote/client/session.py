@@ -93,6 +93,7 @@ async def query(
         zenoh.handlers.Callback(answered, done.tell, indirect=False),
         payload=payload,
         timeout=timeout_s,
+        source_info=zenoh.SourceInfo(session.id, 0),  # should it vanish, so does its calculation
     )
     await done.wait()
     if any(not one.ok and one.payload == _TIMED_OUT for one in answers):

@@ -22,13 +22,21 @@ class Code(Enum):
     BUSY = "busy"  #: too many requests at once; ask again
     CONFLICT = "conflict"  #: not in this state, such as `resume` while idle
     REFUSED = "refused"  #: the rig or the procedure speaks against it
+    WRONG = "wrong"  #: the procedure is wrong, or does not fit the rig; names every problem
     NOT_FOUND = "not_found"
     INTERNAL = "internal"  #: a bug in the daemon
 
 
 #: Codes that blame the request itself: another one would do.
 _BAD_INPUT: Final = frozenset(
-    {Code.BAD_REQUEST, Code.UNKNOWN_VERB, Code.VERSION, Code.TOO_LARGE, Code.NOT_FOUND}
+    {
+        Code.BAD_REQUEST,
+        Code.UNKNOWN_VERB,
+        Code.VERSION,
+        Code.TOO_LARGE,
+        Code.WRONG,
+        Code.NOT_FOUND,
+    }
 )
 
 

@@ -56,6 +56,7 @@ class Lane(Enum):
     ASK = "ask"  #: known at once
     LEASE = "lease"  #: of its own, so that no command keeps a lease from being renewed
     COMMAND = "command"
+    CHECK = "check"  #: compiled
     FILES = "files"  #: read from recordings and procedure files
     LONG = "long"  #: calculated: dry runs and reports
 
@@ -66,6 +67,7 @@ PATIENCE_S: Final[Mapping[Lane, float]] = {
     Lane.ASK: 2.0,
     Lane.LEASE: 2.0,
     Lane.COMMAND: 10.0,
+    Lane.CHECK: 30.0,
     Lane.FILES: 30.0,
     Lane.LONG: 900.0,
 }
@@ -109,7 +111,7 @@ VERBS: Final[Mapping[Kind, Mapping[str, Verb]]] = {
         "lease": Verb(NoArguments, LeaseView, Lane.ASK),
         "procedures": Verb(NoArguments, Procedures, Lane.FILES),
         "procedure": Verb(ProcedureName, ProcedureView, Lane.FILES),
-        "check": Verb(Checked, Check, Lane.FILES),
+        "check": Verb(Checked, Check, Lane.CHECK),
         "runs": Verb(Runs, RunList, Lane.FILES),
         "run": Verb(Run, RunView, Lane.FILES),
         "report": Verb(ReportPiece, PieceView, Lane.FILES),

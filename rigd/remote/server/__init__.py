@@ -1,5 +1,6 @@
 """The server of a rig: who may ask for what, in which order it is answered, what is shown."""
 
+from rigd.remote.server.asking import still_connected, working_for
 from rigd.remote.server.desk import role_of
 from rigd.remote.server.doorway import Doorway
 from rigd.remote.server.lease import Lease
@@ -7,4 +8,14 @@ from rigd.remote.server.publisher import Publisher
 from rigd.remote.server.server import Server
 from rigd.remote.server.service import Result, Service
 
-__all__ = ["Doorway", "Lease", "Publisher", "Result", "Server", "Service", "role_of"]
+__all__ = [
+    "Doorway",
+    "Lease",
+    "Publisher",
+    "Result",
+    "Server",
+    "Service",
+    "role_of",
+    "still_connected",
+    "working_for",
+]

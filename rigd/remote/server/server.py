@@ -28,6 +28,7 @@ from rigd.remote.network import server_config
 from rigd.remote.protocol import Code, Keys, Kind, Lane, Refusal, encode_refusal
 from rigd.remote.protocol.limits import HEARTBEAT_S
 from rigd.remote.protocol.status import RefusedCounts
+from rigd.remote.server.asking import working_for
 from rigd.remote.server.desk import Desk, Letter
 from rigd.remote.server.doorway import Doorway
 from rigd.remote.server.inbox import Inbox
@@ -180,8 +181,17 @@ class Server:
     def _work(self, desk: Desk, lane: Lane) -> None:
         while (waiting := self._inboxes[lane].take()) is not None:
             self._begun_s[lane] = time.monotonic()
-            _reply(waiting.query, waiting.letter.key, desk.answer(waiting.letter))
+            with working_for(partial(self._is_connected, waiting.query)):
+                answer = desk.answer(waiting.letter)
+            _reply(waiting.query, waiting.letter.key, answer)
             del self._begun_s[lane]
+
+    def _is_connected(self, query: zenoh.Query) -> bool:
+        """Return whether the session that asked is connected, as far as it said which it is."""
+        source = query.source_info
+        if source is None:
+            return True
+        return source.source_id.zid in [link.zid for link in self._session.info.links()]
 
     def _beat(self, service: Service) -> None:
         while not self._closing.wait(HEARTBEAT_S):

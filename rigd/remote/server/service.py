@@ -15,7 +15,7 @@ class Service(Protocol):
     """Carries out requests that the server found in order.
 
     Called on the server's worker threads: one request of each :class:`rigd.remote.protocol.Lane`
-    at a time, so up to six at once. The role has been checked, and the lease where the verb needs
+    at a time, so up to seven at once. The role has been checked, and the lease where the verb needs
     it; ``args`` and what is returned are of the types that the table of verbs names. ``user`` is
     for whom the client asks, as it says; "" where it speaks for itself. Any method may raise
     :class:`rigd.remote.protocol.Refusal`; another error of rigd's is told as ``refused``, whatever

@@ -20,13 +20,15 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.record import RecordingWriter
 from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol.results import Check
+from rigd.remote.server import working_for
 
 QUICK = (ROOT / "procedures" / "quick.yaml").read_text()
 
 
 def test_a_dry_run_tells_steps_time_and_peaks() -> None:
     rig = load_rig("lugre-1")
-    done = Aside().dry_run(rig.source.text, rig.source.path, QUICK, {"current": "1.2 A"})
+    done = Aside().dry_run(rig.source.text, rig.source.path, QUICK, "quick", {"current": "1.2 A"})
     assert done.ok
     assert done.trials == 1
     assert 4.0 < done.duration_s < 30.0
@@ -38,8 +40,48 @@ def test_a_dry_run_tells_steps_time_and_peaks() -> None:
 def test_what_speaks_against_a_dry_run_is_told() -> None:
     rig = load_rig("lugre-1")
     with pytest.raises(Refusal, match="curent") as refused:
-        Aside().dry_run(rig.source.text, rig.source.path, QUICK, {"curent": "1 A"})
-    assert refused.value.code is Code.REFUSED
+        Aside().dry_run(rig.source.text, rig.source.path, QUICK, "quick", {"curent": "1 A"})
+    assert refused.value.code is Code.WRONG
+
+
+#: 1001 trials of 19 steps.
+LONG = """\
+procedure: long
+title: Long
+doc: For tests.
+parameters: {current: {doc: Current, unit: A}}
+sweep: {grid: {current: {from: 0 A, to: 1 A, step: 0.001 A}}}
+trial:
+  steps:
+""" + "".join(
+    f"    - {{step: s{n}, set: {{wheel_servo.current: '${{current}}'}}, for: 0.1 s}}\n"
+    for n in range(19)
+)
+
+
+def check(aside: Aside, text: str = LONG) -> Check:
+    rig = load_rig("lugre-1")
+    return aside.check(rig.source.text, rig.source.path, text, "long", {})
+
+
+def test_a_long_check_is_done() -> None:
+    assert check(Aside()) == Check(ok=True, trials=1001, prompts=0)
+
+
+def test_a_check_that_takes_too_long_is_given_up() -> None:
+    with pytest.raises(Refusal, match=r"check was given up: it took longer than 0\.1 s"):
+        check(Aside(0.1))
+
+
+def test_a_check_that_needs_too_much_memory_is_given_up() -> None:
+    longer = LONG.replace("0.001 A", "0.0002 A")
+    with pytest.raises(Refusal, match="check needs more than 60 MB of memory"):
+        check(Aside(memory=60 << 20), longer)
+
+
+def test_a_check_ends_with_its_client() -> None:
+    with working_for(lambda: False), pytest.raises(Refusal, match="its client is gone"):
+        check(Aside())
 
 
 def test_a_recording_is_identified_and_its_report_stands_beside_it(tmp_path: Path) -> None:
@@ -98,7 +140,7 @@ def test_one_calculation_at_a_time_and_none_outlives_the_daemon() -> None:
 
     def long() -> None:
         try:
-            aside.dry_run(rig.source.text, rig.source.path, QUICK, {})
+            aside.dry_run(rig.source.text, rig.source.path, QUICK, "quick", {})
         except Refusal as refusal:
             ended.append(refusal)
 
@@ -109,7 +151,7 @@ def test_one_calculation_at_a_time_and_none_outlives_the_daemon() -> None:
     while busy is None and time.monotonic() < deadline:
         try:
             # It would be refused at once, were it begun.
-            aside.dry_run("rig: none", Path("rig.yaml"), "procedure: none", {})
+            aside.dry_run("rig: none", Path("rig.yaml"), "procedure: none", "none", {})
         except Refusal as refusal:
             busy = refusal if refusal.code is Code.BUSY else None
     assert busy is not None

@@ -12,6 +12,7 @@ from rigd.config.loader import load_rig
 from rigd.daemon.serve.library import Library
 from rigd.remote.protocol import Refusal
 from rigd.remote.protocol.arguments import Checked
+from rigd.remote.protocol.results import Check
 
 
 def library(tmp_path: Path) -> Library:
@@ -65,11 +66,14 @@ def test_a_form_can_be_made_from_a_procedure(tmp_path: Path) -> None:
 
 def test_what_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
     good = Checked.model_validate({"procedure": travelling(SWEEP), "set": {"time": "2 s"}})
-    assert library(tmp_path).check(good).trials == 3
+    assert library(tmp_path).check(good) == Check(ok=True, trials=3, prompts=0)
     spoilt = travelling(SWEEP.replace("axis.speed", "axis.sped"))
     check = library(tmp_path).check(Checked.model_validate({"procedure": spoilt}))
+    assert check is not None
     assert not check.ok
     assert "no setpoint 'axis.sped'" in check.problems[0].message
     assert (check.problems[0].line, check.problems[0].column) == (11, 13)
     beyond = Checked.model_validate({"procedure": travelling(SWEEP), "set": {"spede": "1 m/s"}})
-    assert not library(tmp_path).check(beyond).ok
+    check = library(tmp_path).check(beyond)
+    assert check is not None
+    assert not check.ok

@@ -9,7 +9,7 @@ from support.file_axis import word
 from support.served_axis import ASKING, SWEEP, ServedAxis, travelling
 
 from rigd.engine.shared import RunFolder
-from rigd.model.errors import Blocked
+from rigd.model.errors import Blocked, Exit
 from rigd.model.limits import Action, Interlock
 from rigd.record import Recording, run_info
 from rigd.remote.protocol import Code, Refusal
@@ -353,7 +353,8 @@ def test_what_is_wrong_in_a_procedure_is_told_with_its_place(tmp_path: Path) -> 
             Refusal, match=r"sweep.yaml:11:13: .*speeed'\n  did you mean"
         ) as refused:
             served.command("start", procedure=travelling(misspelt))
-        assert refused.value.code is Code.REFUSED
+        assert refused.value.code is Code.WRONG
+        assert refused.value.exit_code == Exit.BAD_INPUT  # as of `rigd check`
         assert served.status.state == "idle"
 
 
@@ -420,3 +421,22 @@ def test_the_status_can_always_be_told(tmp_path: Path) -> None:
         served.notices.note("x" * 100_000, "error")
         assert len(served.status.notices[-1].text) == 1000
         assert served.status.seq < served.status.seq
+
+
+def sweep_of(steps: int, trials: int) -> str:
+    """A procedure of so many steps in each of so many trials."""
+    step = "    - {step: s%d, set: {axis.speed: '${speed}'}, for: 0.1 s}\n"
+    return (
+        "procedure: long\ntitle: Long\ndoc: For tests.\n"
+        "parameters: {speed: {doc: Speed, unit: m/s}}\n"
+        f"sweep: {{grid: {{speed: {{from: 0 m/s, to: {(trials - 1) * 1e-5:.5f} m/s, "
+        "step: 0.00001 m/s}}}\ntrial:\n  steps:\n" + "".join(step % n for n in range(steps))
+    )
+
+
+def test_a_check_of_too_many_steps_is_refused_at_once(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        found = served.ask("check", procedure=travelling(sweep_of(500, 16_000)), set={})
+    told = "16000 trials of 500 steps are 8000000 steps, more than 200000"
+    assert [one["message"] for one in found["problems"]] == [told]
+    assert found["problems"][0]["line"] == 7
