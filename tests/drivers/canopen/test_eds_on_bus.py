@@ -14,6 +14,9 @@ from support.eds import line_of, write_eds
 
 from rigd.sdk import ProtocolError
 from rigd_drivers.can_bus import CanBus, CanBusConfig
+from rigd_drivers.can_node import Node
+from rigd_drivers.canopen import objects
+from rigd_drivers.canopen.sheet import read_sheet
 from rigd_drivers.cia402_servo.servo import Servo
 from rigd_drivers.cia406_encoder import EncoderConfig
 
@@ -129,6 +132,24 @@ def test_another_device_than_that_of_the_eds_is_refused(
         wheel(bus, eds=eds_of(tmp_path, **{f"DeviceInfo__{key}": value})).open()
     assert message in str(caught.value)
     assert drive.objects == before  # nothing was written
+
+
+def test_a_minor_revision_may_differ(connect: Connect, tmp_path: Path) -> None:
+    drive = servo()
+    drive.objects |= {(0x1018, 2): number(0x402, 4), (0x1018, 3): number(0x1_0007, 4)}
+    bus, _ = connect(drive)
+    driver = wheel(bus, eds=eds_of(tmp_path))
+    driver.open()
+    assert "revision 0x10007" in driver.identity
+
+
+def test_nothing_is_read_that_the_eds_has_not(connect: Connect, tmp_path: Path) -> None:
+    bus, port = connect(servo())
+    node = Node(bus, 1, read_sheet(write_eds(tmp_path / "x.eds", {"6502": None})))
+    node.attach()
+    with pytest.raises(ProtocolError, match=r"x\.eds:1: there is no object 0x6502"):
+        node.read(objects.SUPPORTED_MODES)
+    assert port.sent == []
 
 
 def test_identity_that_either_side_leaves_open_fits(connect: Connect, tmp_path: Path) -> None:

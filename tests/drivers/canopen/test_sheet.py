@@ -78,6 +78,13 @@ def test_what_has_no_parts_has_no_sub_index(small: Sheet) -> None:
     assert problem == "small.eds:9: there is no object 0x6071:01 (part) in 0x6071 Target torque"
 
 
+def test_what_is_write_only_cannot_be_read(tmp_path: Path) -> None:
+    path = write_eds(tmp_path / "x.eds", {"6041/AccessType": "wo"})
+    line = line_of(path, "6041", "AccessType")
+    problem = read_sheet(path).unreadable(objects.STATUSWORD)
+    assert problem == f"x.eds:{line}: 0x6041 Statusword is write only (wo)"
+
+
 def test_an_array_has_the_parts_that_are_described(tmp_path: Path) -> None:
     text = SMALL + (
         "[1003]\nParameterName=Errors\nObjectType=8\n"
@@ -176,6 +183,7 @@ def test_indented_lines_and_spellings_of_keys_are_read(tmp_path: Path) -> None:
         ("HighLimit=1000", "ParameterValue=much", 15, "ParameterValue of [6071] is 'much'"),
         ("BaudRate_500=1", "BaudRate_500=on", 3, "BaudRate_500 of [DeviceInfo] is 'on'"),
         ("[6071]", "[6071Name]\nNrOfEntries=999999999\n[6071]", 9, "more than 255 entries"),
+        ("HighLimit=1000", "[1000sub100]", 15, "a sub-index is at most FF"),
     ],
 )
 def test_a_wrong_file_is_refused_with_its_line(
@@ -188,6 +196,13 @@ def test_a_wrong_file_is_refused_with_its_line(
     assert caught.value.place.line == line
     assert message in str(caught.value)
     assert str(caught.value).startswith(f"{path}:{line}:")
+
+
+def test_what_the_library_stumbles_over_is_refused(tmp_path: Path) -> None:
+    """Names of the parts of an object that has none."""
+    path = written(tmp_path / "x.eds", SMALL + "[6071Name]\nNrOfEntries=2\n1=One\n2=Two\n")
+    with pytest.raises(ConfigError, match=r"x\.eds: cannot be understood: "):
+        read_sheet(path)
 
 
 def test_all_problems_are_named_at_once(tmp_path: Path) -> None:
