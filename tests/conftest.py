@@ -15,6 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from support import warm
 
 for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # before numpy is imported
     os.environ.setdefault(name, "1")
@@ -75,7 +76,7 @@ QUICK = places(
 )  # fmt: skip
 #: `make test-days`: tests that ask which day it is. Shown to be all by whole runs on other days.
 DATES = places(
-    "config/test_calibration.py", "config/test_shipped.py", "daemon/serve/test_audit.py",
+    "config/test_calibration.py", "daemon/serve/test_audit.py",
     "daemon/serve/test_logs.py", "daemon/test_forms.py", "remote/test_certificates.py",
     "remote/test_strangers.py", "remote/test_tls.py", "system/test_calibrate.py",
 )  # fmt: skip
@@ -117,11 +118,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Give a test that lives by the clock real-time priority, above whatever else is running."""
+    """Give a test that lives by the clock real-time priority; let others share what they import."""
     policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
     if is_in(item.path, WITH_PRIORITY):
         with suppress(PermissionError):
             os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+    warm.wanted = is_in(item.path, SIDE_BY_SIDE)
     result = yield
     os.sched_setscheduler(0, policy, parameter)
     return result

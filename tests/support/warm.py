@@ -1,0 +1,148 @@
+"""Commands from a process that has imported rigd already: it forks where others start from nothing.
+
+Most of what a short command costs is its imports. What they are, and that each command finds its
+own, is tested by processes of their own: by tests/cli/test_main.py, by the documents, and by all
+that runs in real time.
+"""
+
+from __future__ import annotations
+
+import array
+import json
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+from functools import cache
+from pathlib import Path
+from typing import IO, Any
+
+#: Whether the test under way may do so: tests/conftest.py sets it.
+wanted = False
+#: CPU seconds of the commands that have ended, which are no children of this process.
+spent_s = 0.0
+
+#: What the process is: a loop that forks a command for each request.
+_SERVER = """
+import gc, importlib, json, os, pkgutil, socket, sys, time, warnings
+
+os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # whatever the test has that asks first
+
+import rigd, rigd_drivers, rigd_sim
+
+with warnings.catch_warnings(action="ignore"):
+    for package in (rigd, rigd_drivers, rigd_sim):
+        for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+            if not module.name.endswith("__main__"):
+                importlib.import_module(module.name)
+gc.collect()
+gc.freeze()
+
+
+def fork(request, streams, answers, spent_s):
+    "Fork who waits for the command, and from there the command: only this one returns."
+    if os.fork():
+        return False
+    command = os.fork()
+    if command:
+        _, status, usage = os.wait4(command, 0)
+        code = os.waitstatus_to_exitcode(status)
+        answers.send(json.dumps([code, spent_s + usage.ru_utime + usage.ru_stime]).encode())
+        os._exit(0)
+    for number, stream in enumerate(streams):
+        os.dup2(stream, number)
+        os.close(stream)
+    os.chdir(request["cwd"])
+    os.environ.clear()
+    os.environ.update(request["environment"])
+    sys.path[0] = request["cwd"]
+    sys.argv = ["rigd", *request["arguments"]]
+    sys.stdin = open(0, encoding="utf-8", closefd=False)
+    sys.stdout = open(1, "w", encoding="utf-8", closefd=False)
+    sys.stderr = open(2, "w", 1, encoding="utf-8", errors="backslashreplace", closefd=False)
+    sys.__stdin__, sys.__stdout__, sys.__stderr__ = sys.stdin, sys.stdout, sys.stderr
+    return True
+
+
+def serve(requests):
+    "Fork a command for each request; return in it, or end with the tests."
+    spent_s = time.process_time()
+    while True:
+        data, given, _, _ = socket.recv_fds(requests, 1 << 20, 4)
+        if not data:
+            os._exit(0)
+        answers = socket.socket(fileno=given[3])
+        if fork(json.loads(data), given[:3], answers, spent_s):
+            answers.close()
+            requests.close()
+            return
+        for stream in given[:3]:
+            os.close(stream)
+        answers.close()
+        os.waitpid(-1, os.WNOHANG)
+        spent_s = 0.0
+
+
+serve(socket.socket(fileno=int(sys.argv[1])))
+
+from rigd.cli.main import main
+
+sys.exit(main())
+"""
+
+
+class _Starter:
+    """The process that forks, and the way to ask it."""
+
+    def __init__(self) -> None:
+        self._requests, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _SERVER, str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                cwd="/",
+                start_new_session=True,
+            )
+        self._one_at_a_time = threading.Lock()
+
+    def start(self, request: dict[str, Any], streams: list[int]) -> socket.socket:
+        """Start a command; return the socket on which its end is told."""
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs, self._one_at_a_time:
+            descriptors = array.array("i", [*streams, theirs.fileno()])
+            socket.send_fds(self._requests, [json.dumps(request).encode()], list(descriptors))
+        return ours
+
+
+@cache
+def _starter() -> _Starter:
+    return _Starter()
+
+
+def _text(file: IO[bytes]) -> str:
+    file.seek(0)
+    return file.read().decode().replace("\r\n", "\n")
+
+
+def run(arguments: list[str], cwd: Path, timeout_s: float) -> tuple[int, str, str]:
+    """Run ``rigd ARGUMENTS`` to its end; return exit code, output and errors.
+
+    Raises:
+        TimeoutError: it has not ended in time.
+
+    """
+    global spent_s
+    request = {"arguments": arguments, "cwd": str(cwd.absolute()), "environment": dict(os.environ)}
+    with (
+        Path(os.devnull).open("rb") as nothing,
+        tempfile.TemporaryFile() as out,
+        tempfile.TemporaryFile() as err,
+    ):
+        streams = [nothing.fileno(), out.fileno(), err.fileno()]
+        with _starter().start(request, streams) as answer:
+            answer.settimeout(timeout_s)
+            code, cpu_s = json.loads(answer.recv(1 << 16))
+        spent_s += cpu_s
+        return code, _text(out), _text(err)
