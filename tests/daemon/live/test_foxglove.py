@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 from support.live import START_NS
 from support.ring_writer import numbered
+from support.stalls import witnessed
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
@@ -33,7 +34,7 @@ from rigd.record.schema import stream_from_json
 RIG = load_rig("angle-1")
 STREAMS = {stream.name: stream for stream in streams_of(RIG)}
 PROTOCOL = Subprotocol("foxglove.sdk.v1")
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0  #: in which anything comes, on a crowded machine
 
 
 @pytest.fixture
@@ -175,10 +176,12 @@ def test_a_client_that_reads_nothing_holds_up_nobody() -> None:
         while not server._topics["daq"]._channel.has_sinks():
             assert time.monotonic() < until
             time.sleep(0.005)
-        began = time.monotonic()
-        for first in range(0, 960_000, 9600):
-            server.show("daq", numbered(STREAMS["daq"], START_NS, first, 9600))
-        assert time.monotonic() - began < PATIENCE_S  # 100 s of samples
+        with witnessed() as lost_s:
+            began = time.monotonic()
+            for first in range(0, 960_000, 9600):
+                server.show("daq", numbered(STREAMS["daq"], START_NS, first, 9600))
+            assert time.monotonic() - began < 10.0 + lost_s()  # 100 s of samples
+        until = time.monotonic() + PATIENCE_S
         client.send(
             json.dumps({"op": "subscribe", "subscriptions": [{"id": 9, "channelId": channel}]})
         )
@@ -189,9 +192,10 @@ def test_a_client_that_reads_nothing_holds_up_nobody() -> None:
                     break
             except TimeoutError:
                 assert time.monotonic() < until
-        began = time.monotonic()
-        server.stop()
-        assert time.monotonic() - began < STOP_S + 5
+        with witnessed() as lost_s:
+            began = time.monotonic()
+            server.stop()
+            assert time.monotonic() - began < STOP_S + 5 + lost_s()
 
 
 @pytest.mark.parametrize("port", [-1, 65536])
