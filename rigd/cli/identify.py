@@ -65,8 +65,12 @@ def execute(args: argparse.Namespace) -> int:
     if args.report is not None and args.report.suffix == ".mcap":
         raise ConfigError(f"--report {args.report} would overwrite a recording")
     options = Options(args.starts, args.seed, args.robust, args.calibration)
+    losses: list[str] = []
     evaluation = evaluate(
-        args.files, options, tell=lambda line: print(f"identifying {line}", file=sys.stderr)
+        args.files,
+        options,
+        tell=lambda line: print(f"identifying {line}", file=sys.stderr),
+        passed_over=losses.append,
     )
     report: Path | None = None
     if not args.no_report:
@@ -76,8 +80,10 @@ def execute(args: argparse.Namespace) -> int:
         except OSError as error:
             raise RecordingError(f"cannot write the report {report}: {error.strerror}") from error
     if args.json:
-        print(json.dumps(evaluation.to_json(), indent=2, allow_nan=False))
+        print(json.dumps({**evaluation.to_json(), "lost": losses}, indent=2, allow_nan=False))
     else:
+        for loss in losses:
+            print(f"warning: {loss}")
         print_shown(evaluation.shown())
         if report is not None:
             print(f"report: {report}")

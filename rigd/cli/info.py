@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from rigd.record import RunInfo
 
 HELP = "show what a recording holds"
@@ -77,7 +79,8 @@ def _print(info: RunInfo) -> None:
         "operator": info.metadata.get("run", {}).get("operator", ""),
         "note": info.metadata.get("run", {}).get("note", ""),
         "meta": ", ".join(f"{k}={v}" for k, v in info.metadata.get("meta", {}).items()),
-        "state": info.state + (f": {info.reason}" if info.reason else ""),
+        "run": info.state + (f": {info.reason}" if info.reason else ""),
+        "file": "damaged" if info.problem else f"not checked (`rigd verify {info.path}` does)",
         "trials": f"{info.trials_done} complete, {len(info.trials)} begun",
         "parameters": ", ".join(f"{name} = {value}" for name, value in info.parameters.items()),
         "--set": ", ".join(
@@ -89,12 +92,18 @@ def _print(info: RunInfo) -> None:
     for name, text in facts.items():
         if text:
             console.print(f"{name:<12}{escape(plain(text))}", soft_wrap=True)
-    if info.recovered:
+    if info.recovered and not info.losses:
         console.print("[yellow]this file was torn and has been recovered[/]")
+    for text in info.losses:
+        console.print(f"[red]{escape(plain(text))}[/]", soft_wrap=True)
     if info.problem:
+        path = escape(str(info.path))
         console.print(
-            f"[red]{escape(info.problem)}[/]: run `rigd recover {escape(str(info.path))}`"
+            f"`rigd verify {path}` says more; `rigd recover {path}` leaves what is damaged out, "
+            "and keeps the damaged file, too",
+            soft_wrap=True,
         )
+    _print_trials(console, info)
     table = Table(box=None, pad_edge=False)
     table.add_column("stream")
     table.add_column("rows", justify="right")
@@ -105,6 +114,29 @@ def _print(info: RunInfo) -> None:
         table.add_row(
             escape(one.stream.name), str(one.rows), f"{one.rate_hz:.0f} Hz", escape(channels)
         )
+    console.print(table)
+
+
+def _print_trials(console: Console, info: RunInfo) -> None:
+    """Print a line for each attempt at a trial."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from rigd.model.about import plain
+
+    if not info.trials:
+        return
+    names = list(dict.fromkeys(name for trial in info.trials for name in trial.parameters))
+    table = Table(box=None, pad_edge=False)
+    for name in ("trial", "s", *names):
+        table.add_column(escape(plain(name)), justify="right")
+    table.add_column("", overflow="fold")
+    for trial in info.trials:
+        lasted = "" if trial.end_ns is None else f"{(trial.end_ns - trial.start_ns) * 1e-9:.2f}"
+        values = (trial.text(name) for name in names)
+        state = "complete" if trial.complete else f"not complete: {trial.reason or 'no end'}"
+        texts = (str(trial.number), lasted, *values, state)
+        table.add_row(*(escape(plain(text)) for text in texts))
     console.print(table)
 
 

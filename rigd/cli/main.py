@@ -35,6 +35,7 @@ from rigd.cli import (
     serve,
     sim,
     tare,
+    verify,
 )
 from rigd.model.errors import Exit, RigdError
 
@@ -51,6 +52,7 @@ COMMANDS: tuple[ModuleType, ...] = (
     runs,
     info,
     export,
+    verify,
     recover,
     doctor,
     serve,

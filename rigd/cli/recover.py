@@ -1,4 +1,4 @@
-"""``rigd recover``: makes torn recordings readable again, and completes those of killed runs."""
+"""``rigd recover``: repairs damaged recordings, and completes those of killed runs."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import argparse
 import sys
 from pathlib import Path
 
-HELP = "repair recordings that a crash left torn, in place"
+HELP = "repair damaged recordings, keep the damaged files, complete those of killed runs"
 EXAMPLES = """\
 examples:
   rigd recover runs/20261121-080000-constant_current-pvc.mcap
   rigd recover runs/*.mcap
   rigd recover          # complete the recordings of all runs that were killed
 
-  An intact file is left as it is. What was recorded up to the damage is kept. Samples that a
-  killed run left in memory are added first.
+  An intact file is left as it is. Of a damaged one, what is damaged is left out and all the rest
+  is kept; trials that lost rows are marked. The damaged file stays beside it as FILE.orig until
+  you remove it. Samples that a killed run left in memory are added first.
 """
 
 
@@ -32,7 +33,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Repair every file; one that cannot be never keeps the others from being repaired."""
     from rigd.model.errors import Exit
+    from rigd.record.access import require_writing
 
+    require_writing()
     went_well = [_recover(path) for path in args.files] if args.files else _recover_left()
     return int(Exit.OK if all(went_well) else Exit.BAD_DATA)
 
@@ -84,7 +87,7 @@ def _recover(path: Path, *, left: bool = False) -> bool:
 def _repair(path: Path) -> bool:
     """Repair one file and say what was done; return whether it is sound now."""
     from rigd.model.errors import RecordingError
-    from rigd.record import recover
+    from rigd.record import recover, verify
 
     try:
         report = recover(path)
@@ -93,10 +96,14 @@ def _repair(path: Path) -> bool:
         return False
     if report.intact:
         print(f"{path}: intact")
-    else:
-        rows = sum(report.rows_kept.values())
-        print(
-            f"{path}: recovered {rows} messages; {report.lost_bytes} bytes behind the damage "
-            f"were cut off ({report.problem})"
-        )
+        return True
+    rows = sum(report.rows_kept.values())
+    if report.original is None:  # nothing but the end was missing
+        print(f"{path}: recovered {rows} messages; its end was missing ({report.problem})")
+        return True
+    damaged = sum(one.end - one.start for one in report.damages)
+    print(f"{path}: recovered {rows} messages; {damaged} bytes are damaged ({report.problem})")
+    for line in verify(path).lines():
+        print(f"  {line}")
+    print(f"  the damaged file is kept as {report.original}; remove it when you no longer need it")
     return True

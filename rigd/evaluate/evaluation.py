@@ -58,10 +58,12 @@ def evaluate(
     options: Options | None = None,
     *,
     tell: Callable[[str], None] = lambda _: None,
+    passed_over: Callable[[str], None] = lambda _: None,
 ) -> Evaluation:
     """Identify what ``paths`` hold; trials of one group may stand in several recordings.
 
-    ``tell`` gets a line before each step that takes long.
+    ``tell`` gets a line before each step that takes long, ``passed_over`` one for all that is
+    damaged or lost in a recording.
 
     Raises:
         RecordingError: a file cannot be read.
@@ -69,6 +71,8 @@ def evaluate(
         DataError: a file holds nothing to identify, or the data cannot answer.
     """
     sweeps = [open_sweep(path) for path in dict.fromkeys(paths)]
+    for loss in (text for sweep in sweeps for text in sweep.info.losses):
+        passed_over(loss)
     models = {sweep.plan.model for sweep in sweeps}
     if len(models) > 1:
         raise DataError(f"the recordings identify different models: {', '.join(sorted(models))}")

@@ -18,7 +18,8 @@ _NAMED: Final = 6
 
 def heading(infos: Sequence[RunInfo], made: datetime | None = None) -> Heading:
     """Return the heading of a report on the recordings ``infos``, made at ``made`` (now)."""
-    return Heading(badge=_badge(infos), entries=tuple(_entries(infos, made)), notes=_notes(infos))
+    losses = tuple(text for info in infos for text in info.losses)
+    return Heading(_badge(infos), tuple(_entries(infos, made)), _notes(infos), losses)
 
 
 def _badge(infos: Sequence[RunInfo]) -> str:

@@ -179,19 +179,29 @@ def _stale(stream: Stream, rows: NDArray[np.void]) -> NDArray[np.bool_]:
     return stale_rows(rows[STATUS_FIELD]) if stream.has_status else np.zeros(len(rows), np.bool_)
 
 
+def _damaged(recording: Recording) -> str:
+    if not recording.problem:
+        return ""
+    path = recording.path
+    return f"; it is damaged ({recording.problem}): see `rigd verify {path}`, `rigd recover {path}`"
+
+
 def open_sweep(path: Path) -> RecordedSweep:
     """Return the recording at ``path`` with its plan of identification.
+
+    What is damaged is passed over: ``info.losses`` says what, and a trial that lost rows is not
+    complete.
 
     Raises:
         RecordingError: the file cannot be read; the message says what to do.
         DataError: it is no recording of a procedure that identifies anything, or no trial of it
             began.
     """
-    recording = Recording.open(path)
+    recording = Recording.open(path, partial=True)
     plan = recording.metadata.get("identify")
     if plan is None:
         raise DataError(
-            f"{path} does not say what to identify",
+            f"{path} does not say what to identify" + _damaged(recording),
             hint="the procedure needs an `identify` block; `rigd info` shows what the file holds",
         )
     sweep = RecordedSweep(
@@ -208,6 +218,7 @@ def open_sweep(path: Path) -> RecordedSweep:
     )
     if not sweep.info.trials:
         raise DataError(
-            f"{path} has no trial", hint=f"`rigd run --resume {path}` plays the missing ones"
+            f"{path} has no trial" + _damaged(recording),
+            hint=f"`rigd run --resume {path}` plays the missing ones",
         )
     return sweep

@@ -1,10 +1,11 @@
-"""Recordings: MCAP files written in bulk, read as columns, recovered in place.
+"""Recordings: MCAP files written in bulk, read as columns, checked and recovered.
 
 To export one, import :mod:`rigd.record.export`.
 """
 
 from rigd.record.catalogue import BrokenRun, Catalogue, Filters, list_runs
 from rigd.record.events import NO_TRIAL, Event
+from rigd.record.gaps import Gap
 from rigd.record.info import RunInfo, StreamInfo, info_json, run_info
 from rigd.record.prefix import Attachment
 from rigd.record.reader import Recording
@@ -12,6 +13,7 @@ from rigd.record.recover import RecoveryReport, recover
 from rigd.record.tables import Table
 from rigd.record.trial import Trial, Trials
 from rigd.record.trials import Step, TrialInfo, steps, trials
+from rigd.record.verify import Verification, verification_json, verify
 from rigd.record.writer import RecordingWriter
 
 __all__ = [
@@ -21,6 +23,7 @@ __all__ = [
     "Catalogue",
     "Event",
     "Filters",
+    "Gap",
     "Recording",
     "RecordingWriter",
     "RecoveryReport",
@@ -31,10 +34,13 @@ __all__ = [
     "Trial",
     "TrialInfo",
     "Trials",
+    "Verification",
     "info_json",
     "list_runs",
     "recover",
     "run_info",
     "steps",
     "trials",
+    "verification_json",
+    "verify",
 ]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rigd.model import Stream
 from rigd.model.rows import row_dtype
-from rigd.record.compression import Compression, decompress
+from rigd.record.compression import Compression, decompress, decompress_begin
 from rigd.record.crc import crc32
 from rigd.record.wire import FRAME, Malformed, records
 
@@ -172,6 +172,24 @@ def parse_chunk(content: memoryview) -> ChunkHead:
         Malformed: the content is shorter than it says.
 
     """
+    head, packed_size = _read_head(content)
+    if len(head.packed) != packed_size or head.size > MAX_UNCOMPRESSED:
+        raise Malformed("a chunk whose sizes do not agree")
+    return head
+
+
+def parse_torn_chunk(content: memoryview) -> ChunkHead:
+    """Return the head of a chunk of which the end may be missing or wrong.
+
+    Raises:
+        Malformed: not even the head is there.
+
+    """
+    return _read_head(content)[0]
+
+
+def _read_head(content: memoryview) -> tuple[ChunkHead, int]:
+    """Return the head of a chunk with all that follows it, and how long that should be."""
     try:
         start_ns, end_ns, size, crc, name_length = _CHUNK_HEAD.unpack_from(content)
         at = _CHUNK_HEAD.size
@@ -180,10 +198,17 @@ def parse_chunk(content: memoryview) -> ChunkHead:
         (packed_size,) = _SIZE.unpack_from(content, at)
     except (struct.error, UnicodeDecodeError) as error:
         raise Malformed(f"a damaged chunk ({error})") from error
-    packed = content[at + _SIZE.size :]
-    if len(packed) != packed_size or size > MAX_UNCOMPRESSED:
-        raise Malformed("a chunk whose sizes do not agree")
-    return ChunkHead(start_ns, end_ns, size, crc, name, packed)
+    return ChunkHead(start_ns, end_ns, size, crc, name, content[at + _SIZE.size :]), packed_size
+
+
+def begin_of_chunk(head: ChunkHead, size: int) -> bytes:
+    """Return the first ``size`` bytes of the records of a chunk, whatever its rest is.
+
+    Raises:
+        Malformed: not even those can be had.
+
+    """
+    return decompress_begin(head.packed, head.compression, size)
 
 
 def unpack_chunk(head: ChunkHead, *, check_crc: bool = True) -> bytes | memoryview:
@@ -242,3 +267,18 @@ def index_messages(data: bytes | memoryview) -> dict[int, tuple[Times, Times]]:
         found.setdefault(int(head["channel"]), []).append(entry)
     columns = {channel: np.array(entries, np.uint64) for channel, entries in found.items()}
     return {channel: (entry[:, 0], entry[:, 1]) for channel, entry in columns.items()}
+
+
+def first_number(data: bytes | memoryview, channel: int) -> int | None:
+    """Return the number of the first message of a channel in a chunk; None where it has none.
+
+    Raises:
+        Malformed: the data ends within a record.
+
+    """
+    for record in records(memoryview(data)):
+        if record.opcode == Opcode.MESSAGE:
+            head = np.frombuffer(data, MESSAGE_HEAD, count=1, offset=record.start)[0]
+            if int(head["channel"]) == channel:
+                return int(head["sequence"])
+    return None

@@ -61,6 +61,28 @@ def decompress(packed: memoryview, compression: str, size: int) -> bytes | memor
     return data
 
 
+def decompress_begin(packed: memoryview, compression: str, size: int) -> bytes:
+    """Return the first ``size`` bytes of what was compressed; the rest may be damaged.
+
+    Raises:
+        Malformed: unknown compression, or not so many bytes can be had.
+
+    """
+    data = b""
+    try:
+        if compression == "zstd":
+            data = zstandard.ZstdDecompressor().stream_reader(packed).read(size)
+        elif compression == "lz4":
+            data = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
+        elif compression == "":
+            data = bytes(packed[:size])
+    except (zstandard.ZstdError, RuntimeError) as error:
+        raise Malformed(f"a chunk that does not decompress ({error})") from error
+    if len(data) < size:
+        raise Malformed("a chunk of which nothing can be read")
+    return data
+
+
 def _lz4(data: memoryview) -> bytes:
     return bytes(lz4.frame.compress(data))
 

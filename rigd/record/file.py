@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Self
 
 from rigd.model import RecordingError
+from rigd.record.access import take
 from rigd.record.chunks import Chunk
 from rigd.record.contents import SummaryWriter
 from rigd.record.crc import crc32
-from rigd.record.journal import Journal, Saved, write_all
+from rigd.record.journal import IDENTITY_BYTES, Identity, Journal, Saved, write_all
 
 #: What the system says where a disk, a quota or the largest size of a file is reached.
-_FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_FULL: Final = (errno.ENOSPC, getattr(errno, "EDQUOT", None), errno.EFBIG)
 
 
 class InUse(RecordingError):
@@ -41,6 +41,7 @@ class RecordingFile:
         self._open_size = 0  #: bytes of open chunks at the start of the tail
         self._torn = False  #: whether a write failed and could not be taken back
         self._journal = Journal(path)
+        self._identity = Identity(sealed, crc)
 
     @property
     def sealed(self) -> int:
@@ -68,6 +69,7 @@ class RecordingFile:
         try:
             lock(fd, path)
             file.commit(prefix, (), ())
+            file._identity = Identity(len(prefix), file._crc)
         except RecordingError:
             file.close()
             path.unlink(missing_ok=True)
@@ -85,6 +87,8 @@ class RecordingFile:
         file = cls(fd, path, summary, sealed, crc)
         try:
             file._tail = os.pread(fd, os.fstat(fd).st_size - sealed, sealed)
+            begin = os.pread(fd, min(sealed, IDENTITY_BYTES), 0)
+            file._identity = Identity(len(begin), crc32(begin))
         except OSError as error:
             raise write_error(path, error) from error
         return file
@@ -175,7 +179,8 @@ class RecordingFile:
     def _replace(self, parts: Sequence[bytes | memoryview]) -> None:
         """Write ``parts`` over the tail; put the tail back where that fails."""
         if self._open_size:
-            self._journal.save(Saved(self._sealed, self._tail[: self._open_size]))
+            saved = Saved(self._sealed, self._tail[: self._open_size], self._identity)
+            self._journal.save(saved)
         size = sum(map(len, parts))
         self._torn = True
         try:
@@ -205,11 +210,13 @@ def lock(fd: int, path: Path) -> None:
 
     """
     try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        taken = take(fd)
     except OSError as error:
+        raise write_error(path, error) from error
+    if not taken:
         raise InUse(
             f"{path} is being written by another process", hint="Wait until its run has ended."
-        ) from error
+        )
 
 
 def write_error(path: Path, error: OSError) -> RecordingError:

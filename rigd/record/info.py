@@ -9,9 +9,10 @@ from typing import Final
 
 from rigd.model import Stream
 from rigd.record.events import Event
+from rigd.record.gaps import Gap, gap_text, gaps_json
+from rigd.record.prefix import RECOVERY_METADATA
 from rigd.record.reader import Recording
-from rigd.record.recover import RECOVERY_METADATA
-from rigd.record.trials import INTERRUPTED, TrialInfo, trials
+from rigd.record.trials import INTERRUPTED, TrialInfo
 
 #: State where ``run_end`` names none.
 COMPLETE: Final = "complete"
@@ -45,8 +46,24 @@ class RunInfo:
     parameters: Mapping[str, str]
     attachments: tuple[str, ...]
     metadata: Mapping[str, Mapping[str, str]]
+    start_ns: int  #: when the recording began, ns since the Unix epoch
     duration_s: float
     size: int  #: bytes
+    gaps: tuple[Gap, ...] = ()  #: rows that are known to be lost
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """What is damaged or lost, in sentences; empty where nothing is known to be."""
+        said = []
+        if self.problem:
+            said.append(f"{self.path} is damaged, which was passed over: {self.problem}")
+        elif self.gaps:
+            said.append(f"{self.path} was damaged and has been recovered")
+        said += [f"{self.path} lacks {gap_text(gap, self.start_ns)}" for gap in self.gaps]
+        lost = [f"trial {trial.number} ({trial.lost})" for trial in self.trials if trial.lost]
+        if lost:
+            said.append(f"{self.path}: not complete for that reason: {', '.join(lost)}")
+        return tuple(said)
 
     @property
     def trials_done(self) -> int:
@@ -61,7 +78,7 @@ def run_info(recording: Recording) -> RunInfo:
         RecordingError: its events are damaged.
 
     """
-    events = recording.events()
+    events = recording.all_events
     run = recording.metadata.get("run", {})
     state, reason = run_state(events)
     return RunInfo(
@@ -75,13 +92,15 @@ def run_info(recording: Recording) -> RunInfo:
         reason=reason,
         recovered=RECOVERY_METADATA in recording.metadata,
         problem=recording.problem,
-        trials=trials(events),
+        trials=tuple(trial.info for trial in recording.trials),
         streams=tuple(_stream_info(recording, name) for name in recording.streams),
         parameters=recording.metadata.get("parameters", {}),
         attachments=tuple(index.name for index in recording.contents.attachments),
         metadata=recording.metadata,
+        start_ns=recording.start_ns,
         duration_s=(recording.end_ns - recording.start_ns) * 1e-9,
         size=recording.size,
+        gaps=recording.gaps,
     )
 
 
@@ -103,6 +122,7 @@ def info_json(info: RunInfo) -> dict[str, object]:
         "reason": info.reason,
         "recovered": info.recovered,
         "problem": info.problem,
+        "lost_rows": gaps_json(info.gaps, info.start_ns),
         "parameters": dict(info.parameters),
         "calibration": dict(info.metadata.get("calibration", {})),
         "trials": [
@@ -113,6 +133,7 @@ def info_json(info: RunInfo) -> dict[str, object]:
                 "units": dict(trial.units),
                 "complete": trial.complete,
                 "reason": trial.reason,
+                "lost": trial.lost,
             }
             for trial in info.trials
         ],

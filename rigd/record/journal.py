@@ -3,7 +3,8 @@
 A flush overwrites the open chunks that the last flush wrote with sealed ones. A process killed
 in the middle of that write (the kernel stops at a page boundary) would lose up to a second of
 rows that were on disk already. So those rows are first copied to ``RUN.mcap.journal``: ``recover``
-puts them back when the recording is torn, and only what came after the last flush is lost.
+puts them back when the recording is torn, and only what came after the last flush is lost. The
+journal carries the CRC of the first bytes of its recording: beside any other it is ignored.
 SQLite's rollback journal does the same (https://www.sqlite.org/atomiccommit.html, section 3).
 """
 
@@ -18,8 +19,11 @@ from typing import Final
 
 from rigd.record.crc import crc32
 
-_MAGIC: Final = b"rigdjrn1"
-_HEAD: Final = struct.Struct("<8sQQI")  #: magic, offset, length, CRC of payload and offset
+_MAGIC: Final = b"rigdjrn2"
+#: Magic, offset, length, identity (bytes and their CRC), CRC of all but the magic.
+_HEAD: Final = struct.Struct("<8sQQQII")
+#: So many bytes at most tell a recording from others: they hold its metadata.
+IDENTITY_BYTES: Final = 64 * 1024
 
 
 def journal_path(recording: Path) -> Path:
@@ -27,15 +31,29 @@ def journal_path(recording: Path) -> Path:
     return recording.with_name(recording.name + ".journal")
 
 
-_MAX_PARTS: Final = os.sysconf("SC_IOV_MAX")
+#: Parts that one call writes; 16 is the least that POSIX asks of a system.
+_MAX_PARTS: Final = os.sysconf("SC_IOV_MAX") if hasattr(os, "sysconf") else 16
+
+
+@dataclass(frozen=True)
+class Identity:
+    """The first ``size`` bytes of a recording, by their CRC."""
+
+    size: int
+    crc: int
+
+    def is_of(self, buffer: memoryview) -> bool:
+        """Return whether a file begins with these bytes."""
+        return 0 < self.size <= len(buffer) and crc32(buffer[: self.size]) == self.crc
 
 
 @dataclass(frozen=True)
 class Saved:
-    """Bytes that stood at ``offset`` of the recording before the last flush."""
+    """Bytes that stood at ``offset`` of the recording ``identity`` before the last flush."""
 
     offset: int
     data: bytes
+    identity: Identity
 
 
 class Journal:
@@ -55,8 +73,7 @@ class Journal:
         if self._fd is None:
             flags = os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
             self._fd = os.open(self._path, flags, 0o644)
-        head = _HEAD.pack(_MAGIC, saved.offset, len(saved.data), _crc(saved.offset, saved.data))
-        write_all(self._fd, (head, saved.data), 0)
+        write_all(self._fd, (_head(saved), saved.data), 0)
 
     def close(self, *, remove: bool) -> None:
         """Close the journal, and remove it when the recording no longer needs it."""
@@ -76,11 +93,11 @@ def read_journal(recording: Path) -> Saved | None:
         return None
     if len(content) < _HEAD.size:
         return None
-    magic, offset, length, crc = _HEAD.unpack_from(content)
-    data = content[_HEAD.size : _HEAD.size + length]
-    if magic != _MAGIC or len(data) != length or _crc(offset, data) != crc:
+    magic, offset, length, *identity, _ = _HEAD.unpack_from(content)
+    saved = Saved(offset, content[_HEAD.size : _HEAD.size + length], Identity(*identity))
+    if magic != _MAGIC or content[: _HEAD.size] != _head(saved):
         return None
-    return Saved(offset, data)
+    return saved
 
 
 def write_all(fd: int, parts: Sequence[bytes | memoryview], offset: int) -> None:
@@ -102,5 +119,7 @@ def write_all(fd: int, parts: Sequence[bytes | memoryview], offset: int) -> None
         offset += size
 
 
-def _crc(offset: int, data: bytes) -> int:
-    return crc32(data, crc32(offset.to_bytes(8, "little")))
+def _head(saved: Saved) -> bytes:
+    fields = (saved.offset, len(saved.data), saved.identity.size, saved.identity.crc)
+    crc = crc32(saved.data, crc32(struct.pack("<QQQI", *fields)))
+    return _HEAD.pack(_MAGIC, *fields, crc)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -20,12 +19,20 @@ from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
+from rigd.record.access import read_at, share
 from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
 from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
 from rigd.record.crc import crc32
 from rigd.record.decode import message_payloads, rows_of_chunk
 from rigd.record.events import Event, parse_event
-from rigd.record.prefix import FORMAT_METADATA, START_KEY, Attachment
+from rigd.record.gaps import Gap, gaps_from_json, with_losses
+from rigd.record.prefix import (
+    FORMAT_METADATA,
+    GAPS_KEY,
+    RECOVERY_METADATA,
+    START_KEY,
+    Attachment,
+)
 from rigd.record.scan import Scan, scan
 from rigd.record.schema import EVENTS_TOPIC, STREAM_KEY, stream_from_json, stream_from_schema
 from rigd.record.tables import Table, stream_table
@@ -33,6 +40,8 @@ from rigd.record.trial import Trial, Trials
 from rigd.record.trials import Step, steps, trials
 from rigd.record.wire import FOOTER, MAGIC, Malformed, Record, decode, map_file, record_at
 
+#: Under this name a run attaches its procedure.
+PROCEDURE_FILE: Final = "procedure.yaml"
 _LAST_NS: Final = 2**63 - 1
 
 
@@ -52,14 +61,16 @@ class Recording:
     other_topics: tuple[str, ...]
     metadata: Mapping[str, Mapping[str, str]]
     size: int  #: bytes
-    problem: str = ""  #: what is wrong with the file, where it was opened as partial
-    data_end: int = 0  #: bytes that are sound
+    problem: str = ""  #: what is wrong with the file first, where it was opened as partial
+    data_end: int = 0  #: bytes from its start that are sound
+    gaps: tuple[Gap, ...] = ()  #: rows that are known to be lost
 
     @classmethod
     def open(cls, path: str | PathLike[str], *, partial: bool = False) -> Recording:
         """Read the index of a recording.
 
-        ``partial``: where the end of the file is missing, walk it and take what is sound.
+        ``partial``: check every byte and pass over what is damaged; :attr:`problem` and
+        :attr:`gaps` say what that is. A file that is being written is not checked.
 
         Raises:
             RecordingError: missing, empty, cut short (unless partial), or no MCAP file.
@@ -75,10 +86,11 @@ class Recording:
                     (contents, end), problem = _indexed(fd), ""
                 metadata = _metadata(fd, contents)
                 streams, others = _streams(contents)
+                gaps = found.gaps() if found is not None else _gaps(metadata)
             except Malformed as error:
                 raise damaged(path, error) from error
             size = os.fstat(fd).st_size
-        return cls(path, contents, streams, others, metadata, size, problem, end)
+        return cls(path, contents, streams, others, metadata, size, problem, end, gaps)
 
     def __repr__(self) -> str:
         """Return what it is in one line."""
@@ -109,6 +121,16 @@ class Recording:
 
         """
         return self.contents.counts.get(self._channel(stream), 0)
+
+    def recorded(self, stream: str) -> int:
+        """Return the number of rows that a stream was given, those that are lost included.
+
+        Raises:
+            RecordingError: no such stream.
+
+        """
+        lost = (gap.rows or 0 for gap in self.gaps if gap.stream == stream)
+        return self.count(stream) + sum(lost)
 
     def span_ns(self, stream: str) -> tuple[int, int] | None:
         """Return the times of a stream's first and last row; None where it has no rows.
@@ -204,7 +226,11 @@ class Recording:
             RecordingError: a damaged chunk or event.
 
         """
-        return Trials(self, trials(self.all_events))
+        attempts = trials(self.all_events)
+        return Trials(
+            self,
+            with_losses(attempts, self.gaps, self.all_events, asks=bool(self.gaps) and self._asks),
+        )
 
     @cached_property
     def steps(self) -> tuple[Step, ...]:
@@ -256,6 +282,17 @@ class Recording:
                 found[index.name] = Attachment(content.name, content.media_type, content.data)
         return found
 
+    @property
+    def _asks(self) -> bool:
+        """Whether the procedure asks for what changes its quantities, as far as is known."""
+        if any(event.data.get("changes") for event in self.all_events if event.kind == "answer"):
+            return True
+        try:
+            procedure = self.attachments.get(PROCEDURE_FILE)
+        except RecordingError:
+            return True
+        return procedure is None or b"changes:" in procedure.data
+
     @cached_property
     def _numbers(self) -> Mapping[str, int]:
         return {channel.topic: number for number, channel in self.contents.channels.items()}
@@ -289,10 +326,24 @@ class Recording:
 
 
 def damaged(path: Path, problem: object) -> RecordingError:
-    """Return what to tell the user about a file that cannot be read."""
+    """Return what to say about a file that cannot be read."""
+    message = f"{path} cannot be read: {problem}"
+    if not _may_be_mcap(path):
+        hint = "It is no MCAP recording; `rigd run` makes those, with names that end in .mcap."
+        return RecordingError(message, hint=hint)
     return RecordingError(
-        f"{path} cannot be read: {problem}", hint=f"Run `rigd recover {path}` to keep what is good."
+        message,
+        hint=f"`rigd verify {path}` says what is damaged; `rigd recover {path}` leaves that out, "
+        "and keeps the damaged file, too.",
     )
+
+
+def _may_be_mcap(path: Path) -> bool:
+    """Return whether a file that cannot be read is named, begins or ends like a recording."""
+    with path.open("rb") as file:
+        begin = file.read(len(MAGIC))
+        file.seek(-min(len(MAGIC), os.fstat(file.fileno()).st_size), os.SEEK_END)
+        return path.suffix == ".mcap" or MAGIC in (begin, file.read())
 
 
 @contextmanager
@@ -320,7 +371,7 @@ def _bytes_at(fd: int, offset: int, length: int) -> memoryview:
     size = os.fstat(fd).st_size
     if offset + length > size:
         raise Malformed(f"its index points to byte {offset + length}, behind its end at {size}")
-    return memoryview(os.pread(fd, length, offset))
+    return memoryview(read_at(fd, length, offset))
 
 
 def _record(fd: int, offset: int, length: int, opcode: int) -> Record:
@@ -332,18 +383,14 @@ def _record(fd: int, offset: int, length: int, opcode: int) -> Record:
 
 def _walked(fd: int) -> Scan | None:
     """Return a scan of the whole file, or None while a writer holds it."""
-    try:
-        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return None
-    return scan(map_file(fd))
+    return scan(map_file(fd)) if share(fd) else None
 
 
 def _indexed(fd: int) -> tuple[Contents, int]:
     size, ending = os.fstat(fd).st_size, FOOTER.size + len(MAGIC)
-    if os.pread(fd, len(MAGIC), 0) != MAGIC:
+    if read_at(fd, len(MAGIC), 0) != MAGIC:
         raise Malformed("it does not begin like an MCAP file")
-    start, crc = parse_footer(memoryview(os.pread(fd, ending, max(size - ending, 0))))
+    start, crc = parse_footer(memoryview(read_at(fd, ending, max(size - ending, 0))))
     if start == 0:
         raise Malformed("it has no summary")
     if not len(MAGIC) <= start <= size - ending:
@@ -365,6 +412,13 @@ def _metadata(fd: int, contents: Contents) -> dict[str, dict[str, str]]:
         content = decode(mcap.Metadata, record.content)
         found.setdefault(content.name, {}).update(content.metadata)
     return found
+
+
+def _gaps(metadata: Mapping[str, Mapping[str, str]]) -> tuple[Gap, ...]:
+    try:
+        return gaps_from_json(metadata.get(RECOVERY_METADATA, {}).get(GAPS_KEY, "[]"))
+    except ValueError as error:
+        raise Malformed(str(error)) from error
 
 
 def _streams(contents: Contents) -> tuple[dict[str, Stream], tuple[str, ...]]:

@@ -1,98 +1,141 @@
-"""Repairs a recording in place: everything up to the first damage is kept, the rest is cut off."""
+"""Repairs a recording: leaves out what is damaged, keeps all the rest and the original.
+
+Where nothing but the end of a file is missing, it is written behind the data in place. Else a
+repaired file is made beside the damaged one, which then keeps its bytes under another name. At
+every moment one of both stands under the name of the recording, whole: a repair that is killed, or
+for which the disk is too small, has changed nothing.
+"""
 
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
-from typing import Final
 
 from rigd.model import RecordingError
-from rigd.record.contents import SummaryWriter, rows_of
 from rigd.record.crc import crc32
 from rigd.record.file import lock, write_error
-from rigd.record.journal import Saved, journal_path, read_journal, write_all
-from rigd.record.prefix import LIBRARY, build_extras
-from rigd.record.scan import Scan, scan, walk
+from rigd.record.gaps import Gap, gaps_to_json
+from rigd.record.journal import Saved, journal_path, read_journal
+from rigd.record.prefix import GAPS_KEY
+from rigd.record.rebuild import complete, rebuild
+from rigd.record.scan import Damage, Scan, scan
+from rigd.record.walk import collect, drop_copies, walk
 from rigd.record.wire import Malformed, map_file
-
-#: Metadata record that says a recording was repaired, and so interrupted.
-RECOVERY_METADATA: Final = "recovery"
 
 
 class Headless(RecordingError):
-    """Not even the beginning of a recording is there: nothing can be kept of it."""
+    """Nothing of a recording is there: nothing can be kept of it."""
 
 
 @dataclass(frozen=True)
 class RecoveryReport:
-    """What :func:`recover` did; ``rows_kept`` by topic, ``lost_bytes`` cut off the end."""
+    """What :func:`recover` did; ``rows_kept`` by topic.
+
+    ``lost_bytes`` are those of the damaged file that the repaired one lacks.
+    """
 
     path: Path
     intact: bool  #: nothing was wrong, and nothing was changed
-    problem: str  #: what was wrong; empty where intact
+    problem: str  #: what was wrong first; empty where intact
     from_journal: bool  #: whether rows came back from the journal of a torn flush
     rows_kept: dict[str, int]
     lost_bytes: int
+    damages: tuple[Damage, ...] = ()
+    gaps: tuple[Gap, ...] = ()  #: which rows are lost
+    original: Path | None = None  #: where the damaged file is kept; None: completed in place
 
 
-def recover(path: Path, *, trusted: int = 0) -> RecoveryReport:
-    """Make a recording readable again, in place; does nothing to an intact one.
+def recover(path: Path, *, trusted: int = 0, own: bool = False) -> RecoveryReport:
+    """Make a recording readable again; does nothing to an intact one.
 
-    The first ``trusted`` bytes are not checked (:mod:`~rigd.record.scan`). It may be interrupted
-    and run again. A repaired recording has a metadata record ``recovery``; its run counts as
-    interrupted, as it has no ``run_end`` event.
+    The first ``trusted`` bytes are not checked (:mod:`~rigd.record.scan`). ``own``: the caller
+    holds all rows that are not flushed, so that the torn end of a file is not worth keeping. It may
+    be killed and run again. A repaired recording has a metadata record ``recovery`` that names the
+    rows that are lost; its run counts as interrupted where it has no ``run_end`` event.
 
     Raises:
         Headless: empty, or no MCAP file.
         InUse: being written.
-        RecordingError: missing, damaged but not written by rigd, or the disk refuses.
+        RecordingError: missing, damaged but not written by rigd, or the disk refuses; the file is
+            as it was.
 
     """
     try:
-        fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        fd = _open_locked(path)
     except OSError as error:
         raise RecordingError(f"cannot open {path}: {error.strerror}") from error
     try:
-        lock(fd, path)
-        return _recover(fd, path, trusted)
+        return _recover(fd, path, trusted, own)
     except OSError as error:
         raise write_error(path, error) from error
     finally:
         os.close(fd)
 
 
-def _recover(fd: int, path: Path, trusted: int) -> RecoveryReport:
+def _open_locked(path: Path) -> int:
+    """Open the file for writing; again where another has just put a repaired one in its place."""
+    while True:
+        fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        try:
+            lock(fd, path)
+            if os.path.samestat(os.fstat(fd), path.stat()):
+                return fd
+        except BaseException:
+            os.close(fd)
+            raise
+        os.close(fd)
+
+
+def _recover(fd: int, path: Path, trusted: int, own: bool) -> RecoveryReport:
     size = os.fstat(fd).st_size
     found = _scan(fd, path, trusted)
-    problem, from_journal, lost = found.problem, False, 0
-    if not found.intact:
-        _refuse_foreign(path, found)
-        saved = read_journal(path)
-        if saved is not None and _journal_has_more(found, saved):
-            write_all(fd, (saved.data,), saved.offset)
-            os.ftruncate(fd, saved.offset + len(saved.data))
-            found, from_journal = _scan(fd, path, trusted), True
-        lost = max(size - found.data_end, 0)
-        _finish(fd, found, problem)
-    journal_path(path).unlink(missing_ok=True)
+    if found.intact:
+        journal_path(path).unlink(missing_ok=True)
+        return _report(path, found, False, 0, None)
+    _refuse_foreign(path, found)
+    saved = read_journal(path)
+    if saved is not None and not saved.identity.is_of(map_file(fd)):
+        saved = None  # of another recording
+    from_journal = saved is not None and _add_saved(found, saved)
+    original: Path | None = None
+    if own and saved is not None and found.data_end >= saved.offset:
+        _complete(fd, found, saved.offset)
+    elif (own and not found.behind) or (not from_journal and _loses_nothing(fd, found)):
+        _complete(fd, found, found.data_end)
+    else:
+        original = _replace(fd, path, found)
+    if original is None and saved is not None:
+        journal_path(path).unlink(missing_ok=True)
+    kept = sum(len(piece.data) for piece in found.pieces)
+    return _report(path, found, from_journal, max(size - kept, 0), original)
+
+
+def _report(
+    path: Path, found: Scan, from_journal: bool, lost_bytes: int, original: Path | None
+) -> RecoveryReport:
     topics = {number: channel.topic for number, channel in found.contents.channels.items()}
     return RecoveryReport(
         path=path,
-        intact=not problem,
-        problem=problem,
+        intact=found.intact,
+        problem=found.problem,
         from_journal=from_journal,
         rows_kept={topics[number]: count for number, count in found.contents.counts.items()},
-        lost_bytes=lost,
+        lost_bytes=lost_bytes,
+        damages=tuple(found.damages),
+        gaps=() if original is None else found.gaps(),
+        original=original,
     )
 
 
 def _refuse_foreign(path: Path, found: Scan) -> None:
-    """Refuse to cut a file that may only be laid out in a way that rigd does not know."""
-    if not found.library.startswith(LIBRARY):
+    """Refuse to repair a file that may only be laid out in a way that rigd does not know."""
+    if not found.by_rigd:
         raise RecordingError(
             f"{path} was written by {found.library!r} and is not as rigd expects: {found.problem}",
-            hint="rigd repairs in place only what it wrote; `mcap recover` makes a repaired copy.",
+            hint="rigd repairs only what it wrote; `mcap recover` makes a repaired copy.",
         )
 
 
@@ -103,41 +146,86 @@ def _scan(fd: int, path: Path, trusted: int) -> Scan:
         return scan(map_file(fd), trusted)
     except Malformed as error:
         raise Headless(
-            f"{path} cannot be recovered: {error}", hint="It is no recording, or lost its head."
+            f"{path} cannot be recovered: {error}", hint="It is no MCAP recording."
         ) from error
 
 
-def _journal_has_more(found: Scan, saved: Saved) -> bool:
-    """Return whether the journal has rows of some channel that the torn file lost."""
-    if saved.offset > found.data_end:
-        return False  # the damage is before what the journal saved
+def _add_saved(found: Scan, saved: Saved) -> bool:
+    """Add the chunks of the journal that the file lost; return whether there were any."""
     in_journal = Scan(data_end=saved.offset)
-    in_journal.contents.channels = found.contents.channels
+    walk(memoryview(saved.data), in_journal, saved.offset)
+    # Of two that are equal, the first is kept: that of the file.
+    found.pieces = [*found.pieces, *in_journal.pieces]
+    drop_copies(found)
+    ours = {id(piece) for piece in in_journal.pieces}
+    added = [piece for piece in found.pieces if id(piece) in ours]
+    rest = [piece for piece in found.pieces if id(piece) not in ours]
+    front = [piece for piece in rest if piece.start < saved.offset]
+    found.pieces = [*front, *added, *rest[len(front) :]]
+    collect(found)
+    return bool(added)
+
+
+def _loses_nothing(fd: int, found: Scan) -> bool:
+    """Return whether only indexes and the end are missing behind sound data, and no row."""
+    if found.behind:
+        return False
+    if found.data_sound:
+        return True
+    rest = map_file(fd)[found.data_end :]
+    if found.missing_index:
+        return len(rest) < len(found.missing_index)
+    return not rest.tobytes().strip(b"\0")
+
+
+def _complete(fd: int, found: Scan, cut: int) -> None:
+    """Write what is missing from byte ``cut`` of the file on."""
+    complete(fd, found, cut, crc32(map_file(fd)[:cut]), {"problem": found.problem})
+
+
+def _replace(fd: int, path: Path, found: Scan) -> Path:
+    """Put a repaired file in the place of the damaged one; return where that is kept."""
+    draft = path.with_name(f"{path.name}.recovering")
+    mark = {"problem": found.problem, GAPS_KEY: gaps_to_json(found.gaps())}
+    target = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
     try:
-        walk(memoryview(saved.data), in_journal, saved.offset)
-    except Malformed:
-        return False  # its CRC held, so it belongs to another file of this name
-    in_file: dict[int, int] = {}
-    for chunk in found.contents.chunks:
-        if chunk.chunk_start_offset >= saved.offset:
-            for channel in chunk.message_index_offsets:
-                in_file[channel] = in_file.get(channel, 0) + rows_of(chunk)
-    return any(
-        count > in_file.get(channel, 0) for channel, count in in_journal.contents.counts.items()
-    )
+        try:
+            rebuild(target, found, mark)
+            os.fchmod(target, os.fstat(fd).st_mode & 0o777)
+        finally:
+            os.close(target)
+        original = _kept(fd, path)
+        draft.replace(path)
+    except OSError:
+        with suppress(OSError):
+            draft.unlink()
+        raise
+    journal = journal_path(path)
+    with suppress(FileNotFoundError):
+        journal.rename(journal_path(original))
+    _sync_folder(path.parent)
+    return original
 
 
-def _finish(fd: int, found: Scan, problem: str) -> None:
-    """Write what is missing behind the sound data, and cut off the rest."""
-    contents = found.contents
-    start = found.data_end + len(found.missing_index)
-    marked = RECOVERY_METADATA in (index.name for index in contents.metadata)
-    # Once is enough: a recovery that was itself interrupted leaves its mark in the sound part.
-    mark = {} if marked else {RECOVERY_METADATA: {"problem": problem}}
-    added = found.missing_index + build_extras(mark, (), contents.start_ns, start, contents)
-    end = found.data_end + len(added)
-    tail = SummaryWriter(contents).tail(end, crc32(added, found.data_crc), ())
-    write_all(fd, (added, tail), found.data_end)
-    os.ftruncate(fd, end + len(tail))
-    os.fdatasync(fd)
-    found.data_end = end
+def _kept(fd: int, path: Path) -> Path:
+    """Give the damaged file a second name, as yet unused; return it."""
+    for number in count(1):
+        name = f"{path.name}.orig" if number == 1 else f"{path.name}.orig{number}"
+        original = path.with_name(name)
+        try:
+            os.link(path, original)
+        except FileExistsError:
+            if not os.path.samestat(os.fstat(fd), original.stat()):
+                continue
+            # Its second name was given by a repair that was killed right behind.
+        return original
+    raise AssertionError("count() does not end")
+
+
+def _sync_folder(folder: Path) -> None:
+    """Wait until the disk has the new names."""
+    fd = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)

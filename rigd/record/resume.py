@@ -23,6 +23,7 @@ class Start:
     contents: Contents
     channels: dict[str, tuple[int, Stream]]
     start_ns: int
+    numbers: dict[int, int]  #: of the next message, by channel: those that are lost had theirs
 
 
 def open_for_append(path: Path, streams: Sequence[Stream], trusted: int = 0) -> Start:
@@ -45,7 +46,8 @@ def open_for_append(path: Path, streams: Sequence[Stream], trusted: int = 0) -> 
         found = scan(map_file(fd), trusted)
         if not found.intact:
             raise RecordingError(
-                f"{path} is damaged: {found.problem}", hint=f"Run `rigd recover {path}` first."
+                f"{path} is damaged: {found.problem}",
+                hint=f"`rigd recover {path}` leaves that out, and keeps the damaged file, too.",
             )
         file = RecordingFile.resume(
             fd, path, SummaryWriter(found.contents), found.data_end, found.data_crc
@@ -55,7 +57,11 @@ def open_for_append(path: Path, streams: Sequence[Stream], trusted: int = 0) -> 
         raise
     by_topic = {channel.topic: number for number, channel in found.contents.channels.items()}
     channels = {stream.name: (by_topic[f"/{stream.name}"], stream) for stream in streams}
-    return Start(file, found.contents, channels, recording.start_ns)
+    numbers = dict(found.contents.counts)
+    for gap in recording.gaps:
+        number = by_topic.get(f"/{gap.stream}", 0)
+        numbers[number] = numbers.get(number, 0) + (gap.rows or 0)
+    return Start(file, found.contents, channels, recording.start_ns, numbers)
 
 
 def _check_same(path: Path, recording: Recording, streams: Sequence[Stream]) -> None:

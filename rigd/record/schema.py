@@ -11,6 +11,9 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from mcap import records as mcap
+from mcap.well_known import MessageEncoding, SchemaEncoding
+
 from rigd.model import Channel, RecordingError, Stream
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.rows import TIME_FIELD
@@ -171,6 +174,26 @@ def stream_from_schema(topic: str, text: str) -> Stream | None:
     if not channels or len(names) < len(channels) or TIME_FIELD in names:
         return None
     return Stream(topic.removeprefix("/"), tuple(channels), has_status=has_status)
+
+
+def unnamed_channel(
+    number: int, value_bytes: int, *, events: bool = False
+) -> tuple[mcap.Schema, mcap.Channel]:
+    """Return a schema and a channel for messages whose own definitions are lost.
+
+    They carry ``value_bytes`` behind the CDR header: float64s, and a status word where four bytes
+    are left over. Names and units are not known.
+    """
+    topic, name = f"/unnamed_{number}", f"rigd/msg/Unnamed{number}"
+    if events:
+        topic, name, text = EVENTS_TOPIC, EVENTS_TYPE, EVENTS_SCHEMA
+    else:
+        channels = tuple(Channel(f"c{position}") for position in range(value_bytes // 8))
+        text = schema_text(Stream(topic, channels, has_status=value_bytes % 8 == 4))
+    return (
+        mcap.Schema(number, text.encode(), SchemaEncoding.ROS2, name),
+        mcap.Channel(number, topic, MessageEncoding.CDR, {}, number),
+    )
 
 
 def _from(stream: Stream) -> str:

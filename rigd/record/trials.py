@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+from rigd.model.units import format_quantity
 from rigd.record.events import Event
 
 #: State of a run whose recording has no ``run_end`` after its last ``run_start``, and reason of a
@@ -31,6 +32,14 @@ class TrialInfo:
     complete: bool = False
     reason: str = ""
     answers: Mapping[str, Any] = field(default_factory=dict)
+    lost: str = ""  #: which of its rows the recording has lost, in words
+
+    def text(self, name: str) -> str:
+        """Return the value of a parameter as a person writes it; "" where the trial has none."""
+        value, unit = self.parameters.get(name, ""), self.units.get(name)
+        if unit is None or isinstance(value, str | bool):
+            return str(value)
+        return format_quantity(float(value), unit)
 
 
 @dataclass(frozen=True)

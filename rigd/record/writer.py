@@ -52,7 +52,7 @@ class RecordingWriter:
         self,
         file: RecordingFile,
         streams: Mapping[str, tuple[int, Stream]],
-        counts: Mapping[int, int],
+        numbers: Mapping[int, int],
         *,
         start_ns: int,
         compression: Compression,
@@ -62,10 +62,10 @@ class RecordingWriter:
         """Use :meth:`create` or :meth:`append`."""
         self._file = file
         self._rows = {
-            name: OpenRows(stream, channel, counts.get(channel, 0))
+            name: OpenRows(stream, channel, numbers.get(channel, 0))
             for name, (channel, stream) in streams.items()
         }
-        self._events = OpenEvents(EVENTS_CHANNEL, counts.get(EVENTS_CHANNEL, 0), start_ns)
+        self._events = OpenEvents(EVENTS_CHANNEL, numbers.get(EVENTS_CHANNEL, 0), start_ns)
         self._compression = compression
         self._compress = compressor(compression)
         self._waiting: list[Chunk] = []  #: sealed and not yet written
@@ -145,7 +145,7 @@ class RecordingWriter:
         writer = cls(
             start.file,
             start.channels,
-            start.contents.counts,
+            start.numbers,
             start_ns=start.start_ns,
             compression=compression,
             sync_interval_s=sync_interval_s,

@@ -137,3 +137,22 @@ def test_late_rows_of_a_faster_stream_are_left_out_of_its_means(make: Make) -> N
     _, signals = sweep.signals(sweep.trials[0])
     assert signals["acceleration"] == pytest.approx(signals["angle"], abs=3 / 9600)
     assert sweep.bridged(sweep.trials[0]) == 3
+
+
+def test_damage_is_passed_over_and_said(make: Make) -> None:
+    """The trial that lost samples is not used; nothing else is lost, and no repair is needed."""
+    sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 1000))
+    assert len(sweep.trials) == 1
+    assert sweep.info.losses == ()
+    content = bytearray(sweep.path.read_bytes())
+    first = next(one for one in sweep.recording.contents.chunks if 2 in one.message_index_offsets)
+    content[first.chunk_start_offset + 200] ^= 1
+    sweep.path.write_bytes(content)
+    damaged = open_sweep(sweep.path)
+    assert damaged.trials == ()
+    said = "\n".join(damaged.info.losses)
+    assert "is damaged, which was passed over" in said
+    assert "rows of encoder" in said
+    assert "trial 1 (lost: " in said
+    assert len(damaged.recording.read("card")) == 1200
+    assert sweep.path.read_bytes() == content

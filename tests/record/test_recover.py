@@ -139,7 +139,7 @@ def test_a_torn_journal_beside_a_sound_file_is_ignored(
     assert not journal_path(path).exists()
 
 
-def test_a_damaged_chunk_ends_what_is_kept(
+def test_a_damaged_chunk_alone_is_left_out(
     create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
 ) -> None:
     path = tmp_path / "run.mcap"
@@ -152,10 +152,19 @@ def test_a_damaged_chunk_ends_what_is_kept(
     path.write_bytes(content)
     with pytest.raises(RecordingError, match=r"CRC|decompress"):
         Recording.open(path).read("wheel_servo")
+    damaged = path.read_bytes()
     report = recover(path)
-    assert report.rows_kept == {"/wheel_servo": 1_000}
-    assert report.lost_bytes > 0
-    assert Recording.open(path).read("wheel_servo").tobytes() == given[:1_000].tobytes()
+    assert report.rows_kept == {"/wheel_servo": 2_500}
+    assert report.lost_bytes >= second.chunk_length
+    kept = np.concatenate([given[:1_000], given[2_000:]])
+    assert Recording.open(path).read("wheel_servo").tobytes() == kept.tobytes()
+    assert report.original == tmp_path / "run.mcap.orig"
+    assert report.original.read_bytes() == damaged
+    (gap,) = Recording.open(path).gaps
+    times = given["t_ns"]
+    assert (gap.stream, gap.rows) == ("wheel_servo", 1_000)
+    assert (gap.start_ns, gap.end_ns) == (times[1_000], times[1_999])
+    assert_strictly_sound(path)
 
 
 @pytest.mark.parametrize("content", [b"", b"\x00", b"nonsense" * 100, b"\x89MCAP0\r\n"])

@@ -180,7 +180,7 @@ class Transfer:
         if not job.resume and not path.exists():
             return self._create_again("the recording was gone")
         try:
-            recover(path, trusted=trusted)
+            recover(path, trusted=trusted, own=True)
         except Headless:
             if job.resume:
                 raise
@@ -223,7 +223,7 @@ class Transfer:
         self._ended = any(event.kind == "run_end" for event in since)
         rows_lost = self._settle_rows(recording, before["rows"])
         events_lost = self._settle_events([one for one in since if BY_RECORDER not in one.data])
-        rows_since = any(recording.count(name) > before["rows"][name] for name in self._rows)
+        rows_since = any(recording.recorded(name) > before["rows"][name] for name in self._rows)
         if rows_lost or events_lost or ((since or rows_since) and not self._ended):
             self._note_restart("the recorder before was killed", rows_lost, events_lost)
 
@@ -231,7 +231,7 @@ class Transfer:
         """Return how many released rows are not on disk, by stream."""
         lost: dict[str, int] = {}
         for name, ring in self._rows.items():
-            unreleased = recording.count(name) - before[name] - ring.tail
+            unreleased = recording.recorded(name) - before[name] - ring.tail
             if unreleased >= 0:
                 ring.release(min(unreleased, ring.head - ring.tail))
             else:
@@ -265,7 +265,7 @@ class Transfer:
             rows, events = dict.fromkeys(self._rows, 0), 0
         else:
             known = recording.streams
-            rows = {name: recording.count(name) if name in known else 0 for name in self._rows}
+            rows = {name: recording.recorded(name) if name in known else 0 for name in self._rows}
             events = len(recording.events())
         draft = self._begun_path.with_suffix(".new")
         draft.write_text(json.dumps({"rows": rows, "events": events}))

@@ -54,12 +54,14 @@ class Heading:
     """What stands under the title of a report.
 
     ``badge`` says that the data are simulated and how; it is empty for real devices. ``entries``
-    are names and texts: rig, recordings, operator, dates. ``notes`` are what people wrote.
+    are names and texts: rig, recordings, operator, dates. ``notes`` are what people wrote,
+    ``losses`` what of the recordings is damaged or lost.
     """
 
     badge: str = ""
     entries: tuple[tuple[str, str], ...] = ()
     notes: tuple[str, ...] = ()
+    losses: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,55 @@
+"""``rigd verify``: are recordings as they were written? Nothing is changed."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+HELP = "check every byte of recordings, and name the rows and trials that are lost"
+EXAMPLES = """\
+examples:
+  rigd verify runs/20261121-080000-constant_current-pvc.mcap
+  rigd verify runs/*.mcap
+  rigd verify FILE --json
+
+  The exit code is 0 where every byte of every file is as it was written, and 7 where one is not.
+  Nothing is changed: `rigd recover FILE` makes a repaired file, and keeps the damaged one, too.
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="recordings")
+    parser.add_argument("--json", action="store_true", help="print as JSON, a list")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Check each file; one that cannot be read keeps no other from being checked."""
+    from rigd.model.errors import Exit, RecordingError
+    from rigd.record import verification_json, verify
+
+    sound, found = True, []
+    for path in dict.fromkeys(args.files):
+        try:
+            one = verify(path)
+        except RecordingError as error:
+            print(f"rigd: {error}", file=sys.stderr)
+            sound = False
+            found.append({"recording": str(path), "sound": False, "problem": error.message})
+            continue
+        sound = sound and one.sound
+        found.append(verification_json(one))
+        if args.json:
+            continue
+        rows = ", ".join(f"{count} of {topic[1:]}" for topic, count in sorted(one.rows.items()))
+        state = "sound" if one.sound else "damaged"
+        print(f"{path}: {state}, {one.chunks} chunks with {rows or 'no rows'}")
+        for line in one.lines():
+            print(f"  {line}")
+        if not one.sound:
+            print(f"  `rigd recover {path}` leaves that out, and keeps the damaged file, too")
+    if args.json:
+        print(json.dumps(found, indent=2))
+    return int(Exit.OK if sound else Exit.BAD_DATA)

@@ -1,0 +1,76 @@
+"""Reading files on any system: at a position, and beside a process that may be writing.
+
+rigd records on Linux. Recordings are read, exported and identified from on Windows and macOS, too,
+where some of what Linux has is missing.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from types import ModuleType
+
+from rigd.model import RecordingError
+
+fcntl: ModuleType | None
+try:
+    fcntl = import_module("fcntl")
+except ImportError:  # Windows
+    fcntl = None
+
+
+def require_writing() -> None:
+    """Raise unless this system has what recordings are written with.
+
+    Raises:
+        RecordingError: it has not.
+
+    """
+    if fcntl is None or not hasattr(os, "pwritev"):
+        raise RecordingError(
+            "recordings are made and repaired on Linux only",
+            hint="Here they can be read: `rigd info`, `verify`, `identify`, `report`, `export`.",
+        )
+
+
+def read_at(fd: int, length: int, offset: int) -> bytes:
+    """Return up to ``length`` bytes from byte ``offset`` of a file that no other thread reads."""
+    if hasattr(os, "pread"):
+        return os.pread(fd, length, offset)
+    os.lseek(fd, offset, os.SEEK_SET)
+    parts: list[bytes] = []
+    while length > 0 and (part := os.read(fd, length)):
+        parts.append(part)
+        length -= len(part)
+    return b"".join(parts)
+
+
+def share(fd: int) -> bool:
+    """Keep writers off a file until it is closed; return False where one has it open.
+
+    Where files cannot be locked so, nothing of rigd writes them.
+    """
+    if fcntl is None:
+        return True
+    try:
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def take(fd: int) -> bool:
+    """Take a file for writing until it is closed; return False where another process has it.
+
+    Raises:
+        OSError: files cannot be locked on this system or file system.
+
+    """
+    require_writing()
+    if fcntl is None:
+        return False
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True

@@ -1,0 +1,102 @@
+"""Where records begin behind a damaged place: the next one that proves itself."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Metadata, Schema
+
+from rigd.record.chunks import parse_chunk, parse_message_index, unpack_chunk
+from rigd.record.crc import crc32
+from rigd.record.wire import DATA_END, FRAME, Malformed, Record, decode, encode, record_at
+
+#: Opcodes of the data section, each with a length below 4 GiB behind it.
+_BEGINNING: Final = re.compile(rb"[\x03\x04\x06\x07\x09\x0c\x0f](?=[\s\S]{4}\x00{4})")
+#: What may follow DataEnd: a record of the summary, or the footer.
+_SUMMARY: Final = (
+    Opcode.FOOTER,
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.CHUNK_INDEX,
+    Opcode.STATISTICS,
+    Opcode.SUMMARY_OFFSET,
+)
+
+
+def next_record(buffer: memoryview, damaged: int) -> int:
+    """Return where the next sound record begins behind the damaged one at ``damaged``.
+
+    That is where the damaged one says it ends, if a sound one is there; so what is inside of a
+    record whose content alone is damaged is never taken for a record. Else it is the first place
+    that holds one; the end of the buffer if none does.
+    """
+    try:
+        end = record_at(buffer, damaged).end
+    except Malformed:
+        end = len(buffer)
+    if end < len(buffer) and is_sound(buffer, end):
+        return end
+    for match in _BEGINNING.finditer(buffer, damaged + 1):
+        if is_sound(buffer, match.start()):
+            return match.start()
+    return len(buffer)
+
+
+def is_sound(buffer: memoryview, start: int) -> bool:
+    """Return whether a record of the data section begins at ``start`` and proves itself.
+
+    By its CRC, or, of those that have none, by lengths that agree to the byte.
+    """
+    try:
+        record = record_at(buffer, start)
+        check_record(record)
+        return record.opcode != Opcode.DATA_END or ends_data(buffer, record)
+    except Malformed:
+        return False
+
+
+def check_record(record: Record) -> None:
+    """Check all that a record of the data section says about itself.
+
+    Raises:
+        Malformed: something does not agree, or it does not belong there.
+
+    """
+    content, opcode = record.content, record.opcode
+    if opcode == Opcode.CHUNK:
+        unpack_chunk(parse_chunk(content))
+    elif opcode == Opcode.MESSAGE_INDEX:
+        parse_message_index(content)
+    elif opcode == Opcode.ATTACHMENT:
+        if crc32(content[:-4]) != int.from_bytes(content[-4:], "little"):
+            raise Malformed("an attachment whose CRC does not match its data")
+        decode(Attachment, content)
+    elif opcode == Opcode.METADATA:
+        _check_exact(decode(Metadata, content), content)
+    elif opcode == Opcode.SCHEMA:
+        _check_exact(decode(Schema, content), content)
+    elif opcode == Opcode.CHANNEL:
+        _check_exact(decode(Channel, content), content)
+    elif opcode == Opcode.DATA_END:
+        if len(content) != DATA_END.size - FRAME.size:
+            raise Malformed("the end of the data has another length")
+    elif opcode == Opcode.MESSAGE:
+        raise Malformed("a message outside of a chunk, which rigd does not write or index")
+    else:
+        raise Malformed(f"no record begins at byte {record.start}")
+
+
+def ends_data(buffer: memoryview, record: Record) -> bool:
+    """Return whether what follows a DataEnd record is a summary or a footer."""
+    try:
+        return record_at(buffer, record.end).opcode in _SUMMARY
+    except Malformed:
+        return False
+
+
+def _check_exact(record: Metadata | Schema | Channel, content: memoryview) -> None:
+    """Check that a record was written from nothing but what was read from it."""
+    if encode(record)[FRAME.size :] != bytes(content):
+        raise Malformed(f"a damaged {type(record).__name__} record")

@@ -1,0 +1,154 @@
+"""Writes the sound pieces of a damaged recording as a whole one, each byte for byte."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+from mcap import records as mcap
+from mcap.opcode import Opcode
+from mcap.well_known import Profile
+
+from rigd import __version__
+from rigd.record.contents import Contents, SummaryWriter
+from rigd.record.crc import crc32
+from rigd.record.journal import write_all
+from rigd.record.prefix import LIBRARY, RECOVERY_METADATA, build_extras
+from rigd.record.walk import Piece, Scan
+from rigd.record.wire import FRAME, MAGIC, decode, encode
+
+#: Pieces are written together up to this size.
+_BATCH_BYTES: Final = 4 << 20
+
+
+def rebuild(fd: int, found: Scan, mark: Mapping[str, str]) -> None:
+    """Write a whole recording of the sound pieces to an empty file.
+
+    ``mark`` is its metadata record on the recovery, which takes the place of an older one.
+
+    Raises:
+        OSError: the disk is full or fails.
+
+    """
+    contents = Contents(schemas=found.contents.schemas, channels=found.contents.channels)
+    _write(fd, _whole(found, mark, contents), contents, 0, 0)
+    os.fsync(fd)
+
+
+def complete(fd: int, found: Scan, cut: int, crc: int, mark: Mapping[str, str]) -> None:
+    """Write what is missing from byte ``cut`` of the file on; the pieces before it stay.
+
+    ``crc`` is the CRC up to there. The pieces behind it are moved together.
+
+    Raises:
+        OSError: the disk is full or fails.
+
+    """
+    contents = Contents(schemas=found.contents.schemas, channels=found.contents.channels)
+    # Copied first: they stand in the file that is being written.
+    parts = [bytes(part) for part in _behind(found, cut, mark, contents)]
+    _write(fd, iter(parts), contents, cut, crc)
+    os.fdatasync(fd)
+
+
+def _write(
+    fd: int, parts: Iterator[bytes | memoryview], contents: Contents, at: int, crc: int
+) -> None:
+    """Write the data from byte ``at`` on, and the summary; cut off what is behind."""
+    batch: list[bytes | memoryview] = []
+    waiting = 0
+    for part in parts:
+        crc = crc32(part, crc)
+        batch.append(part)
+        waiting += len(part)
+        if waiting > _BATCH_BYTES:
+            write_all(fd, batch, at)
+            at, waiting = at + waiting, 0
+            batch.clear()
+    end = at + waiting
+    tail = SummaryWriter(contents).tail(end, crc, ())
+    write_all(fd, [*batch, tail], at)
+    os.ftruncate(fd, end + len(tail))
+
+
+def _whole(
+    found: Scan, mark: Mapping[str, str], contents: Contents
+) -> Iterator[bytes | memoryview]:
+    """Yield a whole data section, and index it in ``contents``."""
+    first, *others = found.pieces
+    if first.opcode == Opcode.HEADER:
+        begin = bytes(first.data)
+    else:
+        others = found.pieces
+        library = found.library or f"{LIBRARY}{__version__}"
+        begin = MAGIC + encode(mcap.Header(Profile.ROS2, library))
+    begin += _missing_definitions(found)
+    yield begin
+    at = len(begin)
+    for piece in others:
+        if not _is_mark(piece):
+            _index(piece, at, found, contents)
+            yield piece.data
+            yield piece.index
+            at += len(piece.data) + len(piece.index)
+    yield build_extras({RECOVERY_METADATA: mark}, (), found.start_ns, at, contents)
+
+
+def _behind(
+    found: Scan, cut: int, mark: Mapping[str, str], contents: Contents
+) -> Iterator[bytes | memoryview]:
+    """Yield the data section from byte ``cut`` on, and index all of it in ``contents``."""
+    at = cut
+    for piece in found.pieces:
+        if piece.start < cut:
+            _index(piece, piece.start, found, contents)
+            missing = piece.index  # of the last before the cut, if of any
+        else:
+            _index(piece, at, found, contents)
+            yield piece.data
+            at += len(piece.data)
+            missing = piece.index
+        yield missing
+        at += len(missing)
+    if not any(_is_mark(piece) for piece in found.pieces):
+        yield build_extras({RECOVERY_METADATA: mark}, (), found.start_ns, at, contents)
+
+
+def _missing_definitions(found: Scan) -> bytes:
+    """Return the schemas and channels that no piece has, as records."""
+    schemas, channels = dict(found.contents.schemas), dict(found.contents.channels)
+    for piece in found.pieces:
+        content = piece.data[FRAME.size :]
+        if piece.opcode == Opcode.SCHEMA:
+            schemas.pop(decode(mcap.Schema, content).id, None)
+        elif piece.opcode == Opcode.CHANNEL:
+            channels.pop(decode(mcap.Channel, content).id, None)
+    return b"".join(map(encode, [*schemas.values(), *channels.values()]))
+
+
+def _is_mark(piece: Piece) -> bool:
+    return piece.opcode == Opcode.METADATA and _name(piece) == RECOVERY_METADATA
+
+
+def _name(piece: Piece) -> str:
+    return decode(mcap.Metadata, piece.data[FRAME.size :]).name
+
+
+def _index(piece: Piece, at: int, found: Scan, contents: Contents) -> None:
+    """Take a piece that stands at byte ``at`` into the index."""
+    if piece.chunk is not None:
+        moved = at - piece.chunk.chunk_start_offset
+        offsets = piece.chunk.message_index_offsets
+        changes = {
+            "chunk_start_offset": at,
+            "message_index_offsets": {number: start + moved for number, start in offsets.items()},
+        }
+        contents.chunks.append(mcap.ChunkIndex(**{**vars(piece.chunk), **changes}))
+        for channel, span in piece.spans.items():
+            contents.add_messages(channel, span.count, span.start_ns, span.end_ns)
+    elif piece.opcode == Opcode.ATTACHMENT:
+        known = next(one for one in found.contents.attachments if one.offset == piece.start)
+        contents.attachments.append(mcap.AttachmentIndex(**{**vars(known), "offset": at}))
+    elif piece.opcode == Opcode.METADATA:
+        contents.metadata.append(mcap.MetadataIndex(at, len(piece.data), _name(piece)))

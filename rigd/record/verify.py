@@ -1,0 +1,100 @@
+"""Checks a recording without changing it: every byte, and which rows and trials are lost."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from mcap.opcode import Opcode
+
+from rigd.model import RecordingError
+from rigd.record.access import share
+from rigd.record.file import InUse
+from rigd.record.gaps import Gap, gap_text, gaps_json
+from rigd.record.reader import Recording, damaged
+from rigd.record.scan import Damage, Scan, scan
+from rigd.record.trials import TrialInfo
+from rigd.record.wire import Malformed, map_file
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What a check found. ``damages`` are bytes that are not what they should be.
+
+    ``gaps`` are the rows that are lost, now or since an earlier repair; ``trials`` those that lost
+    some. ``rows`` are the sound ones by topic, ``chunks`` how many of them hold.
+    """
+
+    path: Path
+    size: int
+    start_ns: int
+    damages: tuple[Damage, ...]
+    gaps: tuple[Gap, ...]
+    trials: tuple[TrialInfo, ...]
+    rows: Mapping[str, int]
+    chunks: int
+
+    @property
+    def sound(self) -> bool:
+        """Whether every byte is as it was written."""
+        return not self.damages
+
+    def lines(self) -> list[str]:
+        """Return what there is to say, line by line."""
+        said = [f"damaged: bytes {one.start} to {one.end}: {one.problem}" for one in self.damages]
+        said += [f"lost: {gap_text(gap, self.start_ns)}" for gap in self.gaps]
+        said += [f"trial {one.number} is not complete: {one.lost}" for one in self.trials]
+        return said
+
+
+def verify(path: Path) -> Verification:
+    """Check every byte of a recording; nothing is written.
+
+    Raises:
+        InUse: it is being written.
+        RecordingError: missing, empty, or no MCAP file.
+
+    """
+    found = _scan(path)
+    recording = Recording.open(path, partial=True)
+    topics = {number: channel.topic for number, channel in found.contents.channels.items()}
+    return Verification(
+        path=path,
+        size=recording.size,
+        start_ns=found.start_ns,
+        damages=tuple(found.damages),
+        gaps=recording.gaps,
+        trials=tuple(one.info for one in recording.trials if one.info.lost),
+        rows={topics[number]: count for number, count in found.contents.counts.items()},
+        chunks=sum(piece.opcode == Opcode.CHUNK for piece in found.pieces),
+    )
+
+
+def verification_json(found: Verification) -> dict[str, object]:
+    """Return a verification as an object for ``json.dumps``."""
+    return {
+        "recording": str(found.path),
+        "bytes": found.size,
+        "sound": found.sound,
+        "chunks": found.chunks,
+        "rows": dict(found.rows),
+        "damages": [one._asdict() for one in found.damages],
+        "lost_rows": gaps_json(found.gaps, found.start_ns),
+        "trials": [{"number": one.number, "lost": one.lost} for one in found.trials],
+    }
+
+
+def _scan(path: Path) -> Scan:
+    try:
+        with path.open("rb", buffering=0) as file:
+            if not os.fstat(file.fileno()).st_size:
+                raise RecordingError(f"{path} is empty", hint="Nothing was recorded.")
+            if not share(file.fileno()):
+                raise InUse(f"{path} is being written", hint="Wait until its run has ended.")
+            return scan(map_file(file.fileno()))
+    except Malformed as error:
+        raise damaged(path, error) from error
+    except OSError as error:
+        raise RecordingError(f"cannot read {path}: {error.strerror}") from error

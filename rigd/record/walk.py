@@ -1,0 +1,447 @@
+"""Goes through the records of a file, past what is damaged, and keeps what proves itself sound."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Attachment, AttachmentIndex, ChunkIndex, Header, Metadata, MetadataIndex
+
+from rigd.record.chunks import (
+    CDR_SIZE,
+    MESSAGE_HEAD,
+    ChunkHead,
+    Times,
+    begin_of_chunk,
+    build_message_index,
+    first_number,
+    index_messages,
+    parse_chunk,
+    parse_message_index,
+    parse_torn_chunk,
+    same_entries,
+    uniform_messages,
+    unpack_chunk,
+)
+from rigd.record.contents import Contents, add_record
+from rigd.record.gaps import Gap, Span, find_gaps, gaps_from_json, silent_end
+from rigd.record.plausible import check_record, ends_data, next_record
+from rigd.record.prefix import (
+    EVENTS_CHANNEL,
+    FORMAT_METADATA,
+    GAPS_KEY,
+    LIBRARY,
+    RECOVERY_METADATA,
+    START_KEY,
+)
+from rigd.record.schema import unnamed_channel
+from rigd.record.wire import FRAME, MAGIC, Malformed, Record, decode, record_at, records
+
+
+class Damage(NamedTuple):
+    """Bytes ``start`` to ``end`` of a file that are not what they should be, and why."""
+
+    start: int
+    end: int
+    problem: str
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Sound bytes of a data section: one record, and behind a chunk its message indexes.
+
+    ``index`` are message indexes that have to be written anew, ``spans`` the messages by channel.
+    """
+
+    opcode: int
+    start: int
+    data: memoryview
+    index: bytes = b""
+    chunk: ChunkIndex | None = None
+    spans: Mapping[int, Span] = field(default_factory=dict)
+
+    @property
+    def end(self) -> int:
+        """Byte behind it."""
+        return self.start + len(self.data)
+
+
+@dataclass
+class Scan:
+    """What a file holds that is sound, and where it is damaged.
+
+    ``data_end`` is where the first damage begins, or else the data ends, and ``data_crc`` the CRC
+    up to there. ``told`` are messages that indexes name, by channel. ``trusted`` are bytes at the
+    start whose chunks need no unpacking.
+    """
+
+    contents: Contents = field(default_factory=Contents)
+    data_end: int = 0
+    data_crc: int = 0
+    damages: list[Damage] = field(default_factory=list)
+    library: str = ""  #: what wrote the file; empty where its header is damaged
+    trusted: int = 0
+    pieces: list[Piece] = field(default_factory=list)
+    told: dict[int, list[Span]] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    summary: bool = False  #: whether the summary is sound
+    data_sound: bool = False  #: whether the CRC of the data section holds
+    end_unknown: bool = False  #: whether rows may be lost at the end that nothing else names
+
+    @property
+    def intact(self) -> bool:
+        """Whether nothing is wrong with the file."""
+        return not self.damages
+
+    @property
+    def problem(self) -> str:
+        """What is wrong first; empty where nothing is."""
+        return self.damages[0].problem if self.damages else ""
+
+    @property
+    def by_rigd(self) -> bool:
+        """Whether rigd wrote the file, or nobody can say because its header is damaged."""
+        own = FORMAT_METADATA in self.metadata
+        return own or not self.library or self.library.startswith(LIBRARY)
+
+    @property
+    def behind(self) -> list[Piece]:
+        """Sound pieces behind the first damage."""
+        return [piece for piece in self.pieces if piece.end > self.data_end]
+
+    @property
+    def missing_index(self) -> bytes:
+        """What is to be written at ``data_end`` for the last chunk before it to be complete."""
+        before = [piece for piece in self.pieces if piece.end == self.data_end]
+        return before[-1].index if before else b""
+
+    @property
+    def start_ns(self) -> int:
+        """When the recording began; where that is lost, its first message."""
+        text = self.metadata.get(FORMAT_METADATA, {}).get(START_KEY, "")
+        return int(text) if text.isdecimal() else self.contents.start_ns
+
+    def gaps(self) -> tuple[Gap, ...]:
+        """Return what rows are lost: those that an earlier repair noted, too."""
+        if not self.by_rigd:
+            return ()  # others number their messages as they like
+        try:
+            known = gaps_from_json(self.metadata.get(RECOVERY_METADATA, {}).get(GAPS_KEY, "[]"))
+        except ValueError:
+            known = ()
+        found: list[Gap] = []
+        for number, channel in self.contents.channels.items():
+            held = [piece.spans[number] for piece in self.pieces if number in piece.spans]
+            told = self.told.get(number, [])
+            found += find_gaps(channel.topic, held, told, known, self.start_ns)
+            if self.end_unknown and not self.summary and number != EVENTS_CHANNEL:
+                found += silent_end(channel.topic, held, self.contents.end_ns)
+        return tuple(sorted(found, key=lambda gap: (gap.start_ns, gap.stream)))
+
+
+def walk(buffer: memoryview, found: Scan, base: int = 0) -> int:
+    """Take records from ``found.data_end`` on into ``found``, up to DataEnd or the buffer's end.
+
+    The buffer begins at byte ``base`` of the file. Return the byte of the file that the walk came
+    to; damage on the way is in ``found``.
+    """
+    at = found.data_end - base
+    while at < len(buffer):
+        try:
+            record = record_at(buffer, at)
+            if record.opcode == Opcode.DATA_END:
+                if ends_data(buffer, record):
+                    break
+                raise Malformed("no summary follows the end of the data")
+            at = _take(buffer, record, found, base)
+        except Malformed as error:
+            start, at = at, next_record(buffer, at)
+            found.damages.append(Damage(base + start, base + at, str(error)))
+            if not _take_torn(buffer[start:at], found) and at == len(buffer):
+                found.end_unknown = True
+    collect(found)
+    return base + at
+
+
+def collect(found: Scan) -> None:
+    """Make the index of the chunks that are held."""
+    contents = found.contents
+    contents.chunks = [piece.chunk for piece in found.pieces if piece.chunk is not None]
+    contents.counts = {}
+    contents.start_ns = contents.end_ns = 0
+    for piece in found.pieces:
+        for channel, span in piece.spans.items():
+            contents.add_messages(channel, span.count, span.start_ns, span.end_ns)
+
+
+def drop_copies(found: Scan) -> None:
+    """Leave out chunks whose messages a longer chunk holds as well.
+
+    A flush that was torn leaves the open chunk of before behind the longer one that replaces it.
+    """
+    if not found.by_rigd:
+        return
+    longest: dict[tuple[int, int, int], int] = {}
+    for piece in found.pieces:
+        for key, count in _keys(piece):
+            longest[key] = max(count, longest.get(key, 0))
+    kept: list[Piece] = []
+    for piece in found.pieces:
+        keys = _keys(piece)
+        if keys and all(longest.get(key, 0) != count for key, count in keys):
+            continue
+        for key, _ in keys:
+            longest.pop(key, None)  # of two that are equal, the first is kept
+        kept.append(piece)
+    found.pieces = kept
+    collect(found)
+
+
+def name_channels(found: Scan) -> None:
+    """Define the channels of chunks whose definitions are lost, so that their rows are kept."""
+    contents = found.contents
+    for piece in found.pieces:
+        for channel, span in piece.spans.items():
+            if channel in contents.channels or piece.chunk is None:
+                continue
+            size = piece.chunk.uncompressed_size // span.count - MESSAGE_HEAD.itemsize - CDR_SIZE
+            schema, defined = unnamed_channel(channel, size, events=channel == EVENTS_CHANNEL)
+            contents.schemas[schema.id], contents.channels[channel] = schema, defined
+            problem = f"the definition of channel {channel}, now {defined.topic}, is lost"
+            found.damages.append(Damage(0, 0, problem))
+
+
+def _keys(piece: Piece) -> list[tuple[tuple[int, int, int], int]]:
+    """Return what the first message of each channel is known by, with the number of messages."""
+    return [
+        ((channel, span.first, span.start_ns), span.count)
+        for channel, span in piece.spans.items()
+        if span.first is not None
+    ]
+
+
+def take_head(buffer: memoryview, found: Scan) -> None:
+    """Take magic and header; where they are damaged, the walk begins with what follows."""
+    magic = bytes(buffer[: len(MAGIC)]) == MAGIC
+    try:
+        header = record_at(buffer, len(MAGIC))
+        if header.opcode != Opcode.HEADER:
+            raise Malformed("the file has no header")
+        found.library = decode(Header, header.content).library
+    except Malformed as error:
+        found.data_end = next_record(buffer, min(len(MAGIC), len(buffer)))
+        found.damages.append(Damage(0, found.data_end, str(error)))
+        return
+    found.data_end = header.end
+    if magic:
+        found.pieces.append(Piece(Opcode.HEADER, 0, buffer[: header.end]))
+    else:
+        found.damages.append(Damage(0, len(MAGIC), "the file does not begin like an MCAP file"))
+
+
+def _take(buffer: memoryview, record: Record, found: Scan, base: int) -> int:
+    """Take a record, and the message indexes behind a chunk; return where the next one begins.
+
+    Raises:
+        Malformed: it is damaged, and nothing of it is taken.
+
+    """
+    if record.opcode == Opcode.CHUNK:
+        if base + record.end < found.trusted:
+            return _take_trusted_chunk(buffer, record, found, base)
+        return _take_chunk(buffer, record, found, base)
+    check_record(record)
+    if record.opcode == Opcode.MESSAGE_INDEX:
+        _take_orphan(record, found)  # its chunk would have taken it along
+        return record.end
+    _take_small(record, found, base)
+    data = buffer[record.start : record.end]
+    found.pieces.append(Piece(record.opcode, base + record.start, data))
+    return record.end
+
+
+def _take_small(record: Record, found: Scan, base: int) -> None:
+    start, length = base + record.start, record.end - record.start
+    if record.opcode == Opcode.ATTACHMENT:
+        attachment = decode(Attachment, record.content)
+        found.contents.attachments.append(
+            AttachmentIndex(
+                offset=start,
+                length=length,
+                log_time=attachment.log_time,
+                create_time=attachment.create_time,
+                data_size=len(attachment.data),
+                name=attachment.name,
+                media_type=attachment.media_type,
+            )
+        )
+    elif record.opcode == Opcode.METADATA:
+        metadata = decode(Metadata, record.content)
+        found.contents.metadata.append(MetadataIndex(start, length, metadata.name))
+        found.metadata.setdefault(metadata.name, {}).update(metadata.metadata)
+    else:
+        add_record(found.contents, record.opcode, record.content)
+
+
+def _take_orphan(record: Record, found: Scan) -> None:
+    """Note what a message index says about a chunk that is lost."""
+    channel, entries = parse_message_index(record.content)
+    if len(entries):
+        times = entries[:, 0]
+        span = Span(int(times.min()), int(times.max()), len(entries))
+        found.told.setdefault(channel, []).append(span)
+
+
+def _take_torn(torn: memoryview, found: Scan) -> bool:
+    """Note what the head of a damaged chunk says; return whether it says anything to be believed.
+
+    Its channel is that of its first message, which the rest need not be sound for.
+    """
+    try:
+        if FRAME.unpack_from(torn)[0] != Opcode.CHUNK:
+            return False
+        head = parse_torn_chunk(torn[FRAME.size :])
+        first = np.frombuffer(begin_of_chunk(head, MESSAGE_HEAD.itemsize), MESSAGE_HEAD, 1)[0]
+    except (Malformed, struct.error, ValueError):
+        return False
+    size = FRAME.size + int(first["length"])
+    believed = (
+        int(first["opcode"]) == Opcode.MESSAGE
+        and head.start_ns <= head.end_ns
+        and head.start_ns <= int(first["log_time"]) <= head.end_ns
+        and not head.size % size
+    )
+    if believed:
+        span = Span(head.start_ns, head.end_ns, head.size // size)
+        found.told.setdefault(int(first["channel"]), []).append(span)
+    return bool(believed)
+
+
+def _take_chunk(buffer: memoryview, record: Record, found: Scan, base: int) -> int:
+    head = parse_chunk(record.content)
+    data = unpack_chunk(head)
+    if uniform_messages(data) is None:
+        # Other writers keep schemas and channels within the chunk that first needs them.
+        for inner in records(memoryview(data)):
+            add_record(found.contents, inner.opcode, inner.content)
+    messages = index_messages(data)
+    index, sound_end = _message_indexes(buffer, record.end, messages)
+    offsets: dict[int, int] = {}
+    at = base + record.end
+    for channel, encoded in index.items():
+        offsets[channel] = at
+        at += len(encoded)
+    spans = {
+        channel: Span(int(times.min()), int(times.max()), len(times), first_number(data, channel))
+        for channel, (times, _) in messages.items()
+    }
+    _check_times(head, spans)
+    end = record.end if sound_end is None else sound_end
+    found.pieces.append(
+        Piece(
+            Opcode.CHUNK,
+            base + record.start,
+            buffer[record.start : end],
+            b"" if sound_end is not None else b"".join(index.values()),
+            _chunk_index(record, head, base, offsets, at),
+            spans,
+        )
+    )
+    if sound_end is not None:
+        return sound_end
+    after = _behind_index(buffer, record.end)
+    problem = f"the message index of the chunk at byte {base + record.start} is damaged"
+    found.damages.append(Damage(base + end, base + after, problem))
+    return after
+
+
+def _check_times(head: ChunkHead, spans: Mapping[int, Span]) -> None:
+    """Check the times that a chunk gives itself, which its CRC does not cover.
+
+    Raises:
+        Malformed: they are not those of its messages.
+
+    """
+    if not spans:
+        return
+    first = min(span.start_ns for span in spans.values())
+    if (head.start_ns, head.end_ns) != (first, max(span.end_ns for span in spans.values())):
+        raise Malformed("a chunk whose times are not those of its messages")
+
+
+def _behind_index(buffer: memoryview, start: int) -> int:
+    """Return where the walk goes on behind a chunk whose message indexes are not all sound."""
+    at = start
+    try:
+        while (record := record_at(buffer, at)).opcode == Opcode.MESSAGE_INDEX:
+            check_record(record)
+            at = record.end
+    except Malformed:
+        return next_record(buffer, at)
+    return at
+
+
+def _take_trusted_chunk(buffer: memoryview, record: Record, found: Scan, base: int) -> int:
+    head = parse_chunk(record.content)
+    offsets: dict[int, int] = {}
+    spans: dict[int, Span] = {}
+    at = record.end
+    while at < len(buffer) and base + at < found.trusted:
+        index = record_at(buffer, at)
+        if index.opcode != Opcode.MESSAGE_INDEX:
+            break
+        channel, entries = parse_message_index(index.content)
+        offsets[channel] = base + at
+        spans[channel] = Span(head.start_ns, head.end_ns, len(entries))
+        at = index.end
+    chunk = _chunk_index(record, head, base, offsets, base + at)
+    start = base + record.start
+    found.pieces.append(Piece(Opcode.CHUNK, start, buffer[record.start : at], b"", chunk, spans))
+    return at
+
+
+def _chunk_index(
+    record: Record, head: ChunkHead, base: int, offsets: dict[int, int], end: int
+) -> ChunkIndex:
+    """Return the index of a chunk whose message indexes end at byte ``end`` of the file."""
+    return ChunkIndex(
+        message_start_time=head.start_ns,
+        message_end_time=head.end_ns,
+        chunk_start_offset=base + record.start,
+        chunk_length=record.end - record.start,
+        message_index_offsets=offsets,
+        message_index_length=end - (base + record.end),
+        compression=head.compression,
+        compressed_size=len(head.packed),
+        uncompressed_size=head.size,
+    )
+
+
+def _message_indexes(
+    buffer: memoryview, start: int, messages: dict[int, tuple[Times, Times]]
+) -> tuple[dict[int, bytes], int | None]:
+    """Return the message indexes of a chunk by channel, and their end if the file has them all.
+
+    They may stand in any order, of channels and of entries; where one is missing or says
+    something else, all are rebuilt.
+    """
+    in_file: dict[int, bytes] = {}
+    at = start
+    try:
+        while (record := record_at(buffer, at)).opcode == Opcode.MESSAGE_INDEX:
+            channel, entries = parse_message_index(record.content)
+            if channel in messages and same_entries(entries, messages[channel]):
+                in_file[channel] = bytes(buffer[record.start : record.end])
+            elif len(entries):
+                break
+            at = record.end
+    except Malformed:
+        at = len(buffer)
+    if in_file.keys() == messages.keys():
+        return in_file, start + sum(map(len, in_file.values()))
+    rebuilt = {channel: build_message_index(channel, *entry) for channel, entry in messages.items()}
+    return rebuilt, None

@@ -1,0 +1,182 @@
+"""A repair that is killed, finds the disk full, or meets another's journal, costs nothing."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import rigd.record.rebuild
+from rigd.model import RecordingError, Stream
+from rigd.record import Recording, RecordingWriter, recover
+from rigd.record.journal import journal_path
+
+Create = Callable[..., RecordingWriter]
+MakeRows = Callable[..., NDArray[np.void]]
+
+
+@pytest.fixture
+def given(rows: MakeRows, servo: Stream) -> NDArray[np.void]:
+    return rows(servo, 3_500)
+
+
+@pytest.fixture
+def damaged(create: Create, given: NDArray[np.void], tmp_path: Path) -> Path:
+    """A recording with one bad byte in its second chunk."""
+    path = tmp_path / "run.mcap"
+    with create() as writer:
+        writer.write("wheel_servo", given)
+    content = bytearray(path.read_bytes())
+    content[Recording.open(path).contents.chunks[1].chunk_start_offset + 500] ^= 1
+    path.write_bytes(content)
+    return path
+
+
+def left(given: NDArray[np.void]) -> bytes:
+    return np.concatenate([given[:1_000], given[2_000:]]).tobytes()
+
+
+def step(name: str, act: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have ``act`` done when the repair comes to the step of that name."""
+    owner: object = {
+        "write_all": rigd.record.rebuild,
+        "link": os,
+        "_sync_folder": sys.modules[recover.__module__],
+        "replace": Path,
+        "fsync": os,
+    }[name]
+
+    def instead(*_args: object, **_options: object) -> None:
+        act()
+
+    monkeypatch.setattr(owner, name, instead)
+
+
+@pytest.mark.parametrize("at", ["write_all", "fsync", "link", "replace", "_sync_folder"])
+def test_a_killed_repair_is_done_anew(
+    damaged: Path, given: NDArray[np.void], monkeypatch: pytest.MonkeyPatch, at: str
+) -> None:
+    before = damaged.read_bytes()
+    child = os.fork()
+    if child == 0:
+        try:
+            step(at, lambda: os.kill(os.getpid(), signal.SIGKILL), monkeypatch)
+            recover(damaged)
+        finally:
+            os._exit(0)
+    _, status = os.waitpid(child, 0)
+    assert os.WIFSIGNALED(status)
+    # At every moment a whole file stands under the name: the damaged or the repaired one.
+    read = Recording.open(damaged, partial=True).read("wheel_servo")
+    assert read.tobytes() == left(given)
+    recover(damaged)
+    assert Recording.open(damaged).read("wheel_servo").tobytes() == left(given)
+    assert damaged.with_name("run.mcap.orig").read_bytes() == before
+    names = {path.name for path in damaged.parent.iterdir()}
+    assert names == {"run.mcap", "run.mcap.orig"}
+
+
+@pytest.mark.parametrize("at", ["write_all", "fsync", "link", "replace"])
+def test_a_full_disk_leaves_the_damaged_file(
+    damaged: Path, monkeypatch: pytest.MonkeyPatch, at: str
+) -> None:
+    before = damaged.read_bytes()
+
+    def full() -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    step(at, full, monkeypatch)
+    with pytest.raises(RecordingError, match="No space left on device"):
+        recover(damaged)
+    assert damaged.read_bytes() == before
+    assert not damaged.with_name("run.mcap.recovering").exists()
+
+
+def flushed(create: Create, name: str, rows: NDArray[np.void], **options: object) -> Path:
+    """Return a recording as ``kill -9`` leaves it between two flushes, with its journal."""
+    writer = create(name, **options)
+    path: Path = writer._file.path
+    writer.write("wheel_servo", rows[:900])
+    writer.flush()
+    writer.write("wheel_servo", rows[900:950])
+    writer.flush()
+    kept = {one: one.read_bytes() for one in (path, journal_path(path))}
+    writer.close()
+    for one, content in kept.items():
+        one.write_bytes(content)
+    return path
+
+
+def test_the_journal_of_another_run_adds_no_row_and_cuts_none(
+    create: Create, rows: MakeRows, servo: Stream, start_ns: int
+) -> None:
+    """It once cut a sound file off where the other's open chunks had stood."""
+    other = flushed(create, "other.mcap", rows(servo, 1_000, seed=7), start_ns=start_ns + 1)
+    given = rows(servo, 3_500)
+    with create() as writer:
+        writer.write("wheel_servo", given)
+    path = other.with_name("run.mcap")
+    whole = path.read_bytes()
+    last = Recording.open(path).contents.chunks[-1]
+    path.write_bytes(whole[: last.chunk_start_offset + 200])
+    journal = journal_path(other).read_bytes()
+    journal_path(path).write_bytes(journal)
+    report = recover(path)
+    assert not report.from_journal
+    assert Recording.open(path).read("wheel_servo").tobytes() == given[:3_000].tobytes()
+    assert report.original is not None
+    assert journal_path(report.original).read_bytes() == journal
+
+
+def test_the_own_journal_fills_a_torn_flush_and_keeps_what_is_behind(
+    create: Create, rows: MakeRows, servo: Stream
+) -> None:
+    given = rows(servo, 1_000)
+    path = flushed(create, "run.mcap", given)
+    content = bytearray(path.read_bytes())
+    open_chunk = Recording.open(path).contents.chunks[-1]
+    content[open_chunk.chunk_start_offset + 40] ^= 1
+    path.write_bytes(content)
+    report = recover(path)
+    assert report.from_journal
+    assert Recording.open(path).read("wheel_servo").tobytes() == given[:900].tobytes()
+    # What the torn flush had added on top is known to be lost.
+    (gap,) = Recording.open(path).gaps
+    assert (gap.stream, gap.rows) == ("wheel_servo", 50)
+
+
+def test_a_second_name_of_the_original_is_not_overwritten(
+    damaged: Path, given: NDArray[np.void]
+) -> None:
+    mine = damaged.with_name("run.mcap.orig")
+    mine.write_text("mine")
+    report = recover(damaged)
+    assert report.original == damaged.with_name("run.mcap.orig2")
+    assert mine.read_text() == "mine"
+
+
+def test_a_missing_end_alone_is_written_in_place(
+    create: Create, given: NDArray[np.void], tmp_path: Path
+) -> None:
+    """What a long run that is killed leaves: all rows, and no summary. Nothing is copied."""
+    path = tmp_path / "run.mcap"
+    with create() as writer:
+        writer.write("wheel_servo", given)
+    end = Recording.open(path).data_end - 13
+    os.truncate(path, end)
+    assert recover(path).original is None
+    assert Recording.open(path).read("wheel_servo").tobytes() == given.tobytes()
+    assert [one.name for one in tmp_path.iterdir()] == ["run.mcap"]
+
+
+def test_the_mode_of_the_file_is_kept(damaged: Path) -> None:
+    damaged.chmod(0o640)
+    recover(damaged)
+    assert damaged.stat().st_mode & 0o777 == 0o640
