@@ -8,6 +8,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigd.cli.about import add_about, read_about
 from rigd.cli.remote.command import Command, add_json, again, connect_async, print_json
 from rigd.cli.remote.procedures import add_procedure, values_of
 
@@ -28,6 +29,7 @@ def _configure_start(parser: argparse.ArgumentParser) -> None:
         help="what the run does when this command vanishes while it watches (default: what the "
         "procedure says)",
     )
+    add_about(parser)
     _configure_watch(parser)
 
 
@@ -48,6 +50,8 @@ def _start(args: argparse.Namespace) -> int:
     from rigd.config.shipped import is_path
     from rigd.procedure.loader import load_procedure
 
+    about = read_about(None, args.note, args.meta)
+
     async def begin(rig: AsyncClient) -> Started:
         if not is_path(args.procedure):
             await _tell_apart(rig, args.procedure)
@@ -57,6 +61,8 @@ def _start(args: argparse.Namespace) -> int:
             seed=args.seed,
             answers="procedure" if args.yes else "ask",
             on_client_loss=args.on_client_loss,
+            note=about.note,
+            meta=about.meta,
         )
 
     if is_path(args.procedure):

@@ -118,7 +118,7 @@ class Steering:
             pace=self._pace,
             folder=self._runs,
             overrides=args.set,
-            about=About(operator=str(who)),
+            about=About(str(who), args.note, args.meta),
         )
         return self._begin(
             who,

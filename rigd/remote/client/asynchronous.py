@@ -271,19 +271,23 @@ class AsyncClient:
         seed: int | None = None,
         answers: Literal["ask", "procedure"] = "ask",
         on_client_loss: Literal["continue", "finish_trial", "stop"] | None = None,
+        note: str = "",
+        meta: Mapping[str, str] | None = None,
     ) -> Started:
         """Start a run, and return the name of its recording.
 
         A path means a file of this computer, a name a procedure that the daemon has. ``set`` gives
         parameters, as a person writes them: ``{"current": "0.15 A"}``. With the ``answers`` of the
         procedure its prompts ask nobody. ``on_client_loss`` is what happens to the run when this
-        client vanishes with the lease; None: what the procedure says.
+        client vanishes with the lease; None: what the procedure says. ``note`` and ``meta``
+        (``{"specimen": "W7"}``) are kept in the recording.
         """
         args = await self._checked(procedure, set)
         with told_by_file(procedure, args["procedure"]["name"]):
             return await self._command(
-                "start", Started, **args, seed=seed, answers=answers, on_client_loss=on_client_loss
-            )
+                "start", Started, **args, seed=seed, answers=answers, on_client_loss=on_client_loss,
+                note=note, meta=dict(meta or {}),
+            )  # fmt: skip
 
     async def resume_run(self, run: str) -> Started:
         """Go on with an interrupted run: only the trials that are missing."""

@@ -7,6 +7,7 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
+from rigd.model.about import MOST_ENTRIES, MOST_NOTE_LETTERS, About
 from rigd.remote.protocol.limits import MAX_PIECE_BYTES
 from rigd.remote.protocol.message import Message, Name, Text
 
@@ -70,6 +71,15 @@ class Start(Checked):
     """Whether its prompts wait for a person, or take the procedure's own answers."""
     on_client_loss: Literal["continue", "finish_trial", "stop"] | None = None
     """What happens when the client vanishes; None: what the procedure says."""
+    note: Annotated[str, StringConstraints(max_length=MOST_NOTE_LETTERS)] = ""
+    """A note, kept in the recording."""
+    meta: Annotated[Settings, Field(max_length=MOST_ENTRIES)] = Field(default_factory=dict)
+    """Names and values, kept in the recording, such as `specimen: W7`."""
+
+    @model_validator(mode="after")
+    def _says_text(self) -> Self:
+        About(note=self.note, meta=self.meta)
+        return self
 
 
 class Answered(Message):

@@ -77,7 +77,8 @@ def test_status_shows_what_a_person_must_know(ask: Asking) -> None:
 
 def test_start_takes_control_for_as_long_as_it_needs(ask: Asking) -> None:
     (ask.folder / "mine.yaml").write_text(TEXT)
-    out = ask("start", "mine.yaml", "--set", "floor=pvc", "--yes", "--seed", "7").out
+    said = ("--note", "wheel cleaned", "--meta", "specimen=W7")
+    out = ask("start", "mine.yaml", "--set", "floor=pvc", "--yes", "--seed", "7", *said).out
     assert f"rigd remote status --watch --endpoint {ask.remote.endpoint} --as alice" in out
     rig = ask.remote.rig
     assert rig.verbs() == ["lease_take", "start", "lease_release"]
@@ -86,6 +87,7 @@ def test_start_takes_control_for_as_long_as_it_needs(ask: Asking) -> None:
     assert (args.procedure, args.set, args.seed, args.answers) == (
         FILE, {"floor": "pvc"}, 7, "procedure",
     )  # fmt: skip
+    assert (args.note, args.meta) == ("wheel cleaned", {"specimen": "W7"})
     assert rig.running is not None
 
 

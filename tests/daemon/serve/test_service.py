@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from pydantic import ValidationError
 from support.file_axis import word
 from support.served_axis import ASKING, SWEEP, ServedAxis, travelling
 
@@ -13,6 +14,7 @@ from rigd.model.errors import Blocked, Exit
 from rigd.model.limits import Action, Interlock
 from rigd.record import Recording, run_info
 from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol.arguments import Start
 from rigd.remote.protocol.limits import LEASE_S
 
 LONG = SWEEP.replace("default: 0.3 s", "default: 30 s")
@@ -21,7 +23,7 @@ LONG = SWEEP.replace("default: 0.3 s", "default: 30 s")
 def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         assert served.status.state == "idle"
-        run = served.start(set={"time": "0.4 s"})
+        run = served.start(set={"time": "0.4 s"}, note="wheel cleaned", meta={"specimen": "W7"})
         under_way = served.until(lambda status: status.step == "go")
         assert under_way.trial is not None
         assert (under_way.procedure, under_way.run, under_way.trials_total) == ("sweep", run, 3)
@@ -42,10 +44,18 @@ def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
     info = run_info(Recording.open(tmp_path / "runs" / run))
     assert (info.state, info.trials_done) == ("complete", 3)
     assert info.metadata["run"]["operator"] == "alice"
+    assert info.metadata["run"]["note"] == "wheel cleaned"
+    assert info.metadata["meta"] == {"specimen": "W7"}
     assert word(served.axis) == "safe"
     what = [(line["who"], line["what"], line["result"]) for line in served.audited()]
     assert what == [("alice", "lease_take", "done"), ("alice", "start", "done")]
     assert "text" not in served.audited()[1]["args"]["procedure"]
+
+
+def test_note_that_steers_a_terminal_starts_nothing(tmp_path: Path) -> None:
+    for said in ({"note": "a\x1b[2Jb"}, {"meta": {"specimen": "a\nb"}}):
+        with pytest.raises(ValidationError, match="which is no text"):
+            Start.model_validate({"procedure": travelling(LONG), **said})
 
 
 def test_who_stands_behind_a_client_of_several_is_written_down(tmp_path: Path) -> None:
