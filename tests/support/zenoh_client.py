@@ -63,7 +63,7 @@ class ZenohClient:
             raise
 
     def get(self, key: str, payload: bytes = b"") -> list[dict[str, Any]]:
-        """Query, and return all replies; each has ``ok`` and ``payload``."""
+        """Query, and return all replies: ``ok``, ``payload`` and, where ok, ``key``."""
         replies = self._order(do="get", key=key, payload=base64.b64encode(payload).decode())
         return [one | {"payload": base64.b64decode(one["payload"])} for one in replies]
 
@@ -176,7 +176,9 @@ class _Session:
         for reply in self._session.get(key, payload=base64.b64decode(payload), timeout=10.0):
             ok = reply.ok is not None
             what = reply.ok.payload if reply.ok is not None else reply.err.payload  # type: ignore[union-attr]
-            found.append({"ok": ok, "payload": base64.b64encode(what.to_bytes()).decode()})
+            key = str(reply.ok.key_expr) if reply.ok is not None else None
+            content = base64.b64encode(what.to_bytes()).decode()
+            found.append({"ok": ok, "key": key, "payload": content})
         return found
 
     def put(self, key: str, payload: str) -> None:

@@ -22,6 +22,9 @@ from rigd.remote.protocol import EVERY_ALIVE
 
 #: How long it may take to hear who is there, in s.
 QUESTION_S: Final = 2.0
+#: How often that is asked again, and after what pause, in s.
+_ASKED_AGAIN: Final = 5
+_PAUSE_S: Final = 0.05
 #: zenoh's own answer where nobody gave one in time.
 _TIMED_OUT: Final = b"Timeout"
 
@@ -102,7 +105,19 @@ async def query(
 
 
 async def rigs_alive(session: zenoh.Session) -> list[str]:
-    """Return the names of the rigs that a session reaches, in order."""
+    """Return the names of the rigs that a session reaches, in order.
+
+    Asked again for a moment where there seem to be none: with a router beside it, zenoh leaves
+    every second question unanswered.
+    """
+    for _ in range(_ASKED_AGAIN):
+        if found := await _rigs_alive(session):
+            return found
+        await asyncio.sleep(_PAUSE_S)
+    return await _rigs_alive(session)
+
+
+async def _rigs_alive(session: zenoh.Session) -> list[str]:
     keys: set[str] = set()
 
     def alive(reply: zenoh.Reply) -> None:

@@ -10,6 +10,9 @@ So the kernel keeps a connection to itself until its other end has said somethin
 of tcp(7)). And the door is shut while too many are inside that have not shown who they are: the
 kernel drops the first packet of who comes then, and their computer sends it again. Who is
 connected is not concerned.
+
+Who comes as a router or a peer of zenoh, not as a client, is turned away: of what a client asks
+without naming a rig, zenoh sends half to a router, which knows nothing of it.
 """
 
 from __future__ import annotations
@@ -66,7 +69,10 @@ class Doorway:
         self._ports = frozenset(one.port for one in read if one is not None)
         self._listening: list[int] = []  # descriptors of our own for zenoh's sockets
         self._shut = False
+        self._modes_refused = 0
         self._closing = threading.Event()
+        self._news = -1  # an eventfd(2): somebody has opened a session
+        self._opened: zenoh.TransportEventsListener[None] | None = None
         self._thread = threading.Thread(target=self._work, name="doorway", daemon=True)
 
     def watch(self) -> None:
@@ -74,15 +80,20 @@ class Doorway:
         found = [one.fileno() for one, listens in self._sockets() if listens]
         # Not socket.dup(): it lets both block, and zenoh's must not.
         self._listening = [os.dup(number) for number in found]
+        self._news = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
+        self._opened = self._session.info.declare_transport_events_listener(self._came)
         self._set(socket.IPPROTO_TCP, socket.TCP_DEFER_ACCEPT, _SILENT_S)
         self._thread.start()
 
     def close(self) -> None:
         """Watch no more; the ports are free once zenoh has closed them too."""
         self._closing.set()
-        if self._thread.ident is not None:
-            self._thread.join()
-        for number in self._listening:
+        if self._opened is None:
+            return
+        self._opened.undeclare()
+        self._opened = None
+        self._thread.join()
+        for number in (*self._listening, self._news):
             os.close(number)
         self._listening = []
 
@@ -122,10 +133,12 @@ class Doorway:
         with select.epoll() as came:
             for number in self._listening:
                 came.register(number, select.EPOLLIN | select.EPOLLET)
+            came.register(self._news, select.EPOLLIN | select.EPOLLET)
             while not self._closing.is_set():
                 came.poll(_LOOK_S if self._shut else 10 * _LOOK_S)
                 try:
                     self._look()
+                    self._refuse_modes()
                 except Exception:  # noqa: BLE001 - a watch that ends watches nothing
                     _log.exception("strangers cannot be counted")
 
@@ -149,9 +162,29 @@ class Doorway:
                 if one is not None:
                     one.setsockopt(level, option, value)
 
+    def _came(self, event: zenoh.TransportEvent) -> None:
+        """Somebody has opened a session, or ended it; on a thread of zenoh's."""
+        if event.transport.whatami != zenoh.WhatAmI.CLIENT:
+            os.eventfd_write(self._news, 1)
+
+    def _refuse_modes(self) -> None:
+        """End the connections of those that do not come as clients."""
+        info = self._session.info
+        others = [one.zid for one in info.transports() if one.whatami != zenoh.WhatAmI.CLIENT]
+        if not others:
+            return
+        theirs = {_address(link) for link in info.links() if link.zid in others}
+        for one, listens in self._sockets():
+            if not listens and (peer := _peer(one)) in theirs:
+                with suppress(OSError):
+                    one.shutdown(socket.SHUT_RDWR)
+                if not self._modes_refused:  # they come again each second
+                    _log.warning("%s came as a router or a peer, not as a client: refused", peer)
+                self._modes_refused += 1
+
     def _clients(self) -> frozenset[str]:
         """Return where the connections of clients come from."""
-        return frozenset(link.dst.rpartition("/")[2] for link in self._session.info.links())
+        return frozenset(map(_address, self._session.info.links()))
 
     def _sockets(self) -> Iterator[tuple[socket.socket, bool]]:
         """Yield the sockets on these ports, each with whether it is one that listens."""
@@ -181,6 +214,11 @@ def _looked_at(number: int) -> Iterator[socket.socket | None]:
         yield one if internet and one.type == socket.SOCK_STREAM else None
     finally:
         one.detach()
+
+
+def _address(link: zenoh.Link) -> str:
+    """Return where a connection comes from, as :func:`_peer` does."""
+    return str(link.dst).rpartition("/")[2]
 
 
 def _peer(one: socket.socket) -> str:

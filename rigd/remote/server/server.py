@@ -12,7 +12,7 @@ import logging
 import re
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -124,6 +124,15 @@ class Server:
             if lane in _QUICK and begun_s < stuck_s:
                 return f"remote-{lane.value} has not answered for {_STUCK_S:g} s"
         return ""
+
+    @property
+    def zid(self) -> str:
+        """What zenoh calls its session."""
+        return str(self._session.info.zid())
+
+    def transports(self) -> Sequence[str]:
+        """Return as what each session is connected: ``client``, which nobody else stays."""
+        return [str(one.whatami) for one in self._session.info.transports()]
 
     def close(self) -> None:
         """Let nobody in any more; what is under way is finished, what waits is not begun."""

@@ -1,0 +1,29 @@
+"""The administration of zenoh shows nothing of a rig, whoever asks."""
+
+from __future__ import annotations
+
+import pytest
+from support.served_rig import Served
+from support.zenoh_client import ZenohClient
+
+#: Where zenoh shows sessions, links, keys and its configuration: of all, or of the one named.
+KEYS = ("@/**", "@/*/peer/**", "@/*/session/**", "@/{zid}/**", "@/{zid}/session/**",
+        "@/{zid}/peer", "@/{zid}/peer/config/**", "**")  # fmt: skip
+
+
+def answers(client: ZenohClient, zid: str) -> list[str]:
+    """What the daemon's session answers; that of a client itself shows it its own links."""
+    asked = [key.replace("{zid}", zid) for key in KEYS]
+    found = [one["key"] for key in asked for one in client.get(key)]
+    return [key for key in found if key is None or key.startswith(f"@/{zid}/")]
+
+
+@pytest.mark.parametrize("name", ["alice", "bob", "carol", "mallory"])
+def test_no_certificate_reaches_the_admin_space(over_tls: Served, name: str) -> None:
+    with over_tls.client(name) as client:
+        assert answers(client, over_tls.server.zid) == []
+
+
+def test_nobody_on_loopback_reaches_the_admin_space(on_loopback: Served) -> None:
+    with on_loopback.client() as client:
+        assert answers(client, on_loopback.server.zid) == []
