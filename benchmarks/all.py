@@ -35,6 +35,7 @@ BENCHES = (
     "remote_load",
     "remote_fuzz",
     "panel",
+    "panel_stop",
     "panel_fuzz",
     "identify",
     "angle_accuracy",

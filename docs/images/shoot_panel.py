@@ -1,14 +1,16 @@
 """Pictures of the panel for the documents, by `python docs/images/shoot_panel.py`.
 
 Serves the simulated LuGre rig, starts a run from the page, and takes it by day and by night. Needs
-Chromium (Debian: apt-get install chromium) and port 7447 free.
+Chromium (Debian: apt-get install chromium).
 """
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -56,12 +58,27 @@ def start(page: Page) -> None:
     page.locator(".state-word", has_text="Running").wait_for()
 
 
+def rig_here() -> str:
+    """Return the shipped rig, at an address of its own."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    text = (ROOT / "configs" / "sim_lugre.yaml").read_text()
+    text = text.replace("parameters: plants/", f"parameters: {ROOT}/configs/plants/")
+    # A shared host may be away for longer than a rig's own would.
+    text = text.replace("stale_after: 20 ms", "stale_after: 500 ms")
+    return f"{text}\nremote: {{listen: [tcp/127.0.0.1:{port}]}}\n"
+
+
 def main() -> None:
     """Serve the rig as long as it takes."""
-    with tempfile.TemporaryDirectory() as runs:
+    with tempfile.TemporaryDirectory() as folder:
+        rig = Path(folder) / "rig.yaml"
+        rig.write_text(rig_here())
         daemon = subprocess.Popen(
-            [sys.executable, "-m", "rigd", "serve", "--rig", "lugre-1", "--runs", runs],
+            [sys.executable, "-m", "rigd", "serve", "--rig", str(rig), "--runs", folder],
             cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True,
+            env={**os.environ, "RIGD_STATE": folder},
         )  # fmt: skip
         try:
             for line in daemon.stdout or ():

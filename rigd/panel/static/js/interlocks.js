@@ -68,7 +68,7 @@ function verdictOf(isWatched, count) {
   if (link !== "ok") return "not known";
   if (isWatched) return `all ${count} clear, watched since ${clock(status.t_ns / 1e6 - status.run_s * 1e3)}`;
   if (status.run !== null) return "not watched yet";
-  return endedNs === null ? "not watched: nothing runs" : `not watched since the run ended at ${clock(endedNs / 1e6)}`;
+  return endedNs === null ? "not watched: nothing runs" : `not watched since the run ended, ${clock(endedNs / 1e6)}`;
 }
 
 function condition({ source, low, high }) {

@@ -1,0 +1,220 @@
+"""From a press on Stop in the panel's page to its confirmation, beside a witness.
+
+`rigd serve` on the simulated LuGre rig in real time, its panel, and a page in headless Chromium,
+which draws. One run after the other is stopped by a press on the page's own button, with nobody
+else there and, in turn, with ten further pages that take every frame beside a flood. Measured,
+within the page: from the press to the moment when it shows the stop as confirmed by the daemon.
+
+The witness is asked by the same page, just before each press: a server of a few lines that answers
+every request at once, in a process of its own. What it takes longer under load is the machine's and
+the browser's; the rest is rigd's.
+
+    python benchmarks/panel_stop.py --rounds 20
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import multiprocessing
+import shutil
+import statistics
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from http.client import HTTPConnection
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from figures import at_most, noted
+from panel import NAME, PATIENCE_MS, invited, move, served
+from playwright.sync_api import Browser, Page, sync_playwright
+from websockets import Origin
+from websockets.asyncio.client import connect
+
+from rigd.remote import Client
+
+#: Pages that watch; of one session there may be eight.
+WATCHERS, OF_ONE = 10, 5
+#: Connections of the flood; each asks as soon as it is answered.
+FLOOD = 4
+#: Press to confirmation under load, against the same in peace.
+MOST_RATIO = 3.0
+
+#: Resolves with ms from the press to the confirmation.
+PRESSED = """() => new Promise((done) => {
+  const told = document.querySelector(".stop-told");
+  let at = null;
+  const press = (event) => { at = event.timeStamp; };
+  window.addEventListener("pointerdown", press, {capture: true, once: true});
+  const watch = new MutationObserver(() => {
+    if (at === null || told.dataset.mood === "ask") return;
+    watch.disconnect();
+    done(performance.now() - at);
+  });
+  watch.observe(told, {attributes: true, childList: true});
+})"""
+#: Resolves with ms until the witness has answered.
+WITNESS = """async (address) => {
+  const begun = performance.now();
+  await fetch(address, {method: "POST", mode: "no-cors", body: "{}"});
+  return performance.now() - begun;
+}"""
+
+
+def witness(told: multiprocessing.connection.Connection) -> None:
+    """Answer every request at once, until killed."""
+
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with suppress(ConnectionError, asyncio.IncompleteReadError):
+            while True:
+                head = await reader.readuntil(b"\r\n\r\n")
+                length = head.lower().partition(b"content-length: ")[2].partition(b"\r")[0]
+                await reader.readexactly(int(length or 0))
+                writer.write(b"HTTP/1.1 200 OK\r\ncontent-length: 2\r\n\r\n{}")
+                await writer.drain()
+
+    async def run() -> None:
+        server = await asyncio.start_server(answer, "127.0.0.1", 0)
+        told.send(server.sockets[0].getsockname()[1])
+        await server.serve_forever()
+
+    asyncio.run(run())
+
+
+def crowd(address: str, cookies: Sequence[str]) -> None:
+    """Watch with ten pages, and flood, until killed."""
+    place = urlsplit(address)
+
+    async def look(cookie: str) -> None:
+        async with connect(
+            f"ws://{place.netloc}/api/live",
+            origin=Origin(f"http://{place.netloc}"),
+            additional_headers={"cookie": cookie},
+            max_size=None,
+        ) as page:
+            async for message in page:
+                if isinstance(message, bytes):
+                    await page.send("drawn")
+
+    async def flood() -> None:
+        request = f"GET /api/session HTTP/1.1\r\nhost: {place.netloc}\r\n\r\n".encode()
+        reader, writer = await asyncio.open_connection(place.hostname, place.port)
+        while True:
+            writer.write(request)
+            head = await reader.readuntil(b"\r\n\r\n")
+            length = head.lower().partition(b"content-length: ")[2].partition(b"\r")[0]
+            await reader.readexactly(int(length))
+
+    async def run() -> None:
+        await asyncio.gather(*(look(one) for one in cookies), *(flood() for _ in range(FLOOD)))
+
+    asyncio.run(run())
+
+
+def cookie_of(link: str) -> str:
+    """Log in, and return the cookie."""
+    address, _, code = link.partition("#")
+    place = urlsplit(address)
+    connection = HTTPConnection(place.netloc, timeout=60)
+    body = json.dumps({"code": code, "name": "watcher"})
+    headers = {
+        "origin": f"http://{place.netloc}", "x-rigd": "1", "content-type": "application/json",
+    }  # fmt: skip
+    connection.request("POST", "/api/login", body, headers)
+    answer = connection.getresponse()
+    if answer.status != 200:
+        raise SystemExit(f"a watcher was not let in: {answer.read()!r}")
+    return str(answer.headers["set-cookie"]).partition(";")[0]
+
+
+@contextmanager
+def crowded(address: str, cookies: Sequence[str]) -> Iterator[None]:
+    """Let the crowd be there."""
+    others = multiprocessing.get_context("spawn").Process(target=crowd, args=(address, cookies))
+    others.start()
+    try:
+        yield
+        if not others.is_alive():
+            raise SystemExit("the crowd has left early")
+    finally:
+        others.kill()
+        others.join()
+
+
+def enter_unbound(browser: Browser, link: str) -> Page:
+    """Return a page that has been let in, and may ask the witness too."""
+    page = browser.new_context(viewport={"width": 1440, "height": 900}, bypass_csp=True).new_page()
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(link)
+    page.get_by_label("Your name").fill("one")
+    page.get_by_role("button", name="Open the panel").click()
+    page.locator(".state-word").wait_for()
+    return page
+
+
+def stopped(page: Page, endpoint: str, address: str) -> tuple[float, float]:
+    """Stop the run under way; return ms of the witness and of the stop, and start another."""
+    page.locator(".state-word", has_text="Running").wait_for()
+    page.wait_for_timeout(700)  # the same press again within 0.7 s is none
+    beside = float(page.evaluate(WITNESS, address))
+    pressed = page.evaluate_handle(f"() => ({{promise: ({PRESSED})()}})")
+    page.locator(".stop-stop").click()
+    took = float(pressed.evaluate("one => one.promise"))
+    with Client(NAME, endpoint=endpoint) as client:
+        next(one for one in client.watch() if one.state == "idle")
+    move(endpoint)
+    return beside, took
+
+
+def tell(where: str, rows: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Print, and return the medians."""
+    beside, took = zip(*rows, strict=True)
+    for name, values in (("press on Stop to confirmation", took), ("the witness", beside)):
+        ordered = sorted(values)
+        noted(f"{name}, {where}, p50", statistics.median(ordered), "ms")
+        noted(f"{name}, {where}, worst of {len(ordered)}", ordered[-1], "ms")
+    return statistics.median(beside), statistics.median(took)
+
+
+def main() -> None:
+    """Measure, and print."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--rounds", type=int, default=20)
+    rounds = parser.parse_args().rounds
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        raise SystemExit("chromium is missing: scripts/need chromium")
+    spawn = multiprocessing.get_context("spawn")
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        _, link, endpoint = stack.enter_context(served(folder))
+        ours, theirs = spawn.Pipe()
+        server = spawn.Process(target=witness, args=(theirs,), daemon=True)
+        server.start()
+        stack.callback(server.kill)
+        address = f"http://127.0.0.1:{ours.recv()}/"
+        browser = stack.enter_context(sync_playwright()).chromium.launch(
+            executable_path=chromium, args=["--no-sandbox"]
+        )
+        stack.callback(browser.close)
+        page = enter_unbound(browser, link)
+        sessions = [cookie_of(invited(page, "one")) for _ in range(WATCHERS // OF_ONE)]
+        cookies = [one for one in sessions for _ in range(OF_ONE)]
+        quiet, loaded = [], []
+        for _ in range(rounds):
+            quiet.append(stopped(page, endpoint, address))
+            with crowded(link.partition("#")[0], cookies):
+                loaded.append(stopped(page, endpoint, address))
+    _, in_peace = tell("nobody else there", quiet)
+    _, in_crowd = tell(f"{WATCHERS} watch and {FLOOD} flood", loaded)
+    at_most(
+        "press on Stop to confirmation, in a crowd against in peace",
+        in_crowd / in_peace,
+        MOST_RATIO,
+    )
+
+
+if __name__ == "__main__":
+    main()
