@@ -62,7 +62,8 @@ WITH_PRIORITY = places(
 QUICK = places(
     "config", "daemon/live/test_points.py", "daemon/serve/test_library.py",
     "daemon/serve/test_recordings.py", "drivers/canopen/test_bus.py",
-    "drivers/canopen/test_servo_cycle.py", "drivers/canopen/test_servo_setup.py",
+    "drivers/canopen/test_eds_on_bus.py", "drivers/canopen/test_servo_cycle.py",
+    "drivers/canopen/test_servo_setup.py", "drivers/canopen/test_sheet.py",
     "drivers/modbus/test_exchange.py", "drivers/modbus/test_frames.py",
     "drivers/modbus/test_maps.py", "drivers/mf624", "drivers/test_analog_servo.py",
     "drivers/test_analog_speed_servo.py", "drivers/test_card_analog.py",
@@ -72,7 +73,7 @@ QUICK = places(
     "evaluate/test_resample.py", "identify/test_fit.py", "identify/test_residuals.py", "model",
     "procedure", "record/test_events.py", "record/test_values.py", "record/test_writer.py",
     "remote/protocol", "remote/test_access.py", "remote/test_certificates.py",
-    "sdk/test_options.py", "sim/test_parameters.py",
+    "sdk/test_options.py", "sim/test_parameters.py", "sim/wire/test_eds.py",
 )  # fmt: skip
 #: `make test-days`: tests that ask which day it is. Shown to be all by whole runs on other days.
 DATES = places(
