@@ -57,6 +57,8 @@ def _print(sheet: DeviceSheet, *, objects: bool) -> None:
     from rich.markup import escape
     from rich.table import Table
 
+    from rigd.cli.screen import print_table
+
     # Piped, a line is a line: nothing folds.
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
     for name, fact in sheet.facts.items():
@@ -67,4 +69,4 @@ def _print(sheet: DeviceSheet, *, objects: bool) -> None:
         table = Table(*sheet.columns, box=None, pad_edge=False)
         for row in sheet.objects:
             table.add_row(*map(escape, row))
-        console.print(table)
+        print_table(console, table)

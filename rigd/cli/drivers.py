@@ -83,6 +83,7 @@ def _print_list(console: Console, found: list[Installed]) -> None:
     from rich.table import Table
 
     from rigd.cli.inventory import GROUPS
+    from rigd.cli.screen import print_table
 
     for kind in GROUPS.values():
         members = [one for one in found if one.kind == kind.name]
@@ -95,18 +96,20 @@ def _print_list(console: Console, found: list[Installed]) -> None:
         for one in members:
             text = f"[red]broken: {escape(one.broken)}[/]" if one.broken else escape(one.title)
             table.add_row(f"  {one.name}", f"{one.package} {one.version}", text)
-        console.print(table)
+        print_table(console, table)
 
 
 def _print_one(console: Console, one: Installed) -> None:
     from rich.markup import escape
+
+    from rigd.cli.screen import wrapped
 
     console.print(f"[bold]{one.name}[/]  {one.kind} of {one.package} {one.version}")
     if one.broken:
         console.print(f"  [red]broken: {escape(one.broken)}[/]", soft_wrap=True)
         return
     for line in one.doc.splitlines():
-        console.print(f"  {escape(line)}", soft_wrap=True)
+        console.print(wrapped(f"  {line}", console.width), markup=False, soft_wrap=True)
     if one.kind == "driver":
         needs = f"a link of kind {one.link_kind!r}" if one.link_kind else "no link of the rig file"
         console.print(f"  stands on {needs}")
@@ -148,6 +151,8 @@ def _print_table(
     from rich.markup import escape
     from rich.table import Table
 
+    from rigd.cli.screen import print_table
+
     if not rows:
         return
     console.print(f"[bold]{title}[/]")
@@ -157,4 +162,4 @@ def _print_table(
     for row in rows:
         first, *rest = map(escape, row)
         table.add_row(f"  {first}", *rest)
-    console.print(table)
+    print_table(console, table)

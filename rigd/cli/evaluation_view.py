@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as RichTable
 
+from rigd.cli.screen import print_table, wrapped
 from rigd.evaluate.shown import Shown, Table
 
 #: Columns where the width of the terminal is not known.
@@ -20,7 +21,10 @@ def print_shown(shown: Shown) -> None:
     for index, one in enumerate(shown):
         if index:
             console.print()
-        console.print(_rich(one) if isinstance(one, Table) else escape(one))
+        if isinstance(one, Table):
+            print_table(console, _rich(one))
+        else:
+            console.print(wrapped(one, console.width), markup=False, soft_wrap=True)
 
 
 def _rich(table: Table) -> RichTable:

@@ -66,6 +66,7 @@ def _print(info: RunInfo) -> None:
     from rich.markup import escape
     from rich.table import Table
 
+    from rigd.cli.screen import print_table
     from rigd.model.about import plain
 
     console = Console(highlight=False)
@@ -114,7 +115,7 @@ def _print(info: RunInfo) -> None:
         table.add_row(
             escape(one.stream.name), str(one.rows), f"{one.rate_hz:.0f} Hz", escape(channels)
         )
-    console.print(table)
+    print_table(console, table)
 
 
 def _print_trials(console: Console, info: RunInfo) -> None:

@@ -62,6 +62,7 @@ def execute(args: argparse.Namespace) -> int:
     from rich.table import Table
 
     from rigd.cli.run import split_assignment
+    from rigd.cli.screen import print_table
     from rigd.model.about import plain
     from rigd.record import Filters, info_json, list_runs
 
@@ -96,7 +97,7 @@ def execute(args: argparse.Namespace) -> int:
             _assigned(info, "meta"),
         )
         table.add_row(*(escape(plain(text)) for text in texts))
-    console.print(table)
+    print_table(console, table)
     for broken in catalogue.broken:
         console.print(f"[red]{escape(str(broken.problem))}[/]", soft_wrap=True)
     if not catalogue.runs and not catalogue.broken:

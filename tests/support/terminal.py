@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import pty
 import re
+import struct
 import subprocess
 import sys
+import termios
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -30,9 +33,10 @@ class Terminal:
     seen: str = ""
 
     @classmethod
-    def open(cls, arguments: Sequence[str], folder: Path) -> Self:
+    def open(cls, arguments: Sequence[str], folder: Path, columns: int = 80) -> Self:
         """Start ``rigd`` with ``arguments`` in ``folder``."""
         master, slave = pty.openpty()
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
         process = subprocess.Popen(
             [sys.executable, "-m", "rigd", *arguments],
             cwd=folder, stdin=slave, stdout=slave, stderr=slave, start_new_session=True,

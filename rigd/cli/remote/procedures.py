@@ -20,6 +20,8 @@ def _procedures(args: argparse.Namespace) -> int:
     from rich.markup import escape
     from rich.table import Table
 
+    from rigd.cli.screen import print_table
+
     with connect(args) as rig:
         found = rig.procedures()
     if args.json:
@@ -31,7 +33,7 @@ def _procedures(args: argparse.Namespace) -> int:
         table.add_column(name, overflow="fold")
     for one in found.procedures:
         table.add_row(*map(escape, (one.name, one.title, one.problem or "")))
-    console.print(table)
+    print_table(console, table)
     return 0
 
 

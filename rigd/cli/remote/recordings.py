@@ -37,6 +37,8 @@ def _print(found: RunList, where: str) -> None:
     from rich.markup import escape
     from rich.table import Table
 
+    from rigd.cli.screen import print_table
+
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
     if not found.runs:
         console.print("no recordings yet")
@@ -60,7 +62,7 @@ def _print(found: RunList, where: str) -> None:
             "yes" if one.has_report else "",
         )
         table.add_row(*map(escape, texts))
-    console.print(table)
+    print_table(console, table)
     if found.more:
         console.print(
             escape(f"older ones:  rigd remote runs --before {found.runs[-1].run}{where}"),

@@ -30,6 +30,7 @@ def _print(found: list[Seen]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
+    from rigd.cli.screen import print_table
     from rigd.remote.client.remotes import list_path
 
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
@@ -61,7 +62,7 @@ def _print(found: list[Seen]) -> None:
             status.title,
         )
         table.add_row(*map(escape, texts))
-    console.print(table)
+    print_table(console, table)
 
 
 def _as_json(seen: Seen) -> dict[str, object]:
