@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 from rigd.model.errors import ConfigError
 from rigd_drivers.canopen.eds_text import EdsText, device_number, parse_number, read_text
-from rigd_drivers.canopen.objects import DEVICE_TYPE, Entry
+from rigd_drivers.canopen.objects import DEVICE_TYPE, HEARTBEAT_CONSUMER, Entry
 from rigd_drivers.canopen.pdo import Pdo
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 #: What a value is relative to where it says so, such as the identifier of a PDO.
 _RELATIVE: Final = "$NODEID"
+#: Where the parameters of PDOs stand (CiA 301, 7.5.2.35 to 7.5.2.38).
+_PDO_PARAMETERS: Final = range(0x1400, 0x1C00)
 #: Accesses that forbid one direction of a PDO, by whether the node sends it (CiA 306-1).
 _NOT_SENT: Final = ("wo", "rww")
 _NOT_RECEIVED: Final = ("ro", "const", "rwr")
@@ -137,6 +139,8 @@ class Sheet:
 
     def beyond(self, entry: Entry, value: int) -> str | None:
         """Return which limit ``value`` of ``entry`` is beyond."""
+        if _is_composed(entry):
+            return None
         found = self.find(entry.index, entry.sub)
         if found is not None and found.min is not None and value < found.min:
             return f"{self._at(entry, 'LowLimit')} is at least {found.min}, not {value}"
@@ -192,8 +196,8 @@ class Sheet:
         where = f"0x{entry.index:04X}" + (f":{entry.sub:02X}" if entry.sub else "")
         part = "" if whole is None else f" in 0x{entry.index:04X} {whole.name}"
         section = self._text.object(entry.index)
-        line = 1 if section is None else section.line
-        return f"{self.path.name}:{line}: there is no object {where} ({entry.name}){part}"
+        line = "" if section is None else f":{section.line}"
+        return f"{self.path.name}{line}: there is no object {where} ({entry.name}){part}"
 
     def _other_size(self, entry: Entry, found: ODVariable) -> str | None:
         size = len(found) // 8
@@ -201,6 +205,16 @@ class Sheet:
             has = self._at(entry, "DataType")
             return f"{has} has {size} byte{'s' * (size > 1)}, this driver expects {entry.size}"
         return None
+
+
+def _is_composed(entry: Entry) -> bool:
+    """Return whether CiA 301 puts the value together of fields, so that it is no number to limit.
+
+    Makers limit it all the same: the EDS of Elmo's Gold drives allows 65535 in 1016h, whose node id
+    stands above that.
+    """
+    of_pdo = entry.index in _PDO_PARAMETERS and entry.code == "I"  # COB-id, or an object mapped
+    return of_pdo or entry.index == HEARTBEAT_CONSUMER.index
 
 
 def read_sheet(path: Path) -> Sheet:

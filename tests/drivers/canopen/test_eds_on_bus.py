@@ -147,7 +147,7 @@ def test_nothing_is_read_that_the_eds_has_not(connect: Connect, tmp_path: Path) 
     bus, port = connect(servo())
     node = Node(bus, 1, read_sheet(write_eds(tmp_path / "x.eds", {"6502": None})))
     node.attach()
-    with pytest.raises(ProtocolError, match=r"x\.eds:1: there is no object 0x6502"):
+    with pytest.raises(ProtocolError, match=r"x\.eds: there is no object 0x6502"):
         node.read(objects.SUPPORTED_MODES)
     assert port.sent == []
 

@@ -92,7 +92,7 @@ def test_the_eds_forbids_what_it_refuses(
     for entry, value in forbidden:
         with pytest.raises(ProtocolError, match=r"refuses writing .* abort 0x06"):
             asked.write(entry, value)
-        with pytest.raises(ProtocolError, match=r"rigd_servo\.eds:\d+: "):
+        with pytest.raises(ProtocolError, match=r"rigd_servo\.eds(:\d+)?: "):
             checked.write(entry, value)
     path = write_eds(tmp_path / "other.eds", {"DeviceInfo/VendorNumber": "0x9A"})
     with pytest.raises(ProtocolError, match=r"its vendor is 0x52494744, other\.eds is of one with"):

@@ -65,7 +65,7 @@ def test_limits_of_signed_types_may_be_written_as_bits(small: Sheet) -> None:
 
 def test_a_missing_object_is_named_by_what_it_is_for(small: Sheet) -> None:
     problem = small.unreadable(objects.SUPPORTED_MODES)
-    assert problem == "small.eds:1: there is no object 0x6502 (supported drive modes)"
+    assert problem == "small.eds: there is no object 0x6502 (supported drive modes)"
 
 
 def test_another_size_of_a_value_is_named(small: Sheet) -> None:
@@ -76,6 +76,14 @@ def test_another_size_of_a_value_is_named(small: Sheet) -> None:
 def test_what_has_no_parts_has_no_sub_index(small: Sheet) -> None:
     problem = small.unreadable(Entry(0x6071, 1, "h", "part"))
     assert problem == "small.eds:9: there is no object 0x6071:01 (part) in 0x6071 Target torque"
+
+
+def test_limits_of_what_is_put_together_of_fields_say_nothing(tmp_path: Path) -> None:
+    limits = ("1016sub1/HighLimit", "1800sub1/HighLimit", "1A00sub1/HighLimit")
+    path = write_eds(tmp_path / "x.eds", dict.fromkeys(limits, "65535"))  # as Elmo's 1016h
+    sheet = read_sheet(path)
+    assert sheet.unwritable(objects.HEARTBEAT_CONSUMER, 127 << 16 | 100) is None
+    assert not list(sheet.unmappable(Pdo(1, True, 0x181, SYNCHRONOUS, (objects.STATUSWORD,))))
 
 
 def test_what_is_write_only_cannot_be_read(tmp_path: Path) -> None:
