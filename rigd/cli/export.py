@@ -5,23 +5,34 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-HELP = "export a recording to Parquet, CSV or MATLAB files"
+HELP = "export recordings to Parquet, CSV or MATLAB files"
 EXAMPLES = """\
 examples:
   rigd export runs/20261121-080000-quick.mcap --to parquet
   rigd export FILE --to csv --stream carriage --stream wheel_servo --output tables/
   rigd export FILE --to mat
+  rigd export FILE --to csv --joined 100
+  rigd export runs/*.mcap --to parquet --output tables/
 
-  One table per stream, with t_ns (UTC), time (s), trial (-1 outside) and a column per channel.
+  One table per stream, with t_ns (UTC), time (s), trial (-1 outside), trial_time (s since the trial
+  began), step and a column per channel; one of the events; one of the trials with their parameters.
+  --joined puts all streams into one table. Each of several files gets a folder of its own.
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("file", type=Path, help="recording")
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="recordings")
     parser.add_argument("--to", choices=("parquet", "csv", "mat"), required=True, help="format")
     parser.add_argument(
         "--stream", action="append", metavar="NAME", help="only this stream (default: all)"
+    )
+    parser.add_argument(
+        "--joined",
+        type=_rate,
+        metavar="RATE",
+        help="one table of all streams at RATE, such as 100 or '100 Hz': each value is the last "
+        "sample at or before that time, and none where there is a gap",
     )
     parser.add_argument(
         "--output", type=Path, metavar="FOLDER", help="default: a folder named like the recording"
@@ -31,17 +42,42 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Write the tables and name them."""
+    from rigd.model.errors import ConfigError
     from rigd.record import Recording
     from rigd.record.export import export
 
-    folder = args.output or args.file.with_suffix("")
-    written = export(
-        Recording.open(args.file),
-        folder,
-        args.to,
-        streams=args.stream,
-        overwrite=args.overwrite,
-    )
-    for path in written:
-        print(path)
+    files: list[Path] = list(dict.fromkeys(args.files))
+    folders = [args.output or file.with_suffix("") for file in files]
+    if args.output and len(files) > 1:
+        folders = [args.output / file.stem for file in files]
+    if len(set(folders)) < len(folders):
+        raise ConfigError(
+            "two of the recordings have one name, and so one folder",
+            hint="export them one by one, each with an --output of its own",
+        )
+    for file, folder in zip(files, folders, strict=True):
+        written = export(
+            Recording.open(file),
+            folder,
+            args.to,
+            streams=args.stream,
+            joined_hz=args.joined,
+            overwrite=args.overwrite,
+        )
+        for path in written:
+            print(path)
     return 0
+
+
+def _rate(text: str) -> float:
+    from rigd.model.units import parse_quantity, parse_unit
+
+    try:
+        rate = parse_quantity(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    if rate.unit.dimension not in (parse_unit("1").dimension, parse_unit("Hz").dimension):
+        raise argparse.ArgumentTypeError(f"{text!r} is no rate: give it in Hz, such as 100")
+    if rate.value <= 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no rate: it must be above 0")
+    return rate.value

@@ -7,19 +7,21 @@ recorder nor ``rigd info`` should pay.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Literal
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pa_parquet
 import scipy.io
 
 from rigd.model import RecordingError
+from rigd.record.joined import JOINED_TABLE, joined_table
 from rigd.record.reader import Recording
 from rigd.record.schema import EVENTS_STREAM
-from rigd.record.tables import TRIALS_TABLE, Table, events_table
+from rigd.record.tables import STEP, TRIALS_TABLE, Table, events_table
 
 Format = Literal["parquet", "csv", "mat"]
 #: Longest name of a field that MATLAB 7 files can hold (``long_field_names`` of scipy).
@@ -33,24 +35,28 @@ def export(
     format: Format,
     *,
     streams: Iterable[str] | None = None,
+    joined_hz: float | None = None,
     overwrite: bool = False,
 ) -> list[Path]:
     """Write each stream, and the events, to ``folder`` as a table of its own; return the files.
 
     The columns are those of :mod:`rigd.record.tables`. A NaN stays one. ``streams`` None: all,
-    with events. The table of the trials is written always.
+    with events. ``joined_hz``: the streams in one table instead, at that rate
+    (:mod:`rigd.record.joined`). The table of the trials is written always.
 
     Raises:
         RecordingError: no such stream, a file exists (unless ``overwrite``), or it cannot be
             written. Files written before the error stay.
 
     """
-    names = [*recording.streams, EVENTS_STREAM] if streams is None else list(streams)
-    trials_name = _free_table_name(recording)
-    names.append(trials_name)
-    for name in names:
-        if name not in (EVENTS_STREAM, trials_name):
+    chosen = [*recording.streams, EVENTS_STREAM] if streams is None else list(streams)
+    for name in chosen:
+        if name != EVENTS_STREAM:
             recording.count(name)  # raises where there is no such stream
+    names = chosen
+    if joined_hz is not None:
+        names = [_free_name(JOINED_TABLE, recording), *({EVENTS_STREAM} & set(chosen))]
+    names = [*names, _free_name(TRIALS_TABLE, recording)]
     write, targets = _WRITERS[format], {name: _target(folder, name, format) for name in names}
     # That of the trials is there if another stream was exported before; it must be the same.
     existing = [str(path) for name, path in targets.items() if path.exists() and name in names[:-1]]
@@ -61,7 +67,7 @@ def export(
         for name, path in targets.items():
             # Beside and then renamed, so that no half table looks like a whole one.
             beside = path.with_name(path.name + ".part")
-            write(_table(recording, name), recording, beside)
+            write(_table(recording, name, chosen, joined_hz), recording, beside)
             if path.exists() and not overwrite and not _same(beside, path):
                 beside.unlink()
                 raise _exists(str(path))
@@ -83,16 +89,22 @@ def _same(new: Path, old: Path) -> bool:
     return new.read_bytes()[skipped:] == old.read_bytes()[skipped:]
 
 
-def _table(recording: Recording, name: str) -> Table:
+def _table(
+    recording: Recording, name: str, chosen: Sequence[str], joined_hz: float | None
+) -> Table:
     if name == EVENTS_STREAM:
         return events_table(recording.all_events, recording.start_ns)
-    if name == _free_table_name(recording):
-        return recording.trials.table
-    return recording[name]
+    if name in recording.streams:
+        return recording[name]
+    if joined_hz is not None and name == _free_name(JOINED_TABLE, recording):
+        streams = [one for one in chosen if one != EVENTS_STREAM]
+        return joined_table(recording, streams, joined_hz)
+    return recording.trials.table
 
 
-def _free_table_name(recording: Recording) -> str:
-    return f"rigd_{TRIALS_TABLE}" if TRIALS_TABLE in recording.streams else TRIALS_TABLE
+def _free_name(name: str, recording: Recording) -> str:
+    """Return the name of a table; ``rigd_`` before it where a stream has that name."""
+    return f"rigd_{name}" if name in recording.streams else name
 
 
 def _target(folder: Path, name: str, format: Format) -> Path:
@@ -120,15 +132,34 @@ def _arrow(table: Table, recording: Recording, *, with_units: bool) -> Any:
 
 
 def _write_mat(table: Table, recording: Recording, path: Path) -> None:
-    for name in table.columns:
-        if len(name) > MAX_MAT_NAME:
-            raise RecordingError(
-                f"{table.name}.{name}: MATLAB takes names of {MAX_MAT_NAME} letters at most",
-                hint="Export to parquet or csv instead.",
-            )
-    content = {**table.columns, "units": dict(table.units), "recording": recording.path.name}
+    names = {column: _mat_name(table, column) for column in table.columns}
+    content: dict[str, Any] = {names[column]: values for column, values in table.columns.items()}
+    if STEP in table.columns:
+        # A text in each row would take a cell each: the rows have numbers into the list of texts.
+        texts, numbers = np.unique(table.columns[STEP].astype(str), return_inverse=True)
+        shift = 0 if "" in texts else 1
+        content["step_names"] = np.array([text for text in texts if text], object)
+        content[STEP] = (numbers + shift).astype(np.int32)
+    content["units"] = {names[column]: unit for column, unit in table.units.items()}
+    content["recording"] = recording.path.name
     # The name ends in .part, to which scipy would add .mat.
     scipy.io.savemat(str(path), content, appendmat=False, long_field_names=True, oned_as="column")
+
+
+def _mat_name(table: Table, column: str) -> str:
+    """Return the name of a column as MATLAB takes it.
+
+    Raises:
+        RecordingError: it is too long.
+
+    """
+    name = column.replace(".", "_").replace("/", "_")
+    if len(name) > MAX_MAT_NAME:
+        raise RecordingError(
+            f"{table.name}.{name}: MATLAB takes names of {MAX_MAT_NAME} letters at most",
+            hint="Export to parquet or csv instead.",
+        )
+    return name
 
 
 _WRITERS: Final[Mapping[Format, Callable[[Table, Recording, Path], None]]] = {

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from rigd.record.reader import Recording
 
 TRIALS_TABLE: Final = "trials"
+STEP: Final = "step"  #: column of the step's name
 Column = NDArray[Any]
 
 
@@ -110,7 +111,7 @@ def stream_table(
         "time": (times - recording.start_ns) * 1e-9,
         "trial": numbers,
         "trial_time": trial_time,
-        "step": step_names(times, steps),
+        STEP: step_names(times, steps),
     }
     columns: dict[str, Column] = {TIME_FIELD: times}
     units = {TIME_FIELD: "ns"}

@@ -102,6 +102,8 @@ SHOWN: dict[str, Shows] = {
         "carriage.csv", {"FILE": QUICK}
     ),
     "rigd export FILE --to mat": Shows(".mat", {"FILE": QUICK}),
+    "rigd export FILE --to csv --joined 100": Shows("joined.csv", {"FILE": QUICK}),
+    "rigd export runs/*.mcap --to parquet --output tables/": Shows("trials.parquet"),
     "rigd report FILE": Shows("-quick-run.html", {"FILE": QUICK}),
     f"rigd report {QUICK}": Shows("-quick-run.html"),
     "rigd report FILE --trials 7,12-15": Shows("-pvc-run.html", {"FILE": PVC, "7,12-15": "7,9-10"}),

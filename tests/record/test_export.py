@@ -6,17 +6,21 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import pyarrow.csv
 import pyarrow.parquet
 import pytest
 import scipy.io
 from numpy.typing import NDArray
 
+from rigd.cli.main import main
 from rigd.model import Channel, RecordingError, Stream
 from rigd.record import Recording, RecordingWriter
 from rigd.record.export import Format, export
+from rigd.record.joined import joined_table
 
 Create = Callable[..., RecordingWriter]
 MakeRows = Callable[..., NDArray[np.void]]
@@ -145,3 +149,107 @@ def test_a_channel_named_time_keeps_its_name(
     table = pyarrow.parquet.read_table(path)
     assert table.column_names == ["t_ns", "rigd_time", "trial", "trial_time", "step", "time"]
     np.testing.assert_array_equal(table["time"].to_numpy(), moved["time"])
+
+
+@pytest.fixture
+def several_rates(create: Create, rows: MakeRows, servo: Stream, force: Stream) -> Recording:
+    """1 kHz and 10 Hz; the slow stream begins 0.25 s late and has a gap of 0.5 s."""
+    moved, pressed = rows(servo, 2_000), rows(force, 15, rate_hz=10.0)
+    pressed["t_ns"] += 250_000_000
+    pressed["t_ns"][8:] += 500_000_000
+    moved["status"] = 2**32 - 1
+    start = int(moved["t_ns"][0])
+    with create("rates.mcap") as writer:
+        writer.write("wheel_servo", moved)
+        writer.write("force", pressed)
+        writer.event(start + 500_000_000, "trial_start", 1, {"parameters": {"load": 2.0}})
+        writer.event(start + 510_000_000, "step", 1, {"name": "drive"})
+        writer.event(start + 1_500_000_000, "trial_end", 1, {"complete": True})
+        path = writer._file.path
+    return Recording.open(path)
+
+
+def test_streams_of_several_rates_join_on_one_time_base(several_rates: Recording) -> None:
+    table = joined_table(several_rates, ["wheel_servo", "force"], 100.0)
+    moved, pressed = several_rates.read("wheel_servo"), several_rates.read("force")
+    assert np.diff(table["t_ns"]).tolist() == [10_000_000] * (len(table) - 1)
+    assert table["t_ns"][0] == moved["t_ns"][0]
+    within = table["t_ns"] <= moved["t_ns"][-1]
+    np.testing.assert_array_equal(table["wheel_servo.current"][within], moved["current"][::10])
+    assert (table["wheel_servo.status"][within] == 2**32 - 1).all()
+    for at, value in zip(table["t_ns"].tolist(), table["force.normal"].tolist(), strict=True):
+        before = pressed[pressed["t_ns"] <= at]
+        if not len(before) or at - before["t_ns"][-1] > 200_000_000:
+            assert math.isnan(value)  # before the first sample, in the gap: nothing is made up
+        else:
+            assert value == before["normal"][-1]
+    assert np.isnan(table["force.normal"]).sum() > 40
+    assert (table["step"] == "drive").sum() == 99
+    assert np.nanmax(table["trial_time"]) == pytest.approx(0.99)
+
+
+def test_nothing_is_held_beyond_the_end_of_a_stream(
+    create: Create, rows: MakeRows, servo: Stream, force: Stream, tmp_path: Path
+) -> None:
+    with create() as writer:
+        writer.write("wheel_servo", rows(servo, 100))
+        writer.write("force", rows(force, 1_000))
+    table = joined_table(Recording.open(tmp_path / "run.mcap"), ["wheel_servo", "force"], 1000.0)
+    assert len(table) == 1_000
+    assert np.isfinite(table["wheel_servo.speed"]).sum() == 102
+    assert np.isfinite(table["force.normal"]).all()
+
+
+def test_a_rate_that_would_fill_the_memory_is_refused(several_rates: Recording) -> None:
+    with pytest.raises(RecordingError, match="choose a lower rate"):
+        joined_table(several_rates, ["force"], 1e8)
+    with pytest.raises(RecordingError, match="0 Hz"):
+        joined_table(several_rates, ["force"], 0.0)
+
+
+@pytest.mark.parametrize("format", ["parquet", "csv", "mat"])
+def test_other_programs_read_the_trials_and_the_joined_table(
+    several_rates: Recording, tmp_path: Path, format: Format
+) -> None:
+    paths = export(several_rates, tmp_path / "out", format, joined_hz=50.0)
+    assert [path.stem for path in paths] == ["joined", "events", "trials"]
+    trials: Any
+    expected = joined_table(several_rates, ["wheel_servo", "force"], 50.0)
+    if format == "mat":
+        joined = scipy.io.loadmat(paths[0], squeeze_me=True, simplify_cells=True)
+        trials = scipy.io.loadmat(paths[2], squeeze_me=True, simplify_cells=True)
+        np.testing.assert_array_equal(joined["force_normal"], expected["force.normal"])
+        assert joined["units"]["force_normal"] == "N"
+        assert joined["step_names"] == "drive"
+        steps = np.where(joined["step"] == 1, "drive", "")
+    elif format == "csv":
+        frame = pd.read_csv(paths[0])
+        np.testing.assert_array_equal(frame["force.normal [N]"], expected["force.normal"])
+        steps = frame["step"].fillna("").to_numpy()
+        trials = pd.read_csv(paths[2]).rename(columns=lambda name: name.split(" ")[0])
+    else:
+        frame = pd.read_parquet(paths[0])
+        np.testing.assert_array_equal(frame["force.normal"], expected["force.normal"])
+        steps = frame["step"].to_numpy()
+        trials = pd.read_parquet(paths[2])
+    assert (steps == expected["step"]).all()
+    assert np.atleast_1d(trials["load"]).tolist() == [2.0]
+    assert np.atleast_1d(trials["complete"]).astype(bool).tolist() == [True]
+    assert np.atleast_1d(trials["start"]).tolist() == [0.5]
+    assert np.atleast_1d(trials["end"]).tolist() == [1.5]
+
+
+def test_several_files_get_a_folder_each(
+    several_rates: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("other.mcap").write_bytes(several_rates.path.read_bytes())
+    command = ["export", "rates.mcap", "other.mcap", "--to", "csv", "--joined", "20 Hz"]
+    assert main([*command, "--output", "tables"]) == 0
+    first, second = (Path("tables", name, "joined.csv") for name in ("rates", "other"))
+    assert first.read_bytes() == second.read_bytes()
+    Path("deep").mkdir()
+    Path("deep/other.mcap").write_bytes(b"")
+    assert main(["export", "other.mcap", "deep/other.mcap", "--to", "csv", "--output", "t"]) == 2
+    with pytest.raises(SystemExit):
+        main(["export", "rates.mcap", "--to", "csv", "--joined", "3 m"])
