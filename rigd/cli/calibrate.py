@@ -186,7 +186,11 @@ def _evaluate(recording: Path, known: Path | None) -> CalibrationEvaluation:
     from rigd.evaluate.evaluation import Options, evaluate
     from rigd.model.errors import DataError
 
-    evaluation = evaluate([recording], Options(calibration=known))
+    evaluation = evaluate(
+        [recording],
+        Options(calibration=known),
+        passed_over=lambda loss: print(f"warning: {loss}", file=sys.stderr),
+    )
     if not isinstance(evaluation, CalibrationEvaluation):
         raise DataError(
             f"{recording} is a measurement of {evaluation.title}, it calibrates nothing",

@@ -8,16 +8,16 @@ from pathlib import Path
 
 from rigd.engine.recorder import drain_into
 from rigd.model.errors import ConfigError, RecordingError
-from rigd.record import Recording, recover, trials
+from rigd.record import Recording, recover
 
 
 @dataclass(frozen=True)
 class ResumePoint:
     """What an interrupted recording says about the run it holds.
 
-    ``done`` are the numbers of trials that are complete. ``overrides`` are the ``--set`` values
-    it was started with. ``texts`` are its attached files by name. ``answered_by`` is who gave the
-    last answer to a prompt, "" where none was asked.
+    ``done`` are the numbers of trials that are complete; one that lost rows is not.
+    ``overrides`` are the ``--set`` values it was started with. ``texts`` are its attached files by
+    name. ``answered_by`` is who gave the last answer to a prompt, "" where none was asked.
     """
 
     path: Path
@@ -45,7 +45,7 @@ class ResumePoint:
 
 
 def read_resume_point(path: Path) -> ResumePoint:
-    """Return where the run in ``path`` stands; it is completed and repaired in place first.
+    """Return where the run in ``path`` stands; it is completed and repaired first.
 
     Raises:
         Blocked: that run is still under way.
@@ -65,7 +65,7 @@ def read_resume_point(path: Path) -> ResumePoint:
         rig=run["rig"],
         seed=int(run["seed"]),
         overrides=recording.metadata.get("overrides", {}),
-        done=frozenset(one.number for one in trials(events) if one.complete),
+        done=frozenset(one.number for one in recording.trials if one.complete),
         texts={name: one.data for name, one in recording.attachments.items()},
         end_ns=recording.end_ns,
         answered_by=str(answers[-1]["by"]) if answers else "",

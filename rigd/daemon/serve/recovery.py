@@ -50,7 +50,8 @@ class Interruptions:
             except RecordingError as error:
                 self._notices.note(str(error), "warning")
             else:
-                self._notices.note(f"{path.name} was torn and is repaired: {report.problem}")
+                kept = f"; {report.original.name} is as it was" if report.original else ""
+                self._notices.note(f"{path.name} was torn and is repaired: {report.problem}{kept}")
         runs = self._recordings.of(self._rig)
         offered = [one for run in runs if (one := interrupted(run)) is not None]
         self._found = tuple(offered[:OFFERED])

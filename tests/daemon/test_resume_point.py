@@ -1,0 +1,46 @@
+"""Where a sweep goes on whose recording is damaged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from rigd.daemon.resume import read_resume_point
+from rigd.model.channels import Channel, Stream
+from rigd.model.rows import row_dtype
+from rigd.record import Recording, RecordingWriter
+
+AXIS = Stream("axis", tuple(Channel(f"c{i}", "m") for i in range(60)))
+SECOND = 1_000_000_000
+
+
+def test_a_trial_that_lost_rows_is_played_again(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    rows = np.zeros(600, row_dtype(AXIS))
+    rows["t_ns"] = np.arange(600) * (SECOND // 100)
+    run = {"procedure": "sweep", "rig": "bench", "seed": "1"}
+    with RecordingWriter.create(
+        path,
+        streams=[AXIS],
+        metadata={"run": run},
+        attachments=(),
+        start_ns=0,
+        compression="none",
+    ) as writer:
+        writer.event(0, "run_start")
+        for number in (1, 2, 3):
+            writer.event((2 * number - 2) * SECOND, "trial_start", number)
+            writer.event(2 * number * SECOND, "trial_end", number, {"complete": True})
+        writer.write("axis", rows)
+    assert read_resume_point(path).done == {1, 2, 3}
+    chunk = next(
+        one
+        for one in Recording.open(path).contents.chunks
+        if 2 in one.message_index_offsets and one.message_start_time == 3 * SECOND
+    )
+    content = bytearray(path.read_bytes())
+    content[chunk.chunk_start_offset + 200] ^= 1
+    path.write_bytes(content)
+    assert read_resume_point(path).done == {1, 3}
+    assert path.with_name("run.mcap.orig").read_bytes() == content
