@@ -1,4 +1,8 @@
-"""Neither side alone decides what Modbus is: pymodbus is the third."""
+"""The simulated devices against pymodbus's clients, which share no code with them.
+
+Its server answers the driver too; of the driver's codec, which is pymodbus's, that proves nothing:
+see ``test_foreign_servers.py``.
+"""
 
 from __future__ import annotations
 
