@@ -176,9 +176,9 @@ class _Session:
         for reply in self._session.get(key, payload=base64.b64decode(payload), timeout=10.0):
             ok = reply.ok is not None
             what = reply.ok.payload if reply.ok is not None else reply.err.payload  # type: ignore[union-attr]
-            key = str(reply.ok.key_expr) if reply.ok is not None else None
+            where = None if reply.ok is None else str(reply.ok.key_expr)
             content = base64.b64encode(what.to_bytes()).decode()
-            found.append({"ok": ok, "key": key, "payload": content})
+            found.append({"ok": ok, "key": where, "payload": content})
         return found
 
     def put(self, key: str, payload: str) -> None:

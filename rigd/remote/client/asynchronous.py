@@ -125,6 +125,11 @@ class AsyncClient:
         """The name under which the daemon knows this client."""
         return self._target.identity
 
+    @property
+    def holds_lease(self) -> bool:
+        """Whether this client keeps the control lease, as far as it knows."""
+        return self._holding.holds
+
     # Looking
 
     async def status(self) -> Status:

@@ -7,6 +7,7 @@ own: a notebook's own loop is left alone.
 from __future__ import annotations
 
 import asyncio
+import logging
 import threading
 from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
 from contextlib import contextmanager
@@ -15,8 +16,10 @@ from types import TracebackType
 from typing import Any, Concatenate, Final, ParamSpec, Self, TypeVar
 
 from rigd.config.remote import TlsFiles
-from rigd.model.errors import LinkError
+from rigd.model.errors import LinkError, RigdError
 from rigd.remote.client.asynchronous import AsyncClient
+
+_log: Final = logging.getLogger(__name__)
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -109,7 +112,10 @@ class Client:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self.close()
+        try:
+            self._end_by(error)
+        finally:
+            self.close()
 
     @property
     def rig(self) -> str:
@@ -170,7 +176,10 @@ class Client:
         try:
             yield
         except BaseException as error:
-            self.run_async(control.__aexit__(type(error), error, error.__traceback__))
+            try:
+                self._end_by(error)
+            finally:
+                self.run_async(control.__aexit__(type(error), error, error.__traceback__))
             raise
         self.run_async(control.__aexit__(None, None, None))
 
@@ -205,6 +214,17 @@ class Client:
         finally:
             if self._thread.is_alive():
                 self.run_async(close())
+
+    def _end_by(self, error: BaseException | None) -> None:
+        """Stop the run at once where Ctrl-C ends a script that has control.
+
+        Else the rig would learn of it when the lease runs out.
+        """
+        if isinstance(error, KeyboardInterrupt) and self.asynchronous.holds_lease:
+            try:
+                self.stop("Ctrl-C in a script")
+            except RigdError as second:
+                _log.warning("the run could not be stopped: %s", second.told)
 
     def _work(self) -> None:
         try:
