@@ -138,6 +138,7 @@ class ServedAxis:
             looks=Looks(self.rig, self.folder, self.feed, monitored=False, told=self.notices.note),
             changed=self.news.set,
             ended=lambda last: self.interruptions.ended(last.run),
+            settle=lambda: self.interruptions.settle(self.folder),
         )
         self.service = RigService(
             Parts(

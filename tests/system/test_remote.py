@@ -113,6 +113,8 @@ def test_two_who_want_the_same(folder: Path) -> None:
             assert refused.value.code is Code.LEASE_HELD
             bob.lease_request()
             assert next(one for one in ann.watch() if one.lease.asked_by).lease.asked_by == ("bob",)
+            with pytest.raises(Refusal, match="nobody of that name has spoken"):
+                ann.lease_give("bbo")
             ann.lease_give("bob")
         with bob.control():
             assert bob.lease().holder == "bob"

@@ -234,7 +234,9 @@ def _draw(job: Mapping[str, Any]) -> Reported:
 
 def _write(recording: Path, report: Path, text: str) -> Reported:
     draft = report.with_suffix(".html.new")
-    draft.write_text(text, encoding="utf-8")
+    draft.unlink(missing_ok=True)
+    with draft.open("x", encoding="utf-8") as file:  # never through a link that stands there
+        file.write(text)
     draft.replace(report)  # whoever reads it meanwhile has the old one, whole
     return Reported(run=recording.name, size=report.stat().st_size)
 

@@ -30,7 +30,6 @@ from rigd.daemon.serve.trips import TripMemory
 from rigd.engine.shared import RunFolder
 from rigd.engine.shared.folder import folder_name
 from rigd.engine.sink import Rows
-from rigd.model.errors import RecordingError
 from rigd.remote.certificates import expires_soon
 from rigd.remote.protocol import Role
 from rigd.remote.server import Lease, Server, role_of
@@ -155,8 +154,12 @@ def _compose(
     descriptors.raise_limit()
     folder = RunFolder.take(rig.name, command="rigd serve", patience_s=PATIENCE_S)
     stack.callback(folder.release)
-    _make(runs)
-    lease = Lease(lambda identity: _may_command(rig, identity))
+    recordings = Recordings(runs)
+    recordings.make_folder()
+    lease = Lease(
+        # On loopback every name may command: one that nobody has would end the run in 6 s.
+        lambda name: _may_command(rig, name) and (name in rig.remote.roles or server.knows(name))
+    )
     server = stack.enter_context(Server(rig.name, rig.remote, lease))
     raw: Callable[[str, Rows], None] = _nowhere
     if options.foxglove is not None:
@@ -169,7 +172,6 @@ def _compose(
     soon = None if rig.remote.tls is None else expires_soon(rig.remote.tls)
     if soon is not None:
         notices.note(soon, "warning")
-    recordings = Recordings(runs)
     name = folder_name(rig.name)
     trips = TripMemory(runs / f"{name}.trips.json")
     interruptions = Interruptions(rig.name, recordings, notices)
@@ -192,6 +194,7 @@ def _compose(
         looks=Looks(rig, folder, feed, monitored=options.monitored, told=notices.note),
         changed=changed,
         ended=lambda last: interruptions.ended(last.run),
+        settle=lambda: interruptions.settle(folder),
     )
     stack.callback(steering.close)
     audit.write("rigd", "serve", {"listen": list(rig.remote.listen)})
@@ -221,15 +224,6 @@ def _nowhere(stream: str, rows: Rows) -> None:
 def _may_command(rig: RigConfig, identity: str) -> bool:
     role = role_of(rig.remote, identity)
     return role is not None and role.includes(Role.OPERATOR)
-
-
-def _make(runs: Path) -> None:
-    try:
-        runs.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordingError(
-            f"cannot make the folder {runs}: {error.strerror}", hint="choose another --runs"
-        ) from error
 
 
 @contextmanager

@@ -121,7 +121,7 @@ class Library:
 
     def _files(self) -> Iterator[Procedure | _Wrong]:
         for folder in self._folders:
-            for path in sorted(folder.glob("*.yaml")):
+            for path in sorted(one for one in folder.glob("*.yaml") if one.is_file()):
                 try:
                     yield load_procedure(path)
                 except ConfigError as error:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import base64
+import errno
 import hashlib
 import json
+import os
 import re
+import stat
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime
+from io import BufferedReader
 from pathlib import Path
 from typing import Final
 
@@ -41,6 +46,20 @@ class Recordings:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._digests: OrderedDict[tuple[Path, int, int], str] = OrderedDict()
+
+    def make_folder(self) -> None:
+        """Make the folder where somebody has removed it.
+
+        Raises:
+            RecordingError: it cannot be made.
+        """
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RecordingError(
+                f"cannot make the folder {self.folder}: {error.strerror}",
+                hint="choose another --runs",
+            ) from error
 
     def lines(self, limit: int, before: str | None, under_way: str | None) -> RunList:
         """Return the newest ``limit`` recordings, of those older than ``before`` where given.
@@ -76,8 +95,8 @@ class Recordings:
             Refusal: ``offset`` is beyond its end, or it cannot be read.
         """
         try:
-            size, digest = self._digest(path)
-            with path.open("rb") as file:
+            with _opened(path) as file:
+                size, digest = self._digest(path, file)
                 file.seek(min(offset, size))
                 data = file.read(length)
         except OSError as error:
@@ -93,7 +112,7 @@ class Recordings:
             Refusal: there is none of that name.
         """
         path = self.folder / name
-        if path.suffix != ".mcap" or _NAME.fullmatch(name) is None or not path.is_file():
+        if path.suffix != ".mcap" or _NAME.fullmatch(name) is None or not _is_regular(path):
             raise Refusal(Code.NOT_FOUND, f"there is no recording {name}", hint=_KNOWN)
         return path
 
@@ -108,7 +127,7 @@ class Recordings:
             path, hint = recording.with_suffix(".html"), _MAKE.format(name)
         else:
             path, hint = page_of(recording), "`draw` makes one"
-        if not path.is_file():
+        if not _is_regular(path):
             raise Refusal(Code.NOT_FOUND, f"there is no report on {name}", hint=hint)
         return path
 
@@ -134,7 +153,7 @@ class Recordings:
     def unreadable(self) -> Sequence[Path]:
         """Return the recordings that are torn."""
         torn = []
-        for path in self._paths():
+        for path in filter(_is_regular, self._paths()):
             try:
                 Recording.open(path)
             except RecordingError:
@@ -151,17 +170,38 @@ class Recordings:
         except _UNREADABLE as error:
             return _unread(path, error, name == under_way)
 
-    def _digest(self, path: Path) -> tuple[int, str]:
+    def _digest(self, path: Path, file: BufferedReader) -> tuple[int, str]:
         """Return size and SHA-256 of a file; what it was hashed for stays remembered a while."""
-        known = path.stat()
+        known = os.fstat(file.fileno())
         key = path, known.st_size, known.st_mtime_ns
         if key not in self._digests:
-            with path.open("rb") as file:
-                self._digests[key] = hashlib.file_digest(file, "sha256").hexdigest()
+            self._digests[key] = hashlib.file_digest(file, "sha256").hexdigest()
             if len(self._digests) > _DIGESTS:
                 self._digests.popitem(last=False)
         self._digests.move_to_end(key)
         return known.st_size, self._digests[key]
+
+
+def _is_regular(path: Path) -> bool:
+    """Return whether a path is a file itself: no link to elsewhere, no pipe that keeps waiting."""
+    try:
+        return stat.S_ISREG(path.lstat().st_mode)
+    except OSError:
+        return False
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[BufferedReader]:
+    """Open a regular file to read it.
+
+    Raises:
+        OSError: it is none, or cannot be opened.
+    """
+    number = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(number, "rb") as file:
+        if not stat.S_ISREG(os.fstat(number).st_mode):
+            raise OSError(errno.EINVAL, "it is no regular file")
+        yield file
 
 
 def page_of(recording: Path) -> Path:
@@ -190,6 +230,8 @@ def interrupted(info: RunInfo) -> Interrupted | None:
 
 
 def _info(path: Path) -> RunInfo:
+    if os.path.lexists(path) and not _is_regular(path):
+        raise RecordingError(f"{path} is no file of its own, but a link, a pipe or a folder")
     return run_info(Recording.open(path))
 
 
@@ -211,7 +253,7 @@ def _line_of(info: RunInfo, under_way: bool) -> RunLine:
         trials_done=info.trials_done,
         trials_total=_total(info),
         size=info.size,
-        has_report=info.path.with_suffix(".html").is_file(),
+        has_report=_is_regular(info.path.with_suffix(".html")),
         has_page=is_drawn(info.path),
         identifies="identify" in info.metadata,
     )

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+import time
+from pathlib import Path
 from typing import Final
 
 from rigd.daemon.serve.notices import Notices
@@ -35,13 +38,7 @@ class Interruptions:
         ``folder`` is that of the rig, held by this process. Nothing here keeps the daemon from
         serving: what cannot be completed is told.
         """
-        try:
-            completed = drain_leftovers(folder)
-        except RecordingError as error:
-            self._notices.note(f"a killed run cannot be completed: {error}", "error")
-        else:
-            if completed is not None:
-                self._notices.note(f"{completed.name}: what a killed run left in memory was added")
+        self.settle(folder)
         for path in self._recordings.unreadable():
             try:
                 report = recover(path)
@@ -66,6 +63,43 @@ class Interruptions:
                 "warning",
             )
 
+    def settle(self, folder: RunFolder) -> None:
+        """Bring what an earlier run has left in memory to disk: with it there, none can begin.
+
+        What belongs to a recording that somebody removed is given up; what another version of
+        rigd left is kept beside the recordings. Each is told.
+        """
+        try:
+            completed = drain_leftovers(folder)
+        except InUse as error:
+            self._notices.note(f"a killed run cannot be completed: {error}", "error")
+        except RecordingError as error:
+            self._give_up(folder, error)
+        else:
+            if completed is not None:
+                self._notices.note(f"{completed.name}: what a killed run left in memory was added")
+
+    def _give_up(self, folder: RunFolder, error: RecordingError) -> None:
+        try:
+            recording = folder.job.recording
+        except RecordingError:
+            kept = _set_aside(folder, self._recordings.folder)
+            self._notices.note(
+                f"a run left samples that this version of rigd cannot read ({error.message}); "
+                f"they are kept in {kept}",
+                "error",
+            )
+            return
+        if recording.exists():
+            self._notices.note(f"a killed run cannot be completed: {error}", "error")
+            return
+        folder.clear()
+        self._notices.note(
+            f"{recording.name} was removed while it was recorded: what its run left in memory is "
+            "given up",
+            "warning",
+        )
+
     def ended(self, run: str) -> None:
         """Look again at a run that has ended; ``run`` is its file, which may not be there."""
         others = tuple(one for one in self._found if one.run != run)
@@ -75,3 +109,18 @@ class Interruptions:
 
 def _is_news(event: Event, known_ns: int) -> bool:
     return event.kind == "interlock" and event.t_ns > known_ns
+
+
+def _set_aside(folder: RunFolder, runs: Path) -> Path:
+    """Move what a run has left to a folder of its own on the disk, and return that."""
+    kept = runs / f"{folder.path.name}-left-{time.time_ns()}"
+    try:
+        kept.mkdir()
+        for path in folder.left:
+            shutil.move(path, kept)
+    except OSError as error:
+        raise RecordingError(
+            f"cannot keep what a run left in {folder.path} in {kept}: {error.strerror}",
+            hint=f"make room, or remove {folder.path} to give it up",
+        ) from error
+    return kept

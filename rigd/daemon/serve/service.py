@@ -197,6 +197,7 @@ class RigService:
         asker = Asker(identity, one_line(user))
         try:
             if verb in MOVING:
+                self._parts.recordings.make_folder()
                 self._parts.audit.check()
             result = self._command(asker, verb, args)
         except Refusal as refusal:

@@ -62,7 +62,7 @@ class Steering:
     """Steers what happens on ``rig``, whose ``folder`` this process holds.
 
     ``runs`` is where recordings go. ``changed`` is called when the status has changed, ``ended``
-    when a run has ended.
+    when a run has ended, ``settle`` before one begins: it clears away what an earlier one left.
     """
 
     def __init__(
@@ -79,13 +79,14 @@ class Steering:
         looks: Looks,
         changed: Callable[[], None],
         ended: Callable[[LastRun], None],
+        settle: Callable[[], None],
     ) -> None:
         self.last: LastRun | None = None  #: how the last run ended
         self._rig, self._folder, self._runs = rig, folder, runs
         self._library, self._lease, self._feed = library, lease, feed
         self._trips, self._notices = trips, notices
         self._looks = looks
-        self._changed, self._ended = changed, ended
+        self._changed, self._ended, self._settle = changed, ended, settle
         self._lock = threading.Lock()
         self._running: Running | None = None
         self._acting: Acting | None = None
@@ -314,6 +315,7 @@ class Steering:
             # A long file may have outlived the lease. From here on, its end ends this run.
             self._lease.check(who.identity)
             self._looks.end()
+            self._settle()
             self._mark(running.recording)
             running.start()
         except BaseException:

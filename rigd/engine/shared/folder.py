@@ -201,9 +201,14 @@ class RunFolder:
     def clear(self) -> None:
         """Remove what the run left, the job first; the lock stays."""
         (self.path / _JOB).unlink(missing_ok=True)
-        for path in insist(lambda: list(self.path.iterdir())):
-            if path.name != _LOCK:
-                path.unlink(missing_ok=True)
+        for path in self.left:
+            path.unlink(missing_ok=True)
+
+    @property
+    def left(self) -> list[Path]:
+        """The files that the run has left."""
+        there = insist(lambda: list(self.path.iterdir()))
+        return [path for path in there if path.name != _LOCK]
 
     def release(self) -> None:
         """Give the rig back, as far as this process holds it."""

@@ -124,7 +124,12 @@ class Lease:
     def _give(self, identity: str, to: str) -> None:
         self._check(identity)
         if not self._may_hold(to):
-            raise Refusal(Code.REFUSED, f"{to} may not hold the lease: it is no operator's name")
+            raise Refusal(
+                Code.REFUSED,
+                f"{to} may not hold the lease: it is no operator's name, or nobody of that name "
+                "has spoken to this rig",
+                hint="`rigd remote lease` says who asks for it",
+            )
         self._grant(to)
 
     def _grant(self, identity: str) -> None:

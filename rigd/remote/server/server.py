@@ -46,6 +46,9 @@ _QUICK: Final = frozenset({Lane.STOP, Lane.LEASE, Lane.ASK})
 #: How long closing waits for a request under way; a dry run may take longer, and is left alone.
 _LAST_REQUEST_S: Final = 2.0
 
+#: So many names of clients are remembered, the newest.
+_MOST_HEARD: Final = 256
+
 #: Where zenoh's authors found an error, which helps nobody here.
 _IN_SOURCE: Final = re.compile(r" at /\S+\.rs:\d+\.?")
 
@@ -80,6 +83,7 @@ class Server:
         self._inboxes = {lane: Inbox[_Waiting]() for lane in Lane}
         self._closing = threading.Event()
         self._threads: list[threading.Thread] = []
+        self._heard: dict[str, None] = {}  # who has asked for something, the newest last
         self._begun_s: dict[Lane, float] = {}  # when that under way was begun, monotonic
         self._telling = threading.Lock()  # of two statuses, the newer one goes out last
         self._declared = ExitStack()  # undone in the reverse order
@@ -112,6 +116,10 @@ class Server:
                 self.publisher.status(service.status())
         except Exception:  # noqa: BLE001 - without the heartbeat, clients take it for dead
             _log.exception("the status cannot be told")
+
+    def knows(self, identity: str) -> bool:
+        """Return whether somebody of that name has asked for anything since the daemon started."""
+        return identity in self._heard
 
     @property
     def hangs(self) -> str:
@@ -178,10 +186,17 @@ class Server:
         except Refusal as refusal:
             _reply(query, key, desk.refuse(key, refusal))
             return
+        self._note(letter.address.identity)
         if not self._inboxes[letter.verb.lane].put(
             letter.address.identity, _Waiting(letter, query)
         ):
             _reply(query, key, _BUSY)
+
+    def _note(self, identity: str) -> None:
+        self._heard.pop(identity, None)
+        self._heard[identity] = None
+        while len(self._heard) > _MOST_HEARD:
+            del self._heard[next(iter(self._heard))]
 
     def _show(self, query: zenoh.Query) -> None:
         """Give the newest status to who comes late; on zenoh's thread."""

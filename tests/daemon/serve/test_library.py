@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -77,3 +78,9 @@ def test_what_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
     check = library(tmp_path).check(beyond)
     assert check is not None
     assert not check.ok
+
+
+def test_a_pipe_among_the_procedures_keeps_nobody_waiting(tmp_path: Path) -> None:
+    own = library(tmp_path)
+    os.mkfifo(tmp_path / "pipe.yaml")
+    assert "pipe" not in [one.name for one in own.lines().procedures]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import os
 from pathlib import Path
 
 import pytest
@@ -137,3 +138,39 @@ def test_all_there_is_to_say_of_a_run(tmp_path: Path) -> None:
     assert view.line.state == "complete"
     assert view.details["recording"] == "a.mcap"
     assert str(tmp_path) not in str(view.details)
+
+
+@pytest.mark.parametrize("kind", ["pipe", "link", "folder"])
+@pytest.mark.parametrize("suffix", [".mcap", ".html"])
+def test_what_is_no_regular_file_is_not_opened(tmp_path: Path, kind: str, suffix: str) -> None:
+    """A pipe would keep who opens it waiting, a link gives away what stands elsewhere."""
+    runs, secret = tmp_path / "runs", tmp_path / "secret"
+    runs.mkdir()
+    secret.write_bytes(record(tmp_path / "other.mcap").read_bytes())
+    odd = runs / f"odd{suffix}"
+    {"pipe": os.mkfifo, "link": lambda path: path.symlink_to(secret), "folder": Path.mkdir}[kind](
+        odd
+    )
+    if suffix == ".html":
+        record(runs / "odd.mcap")
+    recordings = Recordings(runs)
+    (line,) = recordings.lines(10, None, None).runs
+    told = line.problem or ""
+    assert "a link, a pipe or a folder" in told if suffix == ".mcap" else not line.has_report
+    assert recordings.unreadable() == []
+    with pytest.raises(Refusal, match="there is no re"):
+        recordings.report("odd.mcap")
+    with pytest.raises(Refusal, match=f"odd{suffix} cannot be read"):
+        recordings.piece(odd, 0, 10)
+
+
+@pytest.mark.parametrize(
+    "name", ["a\nb.mcap", "a\x1b[2J.mcap", "a\u202e.mcap", "a b.mcap", ".mcap"]
+)
+def test_names_that_steer_a_terminal_are_left_out(tmp_path: Path, name: str) -> None:
+    record(tmp_path / "a.mcap").rename(tmp_path / name)
+    recordings = Recordings(tmp_path)
+    assert recordings.lines(10, None, None).runs == ()
+    assert recordings.of("bench") == []
+    with pytest.raises(Refusal, match="there is no recording"):
+        recordings.path(name)

@@ -115,3 +115,15 @@ def test_a_run_that_was_gone_on_with_is_offered_no_more(tmp_path: Path) -> None:
     assert [one.run for one in found.views()] == ["b.mcap"]
     found.ended("c.mcap")  # blocked: it left no file
     assert [one.run for one in found.views()] == ["b.mcap"]
+
+
+def test_what_another_version_left_is_kept_and_bars_no_run(tmp_path: Path) -> None:
+    folder = RunFolder.take("bench", command="test")
+    (folder.path / "job.json").write_text('{"version": 99}')
+    (folder.path / "rows-0.ring").write_bytes(b"rows of another version")
+    folder.release()
+    _, _, told = recover(tmp_path)
+    (kept,) = tmp_path.glob("bench-left-*")
+    assert (kept / "rows-0.ring").read_bytes() == b"rows of another version"
+    assert any(f"they are kept in {kept}" in line for line in told)
+    assert not folder.has_job

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -450,3 +451,17 @@ def test_a_check_of_too_many_steps_is_refused_at_once(tmp_path: Path) -> None:
     told = "16000 trials of 500 steps are 8000000 steps, more than 200000"
     assert [one["message"] for one in found["problems"]] == [told]
     assert found["problems"][0]["line"] == 7
+
+
+def test_a_folder_removed_during_a_run_spoils_no_later_run(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        served.start(set={"time": "2 s"})
+        served.until(lambda status: status.step == "go")
+        shutil.rmtree(served.runs)
+        ended = served.until_idle().last
+        assert ended is not None
+        again = served.start(set={"time": "0.1 s"})
+        last = served.until(lambda status: status.last and status.last.run == again).last
+        assert last is not None
+        assert (last.ending, last.exit_code) == ("complete", 0), (last, ended)
+        assert run_info(Recording.open(served.runs / again)).state == "complete"
