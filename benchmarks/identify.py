@@ -2,7 +2,7 @@
 
 python benchmarks/identify.py                       about 5 minutes
 python benchmarks/identify.py --full                runs the scipy baseline whole (a minute)
-python benchmarks/identify.py --seeds 100 --keep coverage.jsonl
+python benchmarks/identify.py --rigs 100 --keep coverage.jsonl
                                                     in slices: stop it, start it again
 """
 
@@ -101,7 +101,7 @@ def whole_floor(floor: str, trials: list[LugreTrial], constants: LugreConstants)
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--full", action="store_true", help="run the scipy baseline whole")
-    parser.add_argument("--seeds", type=int, default=20, help="experiments per floor (0: none)")
+    parser.add_argument("--rigs", type=int, default=20, help="random rigs per floor (0: none)")
     parser.add_argument("--keep", type=Path, help="JSON lines of the coverage study, appended to")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -111,9 +111,9 @@ def main() -> None:
             model = LugreModel([t.samples for t in sweep.trials])
             against_scipy(floor, model, full=options.full)
             whole_floor(floor, trials, constants)
-    if options.seeds:
+    if options.rigs:
         start = time.process_time()
-        study(options.seeds, options.keep)
+        study(options.rigs, options.keep)
         noted("coverage study", time.process_time() - start, "s CPU")
 
 

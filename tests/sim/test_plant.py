@@ -20,6 +20,10 @@ X = layout.READINGS.index("carriage_position")
 V = layout.READINGS.index("carriage_speed")
 
 
+def shown_bit_v(make_plant: MakePlant) -> float:
+    return make_plant().parameters.sensors.card_resolution
+
+
 def drive(plant: LugrePlant, current: float) -> None:
     plant.commands[layout.WHEEL_ENABLED] = 1.0
     plant.commands[layout.WHEEL_CURRENT] = current
@@ -45,6 +49,25 @@ def test_a_seed_repeats_bit_for_bit(make_plant: MakePlant) -> None:
     assert not np.array_equal(runs[0], runs[2])
     hidden = slice(layout.TRUTH_READINGS, None)
     assert np.array_equal(runs[0][:, hidden], runs[2][:, hidden]), "noise must not act on physics"
+
+
+def test_individual_rigs_differ_in_phases_starts_and_zeros(make_plant: MakePlant) -> None:
+    counts = [layout.READINGS.index(name) for name in ("motor_counts", "guide_counts")]
+    rows, volts = [], []
+    for number in (0, 1, 1, 2, 3):
+        plant = make_plant(individual=number)
+        plant.advance(0)
+        rows.append([plant.readings[index] for index in counts])
+        volts.append(play(plant, 2000)[:, [layout.ACCELERATION_VOLTS, layout.CURRENT_VOLTS]])
+    assert rows[0] == [0, 0]
+    assert rows[1] == rows[2]
+    assert len({tuple(row) for row in rows}) == 4
+    # At the start within 2 mm: 65 counts.
+    assert all(abs(row[1]) <= 66 for row in rows)
+    zeros = np.array([one.mean(axis=0) for one in volts]) / shown_bit_v(make_plant)
+    np.testing.assert_array_equal(zeros[1], zeros[2])
+    apart = np.abs(zeros[[1, 3, 4]] - zeros[0])
+    assert np.all((apart > 0.01) & (apart < 0.6)), apart
 
 
 def test_neither_physics_nor_noise_depend_on_how_time_is_divided(make_plant: MakePlant) -> None:

@@ -28,6 +28,10 @@ class LugreConfig(PlantConfig):
 
     parameters: str = "lugre.yaml"
     """File of physical parameters: beside the rig file, or a shipped name."""
+    individual: Annotated[int, Ge(0)] = 0
+    """Which individual rig: where wheel and carriage stand at the start, between which counts of
+    their encoders, and the zeros of what is measured in volts, are drawn with this number; 0: all
+    stand at zero."""
     floor: Literal["stone", "pvc", "paperboard"] = "stone"
     """The floor under the wheel at the start."""
     mass: Annotated[float, In("kg"), Ge(LIGHTEST_KG), Le(HEAVIEST_KG)] | None = None
@@ -67,15 +71,17 @@ class LugrePlant(Plant):
         super().__init__(config, period_ns=period_ns, seed=seed)
         import numpy as np
 
-        from rigd_sim.plants.lugre import kernel, records
+        from rigd_sim.plants.lugre import draws, kernel, records
 
-        self.parameters = load_parameters(find_parameters(config.parameters))
+        drawn = load_parameters(find_parameters(config.parameters))
+        self.parameters, start = draws.individual(drawn, config.individual)
         self._advance = kernel.advance
         self._pack = records.constants
         self._floor: str = config.floor
         self._mass = self.parameters.carriage.mass if config.mass is None else config.mass
         self._seed = seed % 2**63
         self._state = records.state_at_rest()
+        self._state["theta"], self._state["x"] = start.wheel_rad, start.carriage_m
         self._commands = np.zeros(1, records.COMMANDS)
         self._readings = np.zeros(1, records.READINGS)
         self._shown: NDArray[np.float64] = self._readings.view(np.float64)

@@ -1,0 +1,160 @@
+"""LuGre rigs drawn at random within what is realistic, and what rigd is told of them: the truth.
+
+A number gives one rig: friction of its floor, masses, drag, drive, vibration, noise of its sensors,
+and where it stands at the start. Its rig file and its procedure hold the constants that a person
+would have measured, without an error: intervals do not contain one (docs/identification.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from ruamel.yaml import YAML
+
+from rigd.config.loader import load_rig
+from rigd.config.shipped import shipped_folder
+from rigd.daemon.execute import RunRequest, perform
+from rigd.engine.control import Control
+from rigd.engine.result import RunResult
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import load_procedure
+
+FLOORS: Final = ("stone", "pvc", "paperboard")
+PROCEDURE: Final = "constant_current"
+#: Sent through the generator beside the number, so that a rig is not the seed of anything else.
+_RIGS: Final = 7
+#: How far one rig lies from the next, as the standard deviation of the logarithm of each value.
+#: Friction: surfaces of one kind, at other temperatures, loads and ages. The rest: tolerances, and
+#: the weights that a person puts on. Drive: 5 % is what data sheets of motors and gears allow.
+FRICTION: Final = {
+    "stribeck_speed": 0.5,
+    "sigma_0": 0.25,
+    "sigma_1": 0.25,
+    "sigma_2": 0.10,
+    "rolling": 0.15,
+}
+MU: Final = 0.15  #: of mu_c and mu_s together
+RISE: Final = 0.4  #: of mu_s / mu_c - 1
+OTHERS: Final = {
+    ("carriage", "mass"): 0.10,
+    ("carriage", "guide", "dry"): 0.15,
+    ("wheel", "radius"): 0.03,
+    ("wheel", "inertia"): 0.10,
+    ("wheel", "force_ripple"): 0.25,
+    ("drive", "torque_constant"): 0.05,
+    ("drive", "resistance"): 0.05,
+    ("drive", "efficiency"): 0.05,
+    ("drive", "no_load_dry"): 0.15,
+    ("sensors", "accelerometer", "noise"): 0.25,
+    ("sensors", "accelerometer", "shake"): 0.25,
+    ("sensors", "current_monitor", "noise"): 0.25,
+}
+BIAS_M_S2: Final = 0.02  #: of the accelerometer: 0.1 degrees of tilt
+
+
+@dataclass(frozen=True)
+class RandomRig:
+    """Files of one rig on one floor, and the parameters of its friction in SI by rigd's names."""
+
+    number: int
+    floor: str
+    rig: Path
+    procedure: Path
+    truth: Mapping[str, float]
+
+    def friction(self, slip_m_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return g at ``slip_m_s`` (corrected Eq. 6)."""
+        decay = np.exp(-np.sqrt(slip_m_s / self.truth["V_s"]))
+        rise = self.truth["mu_s"] - self.truth["mu_c"]
+        return np.asarray(self.truth["mu_c"] + rise * decay)
+
+    def record(self, output: Path, seed: int) -> RunResult:
+        """Play and record the paper's sweep with the noise of ``seed``."""
+        rig, source = load_rig(self.rig), load_procedure(self.procedure)
+        procedure = compile_procedure(source, rig, {"floor": self.floor})
+        request = RunRequest(procedure, source.file.text, rig, seed, output=output)
+        return perform(request, Control()).result
+
+
+def random_rig(number: int, floor: str, folder: Path) -> RandomRig:
+    """Write the files of the rig with this number to ``folder``, and return it; 0 is as shipped."""
+    random = np.random.default_rng((_RIGS, number))
+    spread = 1.0 if number else 0.0
+    shipped = shipped_folder("configs")
+    plant = YAML().load(shipped / "plants" / "lugre.yaml")
+
+    def factor(log_sd: float) -> float:
+        return float(np.exp(spread * log_sd * random.standard_normal()))
+
+    for path, log_sd in OTHERS.items():
+        _scale(plant, path, factor(log_sd))
+    accelerometer = plant["sensors"]["accelerometer"]
+    tilt = spread * BIAS_M_S2 * random.standard_normal()
+    accelerometer["bias"] = f"{_number(accelerometer['bias']) + tilt!r} m/s^2"
+    surface = plant["floors"][floor]
+    for name, log_sd in FRICTION.items():
+        _scale(surface, (name,), factor(log_sd))
+    coulomb = _number(surface["mu_coulomb"])
+    rise = (_number(surface["mu_static"]) / coulomb - 1.0) * factor(RISE)
+    surface["mu_coulomb"] = coulomb * factor(MU)
+    surface["mu_static"] = surface["mu_coulomb"] * (1.0 + rise)
+    truth = {
+        "V_s": _number(surface["stribeck_speed"]),
+        "mu_c": surface["mu_coulomb"],
+        "mu_s": surface["mu_static"],
+        **{name: _number(surface[name]) for name in ("sigma_0", "sigma_1", "sigma_2")},
+    }
+    YAML().dump(plant, folder / "plant.yaml")
+    (folder / "rig.yaml").write_text(_rig_text(shipped, plant, number), "utf-8")
+    (folder / "procedure.yaml").write_text(_procedure_text(floor, surface), "utf-8")
+    return RandomRig(number, floor, folder / "rig.yaml", folder / "procedure.yaml", truth)
+
+
+def _rig_text(shipped: Path, plant: Mapping[str, Any], number: int) -> str:
+    carriage, guide = plant["carriage"], plant["carriage"]["guide"]
+    mass, gravity = _number(carriage["mass"]), _number(plant["gravity"])
+    arm = abs(_number(guide["contact_arm"]) - _number(guide["mass_arm"]))
+    friction_n = _number(guide["dry"]) * mass * gravity * arm / _number(guide["half_span"])
+    return _replaced(
+        (shipped / "sim_lugre.yaml").read_text("utf-8"),
+        {
+            "parameters: plants/lugre.yaml": f"parameters: plant.yaml\n  individual: {number}",
+            "moving_mass: 3.9593 kg": f"moving_mass: {mass!r} kg",
+            "wheel_radius: 50 mm": f"wheel_radius: {_number(plant['wheel']['radius'])!r} mm",
+            "guide_friction: 0.304 N": f"guide_friction: {friction_n!r} N",
+        },
+    )
+
+
+def _procedure_text(floor: str, surface: Mapping[str, Any]) -> str:
+    text = (shipped_folder("procedures") / f"{PROCEDURE}.yaml").read_text("utf-8")
+    line = next(line for line in text.splitlines() if "values: {stone: 0.009" in line)
+    values = ", ".join(f"{name}: {_number(surface['rolling'])!r}" for name in FLOORS)
+    return _replaced(text, {line: f"    values: {{{values}}}"})
+
+
+def _replaced(text: str, changes: Mapping[str, str]) -> str:
+    for old, new in changes.items():
+        if text.count(old) != 1:
+            raise ValueError(f"{old!r} stands {text.count(old)} times")
+        text = text.replace(old, new)
+    return text
+
+
+def _scale(plant: dict[str, Any], path: tuple[str, ...], factor: float) -> None:
+    """Multiply the quantity at ``path``, which keeps its unit."""
+    *parents, name = path
+    for parent in parents:
+        plant = plant[parent]
+    _, _, unit = str(plant[name]).partition(" ")
+    plant[name] = f"{_number(plant[name]) * factor!r} {unit}".strip()
+
+
+def _number(quantity: str | float) -> float:
+    """Return the number of a quantity as it is written, in whatever unit that is."""
+    return float(str(quantity).partition(" ")[0])
