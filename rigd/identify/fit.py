@@ -35,7 +35,7 @@ class Loss(Enum):
     SOFT_L1 = "soft_l1"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Affine:
     """Scaled parameters u = offset + basis @ w: how a profile holds one combination fixed.
 
@@ -66,7 +66,7 @@ class Affine:
         return Affine(offset, basis, free)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit:
     """Where one start ended: ``theta`` natural and ``scaled`` (p,), cost, and the work it took."""
 

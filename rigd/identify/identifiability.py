@@ -28,7 +28,8 @@ class Evidence:
     ``bound`` is the end of the box the estimate sits on, if any. ``bias`` is a sentence on a bias
     that the method is known to have for this parameter, empty if none. ``allowed`` is the range
     that the parameter may have at all: an end that reaches it is open, since the data did not stop
-    it. ``wider`` says what keeps an interval wide or open that a profile alone would close.
+    it. ``wider`` says what keeps an interval wide or open that a profile alone would close, and
+    ``data_log_sd`` is the standard deviation of the logarithm that the data alone leave.
     """
 
     estimate: float
@@ -39,6 +40,7 @@ class Evidence:
     bias: str = ""
     allowed: tuple[float, float] = (-math.inf, math.inf)
     wider: str = ""
+    data_log_sd: float = math.inf
 
     @property
     def ends(self) -> tuple[float | None, float | None]:
@@ -50,15 +52,27 @@ class Evidence:
 
     @property
     def log_sd(self) -> float:
-        """Return the standard deviation of the logarithm; infinite where an end is open."""
+        """Return the standard deviation of the logarithm; infinite where the data give none.
+
+        That is where an end is open, and where the bound or a refit that never moves decided.
+        """
         low, high = self.ends
-        return math.inf if low is None or high is None else log_sd(low, high)
+        if low is None or high is None or self.bound is not None or high <= low:
+            return math.inf
+        return log_sd(low, high)
+
+    @property
+    def undetermined(self) -> Verdict:
+        """What an interval that is too wide is owed to: these tests, or this method."""
+        resolved = self.data_log_sd <= UNIDENTIFIABLE_LOG_SD and self.bound is None
+        return Verdict.UNRESOLVED if resolved else Verdict.UNIDENTIFIABLE
 
 
 def judge(evidence: Evidence) -> tuple[Verdict, str]:
     """Return the verdict and the reason for it.
 
-    Not identifiable: on a bound, an open end, or a standard deviation of the logarithm above 0.35.
+    Not identifiable: on a bound, an open end, or a standard deviation of the logarithm above 0.35;
+    by this method, where the data alone would leave less.
     """
     (low, high), unit = evidence.ends, _unit(evidence.unit)
     wider = f" {evidence.wider}" if evidence.wider else ""
@@ -68,18 +82,25 @@ def judge(evidence: Evidence) -> tuple[Verdict, str]:
             side = f"not downwards (at most {high:.3g}{unit})"
         elif low is not None:
             side = f"not upwards (at least {low:.3g}{unit})"
-        return Verdict.UNIDENTIFIABLE, f"The data do not limit it: {side}.{wider}"
+        what = "method does" if evidence.undetermined is Verdict.UNRESOLVED else "data do"
+        return evidence.undetermined, f"The {what} not limit it: {side}.{wider}"
     if evidence.bound is not None:
         return (
             Verdict.UNIDENTIFIABLE,
             f"The estimate sits on the bound {evidence.bound:.3g}{unit} of its allowed range: "
             "the bound decided, not the data.",
         )
-    spread = log_sd(low, high)
-    if spread > UNIDENTIFIABLE_LOG_SD:
+    if high <= low:
         return (
             Verdict.UNIDENTIFIABLE,
-            f"The data allow anything from {low:.3g} to {high:.3g}{unit}.{wider}",
+            f"Every refit ends at {low:.3g}{unit} whatever the data say: they did not decide.",
+        )
+    spread = log_sd(low, high)
+    if spread > UNIDENTIFIABLE_LOG_SD:
+        what = "method allows" if evidence.undetermined is Verdict.UNRESOLVED else "data allow"
+        return (
+            evidence.undetermined,
+            f"The {what} anything from {low:.3g} to {high:.3g}{unit}.{wider}",
         )
     if evidence.bias:
         return Verdict.BIASED, evidence.bias

@@ -57,7 +57,7 @@ class Parameter:
         return value if self.scaling is Scaling.LOG else 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NormalEquations:
     """``cost`` = 1/2 r'Wr, ``gradient`` = J'Wr (p,), ``information`` = J'WJ (p, p)."""
 

@@ -21,7 +21,7 @@ from rigd.identify.result import FloatArray
 FAR = 4.0  #: refits spread no further than this multiple of the threshold
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ProfileScan:
     """A profile in scaled coordinates: (n,) ``values``, (n,) ``statistic``, (n, p) ``thetas``."""
 

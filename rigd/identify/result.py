@@ -25,6 +25,7 @@ class Verdict(Enum):
     WEAK = "weakly identifiable"
     BIASED = "biased by this method"  #: a narrow interval whose place is wrong; see the sentence
     UNIDENTIFIABLE = "not identifiable from this excitation"
+    UNRESOLVED = "not identifiable by this method"  #: the data close it, the method moves it
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,8 @@ class ParameterEstimate:
     """One parameter: ``estimate`` with its interval in ``unit``, and what to think of it.
 
     ``low`` and ``high`` bound the interval at the result's confidence; ``None`` where the data
-    leave that end open, and both ``None`` when the parameter is not ``identifiable``.
+    leave that end open, and both ``None`` when the parameter is not ``identifiable``. Only
+    ``quoted`` is for people: ``estimate`` is where the fit ended, whatever that is worth.
     ``source`` says where the interval comes from (``"covariance"`` or ``"profile"``).
     ``standard_error`` is in ``unit``; ``None`` where the curvature carries no information.
     """
@@ -56,8 +58,19 @@ class ParameterEstimate:
         """Whether an interval may be quoted: false when the data or the method do not allow one."""
         return self.verdict in (Verdict.IDENTIFIABLE, Verdict.WEAK)
 
+    @property
+    def quoted(self) -> float | None:
+        """The estimate where a person may be shown it, None where only the fit may use it.
 
-@dataclass(frozen=True)
+        An interval that is open on both sides, or a verdict that it is not identifiable, leaves
+        none: table, report and JSON object agree.
+        """
+        if self.verdict in (Verdict.UNIDENTIFIABLE, Verdict.UNRESOLVED):
+            return None
+        return self.estimate if self.low is not None or self.high is not None else None
+
+
+@dataclass(frozen=True, eq=False)
 class Curve:
     """A fitted characteristic with its band, on the range the data visited and no further.
 
@@ -77,7 +90,7 @@ class Curve:
     note: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Signal:
     """A signal of one trial to plot beside the fit: (n,) values in ``unit``."""
 
@@ -85,7 +98,7 @@ class Signal:
     values: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TrialFit:
     """Measured and fitted output of one trial, sample by sample.
 
@@ -106,7 +119,7 @@ class TrialFit:
     signals: Mapping[str, Signal] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Profile:
     """Profile likelihood of one parameter.
 
@@ -136,7 +149,7 @@ class ResidualTest:
     sentence: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Autocorrelation:
     """Residual autocorrelation: (n,) ``lag_s`` and ``value``; white stays within ``±band``."""
 
@@ -174,7 +187,7 @@ class Preprocessing:
     rejected: tuple[TrialRejection, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class IdentificationResult:
     """Parameters with honest uncertainties, and all that is needed to doubt them.
 
@@ -278,13 +291,14 @@ def _finite(value: float) -> float | None:
 
 
 def _parameter_json(p: ParameterEstimate) -> dict[str, object]:
+    known = p.quoted is not None
     return {
-        "estimate": _finite(p.estimate),
-        "low": p.low,
-        "high": p.high,
+        "estimate": _finite(p.estimate) if known else None,
+        "low": p.low if known else None,
+        "high": p.high if known else None,
         "unit": p.unit,
         "identifiable": p.identifiable,
-        "standard_error": p.standard_error,
+        "standard_error": p.standard_error if known else None,
         "verdict": p.verdict.value,
         "sentence": p.sentence,
         "advice": p.advice,

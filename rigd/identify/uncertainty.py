@@ -21,7 +21,7 @@ BOUND_TOLERANCE = 1e-6  #: share of the box within which a parameter sits on its
 RELATIVE_RANK = 1e-12  #: eigenvalues of the scaled information below this share carry nothing
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Covariance:
     """Covariances (p, p) in scaled coordinates; rows of a parameter on its bound are zero.
 

@@ -189,7 +189,7 @@ class Driver(AnyDriver, ABC):
         """Close the link; closing twice is silent."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Block:
     """Rows taken together: ``times_ns`` int64 of shape (n,), ``values`` float64 of shape (n, k).
 

@@ -77,3 +77,24 @@ def test_an_end_beyond_the_allowed_range_is_open_and_never_printed() -> None:
     assert sentence == "The data do not limit it: neither upwards nor downwards. (Why.)"
     half = Evidence(0.0189, 0.001, 34.9, "m/s", allowed=(1e-4, 10.0))
     assert judge(half)[1] == "The data do not limit it: not upwards (at least 0.001 m/s)."
+
+
+def test_the_method_is_blamed_for_what_it_moves() -> None:
+    """The data alone close it; only the choice of the filter window leaves it open or wide."""
+    for low, high in ((0.4, 2.5), (None, 1.1)):
+        by_method, sentence = judge(Evidence(1.0, low, high, "m/s", data_log_sd=0.05))
+        assert by_method is Verdict.UNRESOLVED
+        assert "data" not in sentence
+        by_data, _ = judge(Evidence(1.0, low, high, "m/s", data_log_sd=0.5))
+        assert by_data is Verdict.UNIDENTIFIABLE
+    on_bound, _ = judge(Evidence(1.0, 0.4, 2.5, "m/s", bound=2.5, data_log_sd=0.05))
+    assert on_bound is Verdict.UNIDENTIFIABLE
+
+
+@pytest.mark.parametrize("bound", [None, 2.0])
+def test_what_no_refit_moves_is_not_known(bound: float | None) -> None:
+    """As where a parameter sits on its bound whichever trial is left out."""
+    stuck = Evidence(2.0, 2.0, 2.0, "1/m", bound)
+    assert judge(stuck)[0] is Verdict.UNIDENTIFIABLE
+    assert stuck.log_sd == np.inf
+    assert Advice("More", 2.0).remaining(stuck.log_sd, 0.0) == np.inf

@@ -17,7 +17,7 @@ from rigd.model.rows import TIME_FIELD
 _VALUES_AT: Final = 8
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Points:
     """Points of a stream of c channels, in time order.
 

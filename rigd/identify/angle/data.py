@@ -91,7 +91,7 @@ class Flag:
     severity: Severity = Severity.EXCLUDED
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class AngleRun:
     """One run: raw volts over the time since the relay COMMAND; negative times are pre-trigger.
 

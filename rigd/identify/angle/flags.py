@@ -68,7 +68,7 @@ AT_END_SAMPLES = 10
 JUMP_S = 0.0025
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Pot:
     """One potentiometer up to the stop; its movement is in ``unit``."""
 

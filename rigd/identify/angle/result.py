@@ -75,7 +75,7 @@ class PaperMaximum:
     coefficient: Coefficient = Coefficient.ROLLING
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FrictionCurve:
     """The pooled friction limit over the sliding speed, on the range the data cover only.
 
@@ -158,7 +158,7 @@ class DemandFit:
     rms: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trend:
     """Friction over the angle by one source: ``paper``, ``better`` or ``published``."""
 

@@ -12,7 +12,7 @@ from rigd.identify.result import FloatArray
 LEAST_POINTS = 3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Line:
     """y = ``offset`` + ``slope`` x by ordinary least squares, with standard uncertainties.
 

@@ -38,7 +38,7 @@ _SMOOTH_S = 0.04
 KNOWN_AT = 2.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Push:
     """Travel (n,) in m at even times (n,) in s, from before the push to after the stop."""
 

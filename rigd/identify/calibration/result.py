@@ -31,7 +31,7 @@ class Measured:
         return math.hypot(*(one.u for one in self.budget))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Series:
     """Points with their fit, for a person to look at: (n,) each, and what the axes are."""
 

@@ -36,7 +36,7 @@ MOST_LEFT = 0.02
 MOST_APART = 0.05
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Push:
     """One push there and back: mean readings at start, end, and start again, (3,) each."""
 

@@ -25,7 +25,7 @@ PARAMETERS = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SlipForce:
     """The processed samples of one trial: slip in m/s, F/F_N, and which samples count.
 
@@ -39,7 +39,7 @@ class SlipForce:
     mask: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LugreModel:
     """Residuals F_model/F_N - F_measured/F_N of several trials, with analytic sensitivities."""
 

@@ -47,7 +47,7 @@ class Guards:
     min_trials: int = 3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ProcessedTrial:
     """One trial after method A: what the model takes, and what a plot shows beside it.
 

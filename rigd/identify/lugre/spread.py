@@ -25,7 +25,7 @@ from rigd.identify.uncertainty import delta_sd, jackknife_sd
 Function = Callable[[FloatArray], FloatArray]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Spread:
     """``theta`` (p,) natural; ``coloured`` (p, p) scaled; the rest are lists of natural sets."""
 
@@ -47,6 +47,8 @@ class Spread:
     def method_sd(self, function: Function) -> FloatArray:
         """Return the root mean square change of ``function`` (m,) under other filter windows."""
         centre = function(self.theta)
+        if not self.windows:
+            return np.zeros_like(centre)
         return np.asarray(
             np.sqrt(np.mean([(function(t) - centre) ** 2 for t in self.windows], axis=0))
         )

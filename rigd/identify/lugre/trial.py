@@ -14,7 +14,7 @@ MAX_JITTER = 0.5
 MIN_SAMPLES = 100
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LugreTrial:
     """One recording: rest, a current step held while the carriage drives, whatever follows.
 

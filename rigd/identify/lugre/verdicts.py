@@ -16,6 +16,7 @@ from rigd.identify.identifiability import (
     advise,
     fisher,
     judge,
+    log_sd,
 )
 from rigd.identify.lugre.advice import OUT_OF_REACH, candidates
 from rigd.identify.lugre.model import MU_C, PARAMETERS, RATIO, V_S, LugreModel
@@ -34,6 +35,8 @@ from rigd.identify.uncertainty import Covariance
 Z_95 = 1.959964
 OPEN_WITH_SPEED = "{0} is open {1}, and {2} with it {3}, whatever its own profile says."
 KNOWN = (Verdict.IDENTIFIABLE, Verdict.WEAK)
+FINER_COUNTS = "The method moves it, not the tests: more of them do not help. Encoders with finer \
+counts do, as they allow a shorter filter window."
 
 #: Against known truths (lugre.md section 5, and benchmarks/identify.py).
 BIASES = {
@@ -77,7 +80,7 @@ def estimates(
 
     found = [advised(PROFILED[0], _speed(scans, cov, spread, visited))]
     found += [
-        advised(q, _friction(q, s, scans, cov, spread))
+        advised(q, _friction(q, s, scans, cov, spread, visited))
         for q, s in zip(PROFILED[1:], (scans.coulomb, scans.static), strict=True)
     ]
     found += [advised(q, _by_covariance(q, cov, spread)) for q in BY_COVARIANCE]
@@ -89,6 +92,8 @@ def _advice(judged: _Judged, computed: Advice | None) -> str:
     entry = judged.entry
     if entry.verdict is Verdict.IDENTIFIABLE:
         return ""
+    if entry.verdict is Verdict.UNRESOLVED:
+        return FINER_COUNTS
     if entry.verdict is not Verdict.BIASED and computed is not None:
         remaining = computed.remaining(judged.log_sd, judged.method_sd)
         if remaining <= min(UNIDENTIFIABLE_LOG_SD, judged.log_sd / WORTHWHILE_SHRINK):
@@ -129,7 +134,7 @@ def derived(
 
 
 def _speed(scans: Scans, cov: Covariance, spread: Spread, visited: tuple[float, float]) -> _Judged:
-    """Return V_s; beyond the visited slip it is extrapolation whatever its interval."""
+    """Return V_s; outside of the visited slip it is extrapolation whatever its interval."""
     quantity = PROFILED[0]
     value = quantity.value(spread.theta)
     bounds = (PARAMETERS[V_S].low, PARAMETERS[V_S].high)
@@ -139,22 +144,31 @@ def _speed(scans: Scans, cov: Covariance, spread: Spread, visited: tuple[float, 
     )  # fmt: skip
     if visited[0] <= value <= visited[1]:
         return judged
-    entry = replace(judged.entry, flags=("outside the visited slip range",))
-    if value < visited[0]:
-        return replace(judged, entry=entry)
-    sentence = f"{entry.sentence} It lies beyond the visited slip, {visited[1]:.3g} m/s: "
+    side, end = ("below", visited[0]) if value < visited[0] else ("beyond", visited[1])
+    found = _extrapolated(judged, f"It lies {side} the visited slip, {end:.3g} m/s")
+    return replace(found, entry=replace(found.entry, flags=("outside the visited slip range",)))
+
+
+def _extrapolated(judged: _Judged, why: str) -> _Judged:
+    """Return ``judged`` without a number: ``why`` it is no more than an extrapolation."""
     entry = replace(
-        entry, low=None, high=None, standard_error=None, verdict=Verdict.UNIDENTIFIABLE,
-        sentence=sentence + "extrapolation.",
+        judged.entry, low=None, high=None, standard_error=None, verdict=Verdict.UNIDENTIFIABLE,
+        sentence=f"{judged.entry.sentence} {why}: extrapolation.",
     )  # fmt: skip
     return _Judged(entry, math.inf, judged.method_sd)
 
 
 def _friction(
-    quantity: Quantity, found: ProfileScan, scans: Scans, cov: Covariance, spread: Spread
+    quantity: Quantity,
+    found: ProfileScan,
+    scans: Scans,
+    cov: Covariance,
+    spread: Spread,
+    visited: tuple[float, float],
 ) -> _Judged:
     """Return mu_c or mu_s, each open on the side on which V_s is.
 
+    Where V_s itself lies outside of the visited slip on that side, it is extrapolation.
     With V_s free to grow, what is left of the Stribeck effect at the highest slip may be any part
     of it, so that mu_c has no lower end; with V_s free to fall, the rise towards standstill may be
     any height, so that mu_s has no upper end. The ends of their own profiles then show only where
@@ -179,8 +193,15 @@ def _friction(
                 None,
                 "V_s is open downwards, and mu_s with it upwards, whatever its own profile says.",
             )
-    bound = spread.theta[MU_C] if quantity.name == "mu_c" and cov.on_bound[MU_C] else None
-    return _profiled(quantity, found, (low, high), spread, bounds, bound, why)
+    on_bound = cov.on_bound[MU_C] or (quantity.name == "mu_s" and cov.on_bound[RATIO])
+    bound = quantity.value(spread.theta) if on_bound else None
+    judged = _profiled(quantity, found, (low, high), spread, bounds, bound, why)
+    speed = float(spread.theta[V_S])
+    if quantity.name == "mu_c" and speed > visited[1]:
+        return _extrapolated(judged, "It is g far above V_s, which lies beyond the visited slip")
+    if quantity.name == "mu_s" and speed < visited[0]:
+        return _extrapolated(judged, "It is g far below V_s, which lies below the visited slip")
+    return judged
 
 
 def _widened(
@@ -208,7 +229,12 @@ def _profiled(
     """Return an estimate with the interval ``ends``; ``why`` they are wider than the profile."""
     value = quantity.value(spread.theta)
     wider = why or _profile_alone(found)
-    evidence = Evidence(value, *ends, quantity.unit, bound, allowed=allowed, wider=wider)
+    alone = math.inf
+    if found.low is not None and found.high is not None and not why:
+        alone = log_sd(math.exp(found.low), math.exp(found.high))
+    evidence = Evidence(
+        value, *ends, quantity.unit, bound, allowed=allowed, wider=wider, data_log_sd=alone
+    )
     verdict, sentence = judge(evidence)
     known = verdict in KNOWN
     low, high = evidence.ends
@@ -235,15 +261,20 @@ def _profile_alone(found: ProfileScan) -> str:
 
 def _by_covariance(quantity: Quantity, cov: Covariance | None, spread: Spread) -> _Judged:
     value = quantity.value(spread.theta)
-    low, high, error = (
-        float(x[0]) for x in spread.interval(quantity.log, quantity.log_gradient(spread.theta))
-    )
+    gradient = quantity.log_gradient(spread.theta)
+    low, high, error = (float(x[0]) for x in spread.interval(quantity.log, gradient))
+    by_data = [float(x[0]) for x in replace(spread, windows=()).interval(quantity.log, gradient)]
     ends = (math.exp(low), math.exp(high))
     bias = BIASES.get(quantity.name, "")
     index = None if quantity.index is None else PARAMETERS[quantity.index]
     on_bound = cov is not None and quantity.index is not None and cov.on_bound[quantity.index]
     allowed = (0.0, math.inf) if index is None else (index.low, index.high)
-    evidence = Evidence(value, *ends, quantity.unit, value if on_bound else None, bias, allowed)
+    alone = (by_data[1] - by_data[0]) / (2.0 * Z_95)
+    wider = "(The choice of the filter window moves it that far.)"
+    evidence = Evidence(
+        value, *ends, quantity.unit, value if on_bound else None, bias, allowed,
+        wider if alone <= UNIDENTIFIABLE_LOG_SD else "", alone,
+    )  # fmt: skip
     verdict, sentence = judge(evidence)
     known = verdict in KNOWN
     entry = ParameterEstimate(

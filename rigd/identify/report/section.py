@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from rigd.identify.result import FloatArray, IdentificationResult
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReferenceCurve:
     """A curve to draw beside the fitted one, in the units of the fitted one: (n,) ``x``, ``y``."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rigd.identify.report.rounding import number
-from rigd.identify.report.summary import determined
 from rigd.identify.result import IdentificationResult, StartOutcome
 
 #: Starts whose cost is within this share of the lowest found the same minimum.
@@ -47,7 +46,7 @@ def start_table(result: IdentificationResult) -> StartTable | None:
     return StartTable(
         sentence=_sentence(len(ordered), same, stopped),
         names=tuple((name, known[name].unit if name in known else "") for name in names),
-        loose=tuple(name in known and not determined(known[name]) for name in names),
+        loose=tuple(name in known and known[name].quoted is None for name in names),
         lines=tuple(_line(start, lowest, names) for start in ordered),
     )
 

@@ -73,15 +73,8 @@ def summary_rows(sections: Sequence[ReportSection]) -> tuple[SummaryRow, ...]:
     )
 
 
-def determined(parameter: ParameterEstimate) -> bool:
-    """Return whether the data bound the parameter on one side at least."""
-    if parameter.verdict is Verdict.UNIDENTIFIABLE:
-        return False
-    return parameter.low is not None or parameter.high is not None
-
-
 def _row(section: ReportSection, p: ParameterEstimate, derived: bool) -> SummaryRow:
-    known = determined(p)
+    known = p.quoted is not None
     low, high = (p.low, p.high) if known else (None, None)
     reference = section.reference.get(p.name)
     return SummaryRow(
@@ -92,7 +85,7 @@ def _row(section: ReportSection, p: ParameterEstimate, derived: bool) -> Summary
         unit=p.unit,
         verdict=p.verdict,
         derived=derived,
-        estimate=p.estimate if known else None,
+        estimate=p.quoted,
         low=low,
         high=high,
         reference=reference,
@@ -118,7 +111,7 @@ def _estimate(estimate: float, low: float | None, high: float | None) -> str:
 
 
 def _comparison(p: ParameterEstimate, reference: float) -> str:
-    if not determined(p):
+    if p.quoted is None:
         return "cannot be compared"
     if reference == 0.0:
         away = ""

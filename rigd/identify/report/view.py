@@ -69,7 +69,8 @@ def _chapter(anchor: str, section: ReportSection) -> Chapter:
     views = tuple(
         _trial_view(f"{anchor}-t{i}", one, shared) for i, one in enumerate(result.trials, start=1)
     )
-    chosen = result.trials.index(featured(result.trials)) if result.trials else None
+    large = featured(result.trials) if result.trials else None
+    chosen = next((i for i, one in enumerate(result.trials) if one is large), None)
     return Chapter(
         anchor=anchor,
         label=section.label,

@@ -22,7 +22,7 @@ MAGIC: Final = b"RGF1"
 HEADER: Final = struct.Struct("<4sHHIIQ")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Frame:
     """A piece of one stream, newest point last.
 

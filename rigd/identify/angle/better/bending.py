@@ -62,7 +62,7 @@ class Bending:
         return float(np.hypot(self.c, self.s))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sample:
     """One run, and in which of its blocks the wheel slides, (n,)."""
 

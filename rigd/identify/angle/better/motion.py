@@ -16,7 +16,7 @@ from rigd.identify.angle.samples import readable
 GAP = 1.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Means:
     """Means over consecutive blocks of the driven part of a run, (n,) each; n may be 0.
 
@@ -37,7 +37,7 @@ class Means:
     turn: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """One run with its speeds; what does not depend on how the gauges' zero is taken.
 

@@ -14,7 +14,7 @@ from rigd.identify.angle.data import Coefficient, Flag, FloatArray, Regime, Seve
 BoolArray = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Blocks:
     """Means over short blocks of the driven part of a run; arrays of shape (n,), maybe empty.
 
@@ -34,7 +34,7 @@ class Blocks:
         return cls(empty, empty, empty, empty, np.empty(0, dtype=np.bool_))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Smoothed:
     """Signals for a plot, shape (n,), from the pre-trigger samples to past the stop."""
 

@@ -23,7 +23,7 @@ from rigd.model.kernel import kernel
 DIFFUSE = 1e8
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Track:
     """Smoothed motion, shape (n,) each, and the standard uncertainty of the speed (n,)."""
 

@@ -18,7 +18,7 @@ import numpy as np
 from rigd.identify.angle.data import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FourierFit:
     """``k`` series over the same times: ``basis`` (n, 2 N + 1), ``coefficients`` (2 N + 1, k)."""
 

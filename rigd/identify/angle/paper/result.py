@@ -8,7 +8,7 @@ from typing import ClassVar
 from rigd.identify.angle.data import Coefficient, Flag, FloatArray, Regime, Severity
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PaperCurves:
     """Every step of the method on one run; times since the relay command.
 

@@ -21,7 +21,7 @@ _SAMPLES: Final = 1 << 40
 _LATENCY: Final = 2 << 40
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Samples:
     """Consecutive samples: the number of the first one and volts of shape (n, inputs)."""
 

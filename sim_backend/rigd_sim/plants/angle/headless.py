@@ -29,7 +29,7 @@ WHEEL_STOP_RAD: Final = 50.0
 NEWEST: Final = 5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SimulatedRun:
     """Raw volts of shape (n,) over the time since the relay's command, and what really happened.
 
@@ -120,7 +120,7 @@ def simulate(
     return _recorded(plant, drive, set_name, load_kg, voltage_v)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Drive:
     """What was seen of a run, and when the relay was commanded, on the plant's clock."""
 
