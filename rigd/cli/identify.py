@@ -14,6 +14,7 @@ examples:
   rigd identify runs/20261121-080000-constant_current-pvc.mcap
   rigd identify runs/*constant_current*.mcap       one report on all floors
   rigd identify FILE --json                        for a program
+  rigd identify before.mcap after.mcap --group-by recording
   rigd identify runs/*approach_angles*.mcap        one campaign, whatever files it is in
   rigd identify FILE --calibration new.yaml        raw volts under another calibration
 
@@ -46,6 +47,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="use this calibration on the raw volts, not the one that the recordings carry",
     )
+    parser.add_argument(
+        "--group-by",
+        choices=["recording"],
+        help="identify each recording by itself, to compare them",
+    )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
@@ -64,7 +70,8 @@ def execute(args: argparse.Namespace) -> int:
         raise ConfigError(f"--starts {args.starts} must be between 1 and 1000")
     if args.report is not None and args.report.suffix == ".mcap":
         raise ConfigError(f"--report {args.report} would overwrite a recording")
-    options = Options(args.starts, args.seed, args.robust, args.calibration)
+    by_recording = args.group_by is not None
+    options = Options(args.starts, args.seed, args.robust, args.calibration, by_recording)
     losses: list[str] = []
     evaluation = evaluate(
         args.files,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
+from rigd.evaluate.copies import refuse_copies, refuse_same_file
 from rigd.evaluate.models import needs_of
 from rigd.evaluate.shown import Shown
 from rigd.evaluate.source import RecordedSweep, open_sweep
@@ -20,13 +21,15 @@ class Options:
 
     ``starts``, ``seed`` and ``robust`` are for models that are fitted: number of starts, their
     seed, robust loss instead of least squares. ``calibration`` is for models that work from raw
-    volts: a file to use instead of the calibration that a recording carries.
+    volts: a file to use instead of the calibration that a recording carries. ``by_recording`` gives
+    each recording groups of its own, so that they can be compared.
     """
 
     starts: int = 8
     seed: int = 1
     robust: bool = False
     calibration: Path | None = None
+    by_recording: bool = False
 
 
 class Evaluation(ABC):
@@ -68,13 +71,16 @@ def evaluate(
     Raises:
         RecordingError: a file cannot be read.
         ConfigError: an option does not fit the model, or a calibration is wrong.
-        DataError: a file holds nothing to identify, or the data cannot answer.
+        DataError: a file holds nothing to identify, is there twice or beside a copy of itself, or
+            the data cannot answer.
     """
-    sweeps = [open_sweep(path) for path in dict.fromkeys(paths)]
+    refuse_same_file(paths)
+    sweeps = [open_sweep(path) for path in paths]
     for loss in (text for sweep in sweeps for text in sweep.info.losses):
         passed_over(loss)
     models = {sweep.plan.model for sweep in sweeps}
     if len(models) > 1:
         raise DataError(f"the recordings identify different models: {', '.join(sorted(models))}")
+    refuse_copies(sweeps)
     evaluator: Evaluator = import_module(needs_of(sweeps[0].plan).module).evaluate
     return evaluator(sweeps, options or Options(), tell)

@@ -63,12 +63,14 @@ def sort_out(
     usable: list[tuple[RecordedSweep, TrialInfo]] = []
     rejected: list[TrialRejection] = []
     lacking: list[Unusable] = []
+    several = _several(trials)
     for sweep, trial in trials:
         try:
             sweep.signals(trial)
         except Unusable as error:
             lacking.append(error)
-            rejected.append(TrialRejection(_label(sweep, trial), error.message))
+            label = _label(sweep, trial, several=several)
+            rejected.append(TrialRejection(label, error.message))
         else:
             usable.append((sweep, trial))
     if not usable and lacking:
@@ -84,12 +86,20 @@ def arrays(
     Raises:
         DataError: a signal or constant is missing, or a constant differs between trials.
     """
-    return [_trial(sweep, one) for sweep, one in trials], _constants(trials)
+    several = _several(trials)
+    found = [_trial(sweep, one, _label(sweep, one, several=several)) for sweep, one in trials]
+    return found, _constants(trials)
 
 
-def _label(sweep: RecordedSweep, trial: TrialInfo) -> str:
+def _label(sweep: RecordedSweep, trial: TrialInfo, *, several: bool) -> str:
+    """Return what a person calls ``trial``, by its file where there are ``several``."""
     label = sweep.parameter(trial, "current")
-    return label if (trial.repeat or 1) == 1 else f"{label}, repeat {trial.repeat}"
+    repeat = "" if (trial.repeat or 1) == 1 else f", repeat {trial.repeat}"
+    return f"{label}{repeat} of {sweep.path}" if several else f"{label}{repeat}"
+
+
+def _several(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> bool:
+    return len({sweep.path for sweep, _ in trials}) > 1
 
 
 def reference_curve(
@@ -103,7 +113,7 @@ def reference_curve(
     return ReferenceCurve(label, slip, values["mu_c"] + (values["mu_s"] - values["mu_c"]) * decay)
 
 
-def _trial(sweep: RecordedSweep, trial: TrialInfo) -> LugreTrial:
+def _trial(sweep: RecordedSweep, trial: TrialInfo, label: str) -> LugreTrial:
     t_s, signals = sweep.signals(trial)
     current = trial.parameters.get("current")
     if not isinstance(current, int | float):
@@ -112,7 +122,8 @@ def _trial(sweep: RecordedSweep, trial: TrialInfo) -> LugreTrial:
             hint="method A needs tests with one constant current each",
         )
     return LugreTrial(
-        label=_label(sweep, trial),
+        label=label,
+        recording=str(sweep.path),
         current_a=float(current),
         t_s=t_s,
         wheel_angle_rad=signals["wheel_angle"],

@@ -89,6 +89,11 @@ class ParameterEvaluation(Evaluation):
         if advised:
             lines = [f"  {', '.join(names)}: {advice}." for advice, names in advised.items()]
             paragraphs.append("\n".join(["what would help:", *lines]))
+        for section in self.sections:
+            used, left_out = len(section.result.trials), section.result.preprocessing.rejected
+            told = [f"{section.label}: {used} of {used + len(left_out)} trials used"]
+            told += [f"  {warning}" for warning in section.result.warnings]
+            paragraphs.append("\n".join(told))
         return (self._table(rows), *paragraphs)
 
     def _table(self, rows: Sequence[SummaryRow]) -> Table:
@@ -147,8 +152,8 @@ def evaluate_groups(
             )
     sections = []
     recordings = []
-    for label, trials in groups(sweeps).items():
-        tell(f"{label}: {len(trials)} trials")
+    for label, trials in groups(sweeps, by_recording=options.by_recording).items():
+        tell(f"{label}: {len(trials)} complete trials")
         result = identify(trials, starts=options.starts, seed=options.seed, robust=options.robust)
         recordings.append(tuple(dict.fromkeys(sweep.path for sweep, _ in trials)))
         sweep, first = trials[0]
@@ -162,21 +167,31 @@ def evaluate_groups(
     loss = "Huber" if options.robust else "least squares"
     origin = provenance(
         sweeps,
-        [len(sweep.trials) for sweep in sweeps],
+        [_used(sweep, sections) for sweep in sweeps],
         {"starts": str(options.starts), "seed": str(options.seed), "loss": loss},
         [_bridged_facts(sweep) for sweep in sweeps],
     )
     return ParameterEvaluation(", ".join(titles), tuple(sections), tuple(recordings), origin)
 
 
+def _used(sweep: RecordedSweep, sections: Sequence[ReportSection]) -> int:
+    """Return how many trials of ``sweep`` entered a fit."""
+    fits = [one for section in sections for one in section.result.trials]
+    return sum(one.recording == str(sweep.path) for one in fits)
+
+
 def groups(
-    sweeps: Sequence[RecordedSweep],
+    sweeps: Sequence[RecordedSweep], *, by_recording: bool = False
 ) -> dict[str, list[tuple[RecordedSweep, TrialInfo]]]:
-    """Return the trials by what `group_by` says of them; all under one label without it."""
+    """Return the trials by what `group_by` says of them; all under one label without it.
+
+    ``by_recording`` tells the recordings apart as well.
+    """
     found: dict[str, list[tuple[RecordedSweep, TrialInfo]]] = {}
     for sweep in sweeps:
         for trial in sweep.trials:
             words = [sweep.parameter(trial, name) for name in sweep.plan.group_by]
+            words += [str(sweep.path)] if by_recording else []
             label = ", ".join(words) or sweep.info.procedure
             found.setdefault(label, []).append((sweep, trial))
     return found

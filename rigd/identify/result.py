@@ -116,6 +116,7 @@ class TrialFit:
     used: BoolArray
     rms: float
     r_squared: float
+    recording: str = ""  #: the file it is from
     signals: Mapping[str, Signal] = field(default_factory=dict)
 
 
@@ -254,6 +255,7 @@ class IdentificationResult:
             "trials": [
                 {
                     "label": t.label,
+                    "recording": t.recording,
                     "condition": t.condition,
                     "rms": _finite(t.rms),
                     "unit": t.unit,

@@ -26,6 +26,8 @@ from rigd.procedure.loader import load_procedure
 
 FLOORS: Final = ("stone", "pvc", "paperboard")
 PROCEDURE: Final = "constant_current"
+#: Of its sweep.
+PAPER_CURRENTS: Final = "{from: 0.15 A, to: 1.5 A, step: 0.15 A}"
 #: Sent through the generator beside the number, so that a rig is not the seed of anything else.
 _RIGS: Final = 7
 #: How far one rig lies from the next, as the standard deviation of the logarithm of each value.
@@ -81,8 +83,19 @@ class RandomRig:
         return perform(request, Control()).result
 
 
-def random_rig(number: int, floor: str, folder: Path) -> RandomRig:
-    """Write the files of the rig with this number to ``folder``, and return it; 0 is as shipped."""
+def random_rig(
+    number: int,
+    floor: str,
+    folder: Path,
+    *,
+    friction: Mapping[str, float] | None = None,
+    currents: str = PAPER_CURRENTS,
+) -> RandomRig:
+    """Write the files of the rig with this number to ``folder``, and return it; 0 is as shipped.
+
+    ``friction`` are values of the floor to be had instead (names as in ``plants/lugre.yaml``, SI),
+    ``currents`` the currents of its trials as a sweep is written.
+    """
     random = np.random.default_rng((_RIGS, number))
     spread = 1.0 if number else 0.0
     shipped = shipped_folder("configs")
@@ -103,15 +116,16 @@ def random_rig(number: int, floor: str, folder: Path) -> RandomRig:
     rise = (_number(surface["mu_static"]) / coulomb - 1.0) * factor(RISE)
     surface["mu_coulomb"] = coulomb * factor(MU)
     surface["mu_static"] = surface["mu_coulomb"] * (1.0 + rise)
+    surface |= {name: _with_unit(surface[name], value) for name, value in (friction or {}).items()}
     truth = {
         "V_s": _number(surface["stribeck_speed"]),
-        "mu_c": surface["mu_coulomb"],
-        "mu_s": surface["mu_static"],
+        "mu_c": _number(surface["mu_coulomb"]),
+        "mu_s": _number(surface["mu_static"]),
         **{name: _number(surface[name]) for name in ("sigma_0", "sigma_1", "sigma_2")},
     }
     YAML().dump(plant, folder / "plant.yaml")
     (folder / "rig.yaml").write_text(_rig_text(shipped, plant, number), "utf-8")
-    (folder / "procedure.yaml").write_text(_procedure_text(floor, surface), "utf-8")
+    (folder / "procedure.yaml").write_text(_procedure_text(surface, currents), "utf-8")
     return RandomRig(number, floor, folder / "rig.yaml", folder / "procedure.yaml", truth)
 
 
@@ -131,11 +145,11 @@ def _rig_text(shipped: Path, plant: Mapping[str, Any], number: int) -> str:
     )
 
 
-def _procedure_text(floor: str, surface: Mapping[str, Any]) -> str:
+def _procedure_text(surface: Mapping[str, Any], currents: str) -> str:
     text = (shipped_folder("procedures") / f"{PROCEDURE}.yaml").read_text("utf-8")
     line = next(line for line in text.splitlines() if "values: {stone: 0.009" in line)
     values = ", ".join(f"{name}: {_number(surface['rolling'])!r}" for name in FLOORS)
-    return _replaced(text, {line: f"    values: {{{values}}}"})
+    return _replaced(text, {line: f"    values: {{{values}}}", PAPER_CURRENTS: currents})
 
 
 def _replaced(text: str, changes: Mapping[str, str]) -> str:
@@ -151,8 +165,12 @@ def _scale(plant: dict[str, Any], path: tuple[str, ...], factor: float) -> None:
     *parents, name = path
     for parent in parents:
         plant = plant[parent]
-    _, _, unit = str(plant[name]).partition(" ")
-    plant[name] = f"{_number(plant[name]) * factor!r} {unit}".strip()
+    plant[name] = _with_unit(plant[name], _number(plant[name]) * factor)
+
+
+def _with_unit(quantity: str | float, value: float) -> str:
+    """Return ``value`` in the unit that ``quantity`` is written in."""
+    return f"{value!r} {str(quantity).partition(' ')[2]}".strip()
 
 
 def _number(quantity: str | float) -> float:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-
-import numpy as np
 
 from rigd.evaluate.angle.known import Calibrated, angle_calibration, angle_rig, calibration_of
 from rigd.evaluate.angle.runs import find_signals, read_run, telling_attempts
@@ -17,11 +14,10 @@ from rigd.evaluate.provenance import provenance
 from rigd.evaluate.shown import Shown
 from rigd.evaluate.source import RecordedSweep
 from rigd.identify.angle.campaign import analyse_campaign
-from rigd.identify.angle.data import AngleRun, KnownRun, SetReference
+from rigd.identify.angle.data import KnownRun, SetReference
 from rigd.identify.angle.result import CampaignResult
 from rigd.identify.report import Provenance
 from rigd.identify.report.angle import render_campaign
-from rigd.model.errors import DataError
 from rigd.record.info import COMPLETE
 
 
@@ -131,29 +127,7 @@ def _known_runs(
         for trial in telling_attempts(sweep.info.trials):
             run = read_run(sweep, trial, signals)
             known.append(KnownRun(run, calibration, angle_rig(sweep, trial, used)))
-    _refuse_copies([one.run for one in known])
     return known
-
-
-def _refuse_copies(runs: Sequence[AngleRun]) -> None:
-    """Raise where a run is there twice: no two runs have the same noise to the last bit.
-
-    Raises:
-        DataError: a recording was given beside its copy, or beside an earlier state of itself.
-    """
-    seen: dict[bytes, AngleRun] = {}
-    for run in runs:
-        if not run.gauge_a_v.size:
-            continue
-        samples = np.concatenate([run.gauge_a_v, run.gauge_b_v]).tobytes()
-        first = seen.setdefault(hashlib.sha256(samples).digest(), run)
-        if first is not run:
-            raise DataError(
-                f"trial {run.number} of {run.recording} ({run.label}) is sample for sample trial "
-                f"{first.number} of {first.recording}",
-                hint="one is a copy of the other, or both were simulated with the same seed: give "
-                "one of them",
-            )
 
 
 def _reference(sweeps: Sequence[RecordedSweep]) -> SetReference | None:

@@ -9,8 +9,9 @@ import numpy as np
 
 from rigd.identify import residuals as tests
 from rigd.identify.fit import Fit, Loss, fit, multi_start, named, robust_fit
+from rigd.identify.lugre.agreement import agreement
 from rigd.identify.lugre.curve import friction_curve, visited_range
-from rigd.identify.lugre.model import LugreModel
+from rigd.identify.lugre.model import LugreModel, SlipForce
 from rigd.identify.lugre.preprocess import Guards, ProcessedSweep, ProcessedTrial, process
 from rigd.identify.lugre.profiles import polish, profiles, scan_all
 from rigd.identify.lugre.spread import Spread
@@ -83,6 +84,7 @@ def identify_lugre(
         ridge=scans.accepted,
     )
     used = int(np.count_nonzero(model.mask))
+    common = agreement(_by_recording(sweep), best.theta, inflation)
     return IdentificationResult(
         model="lugre",
         method="A: slip in, traction out",
@@ -105,14 +107,17 @@ def identify_lugre(
         curve=friction_curve(spread, visited),
         trials=_trial_fits(sweep, model, best),
         profiles=profiles(scans),
-        residual_tests=_residual_tests(model, error, inflation),
+        residual_tests=(
+            *_residual_tests(model, error, inflation),
+            *([] if common is None else [common]),
+        ),
         autocorrelation=tests.autocorrelation(
             _used(model, error), LAGS, sweep.trials[0].samples.period_s
         ),
         preprocessing=sweep.account,
         visited=f"slip from {1e3 * visited[0]:.1f} to {1e3 * visited[1]:.1f} mm/s; beyond it every "
         "statement, V_s included, is extrapolation",
-        warnings=_warnings(sweep, fits, cov),
+        warnings=_warnings(sweep, fits, cov, common),
     )
 
 
@@ -144,6 +149,7 @@ def _trial_fit(trial: ProcessedTrial, fitted: FloatArray) -> TrialFit:
     return TrialFit(
         label=trial.label,
         condition=f"{trial.current_a:.2f} A",
+        recording=trial.recording,
         output="traction force",
         unit="N",
         t_s=trial.t_s,
@@ -176,8 +182,18 @@ def _residual_tests(
     )
 
 
-def _warnings(sweep: ProcessedSweep, fits: Sequence[Fit], cov: Covariance) -> tuple[str, ...]:
-    out = [f"{r.label} was left out: {r.reason}" for r in sweep.account.rejected]
+def _by_recording(sweep: ProcessedSweep) -> dict[str, list[SlipForce]]:
+    found: dict[str, list[SlipForce]] = {}
+    for trial in sweep.trials:
+        found.setdefault(trial.recording, []).append(trial.samples)
+    return found
+
+
+def _warnings(
+    sweep: ProcessedSweep, fits: Sequence[Fit], cov: Covariance, common: ResidualTest | None
+) -> tuple[str, ...]:
+    out = [] if common is None or common.passed else [common.sentence]
+    out += [f"{r.label} was left out: {r.reason}" for r in sweep.account.rejected]
     same = sum(f.cost <= fits[0].cost * 1.001 for f in fits)
     if len(fits) > 1 and same == 1:
         out.append(f"only one of {len(fits)} starts reached the best cost; try more starts")

@@ -66,6 +66,7 @@ class ProcessedTrial:
     drive: Drive
     acceleration_bias_m_s2: float
     slip_noise_m_s: float
+    recording: str
 
 
 @dataclass(frozen=True)
@@ -169,7 +170,7 @@ def process_trial(
     return ProcessedTrial(
         trial.label, trial.current_a, trial.t_s[:end], wheel_speed, carriage_speed, traction,
         samples, drive, bias,
-        slip_noise(rim[moving], position[moving], period, window, guards.order),
+        slip_noise(rim[moving], position[moving], period, window, guards.order), trial.recording,
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ class LugreTrial:
     All arrays are (n,) on one clock. ``current_a`` is the commanded step, negative for driving
     backwards. ``wheel_angle_rad`` is at the wheel (behind the gear), ``acceleration_m_s2`` is the
     carriage's, ``motor_current_a`` the monitor's. Nothing is filtered and no bias is removed.
+    ``recording`` is the file that it is from.
     """
 
     label: str
@@ -30,6 +31,7 @@ class LugreTrial:
     carriage_position_m: FloatArray
     acceleration_m_s2: FloatArray
     motor_current_a: FloatArray
+    recording: str = ""
 
 
 @dataclass(frozen=True)
