@@ -40,7 +40,7 @@ class Attempt:
         return (self.end_ns - self.start_ns) * 1e-9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trace:
     """A channel in one attempt: (n,) s since it began, (n,) values in the channel's unit."""
 
@@ -48,7 +48,7 @@ class Trace:
     values: FloatArray
 
 
-@dataclass
+@dataclass(eq=False)
 class Band:
     """Least and greatest value of a channel in each column of time, over several attempts."""
 
