@@ -95,6 +95,7 @@ def conclude(procedure: CompiledProcedure, recorded: Recorded) -> None:
             console.print(f"identify:    rigd identify {path}", soft_wrap=True)
     else:
         console.print(f"recording:   {path}", soft_wrap=True)
+    console.print(f"look at it:  rigd report {path}", soft_wrap=True)
 
 
 def _count(number: int, noun: str) -> str:

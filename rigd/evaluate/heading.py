@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Final
 
 from rigd.identify.report import Heading
@@ -14,12 +16,13 @@ _DATE: Final = "%Y-%m-%d %H:%M UTC"
 _OF: Final = {"run": "", "file name": " (by its file name)", "file": " (date of the file)"}
 #: So many recordings are named; of more, how many there are.
 _NAMED: Final = 6
+#: So many losses are named.
+_LOSSES: Final = 12
 
 
 def heading(infos: Sequence[RunInfo], made: datetime | None = None) -> Heading:
     """Return the heading of a report on the recordings ``infos``, made at ``made`` (now)."""
-    losses = tuple(text for info in infos for text in info.losses)
-    return Heading(_badge(infos), tuple(_entries(infos, made)), _notes(infos), losses)
+    return Heading(_badge(infos), tuple(_entries(infos, made)), _notes(infos), _losses(infos))
 
 
 def _badge(infos: Sequence[RunInfo]) -> str:
@@ -73,6 +76,16 @@ def _operator(info: RunInfo) -> str:
     if second and second != first:
         return f"{first or 'not named'}, resumed by {second}"
     return first
+
+
+def _losses(infos: Sequence[RunInfo]) -> tuple[str, ...]:
+    """Return what is lost; where a file stands is nobody's business, a page may be sent around."""
+    named = [replace(info, path=Path(info.path.name)) for info in infos]
+    losses = [text for info in named for text in info.losses]
+    if len(losses) > _LOSSES:
+        more = f"and {len(losses) - _LOSSES} more: `rigd verify` lists them"
+        return (*losses[:_LOSSES], more)
+    return tuple(losses)
 
 
 def _notes(infos: Sequence[RunInfo]) -> tuple[str, ...]:

@@ -26,7 +26,14 @@ def provenance(
     """
     more = further or [{} for _ in sweeps]
     facts = [
-        facts_of(sweep.info, {"trials used": str(used), **extra})
+        facts_of(
+            sweep.info,
+            {
+                "trials used": str(used),
+                **extra,
+                "what was recorded": f"rigd report {sweep.path.name} draws it",
+            },
+        )
         for sweep, used, extra in zip(sweeps, trials_used, more, strict=True)
     ]
     facts.append(Facts("Identification", {"rigd": __version__, **identification}))

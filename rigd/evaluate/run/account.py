@@ -78,14 +78,9 @@ def same_in_all(trials: Sequence[TrialInfo], names: Sequence[str]) -> tuple[Fact
     return tuple((name, shown_value(trials[0], name)) for name in known if name not in names)
 
 
-def warnings(info: RunInfo, events: Sequence[Event], samples: Samples) -> tuple[str, ...]:
+def warnings(info: RunInfo, events: Sequence[Event]) -> tuple[str, ...]:
     """Return what a person must know before they believe the page."""
     found = []
-    if info.problem:
-        found.append(f"The file is damaged: {info.problem}. What can be read is shown.")
-    if info.recovered:
-        found.append("The file was damaged and has been recovered: rows may be missing.")
-    found += [f"Samples were passed over: {text}" for text in samples.unread]
     if not events and not info.procedure:
         found.append("This is no recording of a run: it has no events and names no procedure.")
     elif info.state == INTERRUPTED:
@@ -109,7 +104,7 @@ def trial_rows(
             repeat="" if trial.repeat is None else str(trial.repeat),
             parameters=tuple(shown_value(trial, name) for name in names),
             complete=trial.complete,
-            ended=trial.reason or ("" if trial.complete else "the recording ends within it"),
+            ended=how_ended(trial),
             start=f"{(trial.start_ns - origin) * 1e-9:.1f}",
             seconds="" if trial.end_ns is None else f"{(trial.end_ns - trial.start_ns) * 1e-9:.2f}",
             clipped=", ".join(sorted(cut[index])),
@@ -117,6 +112,13 @@ def trial_rows(
         )
         for index, trial in enumerate(info.trials)
     )
+
+
+def how_ended(trial: TrialInfo) -> str:
+    """Return what ended an attempt, and what of it is lost."""
+    if trial.lost:
+        return f"{trial.reason}; {trial.lost}" if trial.reason else trial.lost
+    return trial.reason or ("" if trial.complete else "the recording ends within it")
 
 
 def event_rows(recording: Recording, events: Sequence[Event]) -> tuple[tuple[EventRow, ...], int]:

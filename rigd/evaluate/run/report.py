@@ -11,7 +11,7 @@ from rigd import __version__
 from rigd.evaluate.heading import heading
 from rigd.evaluate.provenance import attachments_of, facts_of
 from rigd.identify.report import Facts, Provenance
-from rigd.model.errors import ConfigError, DataError, RecordingError
+from rigd.model.errors import ConfigError, DataError
 from rigd.record import Recording, RunInfo, run_info
 
 _RANGE: Final = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?")
@@ -63,7 +63,8 @@ def run_report(path: Path, selection: Selection | None = None) -> str:
         RecordingError: nothing of the file can be read.
         DataError: a trial was asked for that the recording does not have.
     """
-    recording = _opened(path)
+    # Every byte is checked: a page that looks whole is not made of a file that is not.
+    recording = Recording.open(path, partial=True)
     info = run_info(recording)
     chosen = selection or Selection()
     chosen.check(info)
@@ -76,13 +77,6 @@ def run_report(path: Path, selection: Selection | None = None) -> str:
         view = build_view(recording, info, chosen.numbers)
     title = info.metadata.get("run", {}).get("title") or info.procedure or path.name
     return fill_template("run.html.jinja", view, _provenance(recording, info), title)
-
-
-def _opened(path: Path) -> Recording:
-    try:
-        return Recording.open(path)
-    except RecordingError:
-        return Recording.open(path, partial=True)
 
 
 def _provenance(recording: Recording, info: RunInfo) -> Provenance:

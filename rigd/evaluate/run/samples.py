@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from rigd.evaluate.resample import stale_rows
 from rigd.identify.report.trace import COLUMNS, thin
 from rigd.model.channels import STATUS_FIELD, Stream
-from rigd.model.errors import RecordingError
 from rigd.model.rows import TIME_FIELD
 from rigd.record import Recording, Step
 
@@ -98,7 +97,6 @@ class Samples:
     bands: dict[int, dict[str, Band]] = field(default_factory=dict)
     extremes: dict[str, tuple[float, float]] = field(default_factory=dict)
     stale: dict[int, int] = field(default_factory=dict)
-    unread: list[str] = field(default_factory=list)
 
 
 def shared_time(
@@ -146,13 +144,18 @@ def gather(
         groups: attempt to the group whose band it enters; attempts that are not in it enter none.
         draw: attempt to the number of columns that its traces have.
 
-    A chunk that cannot be read is named in ``unread``; the rest is gathered.
+    Raises:
+        RecordingError: a chunk cannot be read.
     """
     samples = Samples(time)
+    lost: dict[str, list[int]] = {}
+    for gap in recording.gaps:
+        lost.setdefault(gap.stream, []).append(gap.start_ns)
     for attempt in attempts:
         for stream in shown_streams(recording):
-            for rows, share in _pieces(recording, stream.name, attempt, samples):
-                _take(samples, attempt, stream, rows, groups, share * draw.get(attempt.index, 0))
+            for rows, share in _pieces(recording, stream.name, attempt):
+                columns = share * draw.get(attempt.index, 0)
+                _take(samples, attempt, stream, rows, groups, columns, lost.get(stream.name, []))
     return samples
 
 
@@ -162,7 +165,7 @@ def shown_streams(recording: Recording) -> list[Stream]:
 
 
 def _pieces(
-    recording: Recording, stream: str, attempt: Attempt, samples: Samples
+    recording: Recording, stream: str, attempt: Attempt
 ) -> Iterator[tuple[NDArray[np.void], float]]:
     """Yield the rows of a stream in an attempt, and which share of its time each piece is."""
     span = recording.span_ns(stream)
@@ -174,12 +177,7 @@ def _pieces(
     pieces = max(1, math.ceil(rows / PIECE_ROWS))
     edges = np.linspace(attempt.start_ns, attempt.end_ns, pieces + 1).astype(np.int64)
     for first, last in itertools.pairwise(edges.tolist()):
-        try:
-            found = recording.read(stream, first, last)
-        except RecordingError as error:
-            if error.message not in samples.unread:
-                samples.unread.append(error.message)
-            continue
+        found = recording.read(stream, first, last)
         if len(found):
             yield found, 1.0 / pieces
 
@@ -191,6 +189,7 @@ def _take(
     rows: NDArray[np.void],
     groups: Mapping[int, int],
     columns: float,
+    lost_ns: Sequence[int],
 ) -> None:
     if stream.has_status:
         late = int(np.count_nonzero(stale_rows(rows[STATUS_FIELD])))
@@ -212,6 +211,7 @@ def _take(
             band.setdefault(name, Band.empty()).enter(place[inside], values[inside])
         if columns:
             trace = Trace(*thin(t_s, values, max(1, math.ceil(columns))))
+            trace = _broken(trace, [(ns - attempt.start_ns) * 1e-9 for ns in lost_ns])
             traces = samples.traces.setdefault(attempt.index, {})
             traces[name] = _joined(traces.get(name), trace)
 
@@ -221,6 +221,16 @@ def _widen(extremes: dict[str, tuple[float, float]], name: str, values: FloatArr
     if finite.size:
         low, high = extremes.get(name, (math.inf, -math.inf))
         extremes[name] = (min(low, float(finite.min())), max(high, float(finite.max())))
+
+
+def _broken(trace: Trace, gaps_s: Sequence[float]) -> Trace:
+    """Return the trace with a break where rows are lost: no line is drawn over what is unknown."""
+    inside = [at for at in gaps_s if trace.t_s[0] <= at <= trace.t_s[-1]]
+    if not inside:
+        return trace
+    places = np.searchsorted(trace.t_s, inside, side="right")
+    t_s = np.insert(trace.t_s, places, inside)
+    return Trace(t_s, np.insert(trace.values, places, math.nan))
 
 
 def _joined(before: Trace | None, trace: Trace) -> Trace:

@@ -17,6 +17,7 @@ from rigd.evaluate.run.account import (
     TrialRow,
     event_rows,
     facts,
+    how_ended,
     marks_of,
     same_in_all,
     steps_of,
@@ -107,7 +108,7 @@ def build_view(recording: Recording, info: RunInfo, numbers: frozenset[int] | No
         info=info,
         total=info.metadata.get("run", {}).get("trials", ""),
         facts=facts(recording, info, events, samples),
-        warnings=warnings(info, events, samples),
+        warnings=warnings(info, events),
         timeline=_timeline(recording, info, events),
         parameters=tuple(names),
         same=same_in_all(info.trials, names),
@@ -247,7 +248,7 @@ def _trial(
         trial = info.trials[attempt.index]
         again = f", repeat {trial.repeat}" if (trial.repeat or 1) > 1 else ""
         label = f"Trial {trial.number}{again}"
-        ended = trial.reason or ("complete" if trial.complete else "the recording ends within it")
+        ended = how_ended(trial) or "complete"
     said = "; ".join(f"{step.name} {step.start_s:.2f} to {step.end_s:.2f} s" for step in spans)
     marked = "; ".join(f"{text} at {at:.3f} s" for at, text in marks)
     caption = f"Steps: {said}." if said else "No steps are recorded."
