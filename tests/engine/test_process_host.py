@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from support import file_axis
 from support.file_axis import word
+from support.stalls import witnessed
 
 from rigd.config.rig import RigConfig, Waiver
 from rigd.engine import process_host
@@ -217,13 +218,24 @@ def test_nothing_is_armed_after_the_cycle_has_acted(tmp_path: Path) -> None:
         assert word(path) == "opened"  # an armed axis would have been written to
 
 
+def once_open(path: Path, control: Control) -> None:
+    """Ask for a stop as soon as the axis is being opened."""
+    deadline = time.monotonic() + 30
+    while not path.exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    control.request(Verb.STOP, "stopped by SIGINT")
+
+
 def test_a_request_is_heeded_while_devices_are_opened(tmp_path: Path) -> None:
     path = tmp_path / "axis"
     with host_of(file_axis.rig(path, opens_in_s=60.0)) as (host, _, control):
-        threading.Timer(1.5, control.request, (Verb.STOP, "stopped by SIGINT")).start()
-        began = time.monotonic()
-        (reason,) = host.open()
-        assert time.monotonic() - began < 20
+        stopping = threading.Thread(target=once_open, args=(path, control))
+        stopping.start()
+        with witnessed() as lost_s:
+            began = time.monotonic()
+            (reason,) = host.open()
+            assert time.monotonic() - began < 20 + lost_s()
+        stopping.join()
         assert reason.startswith("stopped by SIGINT, while devices were being opened")
         assert word(path) == "rescued"
 
@@ -315,11 +327,16 @@ def test_a_cycle_that_answers_nothing_is_lost_not_a_bug(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "axis"
-    monkeypatch.setattr(process_host, "OPEN_S", 1.5)
-    with host_of(file_axis.rig(path, opens_in_s=60.0)) as (host, _, _):
-        (reason,) = host.open()
-        assert reason.startswith("the cycle process gave no answer to Open within 1.5 s")
-        assert word(path) == "rescued"
+    for within_s in (1.5, 6.0, 24.0):
+        monkeypatch.setattr(process_host, "OPEN_S", within_s)
+        with host_of(file_axis.rig(path, opens_in_s=60.0)) as (host, _, _):
+            (reason,) = host.open()
+            assert reason.startswith(
+                f"the cycle process gave no answer to Open within {within_s:g} s"
+            )
+        if path.exists():  # on a crowded machine it had not begun to open anything
+            break
+    assert word(path) == "rescued"
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])

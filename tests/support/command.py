@@ -16,7 +16,7 @@ from typing import Any
 from support import warm
 
 #: A run that takes longer has hung.
-TIMEOUT_S = 120
+TIMEOUT_S = 240
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import array
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -47,6 +48,7 @@ def fork(request, streams, answers, spent_s):
         return False
     command = os.fork()
     if command:
+        answers.send(str(command).encode())
         _, status, usage = os.wait4(command, 0)
         code = os.waitstatus_to_exitcode(status)
         answers.send(json.dumps([code, spent_s + usage.ru_utime + usage.ru_stime]).encode())
@@ -143,6 +145,11 @@ def run(arguments: list[str], cwd: Path, timeout_s: float) -> tuple[int, str, st
         streams = [nothing.fileno(), out.fileno(), err.fileno()]
         with _starter().start(request, streams) as answer:
             answer.settimeout(timeout_s)
-            code, cpu_s = json.loads(answer.recv(1 << 16))
+            process = int(answer.recv(1 << 16))
+            try:
+                code, cpu_s = json.loads(answer.recv(1 << 16))
+            except TimeoutError:
+                os.kill(process, signal.SIGKILL)
+                raise
         spent_s += cpu_s
         return code, _text(out), _text(err)
