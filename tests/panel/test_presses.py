@@ -134,8 +134,11 @@ def test_resuming_is_confirmed_with_all_that_will_happen(
     press(page, "Cancel")
     expect(dialog).to_have_count(0)
     press(page, "Go on with it…")
+    expect(page.get_by_label("what the procedure says")).to_be_checked()
+    page.get_by_label("the run goes on without you").check()
     press(page, "Go on now")
-    wait_until(lambda: given(panel, "resume_run") == [{"run": panel.rig.runs[2].run}])
+    wanted = {"run": panel.rig.runs[2].run, "on_client_loss": "continue"}
+    wait_until(lambda: given(panel, "resume_run") == [wanted])
 
 
 def test_a_start_is_confirmed_with_all_parameters(panel: ServedPanel, watched: Watched) -> None:
@@ -275,7 +278,7 @@ def test_a_button_uncovered_by_a_dialog_takes_no_press_yet(
 def test_every_button_but_the_stops_waits_at_first(panel: ServedPanel, watched: Watched) -> None:
     page = tripped(panel, watched)
     ready = page.locator("button:not([aria-disabled]):visible")
-    harmless = ".traces *, .trace-toggle, .row-button, .user *, .sound, .stops *"
+    harmless = ".traces *, .trace-toggle, .picker *, .row-button, .user *, .sound, .stops *"
     for name in ("Live", "Procedures", "Runs", "Events"):
         turn_to(page, name)
         assert page.locator("button[aria-disabled]:visible").count() >= 3

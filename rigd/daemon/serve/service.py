@@ -48,6 +48,7 @@ from rigd.remote.protocol.arguments import (
     Piece,
     ProcedureName,
     ReportPiece,
+    ResumeRun,
     Run,
     Runs,
     Since,
@@ -255,8 +256,9 @@ class RigService:
         match verb, args:
             case "start", Start() as start:
                 return steering.start(who, start)
-            case "resume_run", Run() as run:
-                return steering.resume_run(who, parts.recordings.path(run.run))
+            case "resume_run", ResumeRun() as again:
+                path = parts.recordings.path(again.run)
+                return steering.resume_run(who, path, again.on_client_loss)
             case "pause", _:
                 steering.pause()
             case "resume", _:

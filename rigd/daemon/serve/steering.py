@@ -129,8 +129,10 @@ class Steering:
             expected_s=self._expected_s.get(_key(args)),
         )
 
-    def resume_run(self, who: Asker, recording: Path) -> Started:
+    def resume_run(self, who: Asker, recording: Path, loss: str | None = None) -> Started:
         """Go on with a run that ended before its last trial, in its file.
+
+        ``loss`` is what becomes of it once its client has vanished; None: what its procedure says.
 
         Raises:
             Refusal: nothing is missing, or it cannot begin.
@@ -162,7 +164,7 @@ class Steering:
             who,
             request,
             by_person=point.answered_by != "procedure",
-            on_client_loss=procedure.on_client_loss,
+            on_client_loss=procedure.on_client_loss if loss is None else OnClientLoss(loss),
         )
 
     def act(self, args: Act) -> str:

@@ -294,9 +294,17 @@ class AsyncClient:
                 note=note, meta=dict(meta or {}),
             )  # fmt: skip
 
-    async def resume_run(self, run: str) -> Started:
-        """Go on with an interrupted run: only the trials that are missing."""
-        return await self._command("resume_run", Started, run=run)
+    async def resume_run(
+        self,
+        run: str,
+        *,
+        on_client_loss: Literal["continue", "finish_trial", "stop"] | None = None,
+    ) -> Started:
+        """Go on with an interrupted run: only the trials that are missing.
+
+        ``on_client_loss`` as in :meth:`start`.
+        """
+        return await self._command("resume_run", Started, run=run, on_client_loss=on_client_loss)
 
     async def pause(self) -> None:
         """Pause after the trial under way."""

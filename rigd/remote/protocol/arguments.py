@@ -102,6 +102,13 @@ class Run(Message):
     run: RunName
 
 
+class ResumeRun(Run):
+    """A recording to go on with."""
+
+    on_client_loss: Literal["continue", "finish_trial", "stop"] | None = None
+    """What happens when the client vanishes; None: what the procedure says."""
+
+
 class Runs(Message):
     """Which recordings."""
 

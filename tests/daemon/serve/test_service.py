@@ -383,6 +383,21 @@ def test_nothing_starts_that_could_not_be_audited(tmp_path: Path) -> None:
         assert told == [f"nothing can start: {served.audit.broken}"]
 
 
+def test_a_resumed_run_may_go_on_alone(tmp_path: Path) -> None:
+    with ServedAxis(tmp_path) as served:
+        run = served.start(set={"time": "0.5 s"}, answers="procedure")
+        served.until(lambda status: status.trials_done == 1 and status.step == "go")
+        served.service.stop("eve", "abort", "")
+        served.until_idle()
+        served.command("resume_run", run=run, on_client_loss="continue")
+        served.until(lambda status: status.step == "go")
+        vanish(served)
+        assert "alice has vanished: the run goes on" in [one.text for one in served.status.notices]
+        last = served.until_idle().last
+        assert last is not None
+        assert "vanished" not in last.reason
+
+
 def test_a_run_that_was_interrupted_is_offered_and_gone_on_with(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         run = served.start(set={"time": "0.5 s"}, answers="procedure")

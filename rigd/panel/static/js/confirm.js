@@ -13,16 +13,16 @@ export const LOSS = {
 
 /**
  * Ask whether a run is to begin. `facts` are names with what they are, a text or an element; `usual` is
- * what the procedure does when the page of its user is gone, null where that cannot be chosen;
+ * what the procedure does when the page of its user is gone, "" where this page does not know that;
  * `go(loss)` begins it.
  */
 export function confirmRun({ title, facts, note = null, action, usual, go }) {
   openDialog(title, (close) => {
-    const loss = usual === null ? null : lossChoice(usual);
+    const loss = lossChoice(usual);
     const start = el("button", {
       type: "button", class: "primary big",
       onclick: async () => {
-        const begun = await attempt(start, () => go(loss?.value() ?? ""));
+        const begun = await attempt(start, () => go(loss.value()));
         close();
         return begun;
       },
@@ -34,7 +34,7 @@ export function confirmRun({ title, facts, note = null, action, usual, go }) {
         el("dt", {}, "Rig"), el("dd", {}, `${rig || name}${simulated ? "" : " – it will move"}`),
         facts.map(([term, what]) => [el("dt", {}, term), el("dd", {}, what)])),
       note,
-      loss?.element,
+      loss.element,
       simulated ? null : el("p", {}, "Is nobody within its reach?"),
       el("div", { class: "row end" },
         el("button", { type: "button", onclick: close }, "Cancel"), start),
@@ -44,9 +44,10 @@ export function confirmRun({ title, facts, note = null, action, usual, go }) {
 
 /** What happens to the run when this page is closed; `value()` is "" where it is as the procedure says. */
 function lossChoice(usual) {
-  const choices = Object.entries(LOSS).map(([value, text]) => {
+  const unknown = usual ? {} : { "": "what the procedure says" };
+  const choices = Object.entries({ ...unknown, ...LOSS }).map(([value, text]) => {
     const input = el("input", { type: "radio", name: "on-loss", value, checked: value === usual });
-    return el("label", {}, input, value === usual ? `${text} (as the procedure says)` : text);
+    return el("label", {}, input, value && value === usual ? `${text} (as the procedure says)` : text);
   });
   const element = el("fieldset", { class: "choices loss" },
     el("legend", {}, "If you close this page, or it is cut off"), choices);

@@ -11,7 +11,9 @@ const TOLD_MS = 2000;
 
 const CONTROL = "button";
 /** The stops, and what changes nothing but what this page shows. */
-const EXEMPT = "#stops *, .login *, .traces *, .trace-toggle, .row-button, .user *, .sound";
+const EXEMPT = [
+  "#stops *", ".login *", ".traces *", ".trace-toggle", ".picker *", ".row-button", ".user *", ".sound",
+].join();
 
 /** Of each button: how it stands, and since when. */
 const standing = new WeakMap();
@@ -67,7 +69,7 @@ function refuse(event) {
   event.stopImmediatePropagation();
   if (performance.now() - toldAt < TOLD_MS) return;
   toldAt = performance.now();
-  toast("That press did not count: the page had just changed, or the key was held. Look, then press again.", "warn");
+  toast("That press did not count: the page had just changed. Press again.", "warn", TOLD_MS);
 }
 
 function onKeyDown(event) {

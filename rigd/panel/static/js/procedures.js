@@ -118,7 +118,7 @@ class Sheet {
         this.form.blame(check.problems);
         return null;
       }
-      return command("dry_run", given);
+      return this.#dryRunOf(given);
     });
     this.preview.classList.remove("old");
     if (found === null) fill(this.preview);
@@ -157,6 +157,17 @@ class Sheet {
     });
   }
 
+  /** The dry run with these values: what was found before is not worked out again. */
+  #dryRunOf(given) {
+    const key = JSON.stringify(given);
+    if (this.found?.key !== key) {
+      const result = command("dry_run", given);
+      this.found = { key, result };
+      result.catch(() => { this.found = null; });
+    }
+    return this.found.result;
+  }
+
   /** How long the rig is busy: worked out by a dry run while the person reads the rest. */
   #duration({ procedure, set }) {
     const said = el("span", { class: "busy" }, "being worked out …");
@@ -164,7 +175,7 @@ class Sheet {
       said.className = isGood ? "" : "problem";
       say(said, text);
     };
-    command("dry_run", { procedure, set }).then(
+    this.#dryRunOf({ procedure, set }).then(
       (found) => tell(`about ${duration(found.duration_s)}${found.ok ? "" : `; the dry run says: ${found.refusals.join("; ") || "it would not run clean"}`}`, found.ok),
       (refused) => tell(`not known: ${refused.message}`, false));
     return said;

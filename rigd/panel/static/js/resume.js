@@ -26,7 +26,7 @@ function confirm(run, { line, details }) {
   confirmRun({
     title: `Go on with ${words(line.procedure)}?`,
     action: "Go on now",
-    usual: null,
+    usual: "",
     facts: [
       ["Procedure", words(line.procedure)],
       ["Began", `${day(line.started_ns / 1e6)}, ${ago((rigNow() - line.started_ns / 1e6) / 1e3)}`],
@@ -35,8 +35,8 @@ function confirm(run, { line, details }) {
       ...settings(details),
       ["Recording", file(run)],
     ],
-    go: async () => {
-      await command("resume_run", { run });
+    go: async (loss) => {
+      await command("resume_run", loss ? { run, on_client_loss: loss } : { run });
       show("live");
     },
   });

@@ -5,10 +5,10 @@ import { withHint } from "./format.js";
 
 const SHOWN_MS = 6000;
 
-export function toast(text, mood = "calm") {
+export function toast(text, mood = "calm", shownMs = SHOWN_MS) {
   const note = el("p", { class: "toast", data: { mood } }, text);
   show(note);
-  setTimeout(() => note.remove(), SHOWN_MS);
+  setTimeout(() => note.remove(), shownMs);
 }
 
 /** What went wrong, with what to do about it. */
