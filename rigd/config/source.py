@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Gt, Le
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
 
+from rigd.model.patterns import quantity_schema
 from rigd.sdk import In
 
 #: Names of rigs, devices, interlocks and constants.
@@ -16,7 +17,7 @@ FileName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_-]*$", max_l
 #: ``device.channel``.
 ChannelName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*$")]
 #: A quantity whose unit another part of the file decides.
-QuantityText = Annotated[str, Field(json_schema_extra={"type": ["string", "number"]})]
+QuantityText = Annotated[str, Field(json_schema_extra=quantity_schema())]
 #: Path of a file, relative to the one that names it.
 FilePath = Annotated[str, StringConstraints(min_length=1, max_length=300)]
 #: Name of a person or program in its certificate; part of zenoh keys.

@@ -50,7 +50,8 @@ _UNITS: Final[dict[str, tuple[float, Dimension, bool]]] = {
     "strain": (1.0, NO_DIMENSION, True),
     "bit": (1.0, NO_DIMENSION, True),
 }
-_PREFIXES: Final = {
+#: SI prefixes, by symbol.
+PREFIXES: Final = {
     "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6,
 }  # fmt: skip
 _SYNONYMS: Final = {"Ω": "ohm", "°": "deg", "counts": "count", "sec": "s"}
@@ -121,6 +122,21 @@ def parse_unit(text: str) -> Unit:
     return Unit(symbol, factor, tuple(dimension))
 
 
+def symbols(unit: str | None = None) -> tuple[list[str], list[str]]:
+    """Return the symbols that stand for a unit of the kind of ``unit`` (None: any), and alone.
+
+    The first may carry an SI prefix (:data:`PREFIXES`), the second may not.
+    """
+    kind = None if unit is None else parse_unit(unit).dimension
+    prefixed: list[str] = []
+    bare: list[str] = []
+    synonyms = {word: _UNITS[symbol] for word, symbol in _SYNONYMS.items()}
+    for word, (_, dimension, may_carry) in {**_UNITS, **synonyms}.items():
+        if kind in (None, dimension) and word != "1":
+            (prefixed if may_carry else bare).append(word)
+    return prefixed, bare
+
+
 def _parse_factor(word: str, text: str) -> tuple[float, Dimension, int]:
     match = _FACTOR.match(word)
     if match is None:
@@ -133,16 +149,16 @@ def _parse_factor(word: str, text: str) -> tuple[float, Dimension, int]:
         factor, dimension, _ = _UNITS[symbol]
         return factor, dimension, power
     prefix, stem = symbol[:1], _SYNONYMS.get(symbol[1:], symbol[1:])
-    if prefix in _PREFIXES and stem in _UNITS and _UNITS[stem][2]:
+    if prefix in PREFIXES and stem in _UNITS and _UNITS[stem][2]:
         factor, dimension, _ = _UNITS[stem]
-        return _PREFIXES[prefix] * factor, dimension, power
+        return PREFIXES[prefix] * factor, dimension, power
     raise ValueError(f"unknown unit {symbol!r} in {text!r}{_meant(symbol)}")
 
 
 def _meant(symbol: str) -> str:
     """Return ``, did you mean 'mA'?`` for ``ma``: letters in the wrong case, a blank left out."""
     known = [*_UNITS, *(f"{prefix}{stem}" for stem, (_, _, may) in _UNITS.items() if may
-                        for prefix in _PREFIXES)]  # fmt: skip
+                        for prefix in PREFIXES)]  # fmt: skip
     same = [one for one in known if one.casefold() == symbol.casefold()]
     parts = [f"{symbol[:at]} {symbol[at:]}" for at in range(1, len(symbol))
              if symbol[:at] in known and symbol[at:] in known]  # fmt: skip

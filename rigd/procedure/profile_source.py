@@ -9,7 +9,13 @@ from pydantic import AfterValidator, Field
 
 from rigd.config.source import QuantityText as Expression
 from rigd.config.source import Source
+from rigd.model.patterns import quantity_schema
 from rigd.procedure.profiles import TAPS
+
+#: Expressions whose unit the key fixes.
+Time = Annotated[str, Field(json_schema_extra=quantity_schema("s"))]
+Frequency = Annotated[str, Field(json_schema_extra=quantity_schema("Hz"))]
+Angle = Annotated[str, Field(json_schema_extra=quantity_schema("rad"))]
 
 
 def _register_order(value: int) -> int:
@@ -43,7 +49,7 @@ class RampSource(Source):
     """First value; left out, the ramp begins where the setpoint stands."""
     to: Expression
     """Last value."""
-    over: Expression
+    over: Time
     """How long it takes."""
 
 
@@ -52,13 +58,13 @@ class SineSource(Source):
 
     amplitude: Expression
     """Half of the swing."""
-    frequency: Expression
+    frequency: Frequency
     """Periods per second."""
     offset: Expression | None = None
     """Value in the middle; by default zero."""
-    phase: Expression = "0 deg"
+    phase: Angle = "0 deg"
     """Where the sine begins."""
-    fade: Expression | None = None
+    fade: Time | None = None
     """In this time the swing falls in a straight line to nothing."""
 
 
@@ -67,7 +73,7 @@ class SquareSource(Source):
 
     amplitude: Expression
     """Half of the swing."""
-    frequency: Expression
+    frequency: Frequency
     """Periods per second."""
     offset: Expression | None = None
     """Value in the middle; by default zero."""
@@ -78,11 +84,11 @@ class ChirpSource(Source):
 
     amplitude: Expression
     """Half of the swing."""
-    start: Annotated[Expression, Field(alias="from")]
+    start: Annotated[Frequency, Field(alias="from")]
     """First frequency."""
-    to: Expression
+    to: Frequency
     """Last frequency, held afterwards."""
-    over: Expression
+    over: Time
     """How long it takes."""
     offset: Expression | None = None
     """Value in the middle; by default zero."""
@@ -95,7 +101,7 @@ class PrbsSource(Source):
 
     amplitude: Expression
     """Half of the swing."""
-    bit: Expression
+    bit: Time
     """Length of one bit."""
     order: Annotated[
         int, AfterValidator(_register_order), Field(json_schema_extra={"enum": list(TAPS)})
@@ -110,7 +116,7 @@ class PrbsSource(Source):
 class TableProfileSource(Source):
     """Values at times."""
 
-    times: Annotated[list[Expression], Field(min_length=1, max_length=10_000)]
+    times: Annotated[list[Time], Field(min_length=1, max_length=10_000)]
     """Times since the step began, rising from 0 s."""
     values: Annotated[list[Expression], Field(min_length=1, max_length=10_000)]
     """One value for each time."""

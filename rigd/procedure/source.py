@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Le
 from pydantic import (
+    ConfigDict,
     Discriminator,
     Field,
     GetCoreSchemaHandler,
@@ -17,10 +18,15 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from rigd.config.source import ChannelName, FileName, Name, QuantityText, Source
-from rigd.procedure.profile_source import ProfileSource
+from rigd.model.patterns import condition_schema
+from rigd.procedure.profile_source import ProfileSource, Time
 
 #: A quantity, or an expression such as `0.5 * ${current}`.
 Expression = QuantityText
+#: The same, which may also be any text.
+Answer = Annotated[str, Field(json_schema_extra={"type": ["string", "number"]})]
+#: `carriage.position > 1.15 m`
+ConditionText = Annotated[str, Field(json_schema_extra=condition_schema())]
 #: A plain value of an option: number, truth value, word.
 OptionText = Annotated[str, Field(json_schema_extra={"type": ["string", "number", "boolean"]})]
 #: Text in which `${name}` is replaced.
@@ -77,7 +83,7 @@ class TableSource(Source):
 
     by: Name
     """The parameter that decides."""
-    values: Annotated[dict[Name, Expression], Field(min_length=1)]
+    values: Annotated[dict[Name, Answer], Field(min_length=1)]
     """One value for each choice."""
     doc: str | None = None
     """What it is, for the person at the rig."""
@@ -136,17 +142,24 @@ Words = Annotated[list[Name], Field(min_length=1), OneOrMore()]
 class MoveSource(Source):
     """A step that the cycle plays: setpoints, and what ends it."""
 
+    model_config = ConfigDict(
+        json_schema_extra={
+            "anyOf": [{"required": ["for"]}, {"required": ["until", "timeout"]}],
+            "errorMessage": "a step ends by 'for', or by 'until' with a 'timeout'",
+        }
+    )
+
     step: StepName
     """Name of the step, for the log."""
     when: dict[Name, Words] = Field(default_factory=dict)
     """The step plays only where each of these parameters is (one of) the word(s) given."""
     set: dict[ChannelName, Setpoint] = Field(default_factory=dict)
     """Setpoints as `device.setpoint`; those not named keep their value."""
-    until: Annotated[list[str], Field(min_length=1), OneOrMore()] | None = None
+    until: Annotated[list[ConditionText], Field(min_length=1), OneOrMore()] | None = None
     """Ends the step: `carriage.position > 1.15 m`; any of a list; `and` joins within one."""
-    wait: Annotated[Expression | None, Field(alias="for")] = None
+    wait: Annotated[Time | None, Field(alias="for")] = None
     """Ends the step after this time."""
-    timeout: Expression | None = None
+    timeout: Time | None = None
     """Longest time that `until` may take."""
     on_timeout: Literal["fail", "end_trial", "next"] = "fail"
     """What running out of time means; by default the procedure has failed."""
@@ -159,7 +172,7 @@ class AgreesSource(Source):
     """The channel that shows it; where its device says whether it is stable, it must be."""
     within: Expression
     """How far it may be from the answer: a share (`5 %`) or a quantity (`0.1 kg`)."""
-    wait: Annotated[Expression | None, Field(alias="for")] = None
+    wait: Annotated[Time | None, Field(alias="for")] = None
     """How long it must stand there without a break; by default one look is enough."""
 
 
@@ -174,7 +187,7 @@ class PromptSource(Source):
     """What the person reads."""
     once_per: Annotated[list[Name], OneOrMore()] = Field(default_factory=list)
     """In a trial: shown only where one of these parameters differs from the trial before."""
-    answer: QuantityText | None = None
+    answer: Answer | None = None
     """The procedure's own answer, used in simulation and with `--yes`."""
     unit: str | None = None
     """Asks for a quantity in this unit."""
@@ -190,9 +203,9 @@ class PromptSource(Source):
     """What a simulated rig changes to the answer: `floor`, `mass`."""
     agrees: AgreesSource | None = None
     """What must show the answer before anything moves; else the person is asked again."""
-    until: Annotated[list[str], Field(min_length=1), OneOrMore()] | None = None
+    until: Annotated[list[ConditionText], Field(min_length=1), OneOrMore()] | None = None
     """What must hold, once answered, before anything moves; written as the end of a step."""
-    timeout: Expression | None = None
+    timeout: Time | None = None
     """Longest time that `agrees` and `until` may take; then the person is asked again."""
 
 
@@ -203,9 +216,9 @@ class ShownFaultSource(Source):
     """The device or bus that shows it, as the simulation calls it."""
     fault: Name
     """Name of the fault: `docs/faults.md` lists those of every device."""
-    after: Expression | None = None
+    after: Time | None = None
     """How long after the step is reached it begins; by default at once."""
-    lasting: Annotated[Expression | None, Field(alias="for")] = None
+    lasting: Annotated[Time | None, Field(alias="for")] = None
     """How long it lasts; by default until the run ends."""
     options: dict[Name, OptionText] = Field(default_factory=dict)
     """Options of the fault: numbers in SI, words."""

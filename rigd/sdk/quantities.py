@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
+from rigd.model.patterns import quantity_schema
 from rigd.model.units import parse_quantity, parse_unit
 
 
@@ -51,4 +52,5 @@ class In:
         kinds = (
             ["string", "number"] if parse_unit(self.unit).same_kind(parse_unit("1")) else "string"
         )
-        return {"type": kinds, "description": f"a quantity in {self.unit}"}
+        described = {"type": kinds, "description": f"a quantity in {self.unit}"}
+        return quantity_schema(self.unit) | described

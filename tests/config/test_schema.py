@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import jsonschema
 import pytest
@@ -29,6 +30,14 @@ def test_every_key_is_described() -> None:
         if not value.get("description")
     ]
     assert bare == []
+
+
+@pytest.mark.parametrize(
+    "file", sorted(shipped_folder("configs").glob("*.yaml")), ids=lambda file: file.stem
+)
+def test_every_shipped_rig_is_valid(file: Path) -> None:
+    data = YAML(typ="safe", pure=True).load(file.read_text("utf-8"))
+    jsonschema.Draft202012Validator(rig_schema()).validate(data)
 
 
 def test_shipped_rig_is_valid_and_a_misspelt_one_is_not() -> None:
