@@ -184,6 +184,7 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
         "rigd remote fetch RUN",
         "rigd remote fetch lugre-1_quick_20261121T080000.mcap --to data/",
     ),
+    "../docs/identification.md": ("rigd identify before.mcap after.mcap --group-by recording",),
     "cli/remote/test_commands.py": (
         "rigd remote events --follow",
         "rigd remote events --since 120 --json",
@@ -208,6 +209,8 @@ NEVER: dict[str, str] = {
     "make test": "this is it",
     "make check": "`.ci/run` does",
     "make bench": "takes an hour; each of its parts has a test of its own",
+    "python3 -m venv .venv": "the environment of this test",
+    "pip install .": "changes this environment; tests/packaging builds and installs the package",
     ". .venv/bin/activate": "the environment of this test",
     "pip install -e 'acme-scale[test]' && pytest acme-scale && rigd drivers acme-scale": (
         "changes this environment; tests/cli/test_new.py builds, installs and tests such a package"
