@@ -18,6 +18,7 @@ from rigd.identify.angle.data import KnownRun, SetReference
 from rigd.identify.angle.result import CampaignResult
 from rigd.identify.report import Provenance
 from rigd.identify.report.angle import render_campaign
+from rigd.model.errors import ConfigError
 from rigd.record.info import COMPLETE
 
 
@@ -89,10 +90,15 @@ def evaluate(
 
     Raises:
         RecordingError: a recording is damaged.
-        ConfigError: a calibration is wrong.
+        ConfigError: a calibration is wrong, or recordings are to be told apart.
         DataError: a recording carries no calibration and none is given, or lacks a signal,
-            parameter or constant; or a run is there twice.
+            parameter or constant.
     """
+    if options.by_recording:
+        raise ConfigError(
+            "--group-by recording: model approach-angle makes one campaign of all recordings",
+            hint="identify each recording with a command of its own",
+        )
     calibrations = {sweep.path: calibration_of(sweep, options.calibration) for sweep in sweeps}
     known = _known_runs(sweeps, calibrations)
     tell(f"{len(known)} runs of {', '.join(sweep.path.name for sweep in sweeps)}")

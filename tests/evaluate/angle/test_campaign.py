@@ -17,7 +17,7 @@ from support.command import rigd
 from support.markup import outline
 
 from rigd.evaluate.angle import CampaignEvaluation
-from rigd.evaluate.evaluation import evaluate
+from rigd.evaluate.evaluation import Options, evaluate
 from rigd.evaluate.shown import Shown, Table
 from rigd.model.errors import ConfigError, DataError
 from rigd_sim.plants.angle.headless import SimulatedRun, simulate
@@ -228,6 +228,14 @@ def test_a_recording_beside_its_copy_is_refused(
     whole = record(campaign[:4], "whole.mcap")
     with pytest.raises(DataError, match=r"trial 1 of .*whole\.mcap .* trial 1 of .*earlier\.mcap"):
         analyse(earlier, whole)
+
+
+def test_a_campaign_is_not_taken_apart_by_recording(
+    campaign: Sequence[Recorded], record: Record
+) -> None:
+    paths = [record(campaign[:2], "first.mcap"), record(campaign[2:4], "second.mcap")]
+    with pytest.raises(ConfigError, match="--group-by recording: model approach-angle"):
+        evaluate(paths, Options(by_recording=True))
 
 
 def test_of_several_recordings_a_flagged_run_is_named_with_its_own(
