@@ -34,6 +34,7 @@ BENCHES = (
     "remote_commands",
     "remote_load",
     "remote_fuzz",
+    "stop_lane",
     "panel",
     "panel_stop",
     "panel_fuzz",

@@ -252,7 +252,7 @@ class Connection:
                 raise
             try:
                 found = await self._while_it_speaks(
-                    query(self._session, key, patience_s, payload), verb
+                    query(self._session, key, patience_s, payload, urgent=kind is Kind.STOP), verb
                 )
             except TimedOut:
                 timed_out = True

@@ -75,9 +75,16 @@ def is_connected(session: zenoh.Session) -> bool:
 
 
 async def query(
-    session: zenoh.Session, key: str, timeout_s: float, payload: bytes = b""
+    session: zenoh.Session,
+    key: str,
+    timeout_s: float,
+    payload: bytes = b"",
+    *,
+    urgent: bool = False,
 ) -> list[Answer]:
     """Return all answers to a query; none where nobody may or can answer it.
+
+    An ``urgent`` one goes before all else on the connection, and so do its answers.
 
     Raises:
         TimedOut: see there.
@@ -96,6 +103,8 @@ async def query(
         zenoh.handlers.Callback(answered, done.tell, indirect=False),
         payload=payload,
         timeout=timeout_s,
+        priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.DATA,
+        express=urgent,
         source_info=zenoh.SourceInfo(session.id, 0),  # should it vanish, so does its calculation
     )
     await done.wait()

@@ -1,0 +1,148 @@
+"""How soon a request is answered that has a lane of its own, as stops have, while others flood.
+
+A daemon with a run under way, ten watchers of all its streams and a client that floods, against
+itself before those came. Beside it a witness that meets the same load: a process with a bare
+queryable of zenoh that replies at once. Turns are interleaved, so that what else the machine does
+meets all. Renewals of the lease stand for stops: they go the same way, each by a lane of its own,
+and end no run.
+
+    python benchmarks/stop_lane.py --rounds 5
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import secrets
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from multiprocessing.synchronize import Event
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+import numpy as np
+import zenoh
+from figures import at_most, noted
+from support.daemon import Daemon
+from support.served_rig import free_port
+from support.soaking import NAME, soaked
+from support.zenoh_client import ZenohClient, config
+
+WATCHERS = 10
+REQUESTS = 100
+SHAKE = """\
+procedure: shake
+title: Moves
+doc: For the bench.
+trial:
+  steps:
+    - step: shake
+      set: {wheel_servo.current: {sine: {amplitude: 0.3 A, frequency: 2 Hz}}}
+      for: 1 h
+"""
+
+
+def witness(endpoint: str, ready: Event, end: Event) -> None:
+    """Reply at once to whatever is asked."""
+    settings = {
+        "mode": "peer",
+        "listen": {"endpoints": [endpoint]},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+    }
+    session = zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
+
+    def reply(query: zenoh.Query) -> None:
+        with query:
+            query.reply("bench/witness", b"ok")
+
+    session.declare_queryable("bench/witness", zenoh.handlers.Callback(reply, indirect=False))
+    ready.set()
+    end.wait()
+    session.close()
+
+
+def opened(endpoint: str) -> zenoh.Session:
+    """Return a session of this process."""
+    return zenoh.open(zenoh.Config.from_json5(json.dumps(config(endpoint))))
+
+
+def taken_ms(session: zenoh.Session, key: str, payload: Callable[[], bytes]) -> list[float]:
+    """Return how long each of some requests took to its reply, ms: a refusal is one too."""
+    took = []
+    for _ in range(REQUESTS):
+        begun = time.perf_counter()
+        replies = list(session.get(key, payload=payload(), timeout=5.0))
+        took.append((time.perf_counter() - begun) * 1e3 if replies else np.inf)
+        time.sleep(0.005)
+    return took
+
+
+def renewal() -> bytes:
+    """Return the bytes of a new renewal of the lease."""
+    message = {"v": 1, "id": secrets.token_hex(16), "sent_ns": time.time_ns(), "args": {}}
+    return json.dumps(message).encode()
+
+
+def measured(daemon: Daemon, witness_at: str, rounds: int) -> dict[str, list[float]]:
+    """Return the times of daemon and witness, quiet and loaded."""
+    found: dict[str, list[float]] = {}
+    ours, theirs = opened(daemon.endpoint), opened(witness_at)
+    key = f"rigd/{NAME}/cmd/alice/lease_renew"
+
+    def turn(name: str) -> None:
+        found.setdefault(f"daemon {name}", []).extend(taken_ms(ours, key, renewal))
+        found.setdefault(f"witness {name}", []).extend(
+            taken_ms(theirs, "bench/witness", lambda: b"")
+        )
+
+    for _ in range(rounds):
+        turn("quiet")
+        with ExitStack() as others:
+            for _ in range(WATCHERS):
+                watcher = others.enter_context(ZenohClient(config(daemon.endpoint)))
+                watcher.subscribe(f"rigd/{NAME}/**")
+            flood = others.enter_context(ZenohClient(config(daemon.endpoint)))
+            seconds = 20.0
+            flood.flood(f"rigd/{NAME}/ask/mallory/describe", renewal(), seconds)
+            turn("loaded")
+    ours.close()
+    theirs.close()
+    return found
+
+
+def main() -> None:
+    """Measure, and print quantiles and ratios."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--rounds", type=int, default=5)
+    args = parser.parse_args()
+    spawning = multiprocessing.get_context("spawn")
+    ready, end = spawning.Event(), spawning.Event()
+    witness_at = f"tcp/127.0.0.1:{free_port()}"
+    process = spawning.Process(target=witness, args=(witness_at, ready, end))
+    process.start()
+    ready.wait()
+    with tempfile.TemporaryDirectory() as folder, soaked(Path(folder)) as daemon:
+        daemon.start(SHAKE, on_client_loss="continue")
+        daemon.until(lambda status: status["step"] == "shake")
+        found = measured(daemon, witness_at, args.rounds)
+    end.set()
+    process.join()
+    for name, took in found.items():
+        for part in (50, 99):
+            noted(f"reply of the {name}, p{part}", float(np.percentile(took, part)), "ms")
+    for who, report in (("daemon", at_most), ("witness", None)):
+        quiet, loaded = (np.percentile(found[f"{who} {one}"], 99) for one in ("quiet", "loaded"))
+        name = f"reply of the {who}, p99, loaded against quiet"
+        if report is None:
+            noted(name, float(loaded / quiet), "x")
+        else:
+            report(name, float(loaded / quiet), 3.0)
+
+
+if __name__ == "__main__":
+    main()
