@@ -71,8 +71,21 @@ class ParameterEstimate:
 
 
 @dataclass(frozen=True, eq=False)
+class Seen:
+    """What the data show of a curve in one range of ``x``: median and middle half of ``count``."""
+
+    x: float
+    median: float
+    low: float
+    high: float
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
 class Curve:
     """A fitted characteristic with its band, on the range the data visited and no further.
+
+    ``seen`` is what the data show of it, in ranges of ``x``.
 
     ``x``, ``y``, ``low``, ``high``: (n,) arrays. In JSON it is a list named ``name`` of objects
     with keys ``x_name``, ``y_name``, ``low``, ``high``.
@@ -88,6 +101,7 @@ class Curve:
     low: FloatArray
     high: FloatArray
     note: str = ""
+    seen: tuple[Seen, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,13 +6,15 @@ import numpy as np
 
 from rigd.identify.lugre.model import SIGMA_1, SIGMA_2, LugreModel, friction, friction_gradient
 from rigd.identify.lugre.spread import Spread
-from rigd.identify.result import Curve, FloatArray
+from rigd.identify.result import BoolArray, Curve, FloatArray, Seen
 from rigd.model.errors import DataError
 
 POINTS = 60
 SLIDING = 0.5  #: share of g at which the bristle counts as sliding
 #: The lowest and highest shares of the used samples are noise of the slip, not visited slip.
 TRIM = 0.01
+RANGES = 16  #: of slip, in which the data stand beside the curve
+LEAST_SEEN = 20  #: samples in one of them
 RESOLVED = 10.0  #: slip below this many standard deviations of its noise is not resolved
 
 
@@ -25,11 +27,8 @@ def visited_range(model: LugreModel, theta: FloatArray, noise_m_s: float) -> tup
     Raises:
         DataError: no trial slides, or none at a slip that the sensors resolve.
     """
-    bristle_only = theta.copy()
-    bristle_only[[SIGMA_1, SIGMA_2]] = 0.0
     slip = np.concatenate([t.slip_m_s for t in model.trials])
-    bent = np.abs(model.predict(bristle_only)) >= SLIDING * friction(theta, slip)
-    used = np.abs(slip[(model.mask > 0.0) & bent])
+    used = np.abs(slip[_sliding(model, theta, slip)])
     if used.size == 0:
         raise DataError(
             "no trial bends the bristle half way to sliding: nothing is known about friction",
@@ -45,8 +44,41 @@ def visited_range(model: LugreModel, theta: FloatArray, noise_m_s: float) -> tup
     return max(low, RESOLVED * noise_m_s), high
 
 
-def friction_curve(spread: Spread, visited: tuple[float, float]) -> Curve:
-    """Return g on ``visited`` with its 95 % band (pointwise)."""
+def _sliding(model: LugreModel, theta: FloatArray, slip: FloatArray) -> BoolArray:
+    """Return (n,) whether a sample counts and its bristle is bent half way to sliding."""
+    bristle_only = theta.copy()
+    bristle_only[[SIGMA_1, SIGMA_2]] = 0.0
+    bent = np.abs(model.predict(bristle_only)) >= SLIDING * friction(theta, slip)
+    return (model.mask > 0.0) & bent
+
+
+def seen(model: LugreModel, theta: FloatArray, visited: tuple[float, float]) -> tuple[Seen, ...]:
+    """Return what the samples show of g in ranges of slip: component plus residual.
+
+    Of each measured force the fitted parts besides g are taken off (W. A. Larsen and S. J.
+    McCleary, Technometrics 14, 1972): what is left is g plus the residual. Ranges with fewer than
+    ``LEAST_SEEN`` samples are left out.
+    """
+    slip = np.concatenate([t.slip_m_s for t in model.trials])
+    inside = _sliding(model, theta, slip)
+    away = np.sign(slip) * -model.residuals(theta)
+    size, shown = np.abs(slip[inside]), (friction(theta, np.abs(slip)) + away)[inside]
+    place = np.digitize(size, np.geomspace(visited[0], visited[1], RANGES + 1)) - 1
+    found = []
+    for index in range(RANGES):
+        part = place == index
+        if np.count_nonzero(part) < LEAST_SEEN:
+            continue
+        low, median, high = (float(q) for q in np.quantile(shown[part], [0.25, 0.5, 0.75]))
+        middle = float(np.median(size[part]))
+        found.append(Seen(middle, median, low, high, int(np.count_nonzero(part))))
+    return tuple(found)
+
+
+def friction_curve(
+    spread: Spread, visited: tuple[float, float], data: tuple[Seen, ...] = ()
+) -> Curve:
+    """Return g on ``visited`` with its 95 % band (pointwise), and what the ``data`` show of it."""
     slip = np.geomspace(visited[0], visited[1], POINTS)
 
     def log_g(theta: FloatArray) -> FloatArray:
@@ -56,6 +88,7 @@ def friction_curve(spread: Spread, visited: tuple[float, float]) -> Curve:
     gradient = friction_gradient(spread.theta, slip) / centre[:, None]
     low, high, _ = spread.interval(log_g, gradient)
     return Curve(
+        seen=data,
         name="friction_curve",
         x_name="V_r",
         x_unit="m/s",

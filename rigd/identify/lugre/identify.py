@@ -10,7 +10,7 @@ import numpy as np
 from rigd.identify import residuals as tests
 from rigd.identify.fit import Fit, Loss, fit, multi_start, named, robust_fit
 from rigd.identify.lugre.agreement import agreement
-from rigd.identify.lugre.curve import friction_curve, visited_range
+from rigd.identify.lugre.curve import friction_curve, seen, visited_range
 from rigd.identify.lugre.model import LugreModel, SlipForce
 from rigd.identify.lugre.preprocess import Guards, ProcessedSweep, ProcessedTrial, process
 from rigd.identify.lugre.profiles import polish, profiles, scan_all
@@ -104,7 +104,7 @@ def identify_lugre(
             )
             for f in fits
         ),
-        curve=friction_curve(spread, visited),
+        curve=friction_curve(spread, visited, seen(model, best.theta, visited)),
         trials=_trial_fits(sweep, model, best),
         profiles=profiles(scans),
         residual_tests=(

@@ -86,6 +86,11 @@ def _curves(sections: Sequence[ReportSection]) -> tuple[Drawing, ...]:
             "Drawn over the range that the data visited; beyond it the model extrapolates. "
             "A band that leaves the axis is wider than drawn."
         )
+        if any(member.result.curve.seen for member in members):
+            caption += (
+                " Points: what was measured, less the other terms of the fit; the median of each "
+                "range, with a bar over the middle half of its samples."
+            )
         drawings.append(draw(curves(members, indices), f"curve-{number}", alt, caption))
     return tuple(drawings)
 

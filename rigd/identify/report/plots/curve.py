@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from rigd.identify.report.palette import series
 from rigd.identify.report.plots.axes import Margins, grid, label, plain_log
 from rigd.identify.report.section import ReportSection
+from rigd.identify.result import Curve
 
 #: A range of x that spans more than this factor is drawn on a logarithmic axis.
 LOG_SPAN = 30.0
@@ -29,6 +30,7 @@ def curves(sections: Sequence[ReportSection], colours: Sequence[int]) -> Figure:
         curve, colour = section.result.curve, series(index)
         ax.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.25, linewidth=0)
         ax.plot(curve.x, curve.y, color=colour, linewidth=1.8, label=section.label)
+        _points(ax, curve, colour)
         if section.reference_curve is not None and curve.x.size:
             reference = section.reference_curve
             inside = (reference.x >= curve.x.min()) & (reference.x <= curve.x.max())
@@ -49,11 +51,25 @@ def curves(sections: Sequence[ReportSection], colours: Sequence[int]) -> Figure:
     return figure
 
 
+def _points(ax: Axes, curve: Curve, colour: str) -> None:
+    """Draw what the data show: medians, with bars over the middle half of the samples."""
+    if not curve.seen:
+        return
+    middle = np.array([one.median for one in curve.seen])
+    bars = [middle - [one.low for one in curve.seen], [one.high for one in curve.seen] - middle]
+    ax.errorbar(
+        [one.x for one in curve.seen], middle, yerr=bars, color=colour, linestyle="none",
+        marker="o", markersize=3.0, elinewidth=0.8, alpha=0.8,
+    )  # fmt: skip
+
+
 def _limit(ax: Axes, sections: Sequence[ReportSection]) -> None:
     """Cut bands that would flatten every curve, where the data say next to nothing."""
     fitted = np.concatenate([section.result.curve.y for section in sections])
+    points = [(one.low, one.high) for section in sections for one in section.result.curve.seen]
     low = min(float(np.nanmin(section.result.curve.low)) for section in sections)
     high = max(float(np.nanmax(section.result.curve.high)) for section in sections)
+    low, high = min([low, *(low for low, _ in points)]), max([high, *(high for _, high in points)])
     bottom, top = float(np.nanmin(fitted)), float(np.nanmax(fitted))
     room = BAND_ROOM * max(top - bottom, abs(top), abs(bottom))
     low, high = max(low, bottom - room), min(high, top + room)
