@@ -184,7 +184,6 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
         "rigd remote fetch RUN",
         "rigd remote fetch lugre-1_quick_20261121T080000.mcap --to data/",
     ),
-    "../docs/identification.md": ("rigd identify before.mcap after.mcap --group-by recording",),
     "cli/remote/test_commands.py": (
         "rigd remote events --follow",
         "rigd remote events --since 120 --json",
@@ -209,6 +208,9 @@ NEVER: dict[str, str] = {
     "make test": "this is it",
     "make check": "`.ci/run` does",
     "make bench": "takes an hour; each of its parts has a test of its own",
+    "rigd identify before.mcap after.mcap --group-by recording": (
+        "15 s of CPU; tests/evaluate/test_several_recordings.py evaluates so, without the command"
+    ),
     "python3 -m venv .venv": "the environment of this test",
     "pip install .": "changes this environment; tests/packaging builds and installs the package",
     ". .venv/bin/activate": "the environment of this test",
