@@ -120,11 +120,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     """Give a test that lives by the clock real-time priority; let others share what they import."""
-    policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
-    if is_in(item.path, WITH_PRIORITY):
-        with suppress(PermissionError):
-            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
     warm.wanted = is_in(item.path, SIDE_BY_SIDE)
+    if not is_in(item.path, WITH_PRIORITY):
+        return (yield)
+    policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
     result = yield
-    os.sched_setscheduler(0, policy, parameter)
+    with suppress(PermissionError):  # what the test itself has set may be there to stay
+        os.sched_setscheduler(0, policy, parameter)
     return result
