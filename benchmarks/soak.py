@@ -1,4 +1,4 @@
-"""What a daemon takes after strangers, clients, floods and downloads: its slopes per hour.
+"""What a daemon takes after connections, floods and downloads: its slopes per hour.
 
 A slice lasts some minutes and has a daemon of its own; its lines are added to a file, and what is
 printed is of all slices in it, so that an hour is had by and by. Memory is what the kernel says is
@@ -32,7 +32,7 @@ def slice_of(minutes: float, kept: Path) -> None:
             out.write(json.dumps({"slice": time.time()}) + "\n")
             round_ = 0
             while time.monotonic() - begun_s < 60 * minutes:
-                soak(daemon, strangers=60, clients=2, flood_s=1.0)
+                soak(daemon, unauthenticated=60, clients=2, flood_s=1.0)
                 line = as_line(settled(daemon), round_, time.monotonic() - begun_s)
                 out.write(line + "\n")
                 out.flush()

@@ -1,4 +1,4 @@
-"""What a daemon goes through in an hour, in rounds: strangers, clients, floods, downloads."""
+"""What a daemon goes through in an hour, in rounds: connections, clients, floods, downloads."""
 
 from __future__ import annotations
 
@@ -61,11 +61,11 @@ def soaked(folder: Path) -> Daemon:
     return daemon
 
 
-def soak(daemon: Daemon, *, strangers: int, clients: int, flood_s: float) -> None:
+def soak(daemon: Daemon, *, unauthenticated: int, clients: int, flood_s: float) -> None:
     """Do one round; it ends once nobody but the daemon's own client is connected."""
     port = int(daemon.endpoint.rpartition(":")[2])
     with ExitStack() as connected:
-        for number in range(strangers):  # half of them silent
+        for number in range(unauthenticated):  # half of them silent
             one = connected.enter_context(socket.socket())
             one.setblocking(False)
             one.connect_ex(("127.0.0.1", port))

@@ -10,9 +10,9 @@ from support.soaking import settled, soak, soaked
 def test_rounds_leave_no_descriptor_and_no_thread(tmp_path: Path) -> None:
     with soaked(tmp_path) as daemon:
         for _ in range(2):  # what is made once, at first use
-            soak(daemon, strangers=20, clients=1, flood_s=0.3)
+            soak(daemon, unauthenticated=20, clients=1, flood_s=0.3)
         before = settled(daemon)
         for _ in range(3):
-            soak(daemon, strangers=20, clients=1, flood_s=0.3)
+            soak(daemon, unauthenticated=20, clients=1, flood_s=0.3)
         after = settled(daemon, before)
     assert (after.descriptors, after.threads) == (before.descriptors, before.threads)

@@ -93,10 +93,11 @@ def _print(status: Status, where: str) -> None:
     if status.last is not None:
         say(f"  last run: {status.last.run}, {status.last.ending}: {status.last.reason}")
     daemon = status.daemon
-    if daemon.door_shut or 2 * daemon.descriptors > daemon.descriptors_most > 0:
+    if daemon.accept_pauses or 2 * daemon.descriptors > daemon.descriptors_most > 0:
         say(
-            f"  {daemon.descriptors} of {daemon.descriptors_most} descriptors in use; strangers: "
-            f"nobody new was let in {daemon.door_shut} times, {daemon.turned_away} turned away",
+            f"  {daemon.descriptors} of {daemon.descriptors_most} descriptors in use; "
+            f"{daemon.unauthenticated_ended} unauthenticated connections ended, "
+            f"new ones refused for a while {daemon.accept_pauses} times",
             "yellow",
         )
     for notice in status.notices[-5:]:

@@ -101,7 +101,7 @@ def serve(options: Options, announce: Callable[[str], None]) -> None:
         parts, server = _compose(options, stack, news.set, announce)
         service = RigService(parts, server.refused, news.set)
         signals.steer(parts.steering)
-        stack.enter_context(parts.descriptors.watched(server.doorway, parts.notices.note))
+        stack.enter_context(parts.descriptors.watched(server.admission, parts.notices.note))
         server.start(service)
         companions = []
         if options.panel:

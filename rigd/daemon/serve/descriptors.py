@@ -1,8 +1,8 @@
-"""Descriptors for the rig's own work, whoever connects.
+"""Descriptors for the rig's own work, however many connections there are.
 
-A process may have so many files and connections open (RLIMIT_NOFILE). Strangers who connect and
-say nothing use them up. A thread of its own watches the number and ends the connections of
-strangers before it is reached; some descriptors are kept back for that.
+A process may have so many files and connections open (RLIMIT_NOFILE). Connections that never
+authenticate use them up. A thread of its own watches the number and ends such connections before
+it is reached; some descriptors are kept back for that.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Final
 
 from rigd.daemon.serve.notices import Level
 from rigd.engine.shared.scarce import NONE_LEFT
-from rigd.remote.server import Doorway
+from rigd.remote.server import Admission
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -28,7 +28,7 @@ WANTED: Final = 65_536
 KEPT_BACK: Final = 32
 #: The number is looked at this often.
 LOOK_S: Final = 0.05
-#: From this part of the limit on, strangers are turned away.
+#: From this part of the limit on, unauthenticated connections are ended.
 BUSY: Final = 0.75
 #: Without room for so long, the daemon cannot help itself.
 HELPLESS_S: Final = 10.0
@@ -43,8 +43,8 @@ class Descriptors:
         self._most = self.limit
         #: How many there are, when last looked at.
         self.used = self._count()
-        self.turned_away = 0  #: connections of strangers that were ended
-        self.door_shut = 0  #: how often nobody new was let in for a while
+        self.unauthenticated_ended = 0  #: connections
+        self.accept_pauses = 0  #: how often no connection was accepted for a while
         self._full_since_s: float | None = None
         self._crowded = False
 
@@ -55,21 +55,21 @@ class Descriptors:
         self.limit = self._most - KEPT_BACK
         self._set(self.limit)
 
-    def told(self) -> dict[str, int]:
+    def as_status(self) -> dict[str, int]:
         """Return what the status says of them."""
         return {
             "descriptors": self.used,
             "descriptors_most": self.limit,
-            "turned_away": self.turned_away,
-            "door_shut": self.door_shut,
+            "unauthenticated_ended": self.unauthenticated_ended,
+            "accept_pauses": self.accept_pauses,
         }
 
     @contextmanager
-    def watched(self, doorway: Doorway, told: Callable[[str, Level], None]) -> Iterator[None]:
-        """Watch them while inside; ``told`` gets lines for whoever looks after the rig."""
+    def watched(self, admission: Admission, note: Callable[[str, Level], None]) -> Iterator[None]:
+        """Watch them while inside; ``note`` gets lines for the people at the rig."""
         closing = threading.Event()
         thread = threading.Thread(
-            target=self._work, args=(doorway, told, closing), name="descriptors", daemon=True
+            target=self._work, args=(admission, note, closing), name="descriptors", daemon=True
         )
         thread.start()
         try:
@@ -87,18 +87,20 @@ class Descriptors:
         return f"all {self.limit} descriptors have been in use for {HELPLESS_S:g} s"
 
     def _work(
-        self, doorway: Doorway, told: Callable[[str, Level], None], closing: threading.Event
+        self, admission: Admission, note: Callable[[str, Level], None], closing: threading.Event
     ) -> None:
         while not closing.wait(LOOK_S):
             try:
-                self._look(doorway, told)
+                self._look(admission, note)
             except Exception:  # noqa: BLE001 - a watch that ends watches nothing
                 _LOG.exception("the descriptors cannot be looked after")
 
-    def _look(self, doorway: Doorway, told: Callable[[str, Level], None]) -> None:
-        if doorway.times_shut > self.door_shut:
-            self.door_shut = doorway.times_shut
-            told("too many strangers connect: for a while nobody new is let in", "warning")
+    def _look(self, admission: Admission, note: Callable[[str, Level], None]) -> None:
+        if admission.pauses > self.accept_pauses:
+            self.accept_pauses = admission.pauses
+            note(
+                "too many unauthenticated connections: for a while no other is accepted", "warning"
+            )
         self.used = self._count()
         full = self.used >= self.limit
         if not full:
@@ -109,17 +111,17 @@ class Descriptors:
             self._crowded = False
             return
         with self._all():
-            ended = doorway.turn_away()
+            ended = admission.end_unauthenticated()
             if full:
-                ended += doorway.refuse_waiting()
+                ended += admission.refuse_waiting()
                 # With room again, zenoh sees that those have ended.
                 time.sleep(LOOK_S)
-        self.turned_away += ended
+        self.unauthenticated_ended += ended
         if (ended or full) and not self._crowded:
             self._crowded = True
-            told(
-                f"{self.used} of {self.limit} descriptors are in use: connections of strangers "
-                "are turned away",
+            note(
+                f"{self.used} of {self.limit} descriptors are in use: unauthenticated connections "
+                "are ended",
                 "warning",
             )
 

@@ -115,7 +115,7 @@ class RigService:
         self._steered = Asker("")  # who showed last that they have the lease
         self._broken = ""  # why the audit log could not be written when it was last looked at
         self._daemon = Daemon(version=__version__, pid=os.getpid(), started_ns=time.time_ns())
-        self._strangers = (0, 0)  # what the audit log knows of them
+        self._crowding = (0, 0)  # accept_pauses and unauthenticated_ended in the audit log
 
     def status(self) -> Status:
         """Return the state of everything."""
@@ -126,7 +126,7 @@ class RigService:
             title=parts.rig.title,
             t_ns=time.time_ns(),
             seq=next(self._numbers),
-            daemon=self._daemon.model_copy(update=parts.descriptors.told()),
+            daemon=self._daemon.model_copy(update=parts.descriptors.as_status()),
             **({"state": "idle"} if running is None else _progress(running)),
             lease=parts.lease.view(),
             trips=parts.trips.views(),
@@ -244,11 +244,11 @@ class RigService:
         if self._broken and not broken:
             self._parts.notices.note(f"nothing can start: {self._broken}", "error")
         descriptors = self._parts.descriptors
-        strangers = descriptors.door_shut, descriptors.turned_away
-        if strangers != self._strangers:
-            self._strangers = strangers
-            seen = dict(zip(("door_shut", "turned_away"), strangers, strict=True))
-            self._parts.audit.write("rigd", "strangers", seen)
+        crowding = descriptors.accept_pauses, descriptors.unauthenticated_ended
+        if crowding != self._crowding:
+            self._crowding = crowding
+            seen = dict(zip(("accept_pauses", "unauthenticated_ended"), crowding, strict=True))
+            self._parts.audit.write("rigd", "unauthenticated", seen)
         self._parts.steering.tend()
 
     def _command(self, who: Asker, verb: str, args: Message) -> Message:

@@ -9,7 +9,7 @@ from typing import Final, TypeVar
 
 T = TypeVar("T")
 
-#: A daemon that strangers have filled up has room again within a fraction of a second
+#: A daemon that unauthenticated connections fill up has room again within a fraction of a second
 #: (rigd.daemon.serve.descriptors).
 PATIENCE_S: Final = 5.0
 _AGAIN_S: Final = 0.02

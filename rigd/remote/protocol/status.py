@@ -32,10 +32,10 @@ class Daemon(Message):
     """Files and connections that it has open."""
     descriptors_most: Count = 0
     """How many it may have; 0 where it does not say."""
-    turned_away: Count = 0
-    """Connections of strangers that it has ended to stay below that."""
-    door_shut: Count = 0
-    """How often nobody new was let in for a while, as too many strangers were inside."""
+    unauthenticated_ended: Count = 0
+    """Unauthenticated connections that it has ended to stay below that."""
+    accept_pauses: Count = 0
+    """How often it accepted no connection for a while, as too many were unauthenticated."""
 
 
 class Trial(Message):

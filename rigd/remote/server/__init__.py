@@ -1,15 +1,15 @@
 """The server of a rig: who may ask for what, in which order it is answered, what is shown."""
 
+from rigd.remote.server.admission import Admission
 from rigd.remote.server.asking import still_connected, working_for
 from rigd.remote.server.desk import role_of
-from rigd.remote.server.doorway import Doorway
 from rigd.remote.server.lease import Lease
 from rigd.remote.server.publisher import Publisher
 from rigd.remote.server.server import Server
 from rigd.remote.server.service import Result, Service
 
 __all__ = [
-    "Doorway",
+    "Admission",
     "Lease",
     "Publisher",
     "Result",

@@ -28,9 +28,9 @@ from rigd.remote.network import server_config
 from rigd.remote.protocol import Code, Keys, Kind, Lane, Refusal, encode_refusal
 from rigd.remote.protocol.limits import HEARTBEAT_S
 from rigd.remote.protocol.status import RefusedCounts
+from rigd.remote.server.admission import Admission
 from rigd.remote.server.asking import working_for
 from rigd.remote.server.desk import Desk, Letter
-from rigd.remote.server.doorway import Doorway
 from rigd.remote.server.inbox import Inbox
 from rigd.remote.server.lease import Lease
 from rigd.remote.server.publisher import Publisher
@@ -89,7 +89,7 @@ class Server:
         self._declared = ExitStack()  # undone in the reverse order
         self._session = _open(self._keys, setup)
         self.publisher = Publisher(self._session, self._keys)
-        self.doorway = Doorway(self._session, setup.listen)
+        self.admission = Admission(self._session, setup.listen)
 
     def refused(self) -> RefusedCounts:
         """Return how many messages were refused so far."""
@@ -105,7 +105,7 @@ class Server:
         self._answer(self._keys.status, self._show)
         for kind in Kind:
             self._answer(self._keys.every_request(kind), partial(self._receive, desk))
-        self.doorway.watch()
+        self.admission.watch()
         token = self._session.liveliness().declare_token(self._keys.alive)
         self._declared.callback(token.undeclare)
 
@@ -147,7 +147,7 @@ class Server:
         self._closing.set()
         try:
             self._declared.close()
-            self.doorway.close()
+            self.admission.close()
             for inbox in self._inboxes.values():
                 for waiting in inbox.close():
                     waiting.query.drop()

@@ -1,18 +1,19 @@
-"""The connections of a daemon that nobody has proved to be theirs: few are let in at a time.
+"""Which connections a daemon accepts: few at a time that have not authenticated yet.
 
-zenoh takes every TCP connection in and gives it time to show a certificate. Two properties of its
-TLS listener (tls-listener 0.11 under eclipse-zenoh 1.10.2) let strangers keep everybody out who is
-not connected yet. After each connection that fails it pauses for 0.1 s, so that a client waits for
-all that fail before it. And once the process has no descriptor left for another connection, it
-looks no more after those that it has: even when all of them have gone it stays as it is, for good.
+zenoh accepts every TCP connection and gives it time to show a certificate and open a session; until
+then it is called unauthenticated here. Two properties of zenoh's TLS listener (tls-listener 0.11
+under eclipse-zenoh 1.10.2) let such connections keep every new client out. After each that fails it
+pauses for 0.1 s, so that a client waits for all that fail before it. And once the process has no
+descriptor left for another connection, it looks no more after those that it has: even when all of
+them have gone it stays as it is, for good.
 
-So the kernel keeps a connection to itself until its other end has said something (TCP_DEFER_ACCEPT
-of tcp(7)). And the door is shut while too many are inside that have not shown who they are: the
-kernel drops the first packet of who comes then, and their computer sends it again. Who is
-connected is not concerned.
+So the kernel keeps a connection to itself until its other end has sent something (TCP_DEFER_ACCEPT
+of tcp(7)). And while too many are unauthenticated, accepting pauses: the kernel drops the first
+packet of each new connection, and the computer that sent it sends it again. Clients that are
+connected notice nothing.
 
-Who comes as a router or a peer of zenoh, not as a client, is turned away: of what a client asks
-without naming a rig, zenoh sends half to a router, which knows nothing of it.
+A connection in zenoh's mode of a router or a peer, not of a client, is refused: of what a client
+asks without naming a rig, zenoh sends half to a router, which knows nothing of it.
 """
 
 from __future__ import annotations
@@ -35,16 +36,16 @@ from rigd.config.remote import Endpoint
 
 _log = logging.getLogger(__name__)
 
-#: So many may be inside at once without having shown who they are; the door is opened again when
-#: so many are left, which zenoh needs 1.6 s for where all of them fail.
-MOST_UNPROVEN: Final = 32
-FEW_UNPROVEN: Final = 16
-#: A connection without a word is kept by the kernel for so long; it costs no descriptor. A client
-#: speaks at once.
+#: So many connections may be unauthenticated at once; accepting goes on when so few are left, which
+#: zenoh needs 1.6 s for where all of them fail.
+MOST_UNAUTHENTICATED: Final = 32
+FEW_UNAUTHENTICATED: Final = 16
+#: The kernel keeps a connection that sends nothing for so long; it costs no descriptor. A client
+#: sends at once.
 _SILENT_S: Final = 30
-#: How often it is looked whether the door can be opened again.
+#: How often it is looked whether accepting can go on, in s.
 _LOOK_S: Final = 0.05
-#: Options of sockets <asm-generic/socket.h>, and the filter that lets nothing in: `ret #0`
+#: Options of sockets <asm-generic/socket.h>, and the filter that drops everything: `ret #0`
 #: (socket(7), "SO_ATTACH_FILTER"; Linux applies it to the packets of a listening socket too).
 _ATTACH_FILTER: Final = 26
 _DETACH_FILTER: Final = 27
@@ -56,24 +57,24 @@ _ESTABLISHED: Final = 1
 _MOST_WAITING: Final = 4096
 
 
-class Doorway:
-    """What comes in on the ``endpoints`` of a daemon, watched from :meth:`watch` to :meth:`close`.
+class Admission:
+    """The connections to the ``endpoints`` of a daemon, from :meth:`watch` to :meth:`close`.
 
     Any thread may call. Looking around needs one free descriptor.
     """
 
     def __init__(self, session: zenoh.Session, endpoints: Sequence[str]) -> None:
-        self.times_shut = 0  #: how often the door was shut
+        self.pauses = 0  #: how often accepting has paused
         self._session = session
         read = map(Endpoint.read, endpoints)
         self._ports = frozenset(one.port for one in read if one is not None)
         self._listening: list[int] = []  # descriptors of our own for zenoh's sockets
-        self._shut = False
+        self._paused = False
         self._modes_refused = 0
         self._closing = threading.Event()
         self._news = -1  # an eventfd(2): somebody has opened a session
         self._opened: zenoh.TransportEventsListener[None] | None = None
-        self._thread = threading.Thread(target=self._work, name="doorway", daemon=True)
+        self._thread = threading.Thread(target=self._work, name="admission", daemon=True)
 
     def watch(self) -> None:
         """Begin to watch."""
@@ -97,7 +98,7 @@ class Doorway:
             os.close(number)
         self._listening = []
 
-    def turn_away(self) -> int:
+    def end_unauthenticated(self) -> int:
         """End all connections that belong to no client, and return how many there were.
 
         zenoh closes each once it sees that it has ended.
@@ -135,26 +136,28 @@ class Doorway:
                 came.register(number, select.EPOLLIN | select.EPOLLET)
             came.register(self._news, select.EPOLLIN | select.EPOLLET)
             while not self._closing.is_set():
-                came.poll(_LOOK_S if self._shut else 10 * _LOOK_S)
+                came.poll(_LOOK_S if self._paused else 10 * _LOOK_S)
                 try:
                     self._look()
                     self._refuse_modes()
                 except Exception:  # noqa: BLE001 - a watch that ends watches nothing
-                    _log.exception("strangers cannot be counted")
+                    _log.exception("unauthenticated connections cannot be counted")
 
     def _look(self) -> None:
-        """Shut the door, or open it again."""
+        """Pause accepting, or let it go on."""
         clients = self._clients()
-        inside = [_peer(one) for one, listens in self._sockets() if not listens]
-        unproven = sum(peer not in clients for peer in inside)
-        if not self._shut and unproven > MOST_UNPROVEN:
-            self._shut = True
-            self.times_shut += 1
+        peers = [_peer(one) for one, listens in self._sockets() if not listens]
+        unauthenticated = sum(peer not in clients for peer in peers)
+        if not self._paused and unauthenticated > MOST_UNAUTHENTICATED:
+            self._paused = True
+            self.pauses += 1
             self._set(socket.SOL_SOCKET, _ATTACH_FILTER, _FILTER)
-            _log.warning("%d connections are of strangers: no others are let in", unproven)
-        elif self._shut and unproven < FEW_UNPROVEN:
+            _log.warning(
+                "%d connections are unauthenticated: no other is accepted", unauthenticated
+            )
+        elif self._paused and unauthenticated < FEW_UNAUTHENTICATED:
             self._set(socket.SOL_SOCKET, _DETACH_FILTER, 0)
-            self._shut = False
+            self._paused = False
 
     def _set(self, level: int, option: int, value: int | bytes) -> None:
         for number in self._listening:

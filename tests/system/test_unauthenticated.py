@@ -1,4 +1,4 @@
-"""Strangers who connect and say nothing do not take a rig from those who run it."""
+"""Connections that never authenticate do not keep a run, or its clients, from anything."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ finish:
     for: 0.2 s
 """
 #: Far more than the daemon may have descriptors.
-STRANGERS = 400
+CONNECTIONS = 400
 DESCRIPTORS = 128
 NAME = "lugre-1"
 
@@ -63,11 +63,11 @@ def daemon(tmp_path: Path) -> Iterator[Daemon]:
 
 
 @contextmanager
-def strangers(daemon: Daemon, first_words: bytes) -> Iterator[None]:
+def unauthenticated(daemon: Daemon, first_words: bytes) -> Iterator[None]:
     """Connections that say no more than that, as many as the daemon lets in."""
     host, _, port = daemon.endpoint.partition("/")[2].rpartition(":")
     with ExitStack() as all_of_them:
-        for _ in range(STRANGERS):
+        for _ in range(CONNECTIONS):
             one = all_of_them.enter_context(socket.socket())
             one.setblocking(False)
             one.connect_ex((host, int(port)))
@@ -83,10 +83,12 @@ def audited(daemon: Daemon, what: str) -> list[str]:
 
 
 @pytest.mark.parametrize("first_words", [b"", b"\x16\x03"], ids=["silent", "half a handshake"])
-def test_a_run_ends_in_order_among_strangers(daemon: Daemon, first_words: bytes) -> None:
+def test_a_run_ends_in_order_among_unauthenticated_connections(
+    daemon: Daemon, first_words: bytes
+) -> None:
     recording = daemon.start(SHAKE)
     daemon.until(lambda status: status["step"] == "shake")
-    with strangers(daemon, first_words):
+    with unauthenticated(daemon, first_words):
         assert daemon.request("stop", "stop", reason="crowded")["acted"]
         last = daemon.until(lambda status: status["last"])["last"]
         assert (last["ending"], last["exit_code"]) == ("stopped", 5)
@@ -99,8 +101,8 @@ def test_a_run_ends_in_order_among_strangers(daemon: Daemon, first_words: bytes)
     told = daemon.status["daemon"]
     assert told["descriptors"] < told["descriptors_most"] < DESCRIPTORS
     if first_words:
-        assert told["door_shut"] > 0
-        assert audited(daemon, "strangers")
+        assert told["accept_pauses"] > 0
+        assert audited(daemon, "unauthenticated")
 
 
 def until_others_connect(daemon: Daemon) -> None:
