@@ -12,11 +12,12 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from rigd.config.loader import load_rig
-from rigd.sdk import LinkError
+from rigd.sdk import LinkError, Simulation
 
 ROOT = Path(__file__).parent.parent.parent
 #: A crowded machine starts a simulation within this time.
@@ -33,9 +34,14 @@ class WireRig:
 
     def ask(self, **request: object) -> Mapping[str, Any]:
         """Ask the simulation; see :meth:`rigd.sdk.Simulation.ask`."""
+        return self._simulation.ask(request)
+
+    @cached_property
+    def _simulation(self) -> Simulation:
+        """Read from the rig file once: most of what a test waits for, it asks every few ms."""
         setup = load_rig(self.rig).simulation
         assert setup is not None
-        return setup.simulation_class(setup.config).ask(request)
+        return setup.simulation_class(setup.config)
 
     def parts(self) -> Mapping[str, Any]:
         """The state of every simulated device."""
