@@ -7,7 +7,9 @@ where some of what Linux has is missing.
 from __future__ import annotations
 
 import os
+import stat
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 
 from rigd.model import RecordingError
@@ -31,6 +33,20 @@ def require_writing() -> None:
             "recordings are made and repaired on Linux only",
             hint="Here they can be read: `rigd info`, `verify`, `identify`, `report`, `export`.",
         )
+
+
+def require_regular(path: Path) -> None:
+    """Raise unless there is a regular file: to open a pipe waits for its writer.
+
+    Raises:
+        OSError: missing.
+        RecordingError: a folder, a pipe or a device.
+
+    """
+    mode = path.stat().st_mode
+    if not stat.S_ISREG(mode):
+        kind = "a folder" if stat.S_ISDIR(mode) else "a pipe, a socket or a device"
+        raise RecordingError(f"{path} is {kind}, not a file", hint="Give a recording: FILE.mcap.")
 
 
 def read_at(fd: int, length: int, offset: int) -> bytes:

@@ -14,6 +14,7 @@ from rigd.record.wire import DATA_END, FRAME, Malformed, Record, decode, encode,
 
 #: Opcodes of the data section, each with a length below 4 GiB behind it.
 _BEGINNING: Final = re.compile(rb"[\x03\x04\x06\x07\x09\x0c\x0f](?=[\s\S]{4}\x00{4})")
+_CHUNK: Final = re.compile(rb"\x06(?=[\s\S]{4}\x00{4})")
 #: What may follow DataEnd: a record of the summary, or the footer.
 _SUMMARY: Final = (
     Opcode.FOOTER,
@@ -86,6 +87,20 @@ def check_record(record: Record) -> None:
         raise Malformed("a message outside of a chunk, which rigd does not write or index")
     else:
         raise Malformed(f"no record begins at byte {record.start}")
+
+
+def check_index_end(buffer: memoryview, index: Record) -> None:
+    """Check the length of a message index, which no CRC covers, by the records around it.
+
+    Raises:
+        Malformed: no sound record follows it, and a sound chunk begins inside of it.
+
+    """
+    if index.end >= len(buffer) or is_sound(buffer, index.end):
+        return
+    for match in _CHUNK.finditer(buffer, index.start + 1, index.end + FRAME.size):
+        if match.start() < index.end and is_sound(buffer, match.start()):
+            raise Malformed("a message index that claims more bytes than it has")
 
 
 def ends_data(buffer: memoryview, record: Record) -> bool:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
-from rigd.record.access import read_at, share
+from rigd.record.access import read_at, require_regular, share
 from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
 from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
 from rigd.record.crc import crc32
@@ -357,6 +357,7 @@ def _opened(path: Path) -> Iterator[int]:
 
     """
     try:
+        require_regular(path)
         with path.open("rb", buffering=0) as file:
             if os.fstat(file.fileno()).st_size == 0:
                 raise RecordingError(

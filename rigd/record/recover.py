@@ -15,6 +15,8 @@ from itertools import count
 from pathlib import Path
 
 from rigd.model import RecordingError
+from rigd.record.access import require_regular
+from rigd.record.contents import SummaryWriter
 from rigd.record.crc import crc32
 from rigd.record.file import lock, write_error
 from rigd.record.gaps import Gap, gaps_to_json
@@ -59,11 +61,14 @@ def recover(path: Path, *, trusted: int = 0, own: bool = False) -> RecoveryRepor
     Raises:
         Headless: empty, or no MCAP file.
         InUse: being written.
-        RecordingError: missing, damaged but not written by rigd, or the disk refuses; the file is
-            as it was.
+        RecordingError: missing, no regular file, damaged but not written by rigd, or the disk
+            refuses; the file is as it was.
 
     """
+    if path.is_symlink():
+        path = path.resolve()  # its journal and its original stand beside the file itself
     try:
+        require_regular(path)
         fd = _open_locked(path)
     except OSError as error:
         raise RecordingError(f"cannot open {path}: {error.strerror}") from error
@@ -170,9 +175,10 @@ def _loses_nothing(fd: int, found: Scan) -> bool:
     """Return whether only indexes and the end are missing behind sound data, and no row."""
     if found.behind:
         return False
-    if found.data_sound:
-        return True
     rest = map_file(fd)[found.data_end :]
+    if found.data_sound:
+        # What is longer than an end may be anything, such as a second recording.
+        return len(rest) <= len(SummaryWriter(found.contents).tail(found.data_end, 0, ()))
     if found.missing_index:
         return len(rest) < len(found.missing_index)
     return not rest.tobytes().strip(b"\0")

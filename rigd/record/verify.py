@@ -10,7 +10,7 @@ from pathlib import Path
 from mcap.opcode import Opcode
 
 from rigd.model import RecordingError
-from rigd.record.access import share
+from rigd.record.access import require_regular, share
 from rigd.record.file import InUse
 from rigd.record.gaps import Gap, gap_text, gaps_json
 from rigd.record.reader import Recording, damaged
@@ -88,6 +88,7 @@ def verification_json(found: Verification) -> dict[str, object]:
 
 def _scan(path: Path) -> Scan:
     try:
+        require_regular(path)
         with path.open("rb", buffering=0) as file:
             if not os.fstat(file.fileno()).st_size:
                 raise RecordingError(f"{path} is empty", hint="Nothing was recorded.")

@@ -29,7 +29,7 @@ from rigd.record.chunks import (
 )
 from rigd.record.contents import Contents, add_record
 from rigd.record.gaps import Gap, Span, find_gaps, gaps_from_json, silent_end
-from rigd.record.plausible import check_record, ends_data, next_record
+from rigd.record.plausible import check_index_end, check_record, ends_data, next_record
 from rigd.record.prefix import (
     EVENTS_CHANNEL,
     FORMAT_METADATA,
@@ -256,6 +256,7 @@ def _take(buffer: memoryview, record: Record, found: Scan, base: int) -> int:
         return _take_chunk(buffer, record, found, base)
     check_record(record)
     if record.opcode == Opcode.MESSAGE_INDEX:
+        check_index_end(buffer, record)
         _take_orphan(record, found)  # its chunk would have taken it along
         return record.end
     _take_small(record, found, base)
@@ -379,6 +380,7 @@ def _behind_index(buffer: memoryview, start: int) -> int:
     try:
         while (record := record_at(buffer, at)).opcode == Opcode.MESSAGE_INDEX:
             check_record(record)
+            check_index_end(buffer, record)
             at = record.end
     except Malformed:
         return next_record(buffer, at)

@@ -223,6 +223,32 @@ def test_damage_in_every_part_of_a_file(whole: Whole, tmp_path: Path) -> None:
                 raise AssertionError(f"damage of {size} bytes in the {name}") from error
 
 
+def test_an_index_that_lost_bytes_costs_no_chunk(whole: Whole, tmp_path: Path) -> None:
+    """The length that it gives reaches into the chunk behind it, which is sound."""
+    chunks = whole.recording.contents.chunks
+    first, lost = chunks[2], chunks[5]
+    cuts = {"behind a sound chunk": (first, b""), "behind a damaged one": (lost, b"damaged")}
+    for name, (chunk, spoilt) in cuts.items():
+        start = chunk.chunk_start_offset + chunk.chunk_length
+        cut = whole.content[: start - len(spoilt)] + spoilt + whole.content[start : start + 40]
+        content = cut + whole.content[start + 40 + 48 :]
+        path = tmp_path / "run.mcap"
+        path.write_bytes(content)
+        recover(path)
+        got = rows_of(Recording.open(path))
+        for other in chunks:
+            if other is chunk and spoilt:
+                continue
+            (channel,) = other.message_index_offsets
+            stream = whole.recording.contents.channels[channel].topic[1:]
+            if stream == "events":
+                continue
+            times = whole.rows[stream]["t_ns"]
+            inside = (times >= other.message_start_time) & (times <= other.message_end_time)
+            rows = {row.tobytes() for row in whole.rows[stream][inside]}
+            assert rows <= set(got[stream]), f"an index is cut {name}"
+
+
 def test_definitions_that_are_lost_twice_leave_the_rows(whole: Whole, tmp_path: Path) -> None:
     """Neither the channels nor their copies in the summary are there."""
     damaged = bytearray(whole.content)

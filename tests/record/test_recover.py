@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
-from rigd.record import Recording, RecordingWriter, recover, run_info
+from rigd.record import Recording, RecordingWriter, list_runs, recover, run_info, verify
 from rigd.record.journal import journal_path
 
 Create = Callable[..., RecordingWriter]
@@ -183,6 +183,16 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
     for action in (Recording.open, recover):
         with pytest.raises(RecordingError, match=r"none\.mcap"):
             action(tmp_path / "none.mcap")
+
+
+@pytest.mark.timeout(30)
+def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.mcap")
+    for action in (Recording.open, recover, verify):
+        with pytest.raises(RecordingError, match=r"pipe\.mcap is a pipe"):
+            action(tmp_path / "pipe.mcap")
+    (broken,) = list_runs(tmp_path).broken
+    assert "is a pipe" in str(broken.problem)
 
 
 def test_a_file_being_written_is_left_alone(create: Create, tmp_path: Path) -> None:

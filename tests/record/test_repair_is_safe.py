@@ -176,6 +176,36 @@ def test_a_missing_end_alone_is_written_in_place(
     assert [one.name for one in tmp_path.iterdir()] == ["run.mcap"]
 
 
+def test_a_second_recording_behind_the_end_is_kept(
+    damaged: Path, create: Create, given: NDArray[np.void], tmp_path: Path
+) -> None:
+    """As `cat first second > run.mcap` makes it: the end of the first is sound."""
+    path = tmp_path / "both.mcap"
+    with create(path) as writer:
+        writer.write("wheel_servo", given[:10])
+    joined = path.read_bytes() + damaged.read_bytes()
+    path.write_bytes(joined)
+    report = recover(path)
+    assert report.original is not None
+    assert report.original.read_bytes() == joined
+    assert Recording.open(path).read("wheel_servo").tobytes() == given[:10].tobytes()
+
+
+def test_a_repair_by_a_link_repairs_the_file(
+    damaged: Path, given: NDArray[np.void], tmp_path: Path
+) -> None:
+    before = damaged.read_bytes()
+    link = tmp_path / "elsewhere" / "latest.mcap"
+    link.parent.mkdir()
+    link.symlink_to(damaged)
+    report = recover(link)
+    assert link.is_symlink()
+    assert report.original == damaged.with_name("run.mcap.orig")
+    assert report.original.read_bytes() == before
+    assert Recording.open(damaged).read("wheel_servo").tobytes() == left(given)
+    assert list(link.parent.iterdir()) == [link]
+
+
 def test_the_mode_of_the_file_is_kept(damaged: Path) -> None:
     damaged.chmod(0o640)
     recover(damaged)
