@@ -28,11 +28,11 @@ def read_about(operator: str | None, note: str, meta: Sequence[str]) -> About:
     Raises:
         ConfigError: one is too long, is no NAME=VALUE, or holds control characters.
     """
-    from rigd.cli.run import split_assignment
+    from rigd.cli.assignments import read_assignments
     from rigd.model.about import About
     from rigd.model.errors import ConfigError
 
-    values = dict(split_assignment(one) for one in meta)
+    values = read_assignments(meta)
     try:
         return About((operator or "").strip(), note.strip(), values)
     except ValueError as error:

@@ -148,9 +148,9 @@ def _rig_of(args: argparse.Namespace) -> RigConfig:
 
 def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
     """Run the procedure; return the recording, and how it ended."""
+    from rigd.cli.assignments import read_assignments
     from rigd.cli.console import conclude
     from rigd.cli.playing import record
-    from rigd.cli.run import split_assignment
     from rigd.daemon.execute import RunRequest
     from rigd.evaluate.models import MODELS, needs_of
     from rigd.model.errors import ConfigError
@@ -158,7 +158,7 @@ def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
     from rigd.procedure.loader import load_procedure
 
     source = load_procedure(args.procedure)
-    overrides = dict(split_assignment(one) for one in args.set)
+    overrides = read_assignments(args.set)
     procedure = compile_procedure(source, rig, overrides)
     plan, place = procedure.identify, source.document.key_place(("identify",))
     if plan is None or not needs_of(plan, place, procedure.trials[0].parameters, rig).measures:

@@ -34,8 +34,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Compile the movement as a procedure, and play it."""
+    from rigd.cli.assignments import read_assignments
     from rigd.cli.playing import play
-    from rigd.cli.run import split_assignment
     from rigd.config.loader import load_rig
     from rigd.daemon.execute import RunRequest
     from rigd.model.errors import ConfigError
@@ -44,7 +44,7 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.procedure.manual import jog_text
 
     rig = load_rig(args.rig)
-    moves = dict(split_assignment(one, "SETPOINT=VALUE") for one in args.setpoints)
+    moves = read_assignments(args.setpoints, "SETPOINT=VALUE")
     text = jog_text(moves, args.duration)
     try:
         procedure = compile_procedure(parse_procedure(text, Path("jog")), rig, {})

@@ -115,6 +115,7 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _execute(args: argparse.Namespace) -> int:
+    from rigd.cli.assignments import read_assignments
     from rigd.cli.junit import suite_of_complete, write_junit
     from rigd.cli.playing import play
     from rigd.config.loader import load_rig
@@ -128,7 +129,7 @@ def _execute(args: argparse.Namespace) -> int:
 
     about = read_about(args.operator, args.note, args.meta)
     resume = None if args.resume is None else read_resume_point(args.resume)
-    overrides = dict(split_assignment(one) for one in args.set)
+    overrides = read_assignments(args.set)
     if resume is not None:
         if args.output is not None or overrides:
             raise ConfigError("--resume goes on as the run began; leave --output and --set out")
@@ -205,20 +206,6 @@ def _dry_run(request: RunRequest, unfit: Sequence[str], *, as_json: bool) -> int
     else:
         print_rehearsal(rehearsal)
     return int(Exit.BLOCKED if rehearsal.refusals else Exit.OK)
-
-
-def split_assignment(text: str, shape: str = "NAME=VALUE") -> tuple[str, str]:
-    """Return name and value of ``NAME=VALUE``.
-
-    Raises:
-        ConfigError: there is no ``=``, or no name before it.
-    """
-    from rigd.model.errors import ConfigError
-
-    name, equals, value = text.partition("=")
-    if not equals or not name.strip():
-        raise ConfigError(f"{text!r} is not {shape}", hint="write 'floor=pvc', without spaces")
-    return name.strip(), value.strip()
 
 
 def _seed(text: str) -> int:

@@ -61,13 +61,13 @@ def execute(args: argparse.Namespace) -> int:
     from rich.markup import escape
     from rich.table import Table
 
-    from rigd.cli.run import split_assignment
+    from rigd.cli.assignments import read_assignments
     from rigd.cli.screen import print_table
     from rigd.model.about import plain
     from rigd.record import Filters, info_json, list_runs
 
-    wanted = dict(split_assignment(one) for one in args.set)
-    meta = dict(split_assignment(one) for one in args.meta)
+    wanted = read_assignments(args.set)
+    meta = read_assignments(args.meta)
     filters = Filters(args.procedure, args.rig, args.state, wanted, meta, args.since)
     catalogue = list_runs(args.folder, filters)
     if args.json:

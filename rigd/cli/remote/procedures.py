@@ -53,9 +53,9 @@ def add_procedure(parser: argparse.ArgumentParser) -> None:
 
 def values_of(args: argparse.Namespace) -> dict[str, str]:
     """Return what ``--set`` gives, by name."""
-    from rigd.cli.run import split_assignment
+    from rigd.cli.assignments import read_assignments
 
-    return dict(split_assignment(one) for one in args.set)
+    return read_assignments(args.set)
 
 
 def _configure_dry_run(parser: argparse.ArgumentParser) -> None:
