@@ -56,7 +56,8 @@ def find_file(given: str | Path, kind: Kind) -> Path:
             if matches:
                 return matches[0]
     else:
-        names.update(name for _, name in _named_files(shipped, kind))
+        for file, name in _named_files(shipped, kind):
+            names.update((file.stem, name))
         if path.stem in names:
             raise ConfigError(
                 f"there is no file {str(given)!r} below {Path.cwd()}",

@@ -45,6 +45,10 @@ def test_a_missing_file_of_an_own_folder_means_no_shipped_one(
     Path("procedures").mkdir()
     with pytest.raises(ConfigError, match=r"there is no file 'procedures/quick\.yaml'"):
         find_file("procedures/quick.yaml", "procedures")
+    Path("configs").mkdir()
+    with pytest.raises(ConfigError, match=r"there is no file 'configs/wire_lugre\.yaml'") as told:
+        find_file("configs/wire_lugre.yaml", "configs")
+    assert told.value.hint == "the shipped rig is meant by its name: wire_lugre"
 
 
 def test_own_file_goes_before_the_shipped_one(
@@ -81,7 +85,6 @@ def test_unknown_name_gives_the_nearest() -> None:
         ("configs/bench.yaml", "configs/bench.yaml"),
         ("coated.yaml", "coated.yaml"),
         ("wire-1", "shipped"),
-        ("configs/wire_lugre.yaml", "shipped"),
     ],
 )
 def test_where_a_rig_was_taken_from_is_said(
@@ -94,3 +97,11 @@ def test_where_a_rig_was_taken_from_is_said(
     }.items():  # fmt: skip
         (tmp_path / file).write_text(f"rig: {name}\n")
     assert whence(given, find_file(given, "configs"), "configs") == told
+
+
+def test_a_documented_path_elsewhere_is_said_to_be_shipped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    given = "configs/wire_lugre.yaml"
+    assert whence(given, find_file(given, "configs"), "configs") == "shipped"
