@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,13 +44,13 @@ def _print(found: RunList, where: str) -> None:
         console.print("no recordings yet")
         return
     table = Table(box=None, pad_edge=False)
-    for name in ("recording", "procedure", "state", "began"):
+    for name in ("recording", "procedure", "state", "began (UTC)"):
         table.add_column(name, overflow="fold")
     for name in ("trials", "s", "MB"):
         table.add_column(name, justify="right")
     table.add_column("report")
     for one in found.runs:
-        began = datetime.fromtimestamp(one.started_ns * 1e-9).strftime("%Y-%m-%d %H:%M")
+        began = datetime.fromtimestamp(one.started_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M")
         texts = (
             one.run,
             one.procedure,

@@ -21,6 +21,7 @@ from typing import Final
 from rigd.engine.shared.scarce import insist
 from rigd.model.errors import RecordingError
 from rigd.record import Recording, RunInfo, info_json, run_info
+from rigd.record.moment import is_virtual, recorded_at
 from rigd.record.trials import INTERRUPTED
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.arguments import RUN_NAME
@@ -243,12 +244,11 @@ def _total(info: RunInfo) -> int:
 def _line_of(info: RunInfo, under_way: bool) -> RunLine:
     if under_way:
         info = replace(info, state="running")
-    started = datetime.fromisoformat(info.started).timestamp() if info.started else 0.0
     return RunLine(
         run=info.path.name,
         procedure=info.procedure,
         state=info.state,
-        started_ns=round(started * 1e9),
+        started_ns=_started_ns(info),
         duration_s=info.duration_s,
         trials_done=info.trials_done,
         trials_total=_total(info),
@@ -257,6 +257,17 @@ def _line_of(info: RunInfo, under_way: bool) -> RunLine:
         has_page=is_drawn(info.path),
         identifies="identify" in info.metadata,
     )
+
+
+def _started_ns(info: RunInfo) -> int:
+    """Return when a run began by the calendar, in ns since 1970; 0 where the file does not say.
+
+    Raises:
+        ValueError: what the file says is no date.
+    """
+    if is_virtual(info):  # its own clock begins anew in each run
+        return round(recorded_at(info).at.timestamp() * 1e9)
+    return round(datetime.fromisoformat(info.started).timestamp() * 1e9) if info.started else 0
 
 
 def _unread(path: Path, error: Exception, under_way: bool) -> RunLine:

@@ -219,6 +219,7 @@ class RunLine(Message):
     state: Told
     """How it ended."""
     started_ns: Nanoseconds
+    """When it began, by the calendar; of a run in virtual time, when its file was made."""
     duration_s: float
     trials_done: Count
     trials_total: Count

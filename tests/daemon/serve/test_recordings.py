@@ -25,8 +25,10 @@ def record(
     state: str = "complete",
     ended: bool = True,
     started: str = "2026-11-21T08:00:00+00:00",
+    mode: str = "hardware",
 ) -> Path:
     run = {"procedure": "sweep", "rig": rig, "seed": "1", "trials": "2", "started": started}
+    run["mode"] = mode
     with RecordingWriter.create(
         path,
         streams=[AXIS],
@@ -55,6 +57,13 @@ def test_the_newest_come_first_and_pages_follow(tmp_path: Path) -> None:
     assert not rest.more
     assert (rest.runs[0].trials_done, rest.runs[0].trials_total) == (1, 2)
     assert rest.runs[0].started_ns == 1_795_248_000_000_000_000
+
+
+def test_a_run_in_virtual_time_began_when_its_file_was_made(tmp_path: Path) -> None:
+    path = tmp_path / "20261121-080000-sweep.mcap"
+    record(path, started="2020-01-02T00:00:00+00:00", mode="simulated, virtual time")
+    (line,) = Recordings(tmp_path).lines(10, None, None).runs
+    assert line.started_ns == 1_795_248_000_000_000_000
 
 
 def test_what_cannot_be_read_is_listed_with_its_problem(tmp_path: Path) -> None:
