@@ -143,7 +143,7 @@ def all_trials(
             loc="upper left",
             ncols=6,
             bbox_to_anchor=(0.05, 1.0),
-            fontsize=7,
+            fontsize=8,
         )
     return figure
 

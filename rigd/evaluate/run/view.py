@@ -202,7 +202,7 @@ def _timeline(recording: Recording, info: RunInfo, events: Sequence[Event]) -> D
     marks = [(event.t_ns - start) * 1e-9 for event in events if event.kind == "interlock"]
     early = sum(not trial.complete for trial in info.trials)
     alt = f"When each trial ({len(bars)}) was played; {early or 'none'} of them ended early."
-    caption = "Blue: trials that played to their end."
+    caption = "Blue, dark and light in turn: trials that played to their end."
     if early:
         caption += " Orange: trials that ended early."
     if marks:

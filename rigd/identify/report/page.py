@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from shlex import quote
 from typing import Final
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -32,7 +33,12 @@ def fill_template(name: str, view: object, provenance: Provenance, title: str) -
         keep_trailing_newline=True,
     )
     environment.filters.update(
-        unit=unit_text, words=words, subscripts=subscripts, number=number, probability=probability
+        unit=unit_text,
+        words=words,
+        subscripts=subscripts,
+        number=number,
+        probability=probability,
+        quoted=quote,
     )
     # The style sheet is ours and holds quotation marks: it must not be escaped.
     style = (_TEMPLATES / "report.css").read_text(encoding="utf-8")
