@@ -7,6 +7,7 @@ import json
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from rigd.cli.about import add_about, read_about
@@ -140,8 +141,8 @@ def _rig_of(args: argparse.Namespace) -> RigConfig:
         raise DataError(
             f"{args.recording} is of a run that did not come to its end ({info.state}): nothing "
             "is calibrated",
-            hint=f"`rigd run --resume {args.recording}` plays the rest, "
-            f"`rigd identify {args.recording}` shows what there is",
+            hint=f"`rigd run --resume {quote(str(args.recording))}` plays the rest, "
+            f"`rigd identify {quote(str(args.recording))}` shows what there is",
         )
     return rig
 
@@ -194,7 +195,7 @@ def _evaluate(recording: Path, known: Path | None) -> CalibrationEvaluation:
     if not isinstance(evaluation, CalibrationEvaluation):
         raise DataError(
             f"{recording} is a measurement of {evaluation.title}, it calibrates nothing",
-            hint=f"rigd identify {recording}",
+            hint=f"rigd identify {quote(str(recording))}",
         )
     return evaluation
 
@@ -206,7 +207,7 @@ def _agreed(planned: Renewal, recording: Path, *, may_ask: bool) -> bool:
     if not (may_ask and is_terminal()):
         print(
             "rigd: not written: nobody can be asked here; give --yes\n"
-            f"  rigd calibrate --from {recording} --operator NAME --yes",
+            f"  rigd calibrate --from {quote(str(recording))} --operator NAME --yes",
             file=sys.stderr,
         )
         return False

@@ -191,6 +191,8 @@ def _kind(given: str) -> str:
     from rigd.model.errors import ConfigError
 
     path = Path(given)
+    if path.is_dir():
+        raise ConfigError(f"{given} is a folder", hint=f"check the files in it: {path / '*.yaml'}")
     if not path.is_file():
         try:
             find_file(given, "procedures")

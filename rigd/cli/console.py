@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
+from shlex import quote
 from typing import TextIO
 
 from rich.console import Console
@@ -83,7 +84,7 @@ def conclude(procedure: CompiledProcedure, recorded: Recorded) -> None:
         console.print(
             f"  {result.missed_cycles} of {result.cycles + result.missed_cycles} cycles were missed"
         )
-    path = escape(str(recorded.path))
+    path = escape(quote(str(recorded.path)))
     if result.trials_done < result.trials_total:
         console.print(f"go on with:  rigd run --resume {path}", soft_wrap=True)
     elif result.exit_code is Exit.OK and procedure.identify is not None:
@@ -94,7 +95,7 @@ def conclude(procedure: CompiledProcedure, recorded: Recorded) -> None:
         else:
             console.print(f"identify:    rigd identify {path}", soft_wrap=True)
     else:
-        console.print(f"recording:   {path}", soft_wrap=True)
+        console.print(f"recording:   {escape(str(recorded.path))}", soft_wrap=True)
     console.print(f"look at it:  rigd report {path}", soft_wrap=True)
 
 

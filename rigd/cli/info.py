@@ -6,6 +6,7 @@ import argparse
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -68,20 +69,22 @@ def _print(info: RunInfo) -> None:
 
     from rigd.cli.screen import print_table
     from rigd.model.about import plain
+    from rigd.record.moment import is_virtual
 
     console = Console(highlight=False)
+    named = quote(str(info.path))
     facts = {
         "recording": f"{info.path}, {info.size / 1e6:.2f} MB, {info.duration_s:.1f} s",
         "procedure": info.procedure,
         "rig": info.rig,
         "mode": f"{info.mode}, seed {info.seed}" if info.seed else info.mode,
-        "started": info.started,
+        "started": info.started + (", the clock of the run" if is_virtual(info) else ""),
         "recorded": _recorded(info),
         "operator": info.metadata.get("run", {}).get("operator", ""),
         "note": info.metadata.get("run", {}).get("note", ""),
         "meta": ", ".join(f"{k}={v}" for k, v in info.metadata.get("meta", {}).items()),
         "run": info.state + (f": {info.reason}" if info.reason else ""),
-        "file": "damaged" if info.problem else f"not checked (`rigd verify {info.path}` does)",
+        "file": "damaged" if info.problem else f"not checked (`rigd verify {named}` does)",
         "trials": f"{info.trials_done} complete, {len(info.trials)} begun",
         "parameters": ", ".join(f"{name} = {value}" for name, value in info.parameters.items()),
         "--set": ", ".join(
@@ -98,9 +101,9 @@ def _print(info: RunInfo) -> None:
     for text in info.losses:
         console.print(f"[red]{escape(plain(text))}[/]", soft_wrap=True)
     if info.problem:
-        path = escape(str(info.path))
+        named = escape(named)
         console.print(
-            f"`rigd verify {path}` says more; `rigd recover {path}` leaves what is damaged out, "
+            f"`rigd verify {named}` says more; `rigd recover {named}` leaves what is damaged out, "
             "and keeps the damaged file, too",
             soft_wrap=True,
         )

@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from shlex import quote
 
 HELP = "check every byte of recordings, and name the rows and trials that are lost"
 EXAMPLES = """\
@@ -49,7 +50,8 @@ def execute(args: argparse.Namespace) -> int:
         for line in one.lines():
             print(f"  {line}")
         if not one.sound:
-            print(f"  `rigd recover {path}` leaves that out, and keeps the damaged file, too")
+            named = quote(str(path))
+            print(f"  `rigd recover {named}` leaves that out, and keeps the damaged file, too")
     if args.json:
         print(json.dumps(found, indent=2))
     return int(Exit.OK if sound else Exit.BAD_DATA)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import Final, Protocol
 
 from rigd.evaluate.evaluation import Evaluation, Options
@@ -148,12 +149,12 @@ def evaluate_groups(
         if not sweep.trials:
             raise DataError(
                 f"{sweep.path} has no complete trial",
-                hint=f"`rigd run --resume {sweep.path}` plays the missing ones",
+                hint=f"`rigd run --resume {quote(str(sweep.path))}` plays the missing ones",
             )
     sections = []
     recordings = []
     for label, trials in groups(sweeps, by_recording=options.by_recording).items():
-        tell(f"{label}: {len(trials)} complete trials")
+        tell(f"{label}: {len(trials)} complete {'trial' if len(trials) == 1 else 'trials'}")
         result = identify(trials, starts=options.starts, seed=options.seed, robust=options.robust)
         recordings.append(tuple(dict.fromkeys(sweep.path for sweep, _ in trials)))
         sweep, first = trials[0]

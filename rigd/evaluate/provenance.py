@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from shlex import quote
 
 from rigd import __version__
 from rigd.evaluate.heading import heading
@@ -31,7 +32,7 @@ def provenance(
             {
                 "trials used": str(used),
                 **extra,
-                "what was recorded": f"rigd report {sweep.path.name} draws it",
+                "what was recorded": f"rigd report {quote(sweep.path.name)} draws it",
             },
         )
         for sweep, used, extra in zip(sweeps, trials_used, more, strict=True)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,7 +183,7 @@ def _stale(stream: Stream, rows: NDArray[np.void]) -> NDArray[np.bool_]:
 def _damaged(recording: Recording) -> str:
     if not recording.problem:
         return ""
-    path = recording.path
+    path = quote(str(recording.path))
     return f"; it is damaged ({recording.problem}): see `rigd verify {path}`, `rigd recover {path}`"
 
 
@@ -219,6 +220,6 @@ def open_sweep(path: Path) -> RecordedSweep:
     if not sweep.info.trials:
         raise DataError(
             f"{path} has no trial" + _damaged(recording),
-            hint=f"`rigd run --resume {path}` plays the missing ones",
+            hint=f"`rigd run --resume {quote(str(path))}` plays the missing ones",
         )
     return sweep

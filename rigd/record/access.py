@@ -10,6 +10,7 @@ import os
 import stat
 from importlib import import_module
 from pathlib import Path
+from shlex import quote
 from types import ModuleType
 
 from rigd.model import RecordingError
@@ -45,8 +46,10 @@ def require_regular(path: Path) -> None:
     """
     mode = path.stat().st_mode
     if not stat.S_ISREG(mode):
-        kind = "a folder" if stat.S_ISDIR(mode) else "a pipe, a socket or a device"
-        raise RecordingError(f"{path} is {kind}, not a file", hint="Give a recording: FILE.mcap.")
+        kind, hint = "a pipe, a socket or a device", "Give a recording: FILE.mcap."
+        if stat.S_ISDIR(mode):
+            kind, hint = "a folder", f"`rigd runs {quote(str(path))}` lists its recordings."
+        raise RecordingError(f"{path} is {kind}, not a file", hint=hint)
 
 
 def read_at(fd: int, length: int, offset: int) -> bytes:

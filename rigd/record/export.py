@@ -78,8 +78,9 @@ def export(
 
 
 def _exists(*paths: str) -> RecordingError:
+    more = f", as do {len(paths) - 1} more" if len(paths) > 1 else ""
     return RecordingError(
-        f"{', '.join(paths)} exists already", hint="Choose another folder, or overwrite."
+        f"{paths[0]} exists already{more}", hint="Choose another --output, or give --overwrite."
     )
 
 

@@ -6,6 +6,7 @@ import errno
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 from typing import Final, Self
 
 from rigd.model import RecordingError
@@ -173,7 +174,7 @@ class RecordingFile:
             raise RecordingError(
                 f"{self.path} was changed by another program while it was being written: it has "
                 f"{size} bytes, expected {expected}",
-                hint=f"`rigd recover {self.path}` keeps what is still good.",
+                hint=f"`rigd recover {quote(str(self.path))}` keeps what is still good.",
             )
 
     def _replace(self, parts: Sequence[bytes | memoryview]) -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
+from shlex import quote
 from typing import Final
 
 import numpy as np
@@ -331,9 +332,10 @@ def damaged(path: Path, problem: object) -> RecordingError:
     if not _may_be_mcap(path):
         hint = "It is no MCAP recording; `rigd run` makes those, with names that end in .mcap."
         return RecordingError(message, hint=hint)
+    named = quote(str(path))
     return RecordingError(
         message,
-        hint=f"`rigd verify {path}` says what is damaged; `rigd recover {path}` leaves that out, "
+        hint=f"`rigd verify {named}` says what is damaged; `rigd recover {named}` leaves that out, "
         "and keeps the damaged file, too.",
     )
 

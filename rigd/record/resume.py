@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 
 from rigd.model import RecordingError, Stream
 from rigd.record.contents import Contents, SummaryWriter
@@ -47,7 +48,8 @@ def open_for_append(path: Path, streams: Sequence[Stream], trusted: int = 0) -> 
         if not found.intact:
             raise RecordingError(
                 f"{path} is damaged: {found.problem}",
-                hint=f"`rigd recover {path}` leaves that out, and keeps the damaged file, too.",
+                hint=f"`rigd recover {quote(str(path))}` leaves that out, and keeps the damaged "
+                "file, too.",
             )
         file = RecordingFile.resume(
             fd, path, SummaryWriter(found.contents), found.data_end, found.data_crc

@@ -112,3 +112,11 @@ def test_a_file_that_lost_its_first_line_is_judged_by_the_others(
     assert code == 2
     assert f"key {key!r} is missing" in err
     assert "unknown key" not in err
+
+
+def test_a_folder_is_no_misspelt_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert f"{tmp_path} is a folder" in said
+    assert f"{tmp_path}/*.yaml" in said
+    assert "did you mean" not in said

@@ -113,6 +113,27 @@ def test_a_repair_keeps_the_damaged_file(path: Path, capsys: pytest.CaptureFixtu
     assert "run.mcap: intact" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("verb", ["verify", "info", "identify"])
+def test_hints_quote_a_path_with_spaces(
+    path: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    spoil(path, 2)
+    path.write_bytes(path.read_bytes()[:-40])
+    path.rename("my run.mcap")
+    main([verb, "my run.mcap"])
+    said = capsys.readouterr()
+    assert "`rigd recover 'my run.mcap'`" in said.out + said.err
+
+
+@pytest.mark.parametrize("verb", ["info", "verify", "report"])
+def test_a_folder_instead_of_a_file_names_runs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    (folder := tmp_path / "my runs").mkdir()
+    assert main([verb, str(folder)]) == 7
+    assert f"`rigd runs '{folder}'` lists its recordings" in capsys.readouterr().err
+
+
 def test_no_hint_sends_a_csv_to_be_repaired(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from shlex import quote
 
 from rigd.evaluate.angle.known import Calibrated, angle_calibration, angle_rig, calibration_of
 from rigd.evaluate.angle.runs import find_signals, read_run, telling_attempts
@@ -155,7 +156,7 @@ def _unfinished(sweeps: Sequence[RecordedSweep]) -> list[str]:
         f"{f': {sweep.info.reason}' if sweep.info.reason else ''}); "
         f"{sweep.info.trials_done} of {sweep.info.metadata['run'].get('trials', '?')} trials are "
         "complete. "
-        f"`rigd run --resume {sweep.path.name}` plays the others."
+        f"`rigd run --resume {quote(sweep.path.name)}` plays the others."
         for sweep in sweeps
         if sweep.info.state != COMPLETE
     ]

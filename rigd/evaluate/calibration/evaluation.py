@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime
 from pathlib import Path
+from shlex import quote
 from typing import Final
 
 from rigd.config.calibration import load_calibration
@@ -73,7 +74,7 @@ class CalibrationEvaluation(Evaluation):
 
     def shown(self) -> Shown:
         """Return what was found, and how it is put into the calibration."""
-        command = f"rigd calibrate --from {self.recording} --operator NAME"
+        command = f"rigd calibrate --from {quote(str(self.recording))} --operator NAME"
         write = "" if self.result.refusals else f"Nothing is written yet: {command}"
         return (*self.findings(), *([write] if write else []))
 
