@@ -33,7 +33,6 @@ from rigd.identify.result import FloatArray, ParameterEstimate, Verdict
 from rigd.identify.uncertainty import Covariance
 
 Z_95 = 1.959964
-OPEN_WITH_SPEED = "{0} is open {1}, and {2} with it {3}, whatever its own profile says."
 KNOWN = (Verdict.IDENTIFIABLE, Verdict.WEAK)
 FINER_COUNTS = "The method moves it, not the tests: more of them do not help. Encoders with finer \
 counts do, as they allow a shorter filter window."

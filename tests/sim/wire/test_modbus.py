@@ -194,9 +194,6 @@ def open_line(path: Path, baud: int) -> int:
     return fd
 
 
-READ_11 = bytes.fromhex("01 03 00 00 00 0B")
-
-
 def test_bytes_of_a_reply_leave_no_sooner_than_a_serial_line_lets_them(tmp_path: Path) -> None:
     """27 bytes at 2400 baud take 124 ms, and the request and two gaps before them 69 ms."""
 
