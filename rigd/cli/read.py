@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 HELP = "show what the channels of a rig read now; nothing is armed, nothing moves"
 EXAMPLES = """\
 examples:
-  rigd read --rig wire-1                            all channels, until Ctrl-C
+  rigd read --rig wire-1                           all channels, until Ctrl-C
   rigd read --rig wire-1 scale carriage.position   only these devices are opened
-  rigd read --rig wire-1 --once --json              one object for a script
-  rigd read --rig wire-1 --for 10s --json           one object per line, each second
+  rigd read --rig wire-1 --once --json             one object for a script
+  rigd read --rig wire-1 --for 10s --json          one object per line, each second
 
 On a terminal a table that refreshes itself, elsewhere a line per channel each second. Interlocks
 are judged and shown, but end nothing: nothing is armed that they could stop.
@@ -35,7 +35,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--rig", required=True, metavar="RIG", help="rig file, or the name in it")
     length = parser.add_mutually_exclusive_group()
-    length.add_argument("--for", dest="duration", metavar="TIME", help="how long (5s)")
+    length.add_argument(
+        "--for",
+        dest="duration",
+        metavar="TIME",
+        help="for how long, such as 5s (default: until Ctrl-C)",
+    )
     length.add_argument("--once", action="store_true", help="show every channel once, then end")
     parser.add_argument("--json", action="store_true", help="one JSON object per line")
 
