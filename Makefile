@@ -49,8 +49,8 @@ check: setup ## format, lint, types, layers
 	$(BIN)/lint-imports
 
 bench: setup ## every figure, as ratios from interleaved runs
-	scripts/need cc cyclictest node npm
+	scripts/need cc cyclictest node npm chromium
 	$(BIN)/python benchmarks/all.py
 
 clean: ## remove what the other targets made
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis node_modules
+	rm -rf $(VENV) .mypy_cache .ruff_cache .import_linter_cache .pytest_cache .hypothesis node_modules

@@ -5,6 +5,9 @@
 
 Wall time on a shared machine says little: figures are ratios of runs interleaved with their
 baseline, in CPU time where the peer allows it.
+
+Studies of hours are no part of it and are started by hand: seeds, soak, identify_coverage and
+fault_campaign, each of which goes on where its table ends.
 """
 
 from __future__ import annotations
