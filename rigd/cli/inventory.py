@@ -11,11 +11,11 @@ from typing import Any, Final
 
 from rigd.config.loader import load_rig
 from rigd.config.registry import DRIVERS, LINKS, PLANTS, SIMULATIONS
-from rigd.config.shipped import shipped_folder
 from rigd.model.channels import Channel
 from rigd.model.errors import ConfigError
 from rigd.sdk import AnyDriver, Link, Plant, Simulation
 from rigd.sdk.options import Option, options_of
+from rigd.sdk.shipped import shipped_folder
 
 
 @dataclass(frozen=True)

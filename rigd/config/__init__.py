@@ -3,7 +3,8 @@
 from rigd.config.loader import load_rig, parse_rig
 from rigd.config.rig import DeviceConfig, PlantSetup, RigConfig, SourceFile
 from rigd.config.schema import rig_schema
-from rigd.config.shipped import find_file, shipped_folder
+from rigd.config.shipped import find_file
+from rigd.sdk.shipped import shipped_folder
 
 __all__ = [
     "DeviceConfig",

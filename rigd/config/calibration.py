@@ -25,9 +25,9 @@ from rigd.config.calibration_source import (
 from rigd.config.document import Document, Path_, parse_document, read_document
 from rigd.config.problems import Problems, suggest
 from rigd.config.quantities import read_quantity
-from rigd.config.shipped import shipped_folder
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import format_quantity
+from rigd.sdk.shipped import shipped_folder
 
 #: No value of a rig is beyond this in SI, and no scale below its inverse: it is a slip of the pen.
 LARGEST: Final = 1e9

@@ -5,22 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
 from rigd.config.problems import suggest
 from rigd.model.errors import ConfigError
+from rigd.sdk.shipped import Kind, shipped_folder
 
-#: The folders of shipped files.
-Kind = Literal["configs", "procedures", "schemas"]
-_PACKAGE: Final = Path(__file__).resolve().parent.parent
 _KEYS: Final = {"configs": "rig", "procedures": "procedure"}
 _HEAD_BYTES: Final = 4096  # the name stands near the top of a file
-
-
-def shipped_folder(kind: Kind) -> Path:
-    """Return the folder of shipped files: inside the installed package, or in the checkout."""
-    bundled = _PACKAGE / "_bundled" / kind
-    return bundled if bundled.is_dir() else _PACKAGE.parent / kind
 
 
 def is_path(given: str | Path) -> bool:

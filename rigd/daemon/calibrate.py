@@ -11,10 +11,10 @@ from pathlib import Path
 from rigd.config.calibration import CalibratedValue, Calibration, load_calibration
 from rigd.config.calibration_file import renewed, write_calibration
 from rigd.config.rig import RigConfig
-from rigd.config.shipped import shipped_folder
 from rigd.daemon.calibration import instrument_of
 from rigd.evaluate.calibration import CalibrationEvaluation
 from rigd.model.errors import ConfigError, DataError
+from rigd.sdk.shipped import shipped_folder
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rigd.cli.main import main
-from rigd.config.shipped import shipped_folder
+from rigd.sdk.shipped import shipped_folder
 
 PROCEDURES = shipped_folder("procedures")
 ALL = sorted(str(file) for file in PROCEDURES.glob("*.yaml"))

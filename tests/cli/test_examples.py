@@ -18,12 +18,12 @@ from support.examples import of_help, of_readme, words_of
 
 from rigd.cli.main import COMMANDS, build_parser, main
 from rigd.config.loader import load_rig
-from rigd.config.shipped import shipped_folder
 from rigd.daemon.execute import RunRequest, perform
 from rigd.engine.control import Control, Verb
 from rigd.engine.result import Progress
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
+from rigd.sdk.shipped import shipped_folder
 
 TESTS = Path(__file__).resolve().parents[1]
 DAY = "runs/20261121-080000"

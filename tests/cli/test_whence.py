@@ -8,8 +8,8 @@ import pytest
 from support.asking import ASKING
 
 from rigd.cli.main import main
-from rigd.config.shipped import shipped_folder
 from rigd.record import Recording
+from rigd.sdk.shipped import shipped_folder
 
 #: What a person reads, who kept a copy of the shipped rig in the folder and forgot it.
 TITLE = (

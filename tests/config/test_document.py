@@ -10,8 +10,8 @@ import pytest
 
 from rigd.config import document as document_module
 from rigd.config.document import MAX_BYTES, parse_document, read_document
-from rigd.config.shipped import shipped_folder
 from rigd.model import ConfigError, Place
+from rigd.sdk.shipped import shipped_folder
 
 FILE = Path("rig.yaml")
 

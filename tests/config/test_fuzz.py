@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from rigd.config.document import parse_document
 from rigd.config.loader import parse_rig
-from rigd.config.shipped import shipped_folder
 from rigd.model import ConfigError
+from rigd.sdk.shipped import shipped_folder
 
 TEXT = (shipped_folder("configs") / "sim_lugre.yaml").read_text()
 FILE = Path("rig.yaml")

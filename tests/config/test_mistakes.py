@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from rigd.config.document import parse_document
-from rigd.config.shipped import shipped_folder
 from rigd.model import ConfigError
+from rigd.sdk.shipped import shipped_folder
 
 FILE = Path("f.yaml")
 #: Words of YAML parsers that mean nothing to a person who writes a file.

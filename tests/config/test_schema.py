@@ -10,7 +10,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from rigd.config.schema import rig_schema
-from rigd.config.shipped import shipped_folder
+from rigd.sdk.shipped import shipped_folder
 
 
 def test_file_is_current() -> None:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from rigd.config.shipped import find_file, shipped_folder, whence
+from rigd.config.shipped import find_file, whence
 from rigd.model import ConfigError
+from rigd.sdk.shipped import shipped_folder
 
 
 def test_by_name_in_the_file_and_by_file_name() -> None:

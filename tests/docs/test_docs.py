@@ -27,11 +27,11 @@ from support.served_lugre import served_lugre
 
 from rigd.config.document import parse_document
 from rigd.config.loader import load_rig, parse_rig
-from rigd.config.shipped import shipped_folder
 from rigd.config.source import RigSource
 from rigd.model import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
+from rigd.sdk.shipped import shipped_folder
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 DOCUMENTS = (

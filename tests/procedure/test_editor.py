@@ -16,7 +16,6 @@ from ruamel.yaml import YAML
 
 from rigd.config.loader import load_rig
 from rigd.config.schema import rig_schema
-from rigd.config.shipped import shipped_folder
 from rigd.model import ConfigError
 from rigd.model.patterns import condition_schema, quantity_schema
 from rigd.model.units import PREFIXES, parse_quantity, parse_unit, symbols
@@ -24,6 +23,7 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.expression import ExpressionError, parse_expression
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.schema import procedure_schema
+from rigd.sdk.shipped import shipped_folder
 
 TESTS = Path(__file__).resolve().parents[1]
 STEP = {"step": "drive", "set": {"wheel_servo.current": "0.6 A"}, "for": "1 s"}

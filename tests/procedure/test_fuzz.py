@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from rigd.config.document import parse_document
 from rigd.config.loader import load_rig
-from rigd.config.shipped import shipped_folder
 from rigd.model import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
+from rigd.sdk.shipped import shipped_folder
 
 RIG = load_rig("lugre-1")
 FILE = Path("p.yaml")

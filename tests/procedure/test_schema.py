@@ -9,8 +9,8 @@ import jsonschema
 import pytest
 from ruamel.yaml import YAML
 
-from rigd.config.shipped import shipped_folder
 from rigd.procedure.schema import procedure_schema
+from rigd.sdk.shipped import shipped_folder
 
 FILES = sorted(shipped_folder("procedures").glob("*.yaml"))
 

@@ -11,8 +11,8 @@ import pytest
 
 from rigd.config.loader import load_rig
 from rigd.config.rig import DeviceConfig
-from rigd.config.shipped import shipped_folder
 from rigd.sdk.check import Peer, check_driver
+from rigd.sdk.shipped import shipped_folder
 from rigd_sim.devices.lugre_amplifier import LugreAmplifier
 from rigd_sim.devices.lugre_belt import LugreBelt
 from rigd_sim.devices.lugre_sensors import LugreAccelerometer, LugreEncoder, LugreTruth

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from ruamel.yaml import YAML
 
 from rigd.config.loader import load_rig
-from rigd.config.shipped import shipped_folder
 from rigd.daemon.execute import RunRequest, perform
 from rigd.engine.control import Control
 from rigd.engine.result import RunResult
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
+from rigd.sdk.shipped import shipped_folder
 
 FLOORS: Final = ("stone", "pvc", "paperboard")
 PROCEDURE: Final = "constant_current"

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from rigd.config.loader import load_rig
 from rigd.config.rig import RigConfig
-from rigd.config.shipped import shipped_folder
 from rigd.daemon.execute import RunRequest, perform
 from rigd.engine.control import Control
 from rigd.engine.result import RunResult
 from rigd.model.errors import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
+from rigd.sdk.shipped import shipped_folder
 
 #: What a seed chooses beside the noise, for a procedure with such a parameter.
 FLOORS = ("stone", "pvc", "paperboard")

@@ -16,8 +16,8 @@ import pytest
 from support.command import Ended, rigd
 from support.terminal import Terminal
 
-from rigd.config.shipped import shipped_folder
 from rigd.record import Event, Recording, run_info
+from rigd.sdk.shipped import shipped_folder
 
 ONE = ("--set", "set=clean_30", "--set", "load=5 kg", "--set", "voltage=10 V")
 RATE_HZ = 9600.0

@@ -10,8 +10,8 @@ from support.command import Ended, rigd
 from support.terminal import Terminal
 
 from rigd.config.calibration import load_calibration, parse_calibration
-from rigd.config.shipped import shipped_folder
 from rigd.record import Recording
+from rigd.sdk.shipped import shipped_folder
 
 CONFIGS = shipped_folder("configs")
 FILE = Path("calibrations/approach_angle.yaml")

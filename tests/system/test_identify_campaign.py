@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from rigd.config.loader import load_rig
-from rigd.config.shipped import shipped_folder
 from rigd.daemon.execute import RunRequest, execute
 from rigd.evaluate.angle import CampaignEvaluation
 from rigd.evaluate.evaluation import evaluate
 from rigd.identify.angle.data import Regime
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
+from rigd.sdk.shipped import shipped_folder
 
 SHIPPED = shipped_folder("procedures") / "approach_angles.yaml"
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Final
 
 from rigd.config.rig import RigConfig
-from rigd.config.shipped import shipped_folder
 from rigd.model.errors import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import Procedure, load_procedure, parse_procedure
@@ -26,6 +25,7 @@ from rigd.remote.protocol.results import (
     Procedures,
     ProcedureView,
 )
+from rigd.sdk.shipped import shipped_folder
 
 #: A procedure of no more steps, all trials together, is compiled in the daemon: within 0.1 s.
 SHORT_STEPS: Final = 4_000

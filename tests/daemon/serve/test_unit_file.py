@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import pytest
 
 from rigd.cli.main import build_parser
-from rigd.config.shipped import shipped_folder
 from rigd.daemon.serve.descriptors import WANTED
 from rigd.daemon.serve.notify import SIGN_S
+from rigd.sdk.shipped import shipped_folder
 
 
 def settings() -> Iterator[tuple[str, str]]:
