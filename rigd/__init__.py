@@ -22,6 +22,6 @@ def load(path: str | PathLike[str]) -> Recording:
         RecordingError: the file is missing, empty, cut short, or no MCAP file.
 
     """
-    from rigd.record import Recording  # numpy and mcap take 0.2 s: only whoever reads pays
+    from rigd.record import Recording  # numpy and mcap take 0.2 s: only reading needs them
 
     return Recording.open(path)

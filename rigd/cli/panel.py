@@ -70,7 +70,7 @@ def execute(args: argparse.Namespace) -> int:
     listen = Listen(args.host, args.port, tuple(args.name), args.https_certificate, args.https_key)
 
     if args.spare and not sys.stdin.readline():
-        return int(Exit.OK)  # whoever wanted it stand by is gone
+        return int(Exit.OK)  # the daemon that started the spare is gone
 
     book = None if args.sessions is None else SessionBook(args.sessions)
 

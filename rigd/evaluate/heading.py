@@ -79,7 +79,7 @@ def _operator(info: RunInfo) -> str:
 
 
 def _losses(infos: Sequence[RunInfo]) -> tuple[str, ...]:
-    """Return what is lost; where a file stands is nobody's business, a page may be sent around."""
+    """Return what is lost, without folders: a page may be sent to others."""
     named = [replace(info, path=Path(info.path.name)) for info in infos]
     losses = [text for info in named for text in info.losses]
     if len(losses) > _LOSSES:

@@ -56,7 +56,7 @@ def take_summary(found: Scan, summary: Contents) -> None:
     for chunk in summary.chunks:
         if len(chunk.message_index_offsets) == 1:
             span = Span(chunk.message_start_time, chunk.message_end_time, rows_of(chunk))
-            found.told.setdefault(next(iter(chunk.message_index_offsets)), []).append(span)
+            found.indexed.setdefault(next(iter(chunk.message_index_offsets)), []).append(span)
 
 
 def check_ending(buffer: memoryview, found: Scan, ending: Ending, reached: int) -> None:

@@ -26,7 +26,7 @@ _SILENT_PERIODS: Final = 3
 class Gap:
     """Rows of a stream that are lost, from after ``start_ns`` (or at it) to ``end_ns``.
 
-    ``rows`` is None where nobody knows how many there were.
+    ``rows`` is None where that number is not known.
     """
 
     stream: str
@@ -50,16 +50,16 @@ class Span:
 
 
 def find_gaps(
-    topic: str, held: Sequence[Span], told: Iterable[Span], known: Sequence[Gap], start_ns: int
+    topic: str, held: Sequence[Span], indexed: Iterable[Span], known: Sequence[Gap], start_ns: int
 ) -> list[Gap]:
     """Return the gaps of one channel, in order of time.
 
-    ``held`` are its sound chunks in the order of the file, ``told`` what indexes say there was,
+    ``held`` are its sound chunks in the order of the file, ``indexed`` what indexes say there was,
     ``known`` the gaps that an earlier repair found. The recording began at ``start_ns``.
     """
     stream = topic.removeprefix("/")
     lost: dict[tuple[int, int], int] = {}
-    for span in told:
+    for span in indexed:
         if any(one.covers(span) for one in held):
             continue
         # An earlier state of an open chunk may be there, with its first rows.

@@ -84,7 +84,7 @@ def trials(events: Sequence[Event]) -> tuple[TrialInfo, ...]:
             done.append(_ended(current, event.t_ns, {"reason": INTERRUPTED}))
             current = None
         if event.kind == "run_start":
-            answers = {}  # whoever resumes is asked again
+            answers = {}  # a resumed run asks its prompts again
         if event.kind == "answer" and event.data.get("changes"):
             answers = {**answers, event.data["changes"]: event.data.get("answer")}
             if current is not None:

@@ -75,8 +75,8 @@ class Scan:
     """What a file holds that is sound, and where it is damaged.
 
     ``data_end`` is where the first damage begins, or else the data ends, and ``data_crc`` the CRC
-    up to there. ``told`` are messages that indexes name, by channel. ``trusted`` are bytes at the
-    start whose chunks need no unpacking.
+    up to there. ``indexed`` are messages that indexes name, by channel. ``trusted`` are bytes at
+    the start whose chunks need no unpacking.
     """
 
     contents: Contents = field(default_factory=Contents)
@@ -86,7 +86,7 @@ class Scan:
     library: str = ""  #: what wrote the file; empty where its header is damaged
     trusted: int = 0
     pieces: list[Piece] = field(default_factory=list)
-    told: dict[int, list[Span]] = field(default_factory=dict)
+    indexed: dict[int, list[Span]] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     summary: bool = False  #: whether the summary is sound
     data_sound: bool = False  #: whether the CRC of the data section holds
@@ -104,7 +104,7 @@ class Scan:
 
     @property
     def by_rigd(self) -> bool:
-        """Whether rigd wrote the file, or nobody can say because its header is damaged."""
+        """Whether rigd wrote the file, or that is not known because its header is damaged."""
         own = FORMAT_METADATA in self.metadata
         return own or not self.library or self.library.startswith(LIBRARY)
 
@@ -136,8 +136,8 @@ class Scan:
         found: list[Gap] = []
         for number, channel in self.contents.channels.items():
             held = [piece.spans[number] for piece in self.pieces if number in piece.spans]
-            told = self.told.get(number, [])
-            found += find_gaps(channel.topic, held, told, known, self.start_ns)
+            indexed = self.indexed.get(number, [])
+            found += find_gaps(channel.topic, held, indexed, known, self.start_ns)
             if self.end_unknown and not self.summary and number != EVENTS_CHANNEL:
                 found += silent_end(channel.topic, held, self.contents.end_ns)
         return tuple(sorted(found, key=lambda gap: (gap.start_ns, gap.stream)))
@@ -294,7 +294,7 @@ def _take_orphan(record: Record, found: Scan) -> None:
     if len(entries):
         times = entries[:, 0]
         span = Span(int(times.min()), int(times.max()), len(entries))
-        found.told.setdefault(channel, []).append(span)
+        found.indexed.setdefault(channel, []).append(span)
 
 
 def _take_torn(torn: memoryview, found: Scan) -> bool:
@@ -318,7 +318,7 @@ def _take_torn(torn: memoryview, found: Scan) -> bool:
     )
     if believed:
         span = Span(head.start_ns, head.end_ns, head.size // size)
-        found.told.setdefault(int(first["channel"]), []).append(span)
+        found.indexed.setdefault(int(first["channel"]), []).append(span)
     return bool(believed)
 
 

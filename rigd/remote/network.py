@@ -19,7 +19,7 @@ from rigd.remote.protocol.limits import MAX_MESSAGE_BYTES, MAX_REQUEST_BYTES
 
 #: Silence after which a connection counts as broken: a client that hangs is seen within it.
 _LINK_LEASE_MS: Final = 2000
-#: How long whoever connects may take to show a certificate, and then to open a session.
+#: How long a connection may take to show a certificate, and then to open a session, in ms.
 _ACCEPT_MS: Final = 3000
 #: Connections at once: ten watchers, a panel, and some to spare.
 _MAX_SESSIONS: Final = 32

@@ -113,7 +113,7 @@ def test_two_who_want_the_same(folder: Path) -> None:
             assert refused.value.code is Code.LEASE_HELD
             bob.lease_request()
             assert next(one for one in ann.watch() if one.lease.asked_by).lease.asked_by == ("bob",)
-            with pytest.raises(Refusal, match="nobody of that name has spoken"):
+            with pytest.raises(Refusal, match="no client of that name has asked"):
                 ann.lease_give("bbo")
             ann.lease_give("bob")
         with bob.control():

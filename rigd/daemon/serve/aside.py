@@ -119,7 +119,7 @@ class Aside:
         """Return what the process has said once it has ended.
 
         Raises:
-            Refusal: it took too long, or nobody waits for it any more; it is killed.
+            Refusal: it took too long, or its client is gone; it is killed.
         """
         from rigd.remote.server import still_connected  # the process itself needs no network
 

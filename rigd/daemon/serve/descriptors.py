@@ -80,7 +80,7 @@ class Descriptors:
 
     @property
     def helpless(self) -> str:
-        """Why nobody can connect any more, in words; "" while all is well, or may become so."""
+        """Why no client can connect any more, in words; "" while all is well, or may become so."""
         since_s = self._full_since_s
         if since_s is None or time.monotonic() - since_s < HELPLESS_S:
             return ""

@@ -142,7 +142,7 @@ class RigService:
     def helpless(self) -> str:
         """Why a daemon that is started anew serves clients and this one does not, or "".
 
-        A run under way goes on: whoever is connected steers it, and a stop is at its drives.
+        A run under way goes on: connected clients steer it, and a stop reaches its drives.
         """
         running = self._parts.steering.running
         return self._parts.descriptors.helpless if running is None else ""

@@ -126,8 +126,8 @@ class Lease:
         if not self._may_hold(to):
             raise Refusal(
                 Code.REFUSED,
-                f"{to} may not hold the lease: it is no operator's name, or nobody of that name "
-                "has spoken to this rig",
+                f"{to} may not hold the lease: it is no operator's name, or no client of that "
+                "name has asked this rig for anything",
                 hint="`rigd remote lease` says who asks for it",
             )
         self._grant(to)

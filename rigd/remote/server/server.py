@@ -139,7 +139,7 @@ class Server:
         return str(self._session.info.zid())
 
     def transports(self) -> Sequence[str]:
-        """Return as what each session is connected: ``client``, which nobody else stays."""
+        """Return the mode of zenoh in which each session is connected; only ``client`` stays."""
         return [str(one.whatami) for one in self._session.info.transports()]
 
     def close(self) -> None:
