@@ -195,6 +195,22 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
     assert "is a pipe" in str(broken.problem)
 
 
+def test_a_file_that_changes_is_not_called_damaged(
+    create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.mcap"
+    given = rows(servo, 3_000)
+    with create() as writer:
+        writer.write("wheel_servo", given[:1_500])
+        writer.flush()
+        recording = Recording.open(path)  # its last chunk is not yet where it will be
+        writer.write("wheel_servo", given[1_500:])
+        writer.flush()
+        with pytest.raises(RecordingError, match="is being written"):
+            recording.read("wheel_servo")
+    assert Recording.open(path).read("wheel_servo").tobytes() == given.tobytes()
+
+
 def test_a_file_being_written_is_left_alone(create: Create, tmp_path: Path) -> None:
     with create(), pytest.raises(RecordingError, match="being written"):
         recover(tmp_path / "run.mcap")
