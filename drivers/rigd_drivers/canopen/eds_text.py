@@ -21,6 +21,8 @@ LARGEST: Final = 4 << 20
 _MOST_PROBLEMS: Final = 20
 _OBJECT: Final = re.compile(r"([0-9A-F]{4})(?:sub([0-9A-F]{1,4}))?", re.IGNORECASE)
 _NAMES: Final = re.compile(r"([0-9A-F]{4})name", re.IGNORECASE)
+#: No text has these; the second begins commands to a terminal (ECMA-48).
+_CONTROL: Final = re.compile(rb"[\x00\x1b]")
 _COMMENT: Final = re.compile(r"\s;.*$")
 #: Objects that hold nothing: null, and definitions of types.
 _TYPES: Final = (0, 5, 6)
@@ -164,7 +166,7 @@ def _content(path: Path) -> str:
         data = path.read_bytes()
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from error
-    if b"\0" in data:
+    if _CONTROL.search(data):
         raise ConfigError(f"{path}: this is no EDS: it is not text", hint="an EDS is an INI file")
     try:
         content = data.decode("utf-8-sig")

@@ -225,9 +225,10 @@ def test_all_problems_are_named_at_once(tmp_path: Path) -> None:
 
 def test_what_is_no_text_or_too_large_is_refused(tmp_path: Path) -> None:
     binary = tmp_path / "x.eds"
-    binary.write_bytes(b"[DeviceInfo]\n\0\0")
-    with pytest.raises(ConfigError, match="it is not text"):
-        read_sheet(binary)
+    for wrong in (b"\0\0", b"ProductName=\x1b]0;title\x07"):
+        binary.write_bytes(b"[DeviceInfo]\n" + wrong)
+        with pytest.raises(ConfigError, match="it is not text"):
+            read_sheet(binary)
     huge = tmp_path / "huge.eds"
     with huge.open("wb") as file:
         file.truncate(LARGEST + 1)
