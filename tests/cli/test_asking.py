@@ -20,6 +20,8 @@ import pytest
 from rigd.cli.asking import ask
 
 SOURCES = Path(__file__).resolve().parents[2] / "rigd"
+#: The spare panel waits for a line of its daemon, on a pipe.
+NOT_TYPED = ["cli/panel.py: sys.stdin.readline"]
 READS = re.compile(r"input$|getpass\.getpass$|sys\.stdin\.(?!isatty$|fileno$)")
 
 
@@ -108,4 +110,4 @@ def test_only_this_module_reads_what_a_person_types() -> None:
             called = ast.unparse(node.func) if isinstance(node, ast.Call) else ""
             if READS.match(called):
                 read.append(f"{file.relative_to(SOURCES)}: {called}")
-    assert read == [], "ask by rigd.cli.asking"
+    assert read == NOT_TYPED, "ask by rigd.cli.asking"

@@ -127,6 +127,11 @@ class Client:
         """The name under which the daemon knows this client."""
         return self.asynchronous.identity
 
+    @property
+    def holds_lease(self) -> bool:
+        """Whether this client keeps the control lease, as far as it knows."""
+        return self.asynchronous.holds_lease
+
     status = _blocking(AsyncClient.status)
     describe = _blocking(AsyncClient.describe)
     latest = _blocking(AsyncClient.latest)
@@ -220,7 +225,7 @@ class Client:
 
         Else the rig would learn of it when the lease runs out.
         """
-        if isinstance(error, KeyboardInterrupt) and self.asynchronous.holds_lease:
+        if isinstance(error, KeyboardInterrupt) and self.holds_lease:
             try:
                 self.stop("Ctrl-C in a script")
             except RigdError as second:
