@@ -26,13 +26,21 @@ def read_about(operator: str | None, note: str, meta: Sequence[str]) -> About:
     """Return what the options say.
 
     Raises:
-        ConfigError: one is too long, is no NAME=VALUE, or holds control characters.
+        ConfigError: one is too long, is no NAME=VALUE, holds control characters, or names a value
+            that another names too.
     """
     from rigd.cli.assignments import read_assignments
     from rigd.model.about import About
     from rigd.model.errors import ConfigError
 
     values = read_assignments(meta)
+    if len(values) < len(meta):
+        names = [text.partition("=")[0].strip() for text in meta]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ConfigError(
+            f"--meta gives {twice} two values",
+            hint=f"one value is kept of a name: write --meta '{twice}=A, B'",
+        )
     try:
         return About((operator or "").strip(), note.strip(), values)
     except ValueError as error:

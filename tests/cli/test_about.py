@@ -61,6 +61,15 @@ def test_words_that_steer_a_terminal_move_nothing(
     assert not path.exists()
 
 
+def test_a_name_with_two_values_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.mcap"
+    assert run(path, "--meta", "specimen=W7", "--meta", "specimen=W8") == 2
+    assert "--meta gives specimen two values" in capsys.readouterr().err
+    assert not path.exists()
+
+
 def test_runs_since_a_date_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     names = ["20200301-080000-old.mcap", "20261121-080000-new.mcap"]
     for name in names:
