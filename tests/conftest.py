@@ -35,6 +35,7 @@ for number, action in (
 
 pytest_plugins = ["support.cpu"]
 
+warm.wanted = True
 HERE = Path(__file__).parent
 
 
@@ -119,8 +120,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Give a test that lives by the clock real-time priority; let others share what they import."""
-    warm.wanted = is_in(item.path, SIDE_BY_SIDE)
+    """Give a test that lives by the clock in its own process real-time priority."""
     if not is_in(item.path, WITH_PRIORITY):
         return (yield)
     policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)

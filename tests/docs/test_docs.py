@@ -19,10 +19,13 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from support import warm
+from support.command import rigd
 from support.served_lugre import served_lugre
 
 from rigd.config.document import parse_document
@@ -71,6 +74,8 @@ UNCHECKED = {
     "remote.md": 1,
     "ci.md": 0,
 }
+#: Documents whose commands are processes of their own from the start, as those of a reader.
+COLD = frozenset({"drivers.md", "rigs.md", "simulation.md", "faults.md", "ci.md"})
 TIMEOUT_S = 240
 
 _FENCE = re.compile(
@@ -139,10 +144,30 @@ def folder_of_checkout(folder: Path) -> Path:
 def ended(command: list[str], folder: Path, expected: int) -> str:
     """Run a command and return what it printed, both streams; it must end with ``expected``."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    return _ended(command, folder, expected, {"PATH": path})
+
+
+def ended_in_shell(script: str, folder: Path, expected: int) -> str:
+    """Do the same with a script, whose rigd does not import all anew."""
+    with warm.in_shell() as (first, added, descriptors):
+        path = os.pathsep.join((str(first), str(Path(sys.executable).parent), os.environ["PATH"]))
+        return _ended(
+            ["sh", "-euc", script], folder, expected, {**added, "PATH": path}, descriptors
+        )
+
+
+def _ended(
+    command: list[str],
+    folder: Path,
+    expected: int,
+    added: Mapping[str, str],
+    descriptors: Sequence[int] = (),
+) -> str:
     done = subprocess.run(
         command,
         cwd=folder,
-        env={**os.environ, "PATH": path},
+        env={**os.environ, **added},
+        pass_fds=descriptors,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -199,7 +224,10 @@ def check_blocks(name: str, folder: Path) -> None:
             case "sh":
                 expected = int(block.options.get("exit", "0"))
                 try:
-                    printed = ended(["sh", "-euc", block.body], folder, expected)
+                    if name in COLD:
+                        printed = ended(["sh", "-euc", block.body], folder, expected)
+                    else:
+                        printed = ended_in_shell(block.body, folder, expected)
                 except AssertionError as error:
                     raise AssertionError(f"{where}\n{error}") from error
             case "python":
@@ -210,19 +238,9 @@ def check_blocks(name: str, folder: Path) -> None:
                 (folder / block.options["file"]).write_text(block.body, "utf-8")
             case "yaml file":
                 (folder / block.options["file"]).write_text(block.body, "utf-8")
-                ended(
-                    [
-                        sys.executable,
-                        "-m",
-                        "rigd",
-                        "check",
-                        block.options["file"],
-                        "--rig",
-                        block.options.get("rig", "lugre-1"),
-                    ],
-                    folder,
-                    0,
-                )
+                on = block.options.get("rig", "lugre-1")
+                checked = rigd("check", block.options["file"], "--rig", on, cwd=folder)
+                assert checked.code == 0, checked.out + checked.err
             case "yaml part":
                 check_part(block.body, folder)
             case "yaml fragment" if "source" in block.options:
@@ -269,7 +287,9 @@ def test_parts_replace_and_do_not_repeat_keys() -> None:
     assert "trial" in data
 
 
-@pytest.mark.parametrize("code", ["exit 3", "echo Traceback"])
+@pytest.mark.parametrize("code", ["exit 3", "echo Traceback", "rigd info nothing.mcap"])
 def test_a_command_that_fails_is_noticed(code: str, tmp_path: Path) -> None:
     with pytest.raises(AssertionError):
         ended(["sh", "-euc", code], tmp_path, 0)
+    with pytest.raises(AssertionError):
+        ended_in_shell(code, tmp_path, 0)

@@ -34,7 +34,7 @@ class Ended:
 
 
 def rigd(*arguments: str | Path, cwd: Path) -> Ended:
-    """Run a command to its end; for tests that run side by side, without importing all anew."""
+    """Run a command to its end; in tests, without importing all anew."""
     if warm.wanted:
         ended = Ended(*warm.run([str(one) for one in arguments], cwd, TIMEOUT_S))
         assert "Traceback" not in ended.err, ended.err

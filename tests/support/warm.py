@@ -1,8 +1,9 @@
 """Commands from a process that has imported rigd already: it forks where others start from nothing.
 
 Most of what a short command costs is its imports. What they are, and that each command finds its
-own, is tested by processes of their own: by tests/cli/test_main.py, by the documents, and by all
-that runs in real time.
+own, is tested by processes of their own: by tests/cli/test_main.py, by some of the documents, and
+by what is started and not run to its end: `rigd sim`, `rigd serve`, runs to be watched or killed.
+The processes that a run itself starts are never shared.
 """
 
 from __future__ import annotations
@@ -16,18 +17,20 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import IO, Any
 
-#: Whether the test under way may do so: tests/conftest.py sets it.
+#: Whether it is a test that asks, and no bench: tests/conftest.py sets it.
 wanted = False
 #: CPU seconds of the commands that have ended, which are no children of this process.
 spent_s = 0.0
 
 #: What the process is: a loop that forks a command for each request.
 _SERVER = """
-import gc, importlib, json, os, pkgutil, socket, sys, time, warnings
+import gc, importlib, json, os, pkgutil, signal, socket, sys, time, warnings
 
 os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # whatever the test has that asks first
 
@@ -61,6 +64,8 @@ def fork(request, streams, answers, spent_s):
     os.environ.update(request["environment"])
     sys.path[0] = request["cwd"]
     sys.argv = ["rigd", *request["arguments"]]
+    for number in request.get("ignored", ()):
+        signal.signal(number, signal.SIG_IGN)
     sys.stdin = open(0, encoding="utf-8", closefd=False)
     sys.stdout = open(1, "w", encoding="utf-8", closefd=False)
     sys.stderr = open(2, "w", 1, encoding="utf-8", errors="backslashreplace", closefd=False)
@@ -94,6 +99,38 @@ from rigd.cli.main import main
 sys.exit(main())
 """
 
+#: `rigd` for a shell: it asks for the command with its own streams, and ends as the command does.
+_SHIM = """\
+#!{python} -IS
+import array, json, os, signal, socket, sys
+
+requests = socket.socket(fileno=int(os.environ["{socket}"]))
+ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+signals = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+request = {{
+    "arguments": sys.argv[1:],
+    "cwd": os.getcwd(),
+    "environment": dict(os.environ),
+    "ignored": [number for number in signals if signal.getsignal(number) is signal.SIG_IGN],
+}}
+streams = array.array("i", [0, 1, 2, theirs.fileno()])
+socket.send_fds(requests, [json.dumps(request).encode()], list(streams))
+theirs.close()
+process = int(ours.recv(1 << 16))
+for number in signals:
+    if number not in request["ignored"]:
+        signal.signal(number, lambda number, _: os.kill(process, number))
+code, cpu_s = json.loads(ours.recv(1 << 16))
+with open("{spent}", "a") as spent:
+    spent.write(str(cpu_s) + "\\n")
+if code < 0:
+    signal.signal(-code, signal.SIG_DFL)
+    os.kill(os.getpid(), -code)
+sys.exit(code)
+"""
+#: In the environment of what may use :data:`_SHIM`: the number of the socket to ask on.
+_SOCKET = "RIGD_TESTS_ASK_ON"
+
 
 class _Starter:
     """The process that forks, and the way to ask it."""
@@ -108,6 +145,11 @@ class _Starter:
                 start_new_session=True,
             )
         self._one_at_a_time = threading.Lock()
+
+    @property
+    def requests(self) -> int:
+        """The socket to ask on."""
+        return self._requests.fileno()
 
     def start(self, request: dict[str, Any], streams: list[int]) -> socket.socket:
         """Start a command; return the socket on which its end is told."""
@@ -153,3 +195,26 @@ def run(arguments: list[str], cwd: Path, timeout_s: float) -> tuple[int, str, st
                 raise
         spent_s += cpu_s
         return code, _text(out), _text(err)
+
+
+@contextmanager
+def in_shell() -> Iterator[tuple[Path, dict[str, str], list[int]]]:
+    """Offer ``rigd`` to a shell that a test runs.
+
+    Yields:
+        The folder to put first in PATH, what to add to the environment, the descriptors to pass.
+
+    """
+    global spent_s
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        spent = folder / "spent"
+        spent.touch()
+        command = folder / "rigd"
+        command.write_text(_SHIM.format(python=sys.executable, socket=_SOCKET, spent=spent))
+        command.chmod(0o700)
+        asked_on = _starter().requests
+        try:
+            yield folder, {_SOCKET: str(asked_on)}, [asked_on]
+        finally:
+            spent_s += sum(map(float, spent.read_text().split()))
