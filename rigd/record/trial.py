@@ -162,7 +162,8 @@ class Trials(Sequence[Trial]):
         return self.table.to_pandas()
 
     def __repr__(self) -> str:
-        return "\n".join([f"{len(self)} trials", *map(repr, self)])
+        count = "1 trial" if len(self) == 1 else f"{len(self)} trials"
+        return "\n".join([count, *map(repr, self)])
 
     def _repr_html_(self) -> str:
         table = self.table

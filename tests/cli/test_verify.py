@@ -97,6 +97,15 @@ def test_info_lists_the_trials(path: Path, capsys: pytest.CaptureFixture[str]) -
     assert first == ["1", "2.00", "100", "mm/s", "complete"]
 
 
+def test_a_notebook_counts_one_trial(tmp_path: Path) -> None:
+    with RecordingWriter.create(
+        tmp_path / "run.mcap", streams=[AXIS], metadata={}, attachments=(), start_ns=0
+    ) as writer:
+        writer.event(0, "trial_start", 1, {})
+        writer.event(SECOND, "trial_end", 1, {"complete": True})
+    assert repr(Recording.open(tmp_path / "run.mcap").trials).splitlines()[0] == "1 trial"
+
+
 def test_a_repair_keeps_the_damaged_file(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     damaged = spoil(path, 2)
     assert main(["recover", "run.mcap"]) == 0
