@@ -10,6 +10,9 @@ from playwright.sync_api import Browser, FloatRect, Locator, Page, expect
 from support.browser import Watched
 from support.page import DRAWN, in_control, press, running, state, turn_to
 from support.panel import ServedPanel
+from support.played_rig import PlayedRig
+
+from rigd.remote.protocol.status import PromptView
 
 #: Width and height in CSS pixels: phones, a tablet, laptops, a screen; 1280 x 1024 at 400 %.
 SIZES = [
@@ -148,3 +151,21 @@ def test_the_head_is_as_high_at_every_step(panel: ServedPanel, browser: Browser)
         panel.rig.state = "paused"  # the step stays
     assert all(abs(a - b) < 0.5 for a, b in pairwise(heights)), heights
     watched.context.close()
+
+
+def test_a_question_with_a_long_word_is_not_cut(browser: Browser) -> None:
+    text = f"Have you read https://lab.example/{'step-' * 60}?"
+    prompt = PromptView(id=1, name="read", kind="confirm", text=text)
+    with ServedPanel(PlayedRig(prompts=(prompt,))) as panel:
+        watched = Watched(browser, 1280, 800)
+        page = in_control(panel, watched)
+        turn_to(page, "Procedures")
+        page.get_by_role("button", name=re.compile("Identification tests")).click()
+        press(page, "Start…")
+        press(page, "Start now")
+        state(page, "Waiting for you")
+        expect(page.locator("#attention .card")).to_contain_text("step-step-")
+        for width, height in SIZES:
+            resize(page, width, height)
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+        watched.context.close()
