@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 HELP = "show recordings as pages: channels, steps, events, limits, parameters of each trial"
@@ -33,19 +34,25 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Write a page for each recording."""
     from rigd.evaluate.run import parse_selection, run_report
-    from rigd.model.errors import ConfigError, RecordingError
+    from rigd.model.errors import ConfigError, Exit, RecordingError
 
     if args.output is not None and len(args.files) > 1:
         raise ConfigError("--output is for one recording", hint="leave it out for several")
     if args.output is not None and args.output.suffix == ".mcap":
         raise ConfigError(f"--output {args.output} would overwrite a recording")
     selection = None if args.trials is None else parse_selection(args.trials)
+    went_well = True
     for file in args.files:
         page = args.output or file.with_name(f"{file.stem}-run.html")
-        text = run_report(file, selection)
+        try:
+            text = run_report(file, selection)
+        except RecordingError as error:  # the others are drawn all the same
+            print(f"rigd: {error}", file=sys.stderr)
+            went_well = False
+            continue
         try:
             page.write_text(text, encoding="utf-8")
         except OSError as error:
             raise RecordingError(f"cannot write the page {page}: {error.strerror}") from error
         print(f"report: {page}")
-    return 0
+    return int(Exit.OK if went_well else Exit.BAD_DATA)

@@ -221,7 +221,7 @@ def _pace(text: str) -> float:
         value = 0.0
     if 0.01 <= value <= 100:
         return value
-    raise argparse.ArgumentTypeError(f"{text!r} is no number from 0.01 to 100")
+    raise argparse.ArgumentTypeError(f"{text!r} is no number from 0.01 to 100, such as 0.5")
 
 
 def _time(text: str) -> int:

@@ -143,6 +143,16 @@ def test_a_folder_instead_of_a_file_names_runs(
     assert f"`rigd runs '{folder}'` lists its recordings" in capsys.readouterr().err
 
 
+def test_a_page_is_drawn_beside_a_missing_file(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["report", "none.mcap", "run.mcap"]) == 7
+    said = capsys.readouterr()
+    assert "cannot read none.mcap" in said.err
+    assert "report: run-run.html" in said.out
+    assert path.with_name("run-run.html").is_file()
+
+
 def test_no_hint_sends_a_csv_to_be_repaired(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
