@@ -9,7 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Attachment, AttachmentIndex, ChunkIndex, Header, Metadata, MetadataIndex
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+)
 
 from rigd.record.chunks import (
     CDR_SIZE,
@@ -285,7 +294,27 @@ def _take_small(record: Record, found: Scan, base: int) -> None:
         found.contents.metadata.append(MetadataIndex(start, length, metadata.name))
         found.metadata.setdefault(metadata.name, {}).update(metadata.metadata)
     else:
+        _check_same(record, found.contents)
         add_record(found.contents, record.opcode, record.content)
+
+
+def _check_same(record: Record, known: Contents) -> None:
+    """Check a definition against an earlier one of the same number: the earlier one holds.
+
+    Raises:
+        Malformed: they differ.
+
+    """
+    if record.opcode == Opcode.SCHEMA:
+        schema = decode(Schema, record.content)
+        same = known.schemas.get(schema.id, schema) == schema
+    elif record.opcode == Opcode.CHANNEL:
+        channel = decode(Channel, record.content)
+        same = known.channels.get(channel.id, channel) == channel
+    else:
+        return
+    if not same:
+        raise Malformed("a definition that differs from an earlier one")
 
 
 def _take_orphan(record: Record, found: Scan) -> None:

@@ -249,6 +249,14 @@ def test_an_index_that_lost_bytes_costs_no_chunk(whole: Whole, tmp_path: Path) -
             assert rows <= set(got[stream]), f"an index is cut {name}"
 
 
+def test_a_damaged_copy_of_a_definition_replaces_none(whole: Whole, tmp_path: Path) -> None:
+    """The summary is not known as that, and a name in it is wrong."""
+    damaged = bytearray(whole.content)
+    damaged[whole.recording.data_end] ^= 0x40
+    damaged[damaged.index(b"/fast", whole.recording.data_end) + 1] ^= 1
+    check(whole, bytes(damaged), tmp_path / "run.mcap")
+
+
 def test_definitions_that_are_lost_twice_leave_the_rows(whole: Whole, tmp_path: Path) -> None:
     """Neither the channels nor their copies in the summary are there."""
     damaged = bytearray(whole.content)
