@@ -48,7 +48,7 @@ from rigd.record.prefix import (
     START_KEY,
 )
 from rigd.record.schema import unnamed_channel
-from rigd.record.wire import FRAME, MAGIC, Malformed, Record, decode, record_at, records
+from rigd.record.wire import FRAME, MAGIC, Malformed, Record, decode, encode, record_at, records
 
 
 class Damage(NamedTuple):
@@ -240,7 +240,10 @@ def take_head(buffer: memoryview, found: Scan) -> None:
         header = record_at(buffer, len(MAGIC))
         if header.opcode != Opcode.HEADER:
             raise Malformed("the file has no header")
-        found.library = decode(Header, header.content).library
+        told = decode(Header, header.content)
+        if len(encode(told)) != header.end - header.start:
+            raise Malformed("a header whose sizes do not agree")
+        found.library = told.library
     except Malformed as error:
         found.data_end = next_record(buffer, min(len(MAGIC), len(buffer)))
         found.damages.append(Damage(0, found.data_end, str(error)))

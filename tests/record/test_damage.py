@@ -249,6 +249,12 @@ def test_an_index_that_lost_bytes_costs_no_chunk(whole: Whole, tmp_path: Path) -
             assert rows <= set(got[stream]), f"an index is cut {name}"
 
 
+def test_a_header_that_claims_chunks_hides_none(whole: Whole, tmp_path: Path) -> None:
+    damaged = bytearray(whole.content)
+    damaged[10] ^= 0x7F
+    check(whole, bytes(damaged), tmp_path / "run.mcap")
+
+
 def test_a_damaged_copy_of_a_definition_replaces_none(whole: Whole, tmp_path: Path) -> None:
     """The summary is not known as that, and a name in it is wrong."""
     damaged = bytearray(whole.content)
