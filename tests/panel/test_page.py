@@ -8,7 +8,7 @@ import time
 import pytest
 from playwright.sync_api import Browser, Page, expect
 from support.browser import Watched
-from support.page import given, press, running, state, turn_to, wait_until
+from support.page import given, in_control, press, running, state, turn_to, wait_until
 from support.panel import ServedPanel
 from support.played_campaign import TRIP
 from support.played_rig import PlayedRig
@@ -85,6 +85,22 @@ def test_a_run_from_the_choice_of_a_procedure_to_its_stop(
     assert given(panel, "stop") == [{"user": "Ada"}]
     assert watched.complaints == []
     assert all(url.startswith(panel.origin) for url in watched.asked), "without internet"
+
+
+def test_choosing_the_open_procedure_keeps_typed_values(
+    panel: ServedPanel, watched: Watched
+) -> None:
+    """A value that is lost unseen would be the default of the run that is started next."""
+    page = in_control(panel, watched)
+    turn_to(page, "Procedures")
+    procedure = page.get_by_role("button", name=re.compile("Identification tests"))
+    procedure.click()
+    field = page.get_by_label("brake at")
+    field.fill("1.1")
+    asked = len(panel.rig.given)
+    procedure.click()
+    wait_until(lambda: len(panel.rig.given) > asked and procedure.is_enabled())
+    expect(field).to_have_value("1.1")
 
 
 def test_a_trip_is_acknowledged(panel: ServedPanel, watched: Watched) -> None:

@@ -15,13 +15,15 @@ export function mountProcedures(root) {
   const unfit = el("ul", { class: "picker" });
   const count = el("summary", {}, "Not for this rig");
   const rest = el("details", { class: "more", hidden: true }, count, unfit);
-  const sheet = el("div", { class: "sheet" }, el("p", { class: "empty" }, "Choose a procedure."));
+  const empty = () => el("p", { class: "empty" }, "Choose a procedure.");
+  const sheet = el("div", { class: "sheet" }, empty());
   root.append(
     el("section", { class: "panel side-list", "aria-label": "All procedures" },
       el("div", { class: "panel-head" }, el("h2", {}, "Procedures")), list, rest),
     el("section", { class: "panel wide", "aria-label": "The procedure" }, sheet));
   let open = null;
   let shown = null; // the sheet of the procedure that is open
+  let chosen = 0; // how often one was chosen: an answer that comes late opens nothing
 
   watch(["status", "link"], () => shown?.permit());
   onShow("procedures", async () => {
@@ -37,16 +39,26 @@ export function mountProcedures(root) {
     }
   });
 
+  /** Open a procedure. The one that is open keeps what was typed, unless its file has changed. */
+  async function choose(name, button) {
+    const before = open === name ? shown : null;
+    const number = ++chosen;
+    if (before === null) fill(sheet, el("p", { class: "empty" }, "Opening …")); // nothing is typed into what goes
+    try {
+      const view = await ask("procedure", { name });
+      if (number !== chosen || (before !== null && JSON.stringify(view) === JSON.stringify(before.view))) return;
+      open = name;
+      for (const other of list.querySelectorAll("button")) other.setAttribute("aria-pressed", String(other === button));
+      shown = new Sheet(view);
+    } finally {
+      if (number === chosen && (before === null || shown !== before)) fill(sheet, shown?.element ?? empty());
+    }
+  }
+
   function line(one) {
     const button = el("button", {
       type: "button", disabled: one.problem !== null, "aria-pressed": String(open === one.name),
-      onclick: () => attempt(button, async () => {
-        const view = await ask("procedure", { name: one.name });
-        open = one.name;
-        for (const other of list.querySelectorAll("button")) other.setAttribute("aria-pressed", String(other === button));
-        shown = new Sheet(view);
-        fill(sheet, shown.element);
-      }),
+      onclick: () => attempt(button, () => choose(one.name, button)),
     }, el("strong", {}, one.title || words(one.name)), el("span", { class: "quiet" }, one.problem ?? one.name));
     return el("li", {}, button);
   }
