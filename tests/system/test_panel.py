@@ -17,6 +17,7 @@ from playwright.sync_api import Page, expect
 from support.asking import ASKING
 from support.browser import Watched, chromium
 from support.killing import own_state
+from support.page import press, state
 from support.wire import ROOT, free_ports
 
 from rigd.remote import Client
@@ -124,14 +125,6 @@ def serving(folder: Path, tmp_path: Path) -> Iterator[Serving]:
     yield serving
     serving.end()
     shutil.rmtree(state)
-
-
-def press(page: Page, name: str) -> None:
-    page.get_by_role("button", name=name, exact=True).click()
-
-
-def state(page: Page, text: str) -> None:
-    expect(page.locator(".state-word")).to_have_text(text)
 
 
 def start(page: Page, current: str, then: str = "Running") -> None:
