@@ -126,11 +126,16 @@ def _print_trials(console: Console, info: RunInfo) -> None:
     from rich.markup import escape
     from rich.table import Table
 
+    from rigd.cli.screen import print_table
     from rigd.model.about import plain
 
     if not info.trials:
         return
-    names = list(dict.fromkeys(name for trial in info.trials for name in trial.parameters))
+    names = [  # those of the whole run stand above
+        name
+        for name in dict.fromkeys(name for trial in info.trials for name in trial.parameters)
+        if name not in info.parameters or len({trial.text(name) for trial in info.trials}) > 1
+    ]
     table = Table(box=None, pad_edge=False)
     for name in ("trial", "s", *names):
         table.add_column(escape(plain(name)), justify="right")
@@ -141,7 +146,7 @@ def _print_trials(console: Console, info: RunInfo) -> None:
         state = "complete" if trial.complete else f"not complete: {trial.reason or 'no end'}"
         texts = (str(trial.number), lasted, *values, state)
         table.add_row(*(escape(plain(text)) for text in texts))
-    console.print(table)
+    print_table(console, table)
 
 
 def _recorded(info: RunInfo) -> str:
