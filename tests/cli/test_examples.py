@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from support.asking import ASKING
 from support.examples import of_help, of_readme, words_of
+from support.wire import free_ports
 
 from rigd.cli.main import COMMANDS, build_parser, main
 from rigd.config.loader import load_rig
@@ -125,7 +126,7 @@ SHOWN: dict[str, Shows] = {
     "rigd new driver acme-daq --kind block": Shows("acme-daq"),
     "rigd schema procedure": Shows("rigd procedure file"),
     "rigd completion bash": Shows("_shtab_rigd"),
-    "rigd remote list": Shows("lugre-1"),
+    "rigd remote list": Shows("lugre-9"),
     "rigd remote setup-tls certs --host rig.lab --host 192.168.0.7 --client alice --client panel":
         Shows("alice"),
     "rigd remote setup-tls certs --client bob": Shows("bob"),
@@ -243,6 +244,11 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         one = "--set set=clean_0 --set load=4kg --set voltage=10V --start 2026-11-22"
         assert run(f"run approach_angles --rig angle-1 {one} --output {ANGLES}") == 0
         Path("data").symlink_to("runs")
+        # A rig elsewhere that is off: what else this machine serves is not known here.
+        Path("rigd").mkdir()
+        Path("rigd/remotes.yaml").write_text(
+            f"remotes:\n  lugre-9: {{endpoint: tcp/127.0.0.1:{free_ports(1)[0]}}}\n"
+        )
         Path("asking.yaml").write_text(ASKING, "utf-8")
         rig, source = load_rig("lugre-1"), load_procedure("asking.yaml")
         interrupted = RunRequest(

@@ -195,9 +195,13 @@ def open_line(path: Path, baud: int) -> int:
 
 
 def test_bytes_of_a_reply_leave_no_sooner_than_a_serial_line_lets_them(tmp_path: Path) -> None:
-    """27 bytes at 2400 baud take 124 ms, and the request and two gaps before them 69 ms."""
+    """27 bytes at 2400 baud take 124 ms, and the request and two gaps before them 69 ms.
 
-    async def run() -> None:
+    They come in many pieces, as over a wire, unless the machine held this process up: then they are
+    asked for again. A device that hands over whole replies never sends pieces.
+    """
+
+    async def run() -> int:
         line = SerialLine(tmp_path / "tty", 2400)
         part = SimModbusTransmitter("cell", line, cell())
         where = await part.start()
@@ -215,10 +219,10 @@ def test_bytes_of_a_reply_leave_no_sooner_than_a_serial_line_lets_them(tmp_path:
         for at, data in came:
             seen += len(data)
             assert at >= first + seen * character_s - 1e-3
-        assert len(came) > 5  # in many pieces, as they come over a wire
         assert not line.path.is_symlink()
+        return len(came)
 
-    asyncio.run(run())
+    assert any(asyncio.run(run()) > 5 for _ in range(10))
 
 
 def test_a_request_at_another_baud_rate_or_without_silence_is_not_heard(tmp_path: Path) -> None:
