@@ -129,7 +129,7 @@ def serving(folder: Path, tmp_path: Path) -> Iterator[Serving]:
 
 
 def take_control(page: Page) -> None:
-    """Take control as a person does: a press in the moment in which the page changes is repeated."""
+    """Take control as a person does: a press while the page changes is repeated."""
     for _ in range(10):
         press(page, "Take control")
         with suppress(AssertionError):
