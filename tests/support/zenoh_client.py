@@ -46,11 +46,15 @@ class Refused(Exception):
 
 
 class ZenohClient:
-    """The process, and orders to it."""
+    """The process, and orders to it.
 
-    def __init__(self, settings: dict[str, Any]) -> None:
+    ``niceness`` of 19 leaves the processor to others, as a client on another computer does.
+    """
+
+    def __init__(self, settings: dict[str, Any], niceness: int = 0) -> None:
+        command = [sys.executable, __file__, json.dumps(settings)]
         self._process = subprocess.Popen(
-            [sys.executable, __file__, json.dumps(settings)],
+            ["nice", "-n", str(niceness), *command] if niceness else command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
