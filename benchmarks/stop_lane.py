@@ -83,7 +83,7 @@ def taken_ms(session: zenoh.Session, key: str, payload: Callable[[], bytes]) -> 
 
 
 def elsewhere(endpoint: str) -> ZenohClient:
-    """Return a client that stands for one on another computer: it leaves the processor to others."""
+    """Return a client that stands for a client on another computer: it runs at niceness 19."""
     return ZenohClient(config(endpoint), niceness=19)
 
 

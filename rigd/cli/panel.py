@@ -62,7 +62,7 @@ def execute(args: argparse.Namespace) -> int:
 
     from rigd.model.errors import Exit
     from rigd.panel.server import Listen, serve
-    from rigd.panel.session_book import SessionBook
+    from rigd.panel.session_store import SessionStore
 
     if args.certificate is None and args.identity is None:
         args.identity = IDENTITY
@@ -72,7 +72,7 @@ def execute(args: argparse.Namespace) -> int:
     if args.spare and not sys.stdin.readline():
         return int(Exit.OK)  # the daemon that started the spare is gone
 
-    book = None if args.sessions is None else SessionBook(args.sessions)
+    book = None if args.sessions is None else SessionStore(args.sessions)
 
     async def panel() -> None:
         async with client as rig:

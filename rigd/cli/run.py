@@ -97,7 +97,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Run, or rehearse; what goes wrong before also stands in the JUnit file."""
+    """Run, or play a dry run; what goes wrong before also stands in the JUnit file."""
     from rigd.cli.junit import check_writable, suite_of_error, write_junit
     from rigd.model.errors import ConfigError, RigdError
 
@@ -193,19 +193,19 @@ def _execute(args: argparse.Namespace) -> int:
 
 def _dry_run(request: RunRequest, unfit: Sequence[str], *, as_json: bool) -> int:
     """Rehearse and show it; ``unfit`` says why the calibration would not let the run begin."""
-    from rigd.cli.rehearsal_view import print_rehearsal, rehearsal_json
+    from rigd.cli.dry_run_view import dry_run_json, print_dry_run
+    from rigd.dry_run import dry_run
     from rigd.model.errors import Exit
-    from rigd.rehearsal import rehearse
 
     if not as_json:
         print(f"dry run: {request.title}", flush=True)
-    rehearsal = rehearse(request.procedure, request.rig, request.seed)
-    rehearsal = replace(rehearsal, refusals=(*rehearsal.refusals, *unfit))
+    found = dry_run(request.procedure, request.rig, request.seed)
+    found = replace(found, refusals=(*found.refusals, *unfit))
     if as_json:
-        print(json.dumps(rehearsal_json(rehearsal), indent=2))
+        print(json.dumps(dry_run_json(found), indent=2))
     else:
-        print_rehearsal(rehearsal)
-    return int(Exit.BLOCKED if rehearsal.refusals else Exit.OK)
+        print_dry_run(found)
+    return int(Exit.BLOCKED if found.refusals else Exit.OK)
 
 
 def _seed(text: str) -> int:

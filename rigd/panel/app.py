@@ -13,14 +13,14 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
-from rigd.panel.feed import Feed
+from rigd.panel.feed import PageSocket
 from rigd.panel.files import Files
-from rigd.panel.guard import Guard, Place
+from rigd.panel.guard import PanelAddress, RequestGuard
 from rigd.panel.hub import Hub
 from rigd.panel.quantities import complete_status
 from rigd.panel.rates import BucketByAddress
 from rigd.panel.rig import Rig
-from rigd.panel.routes import Doors
+from rigd.panel.routes import PanelApi
 from rigd.panel.seat import Seat
 from rigd.panel.sessions import Sessions
 from rigd.panel.stop_line import StopLine
@@ -32,7 +32,7 @@ LOGINS_BURST: Final = 10.0
 
 
 @dataclass(frozen=True)
-class Panel:
+class PanelApp:
     """The application, and what has to run beside it."""
 
     app: ASGIApp
@@ -40,7 +40,7 @@ class Panel:
     seat: Seat
 
 
-def build_panel(rig: Rig, sessions: Sessions, place: Place, port: int) -> Panel:
+def build_panel(rig: Rig, sessions: Sessions, place: PanelAddress, port: int) -> PanelApp:
     """Return the panel of ``rig``, reached at ``place``."""
     seat = Seat(rig, sessions, lambda: hub.refresh())
     hub = Hub(
@@ -48,7 +48,7 @@ def build_panel(rig: Rig, sessions: Sessions, place: Place, port: int) -> Panel:
     )
     secure = place.scheme == "https"
     logins = BucketByAddress(LOGINS_PER_S, LOGINS_BURST)
-    doors = Doors(rig, sessions, seat, f"rigd-{port}", secure, logins)
+    doors = PanelApi(rig, sessions, seat, f"rigd-{port}", secure, logins)
 
     async def page(_: Request) -> FileResponse:
         return FileResponse(STATIC / "index.html")
@@ -57,10 +57,10 @@ def build_panel(rig: Rig, sessions: Sessions, place: Place, port: int) -> Panel:
         routes=[
             Route("/", page, methods=["GET"]),
             Mount("/static", StaticFiles(directory=STATIC)),
-            WebSocketRoute("/api/live", Feed(hub, doors).serve),
+            WebSocketRoute("/api/live", PageSocket(hub, doors).serve),
             WebSocketRoute("/api/stop/line", StopLine(doors).serve),
             *doors.routes(),
             *Files(rig, doors).routes(),
         ],
     )
-    return Panel(Guard(app, place), hub, seat)
+    return PanelApp(RequestGuard(app, place), hub, seat)

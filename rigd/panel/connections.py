@@ -19,7 +19,7 @@ MOST_CONNECTIONS: Final = 128
 HEAD_S: Final = 10.0
 
 
-class Connection(H11Protocol):
+class BrowserConnection(H11Protocol):
     """A connection by HTTP: closed where no request comes, or where others need its place.
 
     Where all places are taken, that makes way which has waited longest for a request, or else that
@@ -31,7 +31,7 @@ class Connection(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take a place."""
-        others = [one for one in self.connections if isinstance(one, Connection)]
+        others = [one for one in self.connections if isinstance(one, BrowserConnection)]
         if len(others) >= MOST_CONNECTIONS:
             least = min(others, key=lambda one: (one.is_busy, one.since_s))
             self.connections.discard(least)  # others may come before its end is known

@@ -12,7 +12,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from rigd.panel.hub import Hub
 from rigd.panel.outbox import Outbox
 from rigd.panel.rates import Bucket
-from rigd.panel.routes import Doors
+from rigd.panel.routes import PanelApi
 from rigd.panel.sessions import Session
 
 #: Close codes of our own (4000 to 4999 are free for applications, RFC 6455, section 7.4.2).
@@ -27,11 +27,11 @@ DRAWN: Final = "drawn"
 
 
 @dataclass
-class Feed:
+class PageSocket:
     """Serves every open page."""
 
     hub: Hub
-    doors: Doors
+    doors: PanelApi
     pages: int = 0
     told: Bucket = field(default_factory=lambda: Bucket(per_s=2.0, burst=20.0))  #: turned away
 

@@ -16,7 +16,7 @@ from starlette.routing import Route
 from rigd.model.errors import ProtocolError, RigdError
 from rigd.panel.answers import refuse
 from rigd.panel.rig import Object, Rig
-from rigd.panel.routes import Doors
+from rigd.panel.routes import PanelApi
 from rigd.remote.protocol.limits import MAX_PIECE_BYTES
 
 #: A report is a page of its own: no script, nothing from elsewhere, shown inside the panel only.
@@ -33,7 +33,7 @@ class Files:
     """The panel's doors to files."""
 
     rig: Rig
-    doors: Doors
+    doors: PanelApi
 
     def routes(self) -> list[Route]:
         """Return the routes."""

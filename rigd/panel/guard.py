@@ -28,7 +28,7 @@ FOREIGN: Final = 4403
 
 
 @dataclass(frozen=True)
-class Place:
+class PanelAddress:
     """Where the panel is reached: ``hosts`` are names with port as browsers send them."""
 
     scheme: str
@@ -40,10 +40,10 @@ class Place:
         return frozenset(f"{self.scheme}://{host}" for host in self.hosts)
 
 
-class Guard:
+class RequestGuard:
     """Wraps the application: refuses what must not reach it, and completes its answers."""
 
-    def __init__(self, app: ASGIApp, place: Place) -> None:
+    def __init__(self, app: ASGIApp, place: PanelAddress) -> None:
         self._app = app
         self._place = place
         self._requests = BucketByAddress(PER_S, BURST)

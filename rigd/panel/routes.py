@@ -33,7 +33,7 @@ MOST_NAME: Final = 40
 
 
 @dataclass(frozen=True)
-class Doors:
+class PanelApi:
     """The panel's HTTP doors; every one but ``login`` wants a session."""
 
     rig: Rig

@@ -15,10 +15,10 @@ import uvicorn
 
 from rigd.model.errors import ConfigError
 from rigd.panel.app import build_panel
-from rigd.panel.connections import Connection
-from rigd.panel.guard import Place
+from rigd.panel.connections import BrowserConnection
+from rigd.panel.guard import PanelAddress
 from rigd.panel.rig import Rig
-from rigd.panel.session_book import SessionBook
+from rigd.panel.session_store import SessionStore
 from rigd.panel.sessions import Sessions
 
 #: Where the panel is found unless something else is there already.
@@ -81,21 +81,21 @@ class Listen:
                 hint="choose another port, or none",
             ) from error
 
-    def place(self, port: int) -> Place:
+    def place(self, port: int) -> PanelAddress:
         """Return how browsers name the panel that listens on ``port``."""
         names = {_bracketed(self.host), *map(_bracketed, self.names)}
         if _is_loopback(self.host):
             names |= {"localhost", "127.0.0.1", "[::1]"}
         usual = 80 if self.scheme == "http" else 443
         hosts = {f"{name}:{port}" for name in names}
-        return Place(self.scheme, frozenset(hosts | (names if port == usual else set())))
+        return PanelAddress(self.scheme, frozenset(hosts | (names if port == usual else set())))
 
 
 async def serve(
     rig: Rig,
     listen: Listen,
     announce: Callable[[Mapping[str, str]], None],
-    book: SessionBook | None = None,
+    book: SessionStore | None = None,
 ) -> None:
     """Serve the panel of ``rig`` until cancelled; ``book`` keeps its sessions for the next.
 
@@ -113,7 +113,7 @@ async def serve(
         panel = build_panel(rig, sessions, listen.place(port), port)
         config = uvicorn.Config(
             panel.app,
-            http=Connection,
+            http=BrowserConnection,
             ws="websockets-sansio",
             ws_max_size=1024,  # a page says nothing long
             ws_ping_interval=2.0,  # a computer that has gone without a word is noticed in 7 s

@@ -16,7 +16,7 @@ from time import monotonic
 from typing import Final, Literal
 
 from rigd.panel.rates import Bucket
-from rigd.panel.session_book import Kept, SessionBook
+from rigd.panel.session_store import SessionStore, StoredSession
 
 Role = Literal["operator", "observer"]
 
@@ -56,7 +56,7 @@ class Sessions:
     """All codes and sessions; sessions outlive the process where there is a ``book``."""
 
     def __init__(
-        self, now: Callable[[], float] = monotonic, book: SessionBook | None = None
+        self, now: Callable[[], float] = monotonic, book: SessionStore | None = None
     ) -> None:
         self._now = now
         self._book = book
@@ -161,7 +161,7 @@ class Sessions:
         now = self._now()
         self._book.write(
             [
-                Kept(key.hex(), one.name, one.role, one.number,
+                StoredSession(key.hex(), one.name, one.role, one.number,
                      None if one.pages else now - one.used_s, one.has_control)
                 for key, one in self._sessions.items()
             ]

@@ -17,7 +17,7 @@ from rigd.model.errors import RigdError
 from rigd.panel.answers import refusal_of
 from rigd.panel.feed import MOST_OF_ONE, MOST_PAGES, NO_SESSION, TOO_MANY
 from rigd.panel.rig import Object
-from rigd.panel.routes import Doors
+from rigd.panel.routes import PanelApi
 from rigd.panel.sessions import Session
 
 #: Characters of what a page says.
@@ -37,7 +37,7 @@ class _Said(BaseModel):
 class StopLine:
     """Serves the line of every open page."""
 
-    doors: Doors
+    doors: PanelApi
     open: dict[Session, int] = field(default_factory=dict)
 
     async def serve(self, socket: WebSocket) -> None:

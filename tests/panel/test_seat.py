@@ -12,7 +12,7 @@ from support.panel import ServedPanel, Visitor
 from support.played_rig import PlayedRig
 
 from rigd.panel import seat
-from rigd.panel.session_book import SessionBook
+from rigd.panel.session_store import SessionStore
 
 
 @pytest.fixture
@@ -120,7 +120,7 @@ def test_a_page_that_is_loaded_anew_keeps_control(panel: ServedPanel) -> None:
 @pytest.mark.usefixtures("panel")  # which makes the times short
 def test_control_outlives_the_panel(tmp_path: Path) -> None:
     path = tmp_path / "sessions.json"
-    with ServedPanel(book=SessionBook(path)) as first:
+    with ServedPanel(book=SessionStore(path)) as first:
         ada = first.visitor()
         with ada.page():
             assert ada.post("/api/control/take", args={})[0] == 200
@@ -128,7 +128,7 @@ def test_control_outlives_the_panel(tmp_path: Path) -> None:
     path.write_bytes(kept)  # as a kill leaves it
     rig = PlayedRig()
     rig.holder, rig.state = "panel", "running"
-    with ServedPanel(rig, SessionBook(path)) as second:
+    with ServedPanel(rig, SessionStore(path)) as second:
         again = Visitor(second)
         again.cookie = ada.cookie.replace(f"rigd-{first.port}=", f"rigd-{second.port}=")
         with again.page():

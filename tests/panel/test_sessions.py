@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rigd.panel.rates import MOST_ADDRESSES, Bucket, BucketByAddress
-from rigd.panel.session_book import SessionBook
+from rigd.panel.session_store import SessionStore
 from rigd.panel.sessions import CODE_S, IDLE_S, MOST_CODES, MOST_SESSIONS, Sessions
 
 
@@ -147,7 +147,7 @@ def test_one_address_that_asks_too_often_keeps_no_other_out() -> None:
 
 def test_who_is_logged_in_stays_so_when_the_panel_starts_anew(tmp_path: Path) -> None:
     clock, wall = Clock(), Clock()
-    book = SessionBook(tmp_path / "panel.json", wall)
+    book = SessionStore(tmp_path / "panel.json", wall)
     before = Sessions(clock, book)
     opened = [before.redeem(before.invite("operator"), name) for name in ("Ada", "Bob", "Eve")]
     (ada, session), (bob, _), (eve, _) = (one for one in opened if one is not None)
@@ -167,7 +167,7 @@ def test_who_is_logged_in_stays_so_when_the_panel_starts_anew(tmp_path: Path) ->
 
 def test_the_book_lets_nobody_in(tmp_path: Path) -> None:
     path = tmp_path / "panel.json"
-    sessions = Sessions(book=SessionBook(path))
+    sessions = Sessions(book=SessionStore(path))
     opened = sessions.redeem(sessions.invite("operator"), "Ada")
     assert opened is not None
     assert opened[0] not in path.read_text()
@@ -180,7 +180,7 @@ def test_a_book_that_is_spoilt_costs_new_links_only(
 ) -> None:
     path = tmp_path / "panel.json"
     path.write_text(text)
-    sessions = Sessions(book=SessionBook(path))
+    sessions = Sessions(book=SessionStore(path))
     assert "each screen needs a new link" in caplog.text
     assert sessions.redeem(sessions.invite("operator"), "Ada") is not None
-    assert len(SessionBook(path).read()[1]) == 1
+    assert len(SessionStore(path).read()[1]) == 1

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from rigd.config.rig import RigConfig
+from rigd.dry_run import dry_run
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
-from rigd.rehearsal import rehearse
 
 
 @pytest.mark.parametrize(
@@ -22,7 +22,7 @@ from rigd.rehearsal import rehearse
 )
 def test_plays_to_the_end(rig: RigConfig, name: str, overrides: dict[str, str]) -> None:
     compiled = compile_procedure(load_procedure(name), rig, overrides)
-    found = rehearse(compiled, rig, seed=1)
+    found = dry_run(compiled, rig, seed=1)
     assert found.refusals == ()
     assert found.result.exit_code == 0
     assert found.result.trials_done == len(compiled.trials)

@@ -12,7 +12,7 @@ from support.served_rig import request as message
 from support.zenoh_client import Refused, ZenohClient, config
 
 from rigd.remote.client.session import open_session, rigs_alive
-from rigd.remote.client.target import aim
+from rigd.remote.client.target import make_target
 
 TIMEOUT_S = 60.0
 
@@ -28,7 +28,7 @@ async def rigs_found(served: Served, tries: int) -> list[list[str]]:
     """What clients find that name no rig."""
     found = []
     for _ in range(tries):
-        session = await asyncio.to_thread(open_session, aim(None, served.endpoint))
+        session = await asyncio.to_thread(open_session, make_target(None, served.endpoint))
         try:
             found.append(await rigs_alive(session))
         finally:

@@ -16,13 +16,13 @@ from websockets import Origin
 from websockets.sync.client import ClientConnection, connect
 
 from rigd.panel.server import Listen, serve
-from rigd.panel.session_book import SessionBook
+from rigd.panel.session_store import SessionStore
 
 
 class ServedPanel:
     """Serves ``rig`` on a free port while the context lasts."""
 
-    def __init__(self, rig: PlayedRig | None = None, book: SessionBook | None = None) -> None:
+    def __init__(self, rig: PlayedRig | None = None, book: SessionStore | None = None) -> None:
         self.rig = rig or PlayedRig()
         self._book = book
         self.links: dict[str, str] = {}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rigd.cli.remote.command import Command, add_json, connect, print_json
 
 if TYPE_CHECKING:
-    from rigd.rehearsal import Peak, StepRow
+    from rigd.dry_run import PredictedPeak, StepRow
     from rigd.remote.protocol.results import DryRun
 
 
@@ -64,39 +64,39 @@ def _configure_dry_run(parser: argparse.ArgumentParser) -> None:
 
 
 def _dry_run(args: argparse.Namespace) -> int:
-    from rigd.cli.rehearsal_view import print_rehearsal, rehearsal_json
+    from rigd.cli.dry_run_view import dry_run_json, print_dry_run
     from rigd.model.errors import Exit
 
     with connect(args) as rig:
-        played = _rehearsal(rig.dry_run(args.procedure, values_of(args)))
+        played = _as_played(rig.dry_run(args.procedure, values_of(args)))
     if args.json:
-        print_json(rehearsal_json(played))
+        print_json(dry_run_json(played))
     else:
-        print_rehearsal(played)
+        print_dry_run(played)
     return int(Exit.BLOCKED if played.refusals else Exit.OK)
 
 
 @dataclass(frozen=True)
-class _Rehearsal:
+class _PlayedElsewhere:
     """A dry run that was played elsewhere, as one played here is shown."""
 
     duration_s: float
     steps: tuple[StepRow, ...]
-    peaks: tuple[Peak, ...]
+    peaks: tuple[PredictedPeak, ...]
     refusals: tuple[str, ...]
 
 
-def _rehearsal(dry_run: DryRun) -> _Rehearsal:
-    from rigd.rehearsal import Peak, StepRow
+def _as_played(dry_run: DryRun) -> _PlayedElsewhere:
+    from rigd.dry_run import PredictedPeak, StepRow
 
     def bound(value: float | None, missing: float) -> float:
         return missing if value is None else value
 
-    return _Rehearsal(
+    return _PlayedElsewhere(
         dry_run.duration_s,
         tuple(StepRow(**dict(step)) for step in dry_run.steps),
         tuple(
-            Peak(
+            PredictedPeak(
                 peak.channel,
                 peak.unit,
                 bound(peak.lowest, math.nan),

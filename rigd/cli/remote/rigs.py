@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 from rigd.cli.remote.command import Command, add_json, print_json
 
 if TYPE_CHECKING:
-    from rigd.remote.client.roll import Seen
+    from rigd.remote.client.discovery import DiscoveredRig
 
 
 def _execute(args: argparse.Namespace) -> int:
     import asyncio
 
-    from rigd.remote.client.roll import call_roll
+    from rigd.remote.client.discovery import discover_rigs
 
-    found = asyncio.run(call_roll())
+    found = asyncio.run(discover_rigs())
     if args.json:
         print_json([_as_json(one) for one in found])
     else:
@@ -25,7 +25,7 @@ def _execute(args: argparse.Namespace) -> int:
     return 0
 
 
-def _print(found: list[Seen]) -> None:
+def _print(found: list[DiscoveredRig]) -> None:
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
@@ -65,7 +65,7 @@ def _print(found: list[Seen]) -> None:
     print_table(console, table)
 
 
-def _as_json(seen: Seen) -> dict[str, object]:
+def _as_json(seen: DiscoveredRig) -> dict[str, object]:
     from rigd.remote.protocol import as_json
 
     status = None if seen.status is None else as_json(seen.status)

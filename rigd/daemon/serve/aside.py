@@ -186,15 +186,15 @@ def _dry_run(job: Mapping[str, Any]) -> DryRun:
     from dataclasses import asdict
 
     from rigd.config.loader import parse_rig
+    from rigd.dry_run import dry_run
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import parse_procedure
-    from rigd.rehearsal import rehearse
     from rigd.remote.protocol.results import PeakView, StepView
 
     rig = parse_rig(job["rig"], Path(job["rig_path"]))
     source = parse_procedure(job["procedure"], Path(f"{job['name']}.yaml"))
     procedure = compile_procedure(source, rig, job["set"])
-    found = rehearse(procedure, rig, seed=1)
+    found = dry_run(procedure, rig, seed=1)
     return DryRun(
         ok=not found.refusals,
         duration_s=found.duration_s,

@@ -11,8 +11,8 @@ from rigd.config.remote import TlsFiles
 from rigd.config.shipped import is_path
 from rigd.model.errors import LinkError
 from rigd.remote.client.connection import EVENTS, FRAMES, STATUSES, Connection
-from rigd.remote.client.holding import Holding
-from rigd.remote.client.procedures import read_procedure, told_by_file
+from rigd.remote.client.lease_keeper import LeaseKeeper
+from rigd.remote.client.procedures import naming_the_file, read_procedure
 from rigd.remote.client.remotes import find_target
 from rigd.remote.client.transfer import Progress, fetch
 from rigd.remote.client.watching import RunWatch, each, reader, without_gaps
@@ -78,7 +78,7 @@ class AsyncClient:
     ) -> None:
         self._target = find_target(rig, endpoint, tls, identity)
         self._opened: Connection | None = None
-        self._holding = Holding(self.lease_renew, self._release)
+        self._holding = LeaseKeeper(self.lease_renew, self._release)
 
     async def open(self) -> Self:
         """Connect.
@@ -212,7 +212,7 @@ class AsyncClient:
     async def dry_run(self, procedure: str | Path, set: Mapping[str, str] | None = None) -> DryRun:
         """Return what a run would do, played on the simulated plant; may take minutes."""
         args = await self._checked(procedure, set)
-        with told_by_file(procedure, args["procedure"]["name"]):
+        with naming_the_file(procedure, args["procedure"]["name"]):
             return await self._command("dry_run", DryRun, **args)
 
     # The control lease
@@ -288,7 +288,7 @@ class AsyncClient:
         (``{"specimen": "W7"}``) are kept in the recording.
         """
         args = await self._checked(procedure, set)
-        with told_by_file(procedure, args["procedure"]["name"]):
+        with naming_the_file(procedure, args["procedure"]["name"]):
             return await self._command(
                 "start", Started, **args, seed=seed, answers=answers, on_client_loss=on_client_loss,
                 note=note, meta=dict(meta or {}),

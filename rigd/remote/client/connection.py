@@ -18,10 +18,11 @@ import zenoh
 from pydantic import JsonValue
 
 from rigd.model.errors import ConfigError, LinkError, ProtocolError
-from rigd.remote.client.mailbox import Mailbox
+from rigd.remote.client.decoding import decode_or_raise
+from rigd.remote.client.payload_queue import PayloadQueue
 from rigd.remote.client.session import (
     QUESTION_S,
-    Answer,
+    QueryReply,
     TimedOut,
     is_connected,
     listen,
@@ -30,7 +31,6 @@ from rigd.remote.client.session import (
     rigs_alive,
 )
 from rigd.remote.client.target import Target
-from rigd.remote.client.understanding import understand
 from rigd.remote.protocol import (
     PATIENCE_S,
     Event,
@@ -87,7 +87,7 @@ class Connection:
         self.keys = keys
         self._session = session
         self._target = target
-        self._mailboxes: set[Mailbox] = set()
+        self._mailboxes: set[PayloadQueue] = set()
         self._heard_s = time.monotonic()
         listen(session, keys.status, self._hear)
 
@@ -148,7 +148,7 @@ class Connection:
             LinkError: there is no daemon of that rig, or it has no role for us.
             ProtocolError: it is of another version.
         """
-        return understand(Status, await self.ask_status())
+        return decode_or_raise(Status, await self.ask_status())
 
     async def ask_status(self) -> bytes:
         """Return the newest status as it came; see :meth:`status`."""
@@ -194,14 +194,14 @@ class Connection:
         [answer] = found
         if not answer.ok:
             raise decode_refusal(answer.payload)
-        reply = understand(_reply_kind(result), answer.payload)
+        reply = decode_or_raise(_reply_kind(result), answer.payload)
         if reply.id != request.id:
             raise ProtocolError(f"{verb} got the reply to another request ({reply.id})")
         return reply.result
 
     def listen(self, key: str, size: int) -> AsyncGenerator[bytes, None]:
         """Begin to listen; yield payloads until closed, of those that wait the newest ``size``."""
-        mailbox = Mailbox(size)
+        mailbox = PayloadQueue(size)
         self._mailboxes.add(mailbox)
         return self._deliver(mailbox, listen(self._session, key, mailbox.put))
 
@@ -222,19 +222,19 @@ class Connection:
     async def statuses(self) -> AsyncIterator[Object]:
         """Yield the status at every change and twice a second; goes on after a silence."""
         async for payload in self.listen(self.keys.status, STATUSES):
-            yield as_json(understand(Status, payload))
+            yield as_json(decode_or_raise(Status, payload))
 
     async def events(self) -> AsyncIterator[Object]:
         """Yield every event from now on."""
         async for payload in self.listen(self.keys.event, EVENTS):
-            yield as_json(understand(Event, payload))
+            yield as_json(decode_or_raise(Event, payload))
 
     async def frames(self) -> AsyncIterator[bytes]:
         """Yield the frames of all streams; those that come too fast are left out."""
         async for payload in self.listen(self.keys.every_live, FRAMES):
             yield payload
 
-    async def _insist(self, kind: Kind, verb: str, payload: bytes) -> list[Answer]:
+    async def _insist(self, kind: Kind, verb: str, payload: bytes) -> list[QueryReply]:
         """Return the answers to a request, sent again where there were none.
 
         Raises:
@@ -272,8 +272,8 @@ class Connection:
         )
 
     async def _while_it_speaks(
-        self, asking: Coroutine[Any, Any, list[Answer]], verb: str
-    ) -> list[Answer]:
+        self, asking: Coroutine[Any, Any, list[QueryReply]], verb: str
+    ) -> list[QueryReply]:
         """Return what is answered; give up early where the daemon has fallen silent."""
         task = asyncio.create_task(asking)
         try:
@@ -307,7 +307,7 @@ class Connection:
             await asyncio.sleep(_RECONNECTED_S)
 
     async def _deliver(
-        self, mailbox: Mailbox, subscriber: zenoh.Subscriber[None]
+        self, mailbox: PayloadQueue, subscriber: zenoh.Subscriber[None]
     ) -> AsyncGenerator[bytes, None]:
         try:
             async for payload in mailbox:

@@ -23,7 +23,7 @@ def read_procedure(given: str | Path) -> ProcedureFile:
 
 
 @contextmanager
-def told_by_file(given: str | Path, name: str) -> Iterator[None]:
+def naming_the_file(given: str | Path, name: str) -> Iterator[None]:
     """Let what a daemon finds wrong with the procedure ``name`` give the file that it is from."""
     try:
         yield

@@ -27,7 +27,7 @@ from rigd.config.problems import Problems, suggest
 from rigd.config.remote import DEFAULT_ENDPOINT, TlsFiles
 from rigd.config.source import Identity, Source, TlsSource
 from rigd.model.errors import ConfigError
-from rigd.remote.client.target import Target, aim
+from rigd.remote.client.target import Target, make_target
 
 
 class RemoteLine(Source):
@@ -96,7 +96,7 @@ def find_target(
         Refusal: a name cannot stand in a key.
     """
     if endpoint is not None:
-        return aim(rig, endpoint, tls, identity)
+        return make_target(rig, endpoint, tls, identity)
     known = read_remotes()
     if rig is None and len(known) > 1:
         raise ConfigError(
@@ -105,7 +105,7 @@ def find_target(
     if rig is None and known:
         rig = next(iter(known))
     found = Remote() if rig is None else known.get(rig, Remote())
-    target = aim(rig, found.endpoint, tls or found.tls, identity or found.identity)
+    target = make_target(rig, found.endpoint, tls or found.tls, identity or found.identity)
     if rig is None or rig in known or not known:
         return target
     unknown = f"{rig} is not in {list_path()} ({suggest(rig, known)})"

@@ -30,7 +30,7 @@ _TIMED_OUT: Final = b"Timeout"
 
 
 @dataclass(frozen=True)
-class Answer:
+class QueryReply:
     """What came back on a query: a reply or, where not ``ok``, an error reply."""
 
     ok: bool
@@ -81,7 +81,7 @@ async def query(
     payload: bytes = b"",
     *,
     urgent: bool = False,
-) -> list[Answer]:
+) -> list[QueryReply]:
     """Return all answers to a query; none where nobody may or can answer it.
 
     An ``urgent`` one goes before all else on the connection, and so do its answers.
@@ -89,13 +89,13 @@ async def query(
     Raises:
         TimedOut: see there.
     """
-    answers: list[Answer] = []
+    answers: list[QueryReply] = []
 
     def answered(reply: zenoh.Reply) -> None:
         if reply.ok is not None:
-            answers.append(Answer(True, reply.ok.payload.to_bytes()))
+            answers.append(QueryReply(True, reply.ok.payload.to_bytes()))
         elif reply.err is not None:
-            answers.append(Answer(False, reply.err.payload.to_bytes()))
+            answers.append(QueryReply(False, reply.err.payload.to_bytes()))
 
     done = _Done()
     session.get(

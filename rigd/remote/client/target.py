@@ -21,7 +21,7 @@ _NOT_IN_NAMES: Final = re.compile(r"[^A-Za-z0-9._-]+")
 
 @dataclass(frozen=True)
 class Target:
-    """The address of a daemon, and what a client proves itself with; made by :func:`aim`."""
+    """Address of a daemon and credentials of a client; made by :func:`make_target`."""
 
     rig: str | None
     """None: the only rig at that address."""
@@ -33,7 +33,7 @@ class Target:
     """Why it was looked for there, to be told where nobody is."""
 
 
-def aim(
+def make_target(
     rig: str | None = None,
     endpoint: str = DEFAULT_ENDPOINT,
     tls: TlsFiles | None = None,

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Final, TypeVar
 
 from rigd.model.errors import LinkError
-from rigd.remote.client.understanding import understand
+from rigd.remote.client.decoding import decode_or_raise
 from rigd.remote.protocol import Code, Event, Message, Refusal, Status
 from rigd.remote.protocol.results import Events
 from rigd.remote.protocol.status import LastRun
@@ -116,4 +116,4 @@ class RunWatch:
 
 def reader(kind: type[M]) -> Callable[[bytes], M]:
     """Return what reads payloads as messages of ``kind``."""
-    return partial(understand, kind)
+    return partial(decode_or_raise, kind)

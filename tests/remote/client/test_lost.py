@@ -19,7 +19,7 @@ from support.served_rig import free_port
 from rigd.config.remote import RemoteSetup
 from rigd.model.errors import LinkError
 from rigd.remote import AsyncClient, Client
-from rigd.remote.client import Connection, aim, connection
+from rigd.remote.client import Connection, connection, make_target
 from rigd.remote.protocol import Kind
 from rigd.remote.tls import SERVER, files_of, setup_tls
 
@@ -132,7 +132,7 @@ def test_a_daemon_that_leaves_between_two_attempts_leaves_a_doubt(
 
 def test_a_request_sent_again_acts_once(endpoint: str) -> None:
     async def ask() -> int:
-        async with await Connection.open(aim(endpoint=endpoint, identity="alice")) as rig:
+        async with await Connection.open(make_target(endpoint=endpoint, identity="alice")) as rig:
             await rig.command("lease_take", {})
             payload = (
                 b'{"v":1,"id":"%b","sent_ns":%d,"args":{}}'

@@ -5,17 +5,17 @@ from __future__ import annotations
 import asyncio
 import threading
 
-from rigd.remote.client.mailbox import Mailbox
+from rigd.remote.client.payload_queue import PayloadQueue
 
 
-def put_all(mailbox: Mailbox, payloads: list[bytes]) -> None:
+def put_all(mailbox: PayloadQueue, payloads: list[bytes]) -> None:
     for one in payloads:
         mailbox.put(one)
 
 
 def test_what_one_thread_puts_another_takes_in_order() -> None:
     async def take() -> list[bytes]:
-        mailbox = Mailbox(10_000)
+        mailbox = PayloadQueue(10_000)
         sent = [str(number).encode() for number in range(5000)]
         threading.Thread(target=lambda: put_all(mailbox, sent)).start()
         taken = []
@@ -31,7 +31,7 @@ def test_what_one_thread_puts_another_takes_in_order() -> None:
 
 def test_where_too_many_wait_the_newest_are_kept() -> None:
     async def take() -> None:
-        mailbox = Mailbox(3)
+        mailbox = PayloadQueue(3)
         for number in range(10):
             mailbox.put(bytes([number]))
         mailbox.close()
@@ -42,7 +42,7 @@ def test_where_too_many_wait_the_newest_are_kept() -> None:
 
 def test_closing_ends_who_waits() -> None:
     async def take() -> None:
-        mailbox = Mailbox(3)
+        mailbox = PayloadQueue(3)
 
         async def read() -> list[bytes]:
             return [payload async for payload in mailbox]
@@ -56,8 +56,8 @@ def test_closing_ends_who_waits() -> None:
 
 
 def test_a_loop_that_has_ended_bothers_no_thread() -> None:
-    async def make() -> Mailbox:
-        return Mailbox(3)
+    async def make() -> PayloadQueue:
+        return PayloadQueue(3)
 
     mailbox = asyncio.run(make())
     mailbox.put(b"late")

@@ -9,7 +9,7 @@ import pytest
 from rigd.config.remote import TlsFiles
 from rigd.model.errors import ConfigError
 from rigd.remote.client.remotes import find_target, list_path
-from rigd.remote.client.target import aim
+from rigd.remote.client.target import make_target
 from rigd.remote.protocol import Refusal
 from rigd.remote.tls import files_of, setup_tls
 
@@ -75,34 +75,34 @@ def test_what_is_wrong_in_the_list_is_named_with_its_place(home: Path) -> None:
 )
 def test_what_is_no_address_is_refused(endpoint: str) -> None:
     with pytest.raises(ConfigError, match="is not the address of a daemon"):
-        aim("lugre-1", endpoint)
+        make_target("lugre-1", endpoint)
 
 
 def test_certificates_and_tls_come_together(tmp_path: Path) -> None:
     files = TlsFiles(tmp_path / "ca.crt", tmp_path / "a.crt", tmp_path / "a.key")
     with pytest.raises(ConfigError, match="needs certificates"):
-        aim("lugre-1", "tls/rig.lab:7447")
+        make_target("lugre-1", "tls/rig.lab:7447")
     with pytest.raises(ConfigError, match="in the clear"):
-        aim("lugre-1", "tcp/127.0.0.1:7447", files)
+        make_target("lugre-1", "tcp/127.0.0.1:7447", files)
     with pytest.raises(ConfigError, match=r"there is no file .*ca\.crt"):
-        aim("lugre-1", "tls/rig.lab:7447", files)
+        make_target("lugre-1", "tls/rig.lab:7447", files)
 
 
 def test_a_certificate_is_its_owners(tmp_path: Path) -> None:
     setup_tls(tmp_path, ["rig.lab"], ["alice"])
     files = files_of(tmp_path, "alice")
     with pytest.raises(ConfigError, match="is the certificate of alice, not of bob"):
-        aim("lugre-1", "tls/rig.lab:7447", files, "bob")
+        make_target("lugre-1", "tls/rig.lab:7447", files, "bob")
     junk = tmp_path / "junk.crt"
     junk.write_text("no certificate")
     with pytest.raises(ConfigError, match="is no certificate in PEM"):
-        aim("lugre-1", "tls/rig.lab:7447", TlsFiles(files.ca, junk, files.key))
+        make_target("lugre-1", "tls/rig.lab:7447", TlsFiles(files.ca, junk, files.key))
 
 
 def test_names_are_made_to_fit_a_key_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LOGNAME", "Zoë /*lab")
-    assert aim().identity == "Zo-lab"
+    assert make_target().identity == "Zo-lab"
     with pytest.raises(Refusal, match="cannot stand in a key"):
-        aim(identity="a/b")
+        make_target(identity="a/b")
     with pytest.raises(Refusal, match="cannot stand in a key"):
-        aim("configs/sim_lugre.yaml*")
+        make_target("configs/sim_lugre.yaml*")

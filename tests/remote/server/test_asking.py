@@ -13,7 +13,7 @@ from support.served_rig import free_port, key, request
 
 from rigd.config.remote import RemoteSetup
 from rigd.remote.client.session import open_session, query
-from rigd.remote.client.target import aim
+from rigd.remote.client.target import make_target
 from rigd.remote.protocol import Message, Role
 from rigd.remote.server import Lease, Result, Server, still_connected
 
@@ -52,7 +52,7 @@ def test_a_client_that_leaves_is_known_to_be_gone(served: tuple[Calculating, str
     rig, endpoint = served
 
     async def ask_and_leave() -> None:
-        session = await asyncio.to_thread(open_session, aim("lugre-1", endpoint))
+        session = await asyncio.to_thread(open_session, make_target("lugre-1", endpoint))
         asking = asyncio.create_task(
             query(session, key("ask", "eve", "check"), TIMEOUT_S, request("check"))
         )

@@ -10,12 +10,12 @@ from rigd.model.errors import RigdError
 from rigd.remote.client.connection import Connection
 from rigd.remote.client.remotes import Remote, read_remotes
 from rigd.remote.client.session import open_session, rigs_alive
-from rigd.remote.client.target import Target, aim
+from rigd.remote.client.target import Target, make_target
 from rigd.remote.protocol import Status
 
 
 @dataclass(frozen=True)
-class Seen:
+class DiscoveredRig:
     """A rig, and what it says of itself; else ``problem`` says why it says nothing."""
 
     rig: str
@@ -24,7 +24,7 @@ class Seen:
     problem: str = ""
 
 
-async def call_roll() -> list[Seen]:
+async def discover_rigs() -> list[DiscoveredRig]:
     """Return all rigs of the list, and those on this machine that are not in it, by name.
 
     Raises:
@@ -38,16 +38,16 @@ async def call_roll() -> list[Seen]:
     return sorted(found, key=lambda one: one.rig)
 
 
-async def _look(rig: str, remote: Remote) -> Seen:
+async def _look(rig: str, remote: Remote) -> DiscoveredRig:
     try:
-        return await _status_of(aim(rig, remote.endpoint, remote.tls, remote.identity))
+        return await _status_of(make_target(rig, remote.endpoint, remote.tls, remote.identity))
     except RigdError as error:
-        return Seen(rig, remote.endpoint, problem=error.message)
+        return DiscoveredRig(rig, remote.endpoint, problem=error.message)
 
 
-async def _look_around(known: frozenset[str]) -> list[Seen]:
+async def _look_around(known: frozenset[str]) -> list[DiscoveredRig]:
     """Return the rigs on this machine, but those that are ``known``."""
-    target = aim()
+    target = make_target()
     try:
         session = await asyncio.to_thread(open_session, target)
     except RigdError:
@@ -59,6 +59,6 @@ async def _look_around(known: frozenset[str]) -> list[Seen]:
     return [await _look(rig, Remote(DEFAULT_ENDPOINT)) for rig in alive if rig not in known]
 
 
-async def _status_of(target: Target) -> Seen:
+async def _status_of(target: Target) -> DiscoveredRig:
     async with await Connection.open(target) as connection:
-        return Seen(connection.rig, target.endpoint, await connection.status())
+        return DiscoveredRig(connection.rig, target.endpoint, await connection.status())

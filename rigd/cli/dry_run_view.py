@@ -10,12 +10,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from rigd.rehearsal import Peak, StepRow
+from rigd.dry_run import PredictedPeak, StepRow
 
 LEAST_WIDTH = 120
 
 
-class Rehearsal(Protocol):
+class DryRunFigures(Protocol):
     """What is shown of a dry run, played here or elsewhere."""
 
     @property
@@ -27,7 +27,7 @@ class Rehearsal(Protocol):
         """In the order of play."""
 
     @property
-    def peaks(self) -> Sequence[Peak]:
+    def peaks(self) -> Sequence[PredictedPeak]:
         """Of every limited channel."""
 
     @property
@@ -35,23 +35,23 @@ class Rehearsal(Protocol):
         """Why the procedure must not run."""
 
 
-def print_rehearsal(rehearsal: Rehearsal) -> None:
+def print_dry_run(dry_run: DryRunFigures) -> None:
     """Print the step table, the duration, the peaks beside their limits, and the verdict."""
     # Names of channels must stay whole: below this width the terminal may wrap, not the table.
     console = Console(highlight=False)
     console = Console(highlight=False, width=max(console.width, LEAST_WIDTH))
-    console.print(_steps(rehearsal))
-    console.print(f"estimated duration: [bold]{rehearsal.duration_s:.1f} s[/] of rig time\n")
-    console.print(_peaks(rehearsal))
-    if rehearsal.refusals:
+    console.print(_steps(dry_run))
+    console.print(f"estimated duration: [bold]{dry_run.duration_s:.1f} s[/] of rig time\n")
+    console.print(_peaks(dry_run))
+    if dry_run.refusals:
         console.print("[red]refused[/]: this run would be blocked, or not run clean")
-        for line in rehearsal.refusals:
+        for line in dry_run.refusals:
             console.print(f"  {escape(line)}", soft_wrap=True)
     else:
         console.print("[green]fit to run[/]: every predicted peak is inside its limit")
 
 
-def _steps(rehearsal: Rehearsal) -> Table:
+def _steps(dry_run: DryRunFigures) -> Table:
     table = Table(title="steps", title_justify="left", box=None, pad_edge=False)
     table.add_column("block")
     table.add_column("step")
@@ -59,7 +59,7 @@ def _steps(rehearsal: Rehearsal) -> Table:
     table.add_column("ends when")
     table.add_column("played", justify="right")
     table.add_column("seconds", justify="right")
-    for row in rehearsal.steps:
+    for row in dry_run.steps:
         spread = f"{row.shortest_s:.2f}"
         if row.longest_s - row.shortest_s >= 0.005:
             spread += f" .. {row.longest_s:.2f}"
@@ -75,14 +75,14 @@ def _steps(rehearsal: Rehearsal) -> Table:
     return table
 
 
-def _peaks(rehearsal: Rehearsal) -> Table:
+def _peaks(dry_run: DryRunFigures) -> Table:
     table = Table(title="predicted peaks", title_justify="left", box=None, pad_edge=False)
     table.add_column("channel", no_wrap=True)
     for name in ("lowest", "highest", "limits"):
         table.add_column(name, justify="right")
     table.add_column("unit")
     table.add_column("set by")
-    for peak in rehearsal.peaks:
+    for peak in dry_run.peaks:
         limits = f"{_bound(peak.low)} .. {_bound(peak.high)}"
         style = "" if peak.inside else "red"
         table.add_row(
@@ -101,17 +101,17 @@ def _bound(value: float) -> str:
     return "" if math.isinf(value) else f"{value:.4g}"
 
 
-def rehearsal_json(rehearsal: Rehearsal) -> dict[str, object]:
+def dry_run_json(dry_run: DryRunFigures) -> dict[str, object]:
     """Return the dry run as an object for ``json.dumps``; open bounds are null."""
 
     def finite(value: float) -> float | None:
         return value if math.isfinite(value) else None
 
     return {
-        "duration_s": rehearsal.duration_s,
-        "fit": not rehearsal.refusals,
-        "refusals": list(rehearsal.refusals),
-        "steps": [vars(row) for row in rehearsal.steps],
+        "duration_s": dry_run.duration_s,
+        "fit": not dry_run.refusals,
+        "refusals": list(dry_run.refusals),
+        "steps": [vars(row) for row in dry_run.steps],
         "peaks": [
             {
                 "channel": peak.channel,
@@ -123,6 +123,6 @@ def rehearsal_json(rehearsal: Rehearsal) -> dict[str, object]:
                 "limit_by": peak.limit_by,
                 "inside": peak.inside,
             }
-            for peak in rehearsal.peaks
+            for peak in dry_run.peaks
         ],
     }

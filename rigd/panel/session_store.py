@@ -16,7 +16,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Kept:
+class StoredSession:
     """A session as it is kept; the hash of its key lets nobody in."""
 
     key_sha256: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
@@ -30,13 +30,13 @@ class Kept:
 @dataclass(frozen=True)
 class _Page:
     written_unix_s: float
-    sessions: tuple[Kept, ...]
+    sessions: tuple[StoredSession, ...]
 
 
 _PAGE = TypeAdapter(_Page)
 
 
-class SessionBook:
+class SessionStore:
     """A file with the sessions of a panel, which only its user can read.
 
     So a panel that was killed, or ended with its daemon, needs no new link for each screen.
@@ -46,7 +46,7 @@ class SessionBook:
         self._path = path
         self._wall = wall
 
-    def read(self) -> tuple[float, Sequence[Kept]]:
+    def read(self) -> tuple[float, Sequence[StoredSession]]:
         """Return the sessions, and how long ago they were written, in s.
 
         Where they cannot be read, the log says so, and each screen needs a new link.
@@ -60,7 +60,7 @@ class SessionBook:
             return 0.0, ()
         return max(self._wall() - page.written_unix_s, 0.0), page.sessions
 
-    def write(self, sessions: Sequence[Kept]) -> None:
+    def write(self, sessions: Sequence[StoredSession]) -> None:
         """Keep the sessions, whole or not at all; a failure is logged."""
         draft = self._path.with_name(f"{self._path.name}.new")
         try:

@@ -14,7 +14,7 @@ from rigd.remote.protocol.limits import RENEW_S
 _log = logging.getLogger(__name__)
 
 
-class Holding:
+class LeaseKeeper:
     """Renews the lease every two seconds, from :meth:`begin` until :meth:`end`.
 
     It stops where the daemon says that the lease is another's; the next command then says so too.

@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from rigd.config.rig import RigConfig
+from rigd.dry_run.peaks import PeakSink
+from rigd.dry_run.steps import StepRow, step_rows
 from rigd.engine.answers import OwnAnswers
 from rigd.engine.clock import VirtualClock
 from rigd.engine.control import Control
@@ -22,12 +24,10 @@ from rigd.engine.wiring import wire
 from rigd.model.errors import Blocked
 from rigd.model.limits import Action
 from rigd.procedure.program import CompiledProcedure, CycleProgram, Recorded
-from rigd.rehearsal.peaks import PeakSink
-from rigd.rehearsal.steps import StepRow, step_rows
 
 
 @dataclass(frozen=True)
-class Peak:
+class PredictedPeak:
     """The predicted extremes of a limited channel beside its limits, in SI."""
 
     channel: str
@@ -45,17 +45,17 @@ class Peak:
 
 
 @dataclass(frozen=True)
-class Rehearsal:
+class DryRunResult:
     """What a dry run found. ``refusals`` says why the procedure must not run; empty if it may."""
 
     duration_s: float
     steps: tuple[StepRow, ...]
-    peaks: tuple[Peak, ...]
+    peaks: tuple[PredictedPeak, ...]
     refusals: tuple[str, ...]
     result: RunResult
 
 
-def rehearse(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> Rehearsal:
+def dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunResult:
     """Play ``procedure`` on the simulated plant of ``rig`` in virtual time.
 
     Raises:
@@ -88,16 +88,16 @@ def rehearse(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> Rehears
         refusals.append(result.reason)
     refusals += [f"trial {n} would end early: {why}" for n, why in result.incomplete]
     steps = step_rows(procedure, rig, sink.steps, clock.now())
-    return Rehearsal(clock.now() * 1e-9, steps, peaks, tuple(dict.fromkeys(refusals)), result)
+    return DryRunResult(clock.now() * 1e-9, steps, peaks, tuple(dict.fromkeys(refusals)), result)
 
 
-def _peaks(procedure: CompiledProcedure, rig: RigConfig, sink: PeakSink) -> Iterator[Peak]:
+def _peaks(procedure: CompiledProcedure, rig: RigConfig, sink: PeakSink) -> Iterator[PredictedPeak]:
     """Yield every limited channel: setpoints, interlocked channels, per-trial limits."""
     for device in rig.devices.values():
         for setpoint in device.setpoints:
             limit = device.limits[setpoint.name]
             low, high = sink.peaks.get(f"{device.name}.{setpoint.name}_setpoint", (0.0, 0.0))
-            yield Peak(
+            yield PredictedPeak(
                 f"{device.name}.{setpoint.name} (setpoint)", setpoint.unit, low, high,
                 limit.low, limit.high, "rig limit",
             )  # fmt: skip
@@ -110,7 +110,7 @@ def _peaks(procedure: CompiledProcedure, rig: RigConfig, sink: PeakSink) -> Iter
         if channel is None or bounds == [-math.inf, math.inf] or interlock.action is Action.WARN:
             continue
         low, high = sink.peaks.get(interlock.source, (math.nan, math.nan))
-        yield Peak(
+        yield PredictedPeak(
             interlock.source, channel.unit, low, high, bounds[0], bounds[1],
             f"interlock {interlock.name}",
         )  # fmt: skip
@@ -123,7 +123,7 @@ def _peaks(procedure: CompiledProcedure, rig: RigConfig, sink: PeakSink) -> Iter
                 seen.add(bound)
                 channel = rig.channel(bound.channel)
                 low, high = sink.peaks.get(bound.channel, (math.nan, math.nan))
-                yield Peak(
+                yield PredictedPeak(
                     bound.channel, "" if channel is None else channel.unit, low, high,
                     bound.low, bound.high, "trial limit",
                 )  # fmt: skip

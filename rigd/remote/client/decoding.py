@@ -11,7 +11,7 @@ from rigd.remote.protocol.limits import MAX_MESSAGE_BYTES
 M = TypeVar("M", bound=Message)
 
 
-def understand(kind: type[M], payload: bytes) -> M:
+def decode_or_raise(kind: type[M], payload: bytes) -> M:
     """Return the message of ``kind`` that a daemon sent.
 
     Raises:

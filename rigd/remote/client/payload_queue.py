@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator
 from contextlib import suppress
 
 
-class Mailbox:
+class PayloadQueue:
     """Payloads that one thread puts and one task takes; where too many wait, the oldest go.
 
     Made on the event loop of the task that takes.
