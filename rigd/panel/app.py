@@ -19,7 +19,7 @@ from rigd.panel.guard import PanelAddress, RequestGuard
 from rigd.panel.hub import Hub
 from rigd.panel.quantities import complete_status
 from rigd.panel.rates import BucketByAddress
-from rigd.panel.rig import Rig
+from rigd.panel.rig import Object, Rig
 from rigd.panel.routes import PanelApi
 from rigd.panel.seat import Seat
 from rigd.panel.sessions import Sessions
@@ -43,9 +43,12 @@ class PanelApp:
 def build_panel(rig: Rig, sessions: Sessions, place: PanelAddress, port: int) -> PanelApp:
     """Return the panel of ``rig``, reached at ``place``."""
     seat = Seat(rig, sessions, lambda: hub.refresh())
-    hub = Hub(
-        rig, lambda status: complete_status(status) | {"control": seat.describe(status["lease"])}
-    )
+
+    def decorate(status: Object) -> Object:
+        seat.heed(status["lease"])
+        return complete_status(status) | {"control": seat.describe(status["lease"])}
+
+    hub = Hub(rig, decorate)
     secure = place.scheme == "https"
     logins = BucketByAddress(LOGINS_PER_S, LOGINS_BURST)
     doors = PanelApi(rig, sessions, seat, f"rigd-{port}", secure, logins)

@@ -37,8 +37,9 @@ class Seat:
         self._sessions = sessions
         self._changed = changed
         # A panel that takes over from one that died goes on with its user, if their page comes back
-        # in time; where the lease has passed to somebody else, the first renewal finds out.
+        # in time, and if the first status says that the lease is still the panel's.
         self._holder = sessions.in_control
+        self._is_recalled = self._holder is not None
         self._asked_by: list[Session] = []
         self._has_failed = False  # to renew the lease, the last time
         self._changing = asyncio.Lock()  # held from looking who sits here until that has changed
@@ -55,6 +56,12 @@ class Seat:
             "asked_by": list(lease["asked_by"]),
             "users_asking": [{"name": one.name, "session": one.number} for one in self._asking()],
         }
+
+    def heed(self, lease: Mapping[str, Any]) -> None:
+        """Forget the user of the panel before this one if its lease has ended since."""
+        was_recalled, self._is_recalled = self._is_recalled, False
+        if was_recalled and lease["holder"] != self._rig.identity:
+            self._sit(None)
 
     def require(self, session: Session) -> None:
         """Return if ``session`` has control.
@@ -172,7 +179,7 @@ class Seat:
         return self._asked_by
 
     def _sit(self, session: Session | None) -> None:
-        self._holder = session
+        self._holder, self._is_recalled = session, False
         self._sessions.give_control(session)
         self._asked_by = (
             [] if session is None else [one for one in self._asked_by if one is not session]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.panel import ServedPanel, Visitor
@@ -117,23 +119,46 @@ def test_a_page_that_is_loaded_anew_keeps_control(panel: ServedPanel) -> None:
         assert ada.post("/api/command/pause", args={})[0] == 200
 
 
-@pytest.mark.usefixtures("panel")  # which makes the times short
-def test_control_outlives_the_panel(tmp_path: Path) -> None:
-    path = tmp_path / "sessions.json"
-    with ServedPanel(book=SessionStore(path)) as first:
-        ada = first.visitor()
+def killed_with_control(path: Path) -> tuple[str, int]:
+    """Leave in ``path`` what a panel killed with Ada in control does; return cookie and port."""
+    with ServedPanel(book=SessionStore(path)) as killed:
+        ada = killed.visitor()
         with ada.page():
             assert ada.post("/api/control/take", args={})[0] == 200
             kept = path.read_bytes()
-    path.write_bytes(kept)  # as a kill leaves it
+    path.write_bytes(kept)
+    return ada.cookie, killed.port
+
+
+@pytest.mark.usefixtures("panel")  # which makes the times short
+def test_control_outlives_the_panel(tmp_path: Path) -> None:
+    path = tmp_path / "sessions.json"
+    cookie, port = killed_with_control(path)
     rig = PlayedRig()
     rig.holder, rig.state = "panel", "running"
     with ServedPanel(rig, SessionStore(path)) as second:
         again = Visitor(second)
-        again.cookie = ada.cookie.replace(f"rigd-{first.port}=", f"rigd-{second.port}=")
+        again.cookie = cookie.replace(f"rigd-{port}=", f"rigd-{second.port}=")
         with again.page():
             wait_until(lambda: renewals(second) > 3)
             assert again.post("/api/command/pause", args={})[0] == 200
+
+
+def test_control_ends_with_panel_and_lease(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page says at once that control is free: nobody waits until Ada counts as gone."""
+    monkeypatch.setattr(seat, "GRACE_S", 600.0)
+    path = tmp_path / "sessions.json"
+    killed_with_control(path)
+    with ServedPanel(PlayedRig(), SessionStore(path)) as second:
+        bob = second.visitor(name="Bob")
+        with bob.page() as page:
+            told: dict[str, Any] = {}
+            while told.get("kind") != "status":
+                told = json.loads(page.recv(30))
+            assert told["status"]["control"]["holder"] is None
+            status, answer = bob.post("/api/control/take", args={})
+            assert status == 200, answer
+            assert second.rig.users["lease_take"] == "Bob"
 
 
 def test_control_that_was_lost_elsewhere_is_not_believed_in(panel: ServedPanel) -> None:
