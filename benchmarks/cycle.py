@@ -51,9 +51,10 @@ from support.wire import ROOT, wire_rig
 from rigd.config.loader import load_rig
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.daemon.execute import RunRequest, execute
-from rigd.engine.control import Control, Verb
+from rigd.engine.control import Control
 from rigd.engine.result import Progress
 from rigd.engine.shared import RunFolder, View, Word, state_folder
+from rigd.model.severity import Severity
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.record import Recording
@@ -150,7 +151,7 @@ class Meter(threading.Thread):
                 return
             self.seen = self._measure()
         finally:
-            self._control.request(Verb.STOP, "measured")
+            self._control.request(Severity.STOP, "measured")
 
     def _measure(self) -> Seen | None:
         folder = RunFolder.at(state_folder() / self._rig.name)

@@ -122,7 +122,7 @@ class JsonView(View):
         interlocks = [
             {
                 "name": trip.interlock.name,
-                "action": trip.interlock.action.name.lower(),
+                "action": trip.interlock.action.word,
                 "reason": trip.reason,
                 "message": trip.message,
             }
@@ -168,7 +168,7 @@ def state(reading: Reading) -> str:
 
 def interlock_line(trip: Trip) -> str:
     """Return what stands violated, and what that would do to a run."""
-    action = trip.interlock.action.name.lower().replace("_", " ")
+    action = trip.interlock.action.word.replace("_", " ")
     return f"interlock {trip.interlock.name} ({action}): {trip.reason}"
 
 

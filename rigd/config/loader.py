@@ -29,7 +29,8 @@ from rigd.config.shipped import find_file, whence
 from rigd.config.source import DeviceSource, InterlockSource, LimitSource, RigSource
 from rigd.model.channels import Channel
 from rigd.model.errors import ConfigError, RigdError
-from rigd.model.limits import Action, Interlock, Priority, SetpointLimit
+from rigd.model.limits import Interlock, Priority, SetpointLimit
+from rigd.model.severity import Severity
 from rigd.model.units import Quantity, parse_quantity, parse_unit
 from rigd.sdk import BlockDriver
 
@@ -323,7 +324,7 @@ def _interlock(
         stale_after_s=source.stale_after,
         latch=source.latch,
         priority=Priority[source.priority.upper()],
-        action=Action[source.action.upper()],
+        action=Severity[source.action.upper()],
         message=source.message,
     )
 

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Final
 
-from rigd.engine.control import Control, Verb
+from rigd.engine.control import Control
+from rigd.model.severity import Severity
 
 #: What a person calls them, who presses the keys or closes the window.
 _NAMES: Final[dict[int, str]] = {
@@ -26,16 +27,16 @@ def heed_signals(control: Control) -> Iterator[None]:
     gone. A signal that was ignored before (nohup) stays ignored.
     """
     words = {
-        Verb.STOP: "stopping. Again: abort",
-        Verb.ABORT: "aborting. Again: drop power",
-        Verb.ESTOP: "dropping power",
+        Severity.STOP: "stopping. Again: abort",
+        Severity.ABORT: "aborting. Again: drop power",
+        Severity.ESTOP: "dropping power",
     }
 
     def end(number: int, frame: FrameType | None) -> None:
         name = _NAMES.get(number) or signal.Signals(number).name
-        verb = control.escalate(f"stopped by {name}")
+        stop = control.escalate(f"stopped by {name}")
         control.pause_wanted = False
-        control.notices.append(f"{name}: {words[verb]}")
+        control.notices.append(f"{name}: {words[stop]}")
 
     def pause(number: int, frame: FrameType | None) -> None:
         wanted = control.toggle_pause()

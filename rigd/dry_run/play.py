@@ -22,7 +22,7 @@ from rigd.engine.result import RunResult
 from rigd.engine.run import Run
 from rigd.engine.wiring import wire
 from rigd.model.errors import Blocked
-from rigd.model.limits import Action
+from rigd.model.severity import Severity
 from rigd.procedure.program import CompiledProcedure, CycleProgram, Recorded
 
 
@@ -107,7 +107,7 @@ def _peaks(procedure: CompiledProcedure, rig: RigConfig, sink: PeakSink) -> Iter
             bound if isinstance(bound, int | float) else default
             for bound, default in ((interlock.low, -math.inf), (interlock.high, math.inf))
         ]
-        if channel is None or bounds == [-math.inf, math.inf] or interlock.action is Action.WARN:
+        if channel is None or bounds == [-math.inf, math.inf] or interlock.action is Severity.WARN:
             continue
         low, high = sink.peaks.get(interlock.source, (math.nan, math.nan))
         yield PredictedPeak(

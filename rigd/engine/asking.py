@@ -8,8 +8,9 @@ from functools import partial
 
 from rigd.engine.answers import AnswerRefused, Answers, check_answer
 from rigd.engine.host import Host
-from rigd.engine.player import Ending, Outcome
+from rigd.engine.player import Outcome
 from rigd.model.errors import ProcedureError
+from rigd.model.severity import Severity
 from rigd.procedure.agreement import check_of, objection_to
 from rigd.procedure.program import Answer, AnswerKind, Prompt
 
@@ -44,10 +45,10 @@ class Asking:
                 return self._take(prompt, given[0])
             except AnswerRefused as refused:
                 if not self.answers.asks_again:
-                    return Outcome(Ending.FAILED, refused.message)
+                    return Outcome(Severity.FAIL, refused.message)
                 objection = refused.message
             except ProcedureError as error:
-                return Outcome(Ending.FAILED, error.message)
+                return Outcome(Severity.FAIL, error.message)
 
     def _ask(self, prompt: Prompt, objection: str, given: list[Answer]) -> None:
         given.append(self.answers.answer(prompt, objection))
@@ -83,9 +84,9 @@ class Asking:
         if check is None:
             return None
         outcome = self.host.play(check)
-        agreed = outcome.ending is Ending.DONE
+        agreed = outcome.severity is Severity.DONE
         # A program that commands nothing can fail in one way only: it ran out of time.
-        if not agreed and outcome.ending is not Ending.FAILED:
+        if not agreed and outcome.severity is not Severity.FAIL:
             return outcome
         self.host.event(
             "answer_checked",

@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 from collections import deque
-from enum import IntEnum
 
-
-class Verb(IntEnum):
-    """Ways to end a run; each escalates the one before."""
-
-    STOP = 1  #: controlled: setpoints ramp to rest, then `finish` plays
-    ABORT = 2  #: setpoints to rest now, nothing else follows
-    ESTOP = 3  #: ask for power to drop
+from rigd.model.severity import STOPS, Severity
 
 
 class Control:
     """Requests to a run. Setting them is one assignment, safe from signal handlers."""
 
     def __init__(self) -> None:
-        self.verb: Verb | None = None
+        self.asked: Severity | None = None  #: one of :data:`STOPS`
         self.reason = ""
         self.pause_wanted = False
         self.last_trial = ""  #: why no trial follows the one under way, or ""
@@ -30,17 +23,17 @@ class Control:
         """Whether the run is to wait between two trials."""
         return self.pause_wanted and not self.last_trial
 
-    def request(self, verb: Verb, reason: str) -> None:
-        """Ask for ``verb``; a weaker request never replaces a stronger one."""
-        if self.verb is None or verb > self.verb:
+    def request(self, stop: Severity, reason: str) -> None:
+        """Ask for one of :data:`STOPS`; one less severe never replaces one more severe."""
+        if self.asked is None or stop > self.asked:
             self.reason = reason
-            self.verb = verb
+            self.asked = stop
 
-    def escalate(self, reason: str) -> Verb:
-        """Ask for the next stronger verb (a second Ctrl-C aborts, a third drops power)."""
-        verb = Verb.STOP if self.verb is None else Verb(min(self.verb + 1, Verb.ESTOP))
-        self.request(verb, reason)
-        return verb
+    def escalate(self, reason: str) -> Severity:
+        """Ask for the next more severe one (a second Ctrl-C aborts, a third drops power)."""
+        stop = Severity.STOP if self.asked is None else min(Severity(self.asked + 1), STOPS[-1])
+        self.request(stop, reason)
+        return stop
 
     def toggle_pause(self) -> bool:
         """Ask to pause after this trial, or to resume; return whether a pause is now wanted."""

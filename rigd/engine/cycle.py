@@ -13,16 +13,16 @@ from typing import Any, Final
 
 from rigd.engine.block_rows import BlockSink
 from rigd.engine.clock import Clock
-from rigd.engine.control import Control, Verb
+from rigd.engine.control import Control
 from rigd.engine.cycle_rows import CycleRows, RowSink
 from rigd.engine.interlocks import InterlockBank, Trip
 from rigd.engine.limiter import Limiter
 from rigd.engine.mount import MountedRig
-from rigd.engine.player import Ending, Outcome, Player
+from rigd.engine.player import Outcome, Player
 from rigd.engine.stand_in import StandIn
 from rigd.engine.windows import Windows
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
-from rigd.model.limits import Action
+from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded
 
 #: Between two programs setpoints are held for so long at most, then they go to rest: the next
@@ -40,19 +40,6 @@ _NONE: Final[Mapping[str, Any]] = MappingProxyType({})
 
 #: ``emit(t_ns, kind, data)``: something happened that a person will want to read about.
 Emit = Callable[[int, str, Mapping[str, object]], None]
-
-_ENDING_OF_ACTION = {
-    Action.END_TRIAL: Ending.TRIAL_ENDED,
-    Action.STOP: Ending.STOPPED,
-    Action.ABORT: Ending.ABORTED,
-    Action.ESTOP: Ending.ESTOPPED,
-}
-#: How what plays ends when a person asks for it.
-ENDING_OF_VERB = {
-    Verb.STOP: Ending.STOPPED,
-    Verb.ABORT: Ending.ABORTED,
-    Verb.ESTOP: Ending.ESTOPPED,
-}
 
 
 def _nowhere(t_ns: int, kind: str, data: Mapping[str, object]) -> None:
@@ -112,7 +99,7 @@ class Cycle:
         self._player: Player | None = None
         self._then: Player | None = None  #: follows without a gap where the player plays to its end
         self._leaving: Outcome | None = None
-        self._heeded: Verb | None = None
+        self._heeded: Severity | None = None
         self._slot = -1
         self._cut: frozenset[int] = frozenset()
 
@@ -129,7 +116,7 @@ class Cycle:
     def unfit(self) -> Sequence[str]:
         """Return why the rig, looked at in rest, is not fit to be armed; a sentence each."""
         reasons = [f"{name} gave no row" for name in sorted(self._mute)]
-        violated = self.interlocks.violated(Action.END_TRIAL)
+        violated = self.interlocks.violated(Severity.END_TRIAL)
         return reasons + [f"interlock {one.name} stands violated at rest" for one in violated]
 
     def unready(self) -> Sequence[str]:
@@ -148,9 +135,9 @@ class Cycle:
     def ends_everything(self) -> str:
         """Return why nothing may move any more: a latched trip, or one that still stands; or ""."""
         for trip in self.trips:
-            if trip.interlock.latch and trip.interlock.action >= Action.END_TRIAL:
+            if trip.interlock.latch and trip.interlock.action >= Severity.END_TRIAL:
                 return f"interlock {trip.interlock.name} is latched: {trip.reason}"
-        for interlock in self.interlocks.active(Action.END_TRIAL):
+        for interlock in self.interlocks.active(Severity.END_TRIAL):
             return f"interlock {interlock.name} still stands tripped"
         return ""
 
@@ -208,7 +195,7 @@ class Cycle:
             outcome = self._read(t_ns)
             if outcome is None:
                 outcome = self._decide(t_ns)
-                if outcome is None or outcome.ending is not Ending.ESTOPPED:
+                if outcome is None or outcome.severity is not Severity.ESTOP:
                     outcome = self._write(t_ns) or outcome
         except BaseException:
             self.make_safe(t_ns)  # a bug in a driver: safe first, then let it be known
@@ -273,20 +260,20 @@ class Cycle:
         if self._settled:
             for trip in self.interlocks.check(t_ns, self._values, self._stamps):
                 self._heed_trip(trip)
-        verb = self.control.verb
-        if verb is not None and verb != self._heeded:
-            self._heeded = verb
-            self._leave(Outcome(ENDING_OF_VERB[verb], self.control.reason))
+        asked = self.control.asked
+        if asked is not None and asked != self._heeded:
+            self._heeded = asked
+            self._leave(Outcome(asked, self.control.reason))
         if self._leaving is None and self._player is not None:
             ended = self._player.step(t_ns, self._values, self._wanted)
             for name in self._player.entered:
                 self.segment = name
                 self._emit(t_ns, "step", {"name": name})
-            if ended is None or ended.ending is Ending.DONE:
+            if ended is None or ended.severity is Severity.DONE:
                 self._playing = self.segment  # what follows without a gap begins in the next cycle
             if ended is None:
                 return None
-            if ended.ending is Ending.DONE:
+            if ended.severity is Severity.DONE:
                 self._player, self._then = self._then, None
                 self._hold_until_ns = t_ns + HOLD_NS
                 return ended
@@ -301,7 +288,7 @@ class Cycle:
         leaving = self._leaving
         if leaving is None:
             return None
-        if leaving.ending is Ending.ESTOPPED:
+        if leaving.severity is Severity.ESTOP:
             self.make_safe(t_ns)
         elif not self.limiter.at_rest():
             return None  # rest is reached one cycle after it was wanted, and seen here
@@ -310,22 +297,22 @@ class Cycle:
 
     def _leave(self, outcome: Outcome) -> None:
         """Take the way out of the program, unless one at least as severe is being taken."""
-        if self._leaving is None or outcome.ending.value > self._leaving.ending.value:
+        if self._leaving is None or outcome.severity > self._leaving.severity:
             self._leaving = outcome
 
     def _heed_trip(self, trip: Trip) -> None:
         interlock = trip.interlock
         if len(self.trips) < MOST_TRIPS or interlock.latch:  # a latched one trips once
             self.trips.append(trip)
-        ending = _ENDING_OF_ACTION.get(interlock.action)
-        if ending is not None:
-            self._leave(Outcome(ending, f"interlock {interlock.name}: {trip.reason}", trip))
+        if interlock.action > Severity.WARN:
+            reason = f"interlock {interlock.name}: {trip.reason}"
+            self._leave(Outcome(interlock.action, reason, trip))
         self._emit(
             trip.t_ns,
             "interlock",
             {
                 "name": interlock.name,
-                "action": interlock.action.name.lower(),
+                "action": interlock.action.word,
                 "priority": interlock.priority.name.lower(),
                 "latched": interlock.latch,
                 "value": trip.value,
@@ -341,7 +328,7 @@ class Cycle:
     def _fault(self, t_ns: int, reason: str) -> Outcome:
         self.make_safe(t_ns)
         self._emit(t_ns, "fault", {"reason": reason})
-        return Outcome(Ending.FAULTED, reason)
+        return Outcome(Severity.FAULT, reason)
 
     def _report_cut(self, t_ns: int) -> None:
         names = [name for name, index in self.rig.setpoints.items() if index in self.limiter.cut]

@@ -21,14 +21,15 @@ from typing import Final
 
 from rigd.engine import messages as m
 from rigd.engine.clock import RealClock
-from rigd.engine.control import Control, Verb
+from rigd.engine.control import Control
 from rigd.engine.cycle import DEVICE_ERRORS, Cycle
 from rigd.engine.in_process import ARM_NS, close_devices, judge_devices, open_devices
-from rigd.engine.player import Ending, Outcome
+from rigd.engine.player import Outcome
 from rigd.engine.realtime import RealTime
 from rigd.engine.shared import CycleState, RunFolder, Word
 from rigd.engine.slow import StandIns
 from rigd.engine.wiring import in_cycle, wire
+from rigd.model.severity import Severity
 from rigd.record.events import NO_TRIAL
 from rigd.sdk import Driver
 
@@ -128,14 +129,14 @@ class CycleProcess:
         waiting = self._cycle.unready()
         if not waiting:
             self._arming_since = None
-            return Outcome(Ending.DONE)
+            return Outcome(Severity.DONE)
         if self._arming_since is not None and self._cycle.t_ns - self._arming_since > ARM_NS:
             return self._cycle.give_up(waiting)
         return None
 
     def _end(self, outcome: Outcome) -> None:
         """Tell how what was asked for ended; what nobody heard answers the next command."""
-        if outcome.ending in (Ending.FAULTED, Ending.ESTOPPED):
+        if outcome.severity >= Severity.ESTOP:
             self._stand_still()
             self._final = outcome
         self._arming_since = None
@@ -170,8 +171,8 @@ class CycleProcess:
                 self._trial = trial
                 self._cycle.load(None)
                 self._begin(serial, heard)
-            case m.Request(_, verb, reason):
-                self._control.request(verb, reason)
+            case m.Request(_, stop, reason):
+                self._control.request(stop, reason)
             case m.Acknowledge(_, interlock):
                 self._cycle.interlocks.acknowledge(interlock)
             case m.Arm(serial, heard):
@@ -202,7 +203,7 @@ class CycleProcess:
             case m.Change(serial, quantity, value):
                 self._answer(serial, self._change(quantity, value))
             case m.MakeSafe(serial):
-                self._final = Outcome(Ending.FAULTED, "the rig was made safe")
+                self._final = Outcome(Severity.FAULT, "the rig was made safe")
                 self._answer(serial, self._make_safe())
             case m.Close(serial):
                 self._answer(serial, [*self._make_safe(), *close_devices(self._cycle)])
@@ -229,7 +230,7 @@ class CycleProcess:
             if serial and serial == heard:
                 endings = endings[place + 1 :]
                 break
-        return max((one for _, one in endings), key=lambda one: one.ending.value, default=None)
+        return max((one for _, one in endings), key=lambda one: one.severity, default=None)
 
     def _arm(self) -> None:
         self._arming_since = self._cycle.t_ns
@@ -327,7 +328,7 @@ class CycleProcess:
 
     def _abandon(self, reason: str) -> None:
         """The daemon is gone: setpoints to rest within their rates, then safe, closed, over."""
-        self._control.request(Verb.ABORT, reason)
+        self._control.request(Severity.ABORT, reason)
         self._tell("fault", {"reason": f"{reason}; the rig is made safe"})
         if self._ticking:
             self._cycle.load(None)
@@ -342,7 +343,7 @@ class CycleProcess:
     def heed(self, number: int, frame: FrameType | None) -> None:
         """Abort on a signal meant for this process alone."""
         name = signal.Signals(number).name
-        self._control.request(Verb.ABORT, f"{name} was sent to the cycle process")
+        self._control.request(Severity.ABORT, f"{name} was sent to the cycle process")
 
     def _emit(self, t_ns: int, kind: str, data: Mapping[str, object]) -> None:
         self._events.push(t_ns, kind, self._trial, data)

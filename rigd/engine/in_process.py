@@ -151,7 +151,7 @@ class InProcessHost:
             return outcome
         asked = Question(question)
         while not asked.answered:
-            if self.virtual and self.cycle.control.verb is None:
+            if self.virtual and self.cycle.control.asked is None:
                 asked.wait(0.05)
                 continue
             outcome = self._step()

@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rigd.model.limits import Action, Interlock
+from rigd.model.limits import Interlock
+from rigd.model.severity import Severity
 from rigd.model.units import Quantity, parse_unit
 
 
@@ -105,7 +106,7 @@ class InterlockBank:
             self._tripped[index] = False
             self._since[index] = None
 
-    def active(self, least: Action = Action.WARN) -> list[Interlock]:
+    def active(self, least: Severity = Severity.WARN) -> list[Interlock]:
         """Return the interlocks that stand tripped, of at least this severity."""
         return [
             rule.interlock
@@ -113,7 +114,7 @@ class InterlockBank:
             if tripped and rule.interlock.action >= least
         ]
 
-    def violated(self, least: Action) -> list[Interlock]:
+    def violated(self, least: Severity) -> list[Interlock]:
         """Return the interlocks whose condition holds now, whatever their delay still allows."""
         return [
             rule.interlock

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rigd.config.rig import RigConfig
-from rigd.engine.control import Verb
 from rigd.engine.interlocks import Trip
 from rigd.engine.player import Outcome
 from rigd.model.errors import RigdError
+from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded
 
 #: A packet on the socket is at most this long; a longer program goes by way of a file.
@@ -121,7 +121,7 @@ class Ask(Command):
 class Request(Command):
     """Stop, abort or estop; no reply of its own."""
 
-    verb: Verb
+    stop: Severity
     reason: str
 
 

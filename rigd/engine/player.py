@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, MutableSequence, Sequence
 from dataclasses import dataclass, field
-from enum import Enum, auto
 
 from rigd.engine.interlocks import Trip
+from rigd.model.severity import Severity, WayOut, way_out
 from rigd.procedure.profiles import Constant, Profile
 from rigd.procedure.program import (
     Comparison,
@@ -19,29 +19,27 @@ from rigd.procedure.program import (
 from rigd.procedure.standing import describe_standing
 
 
-class Ending(Enum):
-    """How a cycle program came to its end; each is more severe than the one before."""
-
-    DONE = auto()  #: every segment played
-    TRIAL_ENDED = auto()  #: early: a limit, a timeout or an interlock ended this trial only
-    FAILED = auto()  #: a segment did not end as the procedure demands
-    STOPPED = auto()  #: controlled stop; setpoints are at rest
-    ABORTED = auto()  #: setpoints went to rest at once
-    ESTOPPED = auto()  #: power was asked to drop
-    FAULTED = auto()  #: a device failed; the rig was made safe
-
-
 @dataclass(frozen=True)
 class Outcome:
-    """The ending of a cycle program, with the reason in words and the trip that caused it.
+    """How a cycle program ended, with the reason in words and the trip that caused it.
 
     ``stood`` is where the channels stood that the last segment waited for, once it was over.
     """
 
-    ending: Ending
+    severity: Severity
     reason: str = ""
     trip: Trip | None = None
     stood: Mapping[str, float] = field(default_factory=dict, compare=False)
+
+    @property
+    def latched(self) -> bool:
+        """Whether an interlock ended it that stays tripped until a person acknowledges it."""
+        return self.trip is not None and self.trip.interlock.latch
+
+    @property
+    def way_out(self) -> WayOut:
+        """How a run ends that this ends."""
+        return way_out(self.severity, tripped=self.trip is not None, latched=self.latched)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +100,7 @@ class Player:
             value = values[index]
             if not low <= value <= high:
                 return Outcome(
-                    Ending.TRIAL_ENDED,
+                    Severity.END_TRIAL,
                     f"{channel} = {value:.6g} left the trial's limits [{low:.6g}, {high:.6g}]",
                 )
         while True:
@@ -114,7 +112,7 @@ class Player:
             if self._position == len(self._segments) - 1:
                 stood = self._stood(values)
                 self._position += 1
-                return Outcome(Ending.DONE, stood=stood)
+                return Outcome(Severity.DONE, stood=stood)
             self._position += 1
             self._enter(t_ns, wanted)
         if self._moving:
@@ -152,7 +150,7 @@ class Player:
         if where := describe_standing(segment.until, stood):
             reason += f": {where}"
         early = segment.on_timeout is OnTimeout.END_TRIAL
-        return Outcome(Ending.TRIAL_ENDED if early else Ending.FAILED, reason, stood=stood)
+        return Outcome(Severity.END_TRIAL if early else Severity.FAIL, reason, stood=stood)
 
     def _stood(self, values: Sequence[float]) -> Mapping[str, float]:
         """Return the newest value of every channel that the segment under way waits for."""

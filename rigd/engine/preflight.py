@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from rigd.engine.answers import Answers
 from rigd.engine.host import Host
-from rigd.engine.player import Ending, Outcome
+from rigd.engine.player import Outcome
 from rigd.model.errors import Blocked
+from rigd.model.severity import Severity
 from rigd.procedure.program import CompiledProcedure, Prompt
 
 #: Cycles read before arming, so that a dead sensor or a standing trip is seen at rest.
@@ -39,7 +40,7 @@ def preflight(
     if not closed:
         reasons += identity_check(host.identities())
         outcome = host.settle(PREFLIGHT_CYCLES)
-        if outcome is not None and outcome.trip is None and outcome.ending is not Ending.FAULTED:
+        if outcome is not None and outcome.trip is None and outcome.severity is not Severity.FAULT:
             return outcome
         reasons += [] if outcome is None else [outcome.reason]
         reasons += host.unfit()

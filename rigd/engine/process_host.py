@@ -17,16 +17,17 @@ from typing import Final, Protocol, TypeVar
 from rigd.config.rig import RigConfig
 from rigd.engine import messages as m
 from rigd.engine.clock import idle, monotonic_ns
-from rigd.engine.control import Control, Verb
+from rigd.engine.control import Control
 from rigd.engine.cycle import CycleCounters
 from rigd.engine.cycle_link import CycleLink
 from rigd.engine.interlocks import Trip
-from rigd.engine.player import Ending, Outcome
+from rigd.engine.player import Outcome
 from rigd.engine.question import Question
 from rigd.engine.rescue import Rescue, rescue
 from rigd.engine.shared import Phase, RunFolder, Word
 from rigd.engine.slow import Beside
 from rigd.model.errors import RecordingError
+from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded
 from rigd.record.events import NO_TRIAL
 
@@ -98,7 +99,7 @@ class ProcessHost:
         self._watched, self._beside, self._finish = list(watched), beside, finish
         self._rings = folder.row_rings(folder.job)
         self._events = folder.event_ring("daemon")
-        self._asked_for: Verb | None = None
+        self._passed_on: Severity | None = None
         self._lost: Outcome | None = None  #: why nothing is played any more
         self._ahead: CycleProgram | None = None  #: what the cycle plays next by itself
         self._gone = False  #: whether the cycle process was fenced
@@ -171,7 +172,7 @@ class ProcessHost:
     def arm(self) -> Outcome | None:
         """Enable every device, at rest."""
         outcome = self._until(m.Arm(self._next(), self._cycle.heard))
-        return None if outcome is None or outcome.ending is Ending.DONE else outcome
+        return None if outcome is None or outcome.severity is Severity.DONE else outcome
 
     def play(self, program: CycleProgram, then: CycleProgram | None = None) -> Outcome:
         """Play ``program`` to its end and return how it ended; ``then`` follows without a gap."""
@@ -187,7 +188,7 @@ class ProcessHost:
         outcome = self._until(command)
         if outcome is None:
             raise RuntimeError("a program ended without an outcome")
-        if outcome.ending is not Ending.DONE:
+        if outcome.severity is not Severity.DONE:
             self._ahead = None  # it was not begun
         return outcome
 
@@ -287,7 +288,7 @@ class ProcessHost:
         while command.serial not in self._cycle.said:
             if self._gone:
                 return () if self._lost is None else (self._lost.reason,)
-            if heed_stop and self._control.verb is not None:
+            if heed_stop and self._control.asked is not None:
                 self._lose(f"{self._control.reason}, while devices were being opened")
             elif monotonic_ns() > until_ns:
                 what = type(command).__name__
@@ -330,10 +331,10 @@ class ProcessHost:
             self._take_news()
         now = monotonic_ns()
         self._board[Word.BEAT_DAEMON] = now
-        verb = self._control.verb
-        if verb is not None and verb != self._asked_for:
-            self._asked_for = verb
-            self._send(m.Request(0, verb, self._control.reason))
+        asked = self._control.asked
+        if asked is not None and asked != self._passed_on:
+            self._passed_on = asked
+            self._send(m.Request(0, asked, self._control.reason))
         while self._control.acknowledged:
             self._send(m.Acknowledge(0, self._control.acknowledged.popleft()))
         if not self._gone and (death := self._cycle.death()) is not None:
@@ -368,14 +369,14 @@ class ProcessHost:
         found = rescue(self._rig) if self._board[Word.OURS] else Rescue()
         self._rescue_problems = tuple(found.problems)
         whole = "; ".join([reason, *found.done, *found.problems])
-        self._lost = Outcome(Ending.FAULTED, whole)
+        self._lost = Outcome(Severity.FAULT, whole)
         self.event("fault", {"reason": whole})
 
     def _end_by(self, reason: str) -> None:
         """Make the rig safe for a reason that the cycle does not know."""
         self.event("fault", {"reason": reason})
         problems = self._ask(m.MakeSafe(self._next()), recording=False)
-        self._lost = Outcome(Ending.FAULTED, "; ".join([reason, *problems]))
+        self._lost = Outcome(Severity.FAULT, "; ".join([reason, *problems]))
 
     def _check_rings(self) -> None:
         for name, ring in self._rings.items():

@@ -27,8 +27,8 @@ class Progress:
 class RunResult:
     """How a run ended: the final state, why, and the exit code that says so to a script.
 
-    ``ending`` is the word for it that the recording holds and people read: complete, stopped,
-    aborted, estopped, tripped, faulted, incomplete or blocked.
+    ``ending`` is the word for it that the recording holds and people read, one of
+    :mod:`rigd.model.severity`.
     """
 
     state: RunState
@@ -43,20 +43,3 @@ class RunResult:
     missed_cycles: int = 0
     trips: tuple[str, ...] = ()
     problems: tuple[str, ...] = ()  #: what went wrong while making the rig safe
-
-
-def ending_word(code: Exit, state: RunState, *, aborted: bool) -> str:
-    """Return the word for how a run ended."""
-    if state is RunState.ESTOPPED:
-        return "estopped"
-    if state is RunState.BLOCKED:
-        return "blocked"
-    if aborted:
-        return "aborted"
-    words = {
-        Exit.OK: "complete",
-        Exit.STOPPED: "stopped",
-        Exit.TRIPPED: "faulted" if state is RunState.FAULTED else "tripped",
-        Exit.FAILED: "incomplete",
-    }
-    return words.get(code, "faulted")

@@ -15,13 +15,13 @@ from rigd.engine.answers import Answers
 from rigd.engine.asking import Asking, ChangePlant
 from rigd.engine.clock import idle
 from rigd.engine.control import Control
-from rigd.engine.cycle import ENDING_OF_VERB
 from rigd.engine.faults import ShownFaults
 from rigd.engine.host import Host
-from rigd.engine.player import Ending, Outcome
+from rigd.engine.player import Outcome
 from rigd.engine.preflight import IdentityCheck, preflight
-from rigd.engine.result import Progress, RunResult, ending_word
+from rigd.engine.result import Progress, RunResult
 from rigd.model.errors import Blocked, Exit, RigdError
+from rigd.model.severity import BLOCKED, BROKEN, WAYS_OUT, Severity, WayOut
 from rigd.model.states import RunEvent, RunState, next_state
 from rigd.procedure.program import (
     CompiledProcedure,
@@ -35,16 +35,6 @@ from rigd.record.events import NO_TRIAL
 
 #: Beyond this share of missed cycles a recording is not what it looks like.
 MISSED_SHARE = 0.05
-
-
-@dataclass
-class _WayOut(Exception):
-    """Leaves the sequence: why, and whether `finish` may still move the rig."""
-
-    outcome: Outcome
-    exit_code: Exit
-    final: RunEvent
-    may_finish: bool
 
 
 @dataclass
@@ -69,7 +59,6 @@ class Run:
     _trial: TrialPlan | None = None
     _trials_done: int = field(init=False)
     _asking: Asking = field(init=False)
-    _aborted: bool = False
     _incomplete: list[tuple[int, str]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -98,12 +87,14 @@ class Run:
                 rig is safe when this is raised.
         """
         self.host.on_drain = self._look_around
-        reason, code = "interrupted", Exit.INTERNAL
+        way, reason = BROKEN, "interrupted"
         try:
-            reason, code = self._live()
+            way, reason = self._live()
         except RigdError as error:
             reason = error.message
-            if next_state(self.state, RunEvent.FAULT) is not None:
+            if self.state is RunState.BLOCKED:
+                way = BLOCKED
+            elif next_state(self.state, RunEvent.FAULT) is not None:
                 self._to(RunEvent.FAULT)
             raise
         except BaseException as error:
@@ -113,107 +104,107 @@ class Run:
             # In this order: nothing that can fail or take time comes before a safe rig.
             problems = self.host.make_safe()
             try:
-                self._end(ending_word(code, self.state, aborted=self._aborted), reason)
+                self._record_end(way.ending, reason)
             finally:
                 self.host.close()
-        return self._result(reason, code, problems)
+        return self._result(way, reason, problems)
 
-    def _live(self) -> tuple[str, Exit]:
+    def _live(self) -> tuple[WayOut, str]:
+        """Return how the run ended, and why; its state is then final."""
         self._to(RunEvent.CHECK)
+        outcome = self._begin()
+        if outcome is not None:  # nothing has moved, so that there is nothing to finish
+            way, reason = outcome.way_out, outcome.reason
+        else:
+            outcome = self._sequence()
+            way, reason = outcome.way_out, outcome.reason
+            barred = self.host.ends_everything() if way.finishes else ""
+            if barred:
+                way = WAYS_OUT[Severity.FAULT]
+                reason = reason if barred in reason else f"{reason}; {barred}"
+            if way.finishes:
+                way, reason = self._finish(way, reason)
+        self._reach(way)
+        return self._judge(reason) if way.exit_code is Exit.OK else (way, reason)
+
+    def _begin(self) -> Outcome | None:
+        """Check and arm the rig; return why it does not run, or None.
+
+        Raises:
+            Blocked: preflight refuses, and nobody has stopped it.
+        """
+        checks = [*self.extra_checks]
+        if self.faults is not None:
+            checks.append(partial(self.faults.unknown, self.procedure))
         try:
-            checks = [*self.extra_checks]
-            if self.faults is not None:
-                checks.append(partial(self.faults.unknown, self.procedure))
             stopped = preflight(
                 self.host, self.procedure, self.answers, checks, self.identity_check
             )
         except Blocked as error:
-            verb = self.control.verb
-            if verb is None:
+            if self.control.asked is None:
                 self._to(RunEvent.BLOCK)
                 raise
-            stopped = Outcome(ENDING_OF_VERB[verb], f"{self.control.reason} ({error.message})")
+            stopped = Outcome(self.control.asked, f"{self.control.reason} ({error.message})")
         if stopped is not None:
-            return self._end_early(stopped)
+            return stopped
         self._event("run_start", {"procedure": self.procedure.name, "resumed": bool(self.done)})
-        failed = self.host.arm()
-        if failed is not None:
-            return self._end_early(failed)
-        self._to(RunEvent.ARM)
-        self._to(RunEvent.START)
-        reason, code, final = "all trials played", Exit.OK, RunEvent.FINISHED
-        may_finish = True
-        try:
-            self._sequence()
-            self._to(RunEvent.COMPLETE)
-        except _WayOut as out:
-            reason, code, final = out.outcome.reason, out.exit_code, out.final
-            may_finish = out.may_finish
-        barred = self.host.ends_everything()
-        if barred and may_finish:
-            may_finish, code, final = False, Exit.TRIPPED, RunEvent.FAULT
-            reason = reason if barred in reason else f"{reason}; {barred}"
-        elif may_finish and self.state is not RunState.FINISHING:
-            self._to(RunEvent.STOP)
-            self._to(RunEvent.STOPPED)
-        if may_finish:
-            try:
-                self._play_steps(self.procedure.finish, "finish")
-                outcome = self.host.come_to_rest()  # at the rates of the rig file, then safe
-                if outcome is not None:
-                    raise self._way_out(outcome)
-            except _WayOut as out:
-                # What went wrong first is what the operator must hear; worse only adds to it.
-                reason = (
-                    f"{reason}; in finish: {out.outcome.reason}" if code else out.outcome.reason
-                )
-                code = out.exit_code if code in (Exit.OK, Exit.STOPPED) else code
-                final = RunEvent.FINISHED if out.may_finish else out.final
-        if final in (RunEvent.FAULT, RunEvent.ESTOP):
-            self._to(final)
-        elif final is RunEvent.ABORT:
-            self._aborted = True
+        refused = self.host.arm()
+        if refused is None:
+            self._to(RunEvent.ARM)
+            self._to(RunEvent.START)
+        return refused
+
+    def _finish(self, way: WayOut, reason: str) -> tuple[WayOut, str]:
+        """Play `finish`; return how a run ends, and why, that was on ``way`` for ``reason``."""
+        ends = way.exit_code is not Exit.OK
+        for event in (RunEvent.STOP, RunEvent.STOPPED) if ends else (RunEvent.COMPLETE,):
+            self._to(event)
+        outcome = self._play_block(self.procedure.finish, "finish")
+        if outcome.severity is Severity.DONE:
+            at_rest = self.host.come_to_rest()  # at the rates of the rig file, then safe
+            if at_rest is None:
+                return way, reason
+            outcome = at_rest
+        # What went wrong first is what the operator must hear; worse only adds to it.
+        told = f"{reason}; in finish: {outcome.reason}" if ends else outcome.reason
+        return way.then(outcome.way_out), told
+
+    def _reach(self, way: WayOut) -> None:
+        """Go to the final state of ``way``."""
+        if way.state is RunState.FAULTED:
+            self._to(RunEvent.FAULT)
+        elif way.state is RunState.ESTOPPED:
+            self._to(RunEvent.ESTOP)
+        elif not way.finishes:
             self._to(RunEvent.ABORT)
             self._to(RunEvent.SAFE)
         else:
-            self._to(RunEvent.FINISHED)
-        if code is Exit.OK:
-            return self._judge(reason)
-        return reason, code
+            finishing = self.state is RunState.FINISHING
+            self._to(RunEvent.FINISHED if finishing else RunEvent.STOP)
 
-    def _end_early(self, outcome: Outcome) -> tuple[str, Exit]:
-        """End before anything has moved: there is nothing to finish."""
-        out = self._way_out(outcome)
-        if out.final is RunEvent.ABORT:
-            self._aborted = True
-            self._to(RunEvent.ABORT)
-            self._to(RunEvent.SAFE)
-        else:
-            self._to(RunEvent.STOP if out.final is RunEvent.FINISHED else out.final)
-        return outcome.reason, out.exit_code
-
-    def _judge(self, reason: str) -> tuple[str, Exit]:
+    def _judge(self, reason: str) -> tuple[WayOut, str]:
         """Return what to call a run that came to its end but is not what was asked for."""
+        incomplete = WAYS_OUT[Severity.FAIL]
         counters = self.host.counters
         if counters.missed > MISSED_SHARE * (counters.cycles + counters.missed):
             share = 100 * counters.missed / (counters.cycles + counters.missed)
-            return f"{share:.0f} % of the cycles were missed: run at a lower pace", Exit.FAILED
+            return incomplete, f"{share:.0f} % of the cycles were missed: run at a lower pace"
         if self._incomplete:
             early = len(self._incomplete)
-            return f"{early} of {len(self.procedure.trials)} trials ended early", Exit.FAILED
-        return reason, Exit.OK
+            return incomplete, f"{early} of {len(self.procedure.trials)} trials ended early"
+        return WAYS_OUT[Severity.DONE], reason
 
-    def _sequence(self) -> None:
-        self._play_steps(self.procedure.prepare, "prepare")
+    def _sequence(self) -> Outcome:
+        """Play `prepare` and the trials, up to what ends the run."""
+        outcome = self._play_block(self.procedure.prepare, "prepare")
         for trial in self.procedure.trials:
-            if trial.number in self.done:
-                continue
-            self._between_trials()
-            barred = self.host.ends_everything()
-            if barred:
-                raise self._way_out(Outcome(Ending.FAULTED, barred))
-            self._play_trial(trial)
-            self._trials_done += 1
+            if outcome.severity is not Severity.DONE:
+                return outcome
+            if trial.number not in self.done:
+                outcome = self._between_trials() or self._play_trial(trial)
+        if outcome.severity is not Severity.DONE:
+            return outcome
+        return Outcome(Severity.DONE, "all trials played")
 
     def _look_around(self) -> None:
         """Between two cycles: show progress, and show that a pause was asked for."""
@@ -224,25 +215,28 @@ class Run:
         else:
             self.watch(self.progress)
 
-    def _between_trials(self) -> None:
-        """Wait here while a pause is wanted; end here where no trial is to follow."""
+    def _between_trials(self) -> Outcome | None:
+        """Wait here while a pause is wanted; return why no trial follows, or None."""
         if self.control.pauses:
             if self.state is RunState.RUNNING:
                 self._to(RunEvent.PAUSE)
             self._to(RunEvent.TRIAL_ENDED)
             outcome = self.host.rest_while(self._still_paused)
             if outcome is not None:
-                raise self._way_out(outcome)
+                return outcome
             self._to(RunEvent.RESUME)
         if self.control.last_trial:
-            raise self._way_out(Outcome(Ending.STOPPED, self.control.last_trial))
+            return Outcome(Severity.STOP, self.control.last_trial)
+        barred = self.host.ends_everything()
+        return Outcome(Severity.FAULT, barred) if barred else None
 
     def _still_paused(self) -> bool:
         if self.host.virtual:
             idle(0.05)
         return self.control.pauses
 
-    def _play_trial(self, trial: TrialPlan) -> None:
+    def _play_trial(self, trial: TrialPlan) -> Outcome:
+        """Play a trial and what follows it; return DONE where the next one may follow."""
         self._trial = trial
         self.host.trial = trial.number
         parameters = dict(trial.parameters)
@@ -258,31 +252,30 @@ class Run:
         complete, reason = False, "interrupted"
         try:
             outcome = self._play(trial.steps, trial.after)
-            complete = outcome.ending is Ending.DONE
+            complete = outcome.severity is Severity.DONE
             reason = outcome.reason or "all steps played"
-            ends_run = outcome.trip is not None and outcome.trip.interlock.latch
-            if outcome.ending is Ending.TRIAL_ENDED and not ends_run:
+            if outcome.severity is Severity.END_TRIAL and not outcome.latched:
                 self._incomplete.append((trial.number, outcome.reason))
-            elif outcome.ending is not Ending.DONE:
-                raise self._way_out(outcome)
-            self._play_steps(trial.after, "after")
-        except _WayOut as out:
-            complete, reason = False, out.outcome.reason
-            raise
+            elif not complete:
+                return outcome
+            outcome = self._play_block(trial.after, "after")
+            if outcome.severity is not Severity.DONE:
+                complete, reason = False, outcome.reason
+                return outcome
+            self._trials_done += 1
+            return outcome
         finally:
             self.host.drain()
             self._event("trial_end", {"complete": complete, "reason": reason})
             self._trial = None
             self.host.trial = NO_TRIAL
 
-    def _play_steps(self, steps: Sequence[Step], block: str) -> None:
+    def _play_block(self, steps: Sequence[Step], block: str) -> Outcome:
         """Play a block in which nothing may end early."""
         outcome = self._play(steps)
-        if outcome.ending is Ending.DONE:
-            return
-        if outcome.ending is Ending.TRIAL_ENDED:
-            outcome = Outcome(Ending.FAILED, f"{block}: {outcome.reason}", outcome.trip)
-        raise self._way_out(outcome)
+        if outcome.severity is Severity.END_TRIAL:
+            return Outcome(Severity.FAIL, f"{block}: {outcome.reason}", outcome.trip)
+        return outcome
 
     def _play(self, steps: Sequence[Step], after: Sequence[Step] = ()) -> Outcome:
         """Play ``steps``; the first of ``after`` follows the last one without a gap."""
@@ -298,9 +291,9 @@ class Run:
             else:
                 then = following if isinstance(following, CycleProgram) else None
                 outcome = self.host.play(step, then)
-                if outcome.ending is not Ending.DONE:
+                if outcome.severity is not Severity.DONE:
                     return outcome
-        return Outcome(Ending.DONE)
+        return Outcome(Severity.DONE)
 
     def _show(self, fault: Fault) -> Outcome | None:
         """Let a simulated device show a fault; the setpoints stay as they are."""
@@ -309,30 +302,9 @@ class Run:
         try:
             self.faults.show(fault)
         except ValueError as error:
-            return Outcome(Ending.FAILED, f"fault {fault.fault!r} of {fault.part}: {error}")
+            return Outcome(Severity.FAIL, f"fault {fault.fault!r} of {fault.part}: {error}")
         self._event("fault_shown", asdict(fault))
         return None
-
-    def _way_out(self, outcome: Outcome) -> _WayOut:
-        """Return where ``outcome`` leads, and whether the rig may still be moved."""
-        trip = outcome.trip
-        latched = trip is not None and trip.interlock.latch
-        match outcome.ending:
-            case Ending.FAULTED:
-                return _WayOut(outcome, Exit.TRIPPED, RunEvent.FAULT, may_finish=False)
-            case Ending.ESTOPPED:
-                code = Exit.STOPPED if trip is None else Exit.TRIPPED
-                return _WayOut(outcome, code, RunEvent.ESTOP, may_finish=False)
-            case Ending.ABORTED:
-                code = Exit.STOPPED if trip is None else Exit.TRIPPED
-                return _WayOut(outcome, code, RunEvent.ABORT, may_finish=False)
-            case Ending.STOPPED if trip is None:
-                return _WayOut(outcome, Exit.STOPPED, RunEvent.FINISHED, may_finish=True)
-            case Ending.STOPPED | Ending.TRIAL_ENDED | Ending.FAILED if trip is not None:
-                final = RunEvent.FAULT if latched else RunEvent.FINISHED
-                return _WayOut(outcome, Exit.TRIPPED, final, may_finish=not latched)
-            case _:
-                return _WayOut(outcome, Exit.FAILED, RunEvent.FINISHED, may_finish=True)
 
     def _to(self, event: RunEvent) -> None:
         """Move on in the table of states; an event the table refuses is a bug here."""
@@ -346,7 +318,7 @@ class Run:
     def _event(self, kind: str, data: Mapping[str, object]) -> None:
         self.host.event(kind, data)
 
-    def _end(self, ending: str, reason: str) -> None:
+    def _record_end(self, ending: str, reason: str) -> None:
         """Record how the run ended, as far as the sink still takes anything."""
         self.host.drain()
         self._event(
@@ -362,12 +334,12 @@ class Run:
             },
         )
 
-    def _result(self, reason: str, code: Exit, problems: Sequence[str]) -> RunResult:
+    def _result(self, way: WayOut, reason: str, problems: Sequence[str]) -> RunResult:
         return RunResult(
             self.state,
-            ending_word(code, self.state, aborted=self._aborted),
+            way.ending,
             reason,
-            Exit.TRIPPED if problems else code,
+            Exit.TRIPPED if problems else way.exit_code,
             self._trials_done,
             len(self.procedure.trials),
             self.progress.run_s,
@@ -375,7 +347,7 @@ class Run:
             self.host.counters.cycles,
             self.host.counters.missed,
             tuple(
-                f"{trip.interlock.name} ({trip.interlock.action.name.lower()}): {trip.reason}"
+                f"{trip.interlock.name} ({trip.interlock.action.word}): {trip.reason}"
                 + (f" - {trip.message}" if trip.message else "")
                 for trip in self.host.trips
             ),

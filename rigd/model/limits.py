@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum, auto
 
+from rigd.model.severity import Severity
+
 
 @dataclass(frozen=True)
 class SetpointLimit:
@@ -19,16 +21,6 @@ class SetpointLimit:
     high: float
     rate: float = math.inf
     rest: float = 0.0
-
-
-class Action(IntEnum):
-    """What an interlock does when it trips; each is more severe than the one before."""
-
-    WARN = auto()  #: record and show it
-    END_TRIAL = auto()  #: end this trial, go on with the next
-    STOP = auto()  #: controlled stop of the run
-    ABORT = auto()  #: setpoints to rest now, nothing else follows
-    ESTOP = auto()  #: ask for power to drop at once
 
 
 class Priority(IntEnum):
@@ -59,5 +51,5 @@ class Interlock:
     stale_after_s: float = 0.05
     latch: bool = False
     priority: Priority = Priority.MEDIUM
-    action: Action = Action.STOP
+    action: Severity = Severity.STOP  #: from WARN to ESTOP
     message: str = ""

@@ -10,7 +10,7 @@ from rigd.config.document import Path_
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
-from rigd.model.limits import Action
+from rigd.model.severity import Severity
 from rigd.model.units import format_quantity
 from rigd.procedure.expression import Scope
 from rigd.procedure.program import Comparison, Condition, StatusCondition, TrialLimit, Until
@@ -161,7 +161,7 @@ def check_reachable(
         if limit.channel == condition.channel
     ]
     for lock in rig.interlocks:
-        if lock.source == condition.channel and lock.action > Action.WARN:
+        if lock.source == condition.channel and lock.action > Severity.WARN:
             low = lock.low if isinstance(lock.low, float) else -math.inf
             high = lock.high if isinstance(lock.high, float) else math.inf
             barriers.append((low, high, f"interlock {lock.name} keeps it"))

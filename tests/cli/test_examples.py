@@ -20,8 +20,9 @@ from support.wire import free_ports
 from rigd.cli.main import COMMANDS, build_parser, main
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, perform
-from rigd.engine.control import Control, Verb
+from rigd.engine.control import Control
 from rigd.engine.result import Progress
+from rigd.model.severity import Severity
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.sdk.shipped import shipped_folder
@@ -259,7 +260,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
         def stop_in_first_trial(progress: Progress) -> None:
             if progress.trial is not None:
-                control.request(Verb.STOP, "stopped by a person")
+                control.request(Severity.STOP, "stopped by a person")
 
         assert perform(interrupted, control, watch=stop_in_first_trial).result.exit_code == 5
     return folder

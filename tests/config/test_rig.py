@@ -10,7 +10,8 @@ from support.grid import PlantGrid
 
 from rigd.config.loader import load_rig, parse_rig
 from rigd.model import ConfigError
-from rigd.model.limits import Action, Priority, SetpointLimit
+from rigd.model.limits import Priority, SetpointLimit
+from rigd.model.severity import Severity
 
 Spoil = Callable[[str, str], str]
 FILE = Path("rig.yaml")
@@ -36,7 +37,7 @@ def test_shipped_rig(rig_path: Path) -> None:
     assert rig.setpoint("wheel_servo.current") is not None
     assert rig.channel("wheel_servo.nothing") is None
     near = next(one for one in rig.interlocks if one.name == "overrun_near")
-    assert (near.low, near.high, near.action) == (-0.04, None, Action.ABORT)
+    assert (near.low, near.high, near.action) == (-0.04, None, Severity.ABORT)
     assert near.priority is Priority.CRITICAL
     assert rig.constants["wheel_radius"].value == pytest.approx(0.05)
     assert rig.source.text == rig_path.read_text()

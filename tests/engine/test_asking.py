@@ -11,10 +11,10 @@ import pytest
 from support.bench import Axis, Bench, move, procedure
 
 from rigd.engine.answers import Answers, OwnAnswers
-from rigd.engine.control import Verb
 from rigd.engine.result import Progress, RunResult
 from rigd.engine.run import Run
 from rigd.model.errors import Exit
+from rigd.model.severity import Severity
 from rigd.procedure.program import (
     Agreement,
     Answer,
@@ -229,7 +229,7 @@ def test_a_question_that_something_else_has_ended_is_withdrawn() -> None:
     bench, asked = Bench(), threading.Event()
 
     def wait() -> Answer:
-        bench.control.request(Verb.STOP, "button")
+        bench.control.request(Severity.STOP, "button")
         asked.wait(30)
         return True
 
@@ -246,7 +246,7 @@ def test_a_person_can_stop_while_the_rig_is_looked_at() -> None:
 
     def press(progress: Progress) -> None:
         if progress.step == "load":
-            bench.control.request(Verb.STOP, "button")
+            bench.control.request(Severity.STOP, "button")
 
     made.watch = press
     result = made.execute()

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from support.bench import Axis, Bench, move
 
 from rigd.engine.cycle import MOST_TRIPS
-from rigd.engine.player import Ending
 from rigd.model.errors import DeviceError
-from rigd.model.limits import Action, Interlock, SetpointLimit
+from rigd.model.limits import Interlock, SetpointLimit
+from rigd.model.severity import STOPS, Severity
 from rigd.procedure.profiles import Chirp, Constant, Profile, Ramp, Sine
 from rigd.procedure.program import CycleProgram, Segment
 
@@ -64,15 +64,15 @@ def test_a_row_of_another_width_is_a_fault_and_moves_no_other_value(row: tuple[f
     before = host.cycle.readings()
     bench.axis.answer = lambda _: row
     outcome = host.play(move("go", 1.0))
-    assert outcome.ending is Ending.FAULTED
+    assert outcome.severity is Severity.FAULT
     assert f"axis gave a row of {len(row)} values, expected 2" in outcome.reason
     assert host.cycle.readings().keys() == before.keys()
     assert bench.axis.safe_calls == 1
 
 
 def test_a_value_that_trembles_at_its_limit_fills_no_memory() -> None:
-    light = Interlock("light", "axis.load", high=1.0, action=Action.WARN)
-    heavy = Interlock("heavy", "axis.load", high=3.0, action=Action.ABORT, latch=True)
+    light = Interlock("light", "axis.load", high=1.0, action=Severity.WARN)
+    heavy = Interlock("heavy", "axis.load", high=3.0, action=Severity.ABORT, latch=True)
     bench = Bench(interlocks=(light, heavy))
     host = bench.host()
     loads = (0.5 + t_ns // 1_000_000 % 2 for t_ns in range(0, 10**12, 1_000_000))
@@ -81,55 +81,49 @@ def test_a_value_that_trembles_at_its_limit_fills_no_memory() -> None:
     assert len(host.trips) == MOST_TRIPS
     assert bench.sink.kinds().count("interlock") == 500
     bench.axis.answer = lambda _: (0.0, 4.0)
-    assert host.play(move("go", 1.0)).ending is Ending.ABORTED
+    assert host.play(move("go", 1.0)).severity is Severity.ABORT
     assert "heavy is latched" in host.ends_everything()
 
 
 def test_each_interlock_action_takes_its_way_out() -> None:
-    expected = {
-        Action.END_TRIAL: Ending.TRIAL_ENDED,
-        Action.STOP: Ending.STOPPED,
-        Action.ABORT: Ending.ABORTED,
-        Action.ESTOP: Ending.ESTOPPED,
-    }
-    for action, ending in expected.items():
+    for action in (Severity.END_TRIAL, *STOPS):
         bench = Bench(interlocks=(Interlock("far", "axis.position", high=0.05, action=action),))
         outcome = bench.host().play(move("go", 1.0, 1.0))
-        assert outcome.ending is ending
+        assert outcome.severity is action
         assert bench.axis.speed == 0.0
         # 1 m/s for 50 ms, 10 ms to reach that speed, 10 ms to leave it.
         assert bench.axis.position < 0.07
 
 
 def test_a_warning_lets_the_program_play_on() -> None:
-    warn = Interlock("far", "axis.position", high=0.05, action=Action.WARN)
+    warn = Interlock("far", "axis.position", high=0.05, action=Severity.WARN)
     bench = Bench(interlocks=(warn,))
-    assert bench.host().play(move("go", 1.0, 0.2)).ending is Ending.DONE
+    assert bench.host().play(move("go", 1.0, 0.2)).severity is Severity.DONE
     assert bench.sink.kinds().count("interlock") == 1
 
 
 def test_the_more_severe_of_two_trips_wins() -> None:
     bench = Bench(
         interlocks=(
-            Interlock("a", "axis.position", high=0.05, action=Action.STOP),
-            Interlock("b", "axis.position", high=0.051, action=Action.ESTOP),
+            Interlock("a", "axis.position", high=0.05, action=Severity.STOP),
+            Interlock("b", "axis.position", high=0.051, action=Severity.ESTOP),
         )
     )
-    assert bench.host().play(move("go", 1.0, 1.0)).ending is Ending.ESTOPPED
+    assert bench.host().play(move("go", 1.0, 1.0)).severity is Severity.ESTOP
     assert bench.axis.safe_calls == 1
 
 
 def test_nan_and_stale_readings_trip_in_the_cycle() -> None:
-    alive = Interlock("alive", "axis.load", action=Action.ABORT, stale_after_s=0.005)
+    alive = Interlock("alive", "axis.load", action=Severity.ABORT, stale_after_s=0.005)
     nan = Bench(interlocks=(alive,))
     nan.axis.answer = lambda t_ns: (nan.axis.position, math.nan)
-    assert nan.host().play(move("go", 1.0)).ending is Ending.ABORTED
+    assert nan.host().play(move("go", 1.0)).severity is Severity.ABORT
 
     silent = Bench(interlocks=(alive,))
     rows = iter([(0.0, 1.0)] * 10)
     silent.axis.answer = lambda t_ns: next(rows, None)
     outcome = silent.host().play(move("go", 1.0, 1.0))
-    assert outcome.ending is Ending.ABORTED
+    assert outcome.severity is Severity.ABORT
     assert "stale" in outcome.reason
     assert silent.axis.speed == 0.0
 
@@ -139,7 +133,7 @@ def test_a_device_that_falls_silent_is_a_fault_even_unwatched() -> None:
     rows = iter([(0.0, 1.0)] * 10)
     bench.axis.answer = lambda t_ns: next(rows, None)
     outcome = bench.host().play(move("go", 1.0, 5.0))
-    assert outcome.ending is Ending.FAULTED
+    assert outcome.severity is Severity.FAULT
     assert outcome.reason.startswith("axis gave no row for 100 ms (check its supply")
     assert bench.axis.safe_calls == 1
 
@@ -153,7 +147,7 @@ def test_a_device_fault_makes_every_device_safe() -> None:
     bench.axis.answer = fail
     outcome = bench.host().play(move("go", 1.0))
     told = "axis: over-temperature (let it cool)"
-    assert (outcome.ending, outcome.reason) == (Ending.FAULTED, told)
+    assert (outcome.severity, outcome.reason) == (Severity.FAULT, told)
     # The first device refuses to be made safe; the axis is made safe all the same.
     assert (bench.other.safe_calls, bench.axis.safe_calls) == (1, 1)
     assert any("relay welded" in str(data) for _, _, _, data in bench.sink.events)
@@ -169,5 +163,5 @@ class DeafAxis(Axis):
 def test_a_device_that_refuses_a_setpoint_is_a_fault() -> None:
     bench = Bench(axis=DeafAxis())
     outcome = bench.host().play(move("go", 1.0))
-    assert (outcome.ending, outcome.reason) == (Ending.FAULTED, "axis: heartbeat lost")
+    assert (outcome.severity, outcome.reason) == (Severity.FAULT, "axis: heartbeat lost")
     assert bench.axis.safe_calls == 1

@@ -15,11 +15,11 @@ from rigd.engine.clock import VirtualClock
 from rigd.engine.control import Control
 from rigd.engine.in_process import InProcessHost
 from rigd.engine.plant_blocks import PlantBlocks
-from rigd.engine.player import Ending
 from rigd.engine.sink import Rows
 from rigd.engine.wiring import streams_of, wire
 from rigd.model.errors import Blocked
-from rigd.model.limits import Action, Interlock
+from rigd.model.limits import Interlock
+from rigd.model.severity import Severity
 from rigd.procedure.program import (
     Comparison,
     Condition,
@@ -83,7 +83,7 @@ def end(host: InProcessHost) -> None:
 
 def test_every_row_is_recorded_once_at_its_own_time(tmp_path: Path) -> None:
     host, kept, _ = host_of(rig(PlantGrid, tmp_path))
-    assert host.play(waits("go", seconds=2.5)).ending is Ending.DONE
+    assert host.play(waits("go", seconds=2.5)).severity is Severity.DONE
     end(host)
     rows = kept.all("grid")
     assert np.array_equal(rows["number"], np.arange(len(rows)))
@@ -97,7 +97,7 @@ def test_every_row_is_recorded_once_at_its_own_time(tmp_path: Path) -> None:
 def test_time_may_begin_at_zero(tmp_path: Path) -> None:
     """As it does in a dry run."""
     host, kept, _ = host_of(rig(PlantGrid, tmp_path), start_ns=0)
-    assert host.play(waits("go")).ending is Ending.DONE
+    assert host.play(waits("go")).severity is Severity.DONE
     end(host)
     rows = kept.all("grid")
     assert np.array_equal(rows["t_ns"], np.arange(len(rows)) * ROW_NS)
@@ -105,7 +105,7 @@ def test_time_may_begin_at_zero(tmp_path: Path) -> None:
 
 def test_blocks_shorter_than_a_cycle_do_not_pile_up(tmp_path: Path) -> None:
     host, kept, _ = host_of(rig(PlantGrid, tmp_path, rows=1, row_ns=100_000, latency_ns=0))
-    assert host.play(waits("go")).ending is Ending.DONE
+    assert host.play(waits("go")).severity is Severity.DONE
     end(host)
     rows, cycles = kept.all("grid"), kept.all("cycle")
     assert np.array_equal(rows["number"], np.arange(len(rows)))
@@ -114,7 +114,7 @@ def test_blocks_shorter_than_a_cycle_do_not_pile_up(tmp_path: Path) -> None:
 
 def test_rows_are_thinned_as_asked(tmp_path: Path) -> None:
     host, kept, _ = host_of(rig(PlantGrid, tmp_path), {"grid": Recorded(7), "cycle": Recorded()})
-    assert host.play(waits("go")).ending is Ending.DONE
+    assert host.play(waits("go")).severity is Severity.DONE
     end(host)
     rows = kept.all("grid")
     assert np.array_equal(rows["number"], 7 * np.arange(len(rows)))
@@ -124,7 +124,7 @@ def test_what_is_not_recorded_is_seen_all_the_same(tmp_path: Path) -> None:
     host, kept, _ = host_of(rig(PlantGrid, tmp_path), {"cycle": Recorded()})
     reached = Condition("grid.number", Comparison.ABOVE, 100.0)
     program = CycleProgram((Segment("go", until=((reached,),), timeout_s=10.0),))
-    assert host.play(program).ending is Ending.DONE
+    assert host.play(program).severity is Severity.DONE
     end(host)
     assert list(kept.rows) == ["cycle"]
 
@@ -138,7 +138,7 @@ def test_the_cycle_sees_the_row_that_the_driver_shows_as_soon_as_the_block_is_th
     program = CycleProgram(
         (Segment("go", until=((reached,),), timeout_s=10.0), Segment("stop", duration_s=0.01))
     )
-    assert host.play(program).ending is Ending.DONE
+    assert host.play(program).severity is Severity.DONE
     end(host)
     last_of_block = 99 if seen == -1 else 109  # the first block whose row seen is above 94
     there_ns = START_NS + last_of_block * ROW_NS + LATENCY_NS
@@ -147,21 +147,21 @@ def test_the_cycle_sees_the_row_that_the_driver_shows_as_soon_as_the_block_is_th
 
 def test_what_the_cycle_sees_is_as_old_as_the_sample_not_as_its_arrival(tmp_path: Path) -> None:
     """The newest row is at least 3 ms old when it comes, and up to 7.5 ms before the next does."""
-    for stale_s, ending in ((0.0076, Ending.DONE), (0.006, Ending.TRIAL_ENDED)):
+    for stale_s, ending in ((0.0076, Severity.DONE), (0.006, Severity.END_TRIAL)):
         fresh = Interlock(
-            "fresh", "grid.number", action=Action.END_TRIAL, stale_after_s=stale_s, latch=False
+            "fresh", "grid.number", action=Severity.END_TRIAL, stale_after_s=stale_s, latch=False
         )
         host, _, _ = host_of(rig(PlantGrid, tmp_path, interlocks=(fresh,)))
         outcome = host.play(waits("go", seconds=0.2))
-        assert outcome.ending is ending, outcome
+        assert outcome.severity is ending, outcome
         end(host)
 
 
 def test_blocks_that_stop_coming_trip_what_watches_them(tmp_path: Path) -> None:
-    fresh = Interlock("fresh", "grid.number", action=Action.ABORT, stale_after_s=0.05)
+    fresh = Interlock("fresh", "grid.number", action=Severity.ABORT, stale_after_s=0.05)
     host, kept, _ = host_of(rig(PlantGrid, tmp_path, interlocks=(fresh,), blocks=20))
     outcome = host.play(waits("go", seconds=1.0))
-    assert outcome.ending is Ending.ABORTED
+    assert outcome.severity is Severity.ABORT
     assert "grid.number is stale: its last row is 50 ms old" in outcome.reason
     end(host)
     assert kept.all("grid")["number"][-1] == 199
@@ -173,7 +173,7 @@ def test_blocks_that_stop_coming_trip_what_watches_them(tmp_path: Path) -> None:
 def test_blocks_that_stop_coming_are_a_fault_in_the_end(tmp_path: Path) -> None:
     host, _, _ = host_of(rig(PlantGrid, tmp_path, blocks=20))
     outcome = host.play(waits("go", seconds=5.0))
-    assert outcome.ending is Ending.FAULTED
+    assert outcome.severity is Severity.FAULT
     assert "grid gave no row for 1000 ms" in outcome.reason
     end(host)
 
@@ -201,7 +201,7 @@ def test_a_row_ahead_of_the_plant_is_refused(tmp_path: Path) -> None:
     assert host.open() == []
     outcome = host.settle(10)
     assert outcome is not None
-    assert outcome.ending is Ending.FAULTED
+    assert outcome.severity is Severity.FAULT
     assert "the driver gave a row that is 0.09" in outcome.reason
 
 
@@ -219,7 +219,7 @@ def test_only_what_was_taken_during_the_steps_is_recorded(tmp_path: Path) -> Non
             Segment("back", duration_s=0.1),
         )
     )
-    assert host.play(first).ending is Ending.DONE
+    assert host.play(first).severity is Severity.DONE
     end(host)
     begun = kept.entered()
     taken = START_NS + ROW_NS * np.arange(2000)
@@ -232,8 +232,8 @@ def test_only_what_was_taken_during_the_steps_is_recorded(tmp_path: Path) -> Non
 def test_a_program_that_follows_at_once_leaves_no_gap(tmp_path: Path) -> None:
     record = {"grid": Recorded(1, frozenset({"drive", "stopped"})), "cycle": Recorded()}
     host, kept, _ = host_of(rig(PlantGrid, tmp_path), record)
-    assert host.play(waits("before", "drive", seconds=0.02)).ending is Ending.DONE
-    assert host.play(waits("stopped", "after", seconds=0.02)).ending is Ending.DONE
+    assert host.play(waits("before", "drive", seconds=0.02)).severity is Severity.DONE
+    assert host.play(waits("stopped", "after", seconds=0.02)).severity is Severity.DONE
     end(host)
     numbers = kept.all("grid")["number"]
     assert np.array_equal(np.diff(numbers), np.ones(len(numbers) - 1))
@@ -247,7 +247,7 @@ def test_what_was_taken_last_is_recorded_as_the_run_ends(tmp_path: Path) -> None
     during = Recorded(1, frozenset({"go"}))
     quick = rig(PlantGrid, tmp_path, rows=1, latency_ns=0)
     host, kept, _ = host_of(quick, {"grid": during, "cycle": during})
-    assert host.play(waits("go")).ending is Ending.DONE
+    assert host.play(waits("go")).severity is Severity.DONE
     end(host)
     rows = kept.all("grid")
     assert rows["t_ns"][0] == kept.entered()["go"]
@@ -255,10 +255,10 @@ def test_what_was_taken_last_is_recorded_as_the_run_ends(tmp_path: Path) -> None
 
 
 def test_a_way_out_closes_the_window(tmp_path: Path) -> None:
-    far = Interlock("far", "grid.number", high=300.0, action=Action.END_TRIAL, stale_after_s=1.0)
+    far = Interlock("far", "grid.number", high=300.0, action=Severity.END_TRIAL, stale_after_s=1.0)
     record = {"grid": Recorded(1, frozenset({"drive"})), "cycle": Recorded(1, frozenset({"drive"}))}
     host, kept, _ = host_of(rig(PlantGrid, tmp_path, interlocks=(far,)), record)
-    assert host.play(waits("drive", seconds=5.0)).ending is Ending.TRIAL_ENDED
+    assert host.play(waits("drive", seconds=5.0)).severity is Severity.END_TRIAL
     assert host.settle(50) is None
     end(host)
     (tripped,) = [t_ns for t_ns, kind, _ in kept.events if kind == "interlock"]

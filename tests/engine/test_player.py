@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from rigd.engine.player import Ending, Outcome, Player
+from rigd.engine.player import Outcome, Player
+from rigd.model.severity import Severity
 from rigd.procedure.profiles import Constant, Ramp
 from rigd.procedure.program import (
     Comparison,
@@ -51,7 +52,7 @@ def test_an_end_condition_acts_in_the_cycle_that_sees_it() -> None:
     )
     history, outcome = play(program, [(0, 0), (0.4, 0), (0.6, 0), (0.6, 0), (0.6, 0)])
     assert [u for u, _ in history] == [1.0, 1.0, 0.0, 0.0]
-    assert outcome == Outcome(Ending.DONE)
+    assert outcome == Outcome(Severity.DONE)
 
 
 def test_setpoints_not_named_keep_their_value_and_profiles_start_from_what_held() -> None:
@@ -69,7 +70,7 @@ def test_a_condition_held_for_a_time_starts_anew_when_broken() -> None:
     segment = Segment("s", until=((above(0.5, for_s=0.002),),), timeout_s=1.0)
     xs = [1, 1, 0, 1, 1, 1, 1]
     history, outcome = play(CycleProgram((segment,)), [(x, 0) for x in xs])
-    assert outcome == Outcome(Ending.DONE)
+    assert outcome == Outcome(Severity.DONE)
     assert len(history) == 5
 
 
@@ -77,9 +78,9 @@ def test_any_row_of_all_conditions() -> None:
     low_y = Condition("a.y", Comparison.BELOW, 0.1, magnitude=True)
     segment = Segment("s", until=((above(0.5), low_y), (above(9.0),)), timeout_s=1.0)
     both, outcome = play(CycleProgram((segment,)), [(1, -1), (1, -0.05)])
-    assert (len(both), outcome) == (1, Outcome(Ending.DONE))
+    assert (len(both), outcome) == (1, Outcome(Severity.DONE))
     other, outcome = play(CycleProgram((segment,)), [(1, 1), (10, 1)])
-    assert (len(other), outcome) == (1, Outcome(Ending.DONE))
+    assert (len(other), outcome) == (1, Outcome(Severity.DONE))
 
 
 def test_nan_meets_no_end_condition() -> None:
@@ -96,10 +97,10 @@ def test_timeout_fails_ends_the_trial_or_goes_on_as_the_segment_says() -> None:
         assert outcome is not None
         endings[on_timeout] = outcome
     assert endings[OnTimeout.FAIL] == Outcome(
-        Ending.FAILED, "step 'home' did not end within 0.002 s: a.x is 0"
+        Severity.FAIL, "step 'home' did not end within 0.002 s: a.x is 0"
     )
-    assert endings[OnTimeout.END_TRIAL].ending is Ending.TRIAL_ENDED
-    assert endings[OnTimeout.NEXT].ending is Ending.DONE
+    assert endings[OnTimeout.END_TRIAL].severity is Severity.END_TRIAL
+    assert endings[OnTimeout.NEXT].severity is Severity.DONE
 
 
 def test_a_trial_limit_ends_the_trial_and_so_does_nan() -> None:
@@ -107,12 +108,12 @@ def test_a_trial_limit_ends_the_trial_and_so_does_nan() -> None:
     for bad in (1.5, -1.5, float("nan")):
         outcome = play(program, [(0, 0), (bad, 0)])[1]
         assert outcome is not None
-        assert outcome.ending is Ending.TRIAL_ENDED
+        assert outcome.severity is Severity.END_TRIAL
         assert "a.x" in outcome.reason
 
 
 def test_an_empty_program_is_done_at_once() -> None:
-    assert play(CycleProgram(()), [(0, 0)]) == ([], Outcome(Ending.DONE))
+    assert play(CycleProgram(()), [(0, 0)]) == ([], Outcome(Severity.DONE))
 
 
 @pytest.mark.parametrize(("wanted", "ends_after"), [(True, 3), (False, 1)])
@@ -123,7 +124,7 @@ def test_a_word_of_a_status_counts_once_the_device_has_given_one(
     program = CycleProgram((Segment("settle", until=((stable,),), timeout_s=1.0),))
     rows = [(0.0, float("nan")), (0.0, 1.0), (0.0, 5.0), (0.0, 3.0)]
     history, outcome = play(program, rows)
-    assert (len(history), outcome) == (ends_after, Outcome(Ending.DONE))
+    assert (len(history), outcome) == (ends_after, Outcome(Severity.DONE))
 
 
 def test_an_outcome_says_where_the_channels_stood_that_were_waited_for() -> None:

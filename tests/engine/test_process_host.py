@@ -17,13 +17,14 @@ from support.stalls import witnessed
 
 from rigd.config.rig import RigConfig, Waiver
 from rigd.engine import process_host
-from rigd.engine.control import Control, Verb
-from rigd.engine.player import Ending, Outcome
+from rigd.engine.control import Control
+from rigd.engine.player import Outcome
 from rigd.engine.process_host import ProcessHost
 from rigd.engine.shared import Job, RunFolder, Word
 from rigd.engine.wiring import streams_of
 from rigd.model.errors import Blocked, RecordingError
-from rigd.model.limits import Action, Interlock
+from rigd.model.limits import Interlock
+from rigd.model.severity import Severity
 from rigd.procedure.profiles import Constant
 from rigd.procedure.program import CycleProgram, Recorded, Segment, TrialLimit
 
@@ -94,8 +95,8 @@ def while_moving(host: ProcessHost, path: Path, act: Callable[[], object]) -> Ou
 def test_a_program_is_played_and_every_cycle_recorded(tmp_path: Path) -> None:
     with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, _):
         ready(host)
-        assert host.play(move(0.5)).ending is Ending.DONE
-        assert host.play(move(-0.5)).ending is Ending.DONE
+        assert host.play(move(0.5)).severity is Severity.DONE
+        assert host.play(move(-0.5)).severity is Severity.DONE
         assert host.ends_everything() == ""
         assert host.make_safe() == ()
         assert word(tmp_path / "axis") == "safe"
@@ -114,7 +115,7 @@ def test_setpoints_are_held_between_two_programs(tmp_path: Path) -> None:
     with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, _):
         ready(host)
         for _ in range(5):
-            assert host.play(move(0.5, 0.05)).ending is Ending.DONE
+            assert host.play(move(0.5, 0.05)).severity is Severity.DONE
         host.make_safe()
         speeds = folder.row_rings(folder.job)["axis"].peek()["speed_setpoint"]
         moving = speeds.nonzero()[0]
@@ -126,14 +127,14 @@ def test_what_follows_begins_in_the_next_cycle_whatever_the_daemon_does(tmp_path
     with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, _):
         ready(host)
         brake = move(-0.5, 0.6)
-        assert host.play(move(1.0, 0.2), brake).ending is Ending.DONE
+        assert host.play(move(1.0, 0.2), brake).severity is Severity.DONE
         time.sleep(0.3)  # the daemon is away
-        assert host.play(brake).ending is Ending.DONE
+        assert host.play(brake).severity is Severity.DONE
         # Where it is over before anybody asks for it, that is what is told.
         short = move(-1.0, 0.05)
-        assert host.play(move(1.0, 0.2), short).ending is Ending.DONE
+        assert host.play(move(1.0, 0.2), short).severity is Severity.DONE
         time.sleep(0.3)
-        assert host.play(short).ending is Ending.DONE
+        assert host.play(short).severity is Severity.DONE
         host.make_safe()
         rows = folder.row_rings(folder.job)["axis"].peek()
         speeds = rows["speed_setpoint"]
@@ -148,11 +149,11 @@ def test_what_would_follow_is_left_out_where_the_program_ends_early(tmp_path: Pa
         limit = TrialLimit("axis.position", -1.0, 0.05)
         program = CycleProgram(move(0.5, 20.0).segments, (limit,))
         after = move(-0.25, 0.1)
-        assert host.play(program, after).ending is Ending.TRIAL_ENDED
+        assert host.play(program, after).severity is Severity.END_TRIAL
         host.rest_while(lambda: False)
         speeds = folder.row_rings(folder.job)["axis"].peek()["speed_setpoint"]
         assert -0.25 not in speeds
-        assert host.play(after).ending is Ending.DONE
+        assert host.play(after).severity is Severity.DONE
         speeds = folder.row_rings(folder.job)["axis"].peek()["speed_setpoint"]
         assert -0.25 in speeds
 
@@ -161,8 +162,8 @@ def test_a_request_ends_the_program(tmp_path: Path) -> None:
     with host_of(file_axis.rig(tmp_path / "axis")) as (host, _, control):
         ready(host)
         path = tmp_path / "axis"
-        outcome = while_moving(host, path, lambda: control.request(Verb.STOP, "enough"))
-        assert (outcome.ending, outcome.reason) == (Ending.STOPPED, "enough")
+        outcome = while_moving(host, path, lambda: control.request(Severity.STOP, "enough"))
+        assert (outcome.severity, outcome.reason) == (Severity.STOP, "enough")
         assert word(path) == "still"
 
 
@@ -180,28 +181,28 @@ def test_a_stop_that_comes_after_a_rest_keeps_the_next_program_from_playing(
     with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, control):
         ready(host)
         assert host.rest_while(lambda: False) is None
-        control.request(Verb.STOP, "enough")
+        control.request(Severity.STOP, "enough")
         pass_on(host, folder)
         outcome = host.play(move(0.5))
-        assert (outcome.ending, outcome.reason) == (Ending.STOPPED, "enough")
-        assert host.play(move(0.5)).ending is Ending.DONE  # such as `finish`: once is enough
+        assert (outcome.severity, outcome.reason) == (Severity.STOP, "enough")
+        assert host.play(move(0.5)).severity is Severity.DONE  # such as `finish`: once is enough
         speeds = folder.row_rings(folder.job)["axis"].peek()["speed_setpoint"]
         assert (speeds != 0).sum() < 120  # of one program: 50 cycles, and the hold after it
 
 
 def test_a_stop_is_not_forgotten_for_a_trip_that_follows(tmp_path: Path) -> None:
     path = tmp_path / "axis"
-    low = Interlock("low", "axis.position", low=-0.01, action=Action.END_TRIAL, message="low")
+    low = Interlock("low", "axis.position", low=-0.01, action=Severity.END_TRIAL, message="low")
     rig = file_axis.rig(path, interlocks=(low,), drops_after_s=2.0)
     with host_of(rig) as (host, _, control):
         ready(host)
-        assert host.play(move(0.5)).ending is Ending.DONE
-        control.request(Verb.STOP, "enough")
+        assert host.play(move(0.5)).severity is Severity.DONE
+        control.request(Severity.STOP, "enough")
         deadline = time.monotonic() + 20
         while not host.ends_everything() and time.monotonic() < deadline:
             pass
         assert "low" in host.ends_everything()
-        assert host.play(move(0.5)).ending is Ending.STOPPED
+        assert host.play(move(0.5)).severity is Severity.STOP
 
 
 def test_nothing_is_armed_after_the_cycle_has_acted(tmp_path: Path) -> None:
@@ -209,11 +210,11 @@ def test_nothing_is_armed_after_the_cycle_has_acted(tmp_path: Path) -> None:
     with host_of(file_axis.rig(path)) as (host, folder, control):
         assert host.open() == ()
         assert host.settle(20) is None
-        control.request(Verb.ABORT, "enough")
+        control.request(Severity.ABORT, "enough")
         pass_on(host, folder)
         outcome = host.arm()
         assert outcome is not None
-        assert outcome.ending is Ending.ABORTED
+        assert outcome.severity is Severity.ABORT
         pass_on(host, folder)
         assert word(path) == "opened"  # an armed axis would have been written to
 
@@ -223,7 +224,7 @@ def once_open(path: Path, control: Control) -> None:
     deadline = time.monotonic() + 30
     while not path.exists() and time.monotonic() < deadline:
         time.sleep(0.01)
-    control.request(Verb.STOP, "stopped by SIGINT")
+    control.request(Severity.STOP, "stopped by SIGINT")
 
 
 def test_a_request_is_heeded_while_devices_are_opened(tmp_path: Path) -> None:
@@ -244,18 +245,18 @@ def test_what_was_never_ours_is_not_made_safe(tmp_path: Path) -> None:
     """A run that dies while it waits for a link must not stop the drives of who holds it."""
     path = tmp_path / "axis"
     with host_of(file_axis.rig(path, link_held=True)) as (host, _, control):
-        threading.Timer(1.5, control.request, (Verb.STOP, "stopped by SIGINT")).start()
+        threading.Timer(1.5, control.request, (Severity.STOP, "stopped by SIGINT")).start()
         (reason,) = host.open()
         assert reason == "stopped by SIGINT, while devices were being opened"
     assert not path.exists()
 
 
 def test_a_trip_reaches_the_run_with_its_reason(tmp_path: Path) -> None:
-    far = Interlock("far", "axis.position", high=0.05, action=Action.ABORT, message="too far")
+    far = Interlock("far", "axis.position", high=0.05, action=Severity.ABORT, message="too far")
     with host_of(file_axis.rig(tmp_path / "axis", interlocks=(far,))) as (host, _, _):
         ready(host)
         outcome = host.play(move(0.5, 20.0))
-        assert outcome.ending is Ending.ABORTED
+        assert outcome.severity is Severity.ABORT
         assert "above its limit" in outcome.reason
         assert [trip.interlock.name for trip in host.trips] == ["far"]
         # What stands tripped is not played over.
@@ -263,13 +264,13 @@ def test_a_trip_reaches_the_run_with_its_reason(tmp_path: Path) -> None:
 
 
 def test_what_was_acknowledged_trips_again_where_its_cause_still_stands(tmp_path: Path) -> None:
-    far = Interlock("far", "axis.position", high=0.01, action=Action.WARN, latch=True)
+    far = Interlock("far", "axis.position", high=0.01, action=Severity.WARN, latch=True)
     with host_of(file_axis.rig(tmp_path / "axis", interlocks=(far,))) as (host, _, control):
         ready(host)
-        assert host.play(move(0.5, 0.3)).ending is Ending.DONE
+        assert host.play(move(0.5, 0.3)).severity is Severity.DONE
         assert len(host.trips) == 1
         control.acknowledged.append("far")
-        assert host.play(move(0.5, 0.3)).ending is Ending.DONE
+        assert host.play(move(0.5, 0.3)).severity is Severity.DONE
         assert [trip.interlock.name for trip in host.trips] == ["far", "far"]
 
 
@@ -282,13 +283,13 @@ def test_a_cycle_that_is_gone_or_hangs_is_ended_and_the_rig_rescued(
         ready(host)
         pid = folder.board()[Word.PID_CYCLE]
         outcome = while_moving(host, path, lambda: os.kill(pid, number))
-        assert outcome.ending is Ending.FAULTED
+        assert outcome.severity is Severity.FAULT
         assert "the cycle process" in outcome.reason
         assert "made safe over a second link" in outcome.reason
         assert word(path) == "rescued"
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
-        assert host.play(move(0.5)).ending is Ending.FAULTED
+        assert host.play(move(0.5)).severity is Severity.FAULT
         assert word(path) == "rescued"
 
 
@@ -297,7 +298,7 @@ def test_a_driver_that_hangs_is_a_death_too(tmp_path: Path) -> None:
     with host_of(file_axis.rig(path, hang_after_s=0.5)) as (host, _, _):
         ready(host)
         outcome = host.play(move(0.5, 20.0))
-        assert outcome.ending is Ending.FAULTED
+        assert outcome.severity is Severity.FAULT
         assert "no sign of life" in outcome.reason
         assert word(path) == "rescued"
 
@@ -309,7 +310,7 @@ def test_a_cycle_that_takes_its_time_to_make_safe_is_not_killed_for_it(tmp_path:
     with host_of(slow) as (host, _, _):
         ready(host)
         outcome = host.play(move(0.5, 20.0))
-        assert (outcome.ending, outcome.reason) == (Ending.FAULTED, "axis: the belt is torn")
+        assert (outcome.severity, outcome.reason) == (Severity.FAULT, "axis: the belt is torn")
         assert word(path) == "safe"
 
 
@@ -318,7 +319,7 @@ def test_devices_that_are_never_safe_are_made_safe_over_a_second_link(tmp_path: 
     with host_of(file_axis.rig(path, fails_after_s=1.0, safe_takes_s=60.0)) as (host, _, _):
         ready(host)
         outcome = host.play(move(0.5, 20.0))
-        assert outcome.ending is Ending.FAULTED
+        assert outcome.severity is Severity.FAULT
         assert "no sign of life" in outcome.reason
         assert word(path) == "rescued"
 
@@ -346,7 +347,7 @@ def test_a_signal_to_the_cycle_process_aborts(tmp_path: Path, number: signal.Sig
         ready(host)
         pid = folder.board()[Word.PID_CYCLE]
         outcome = while_moving(host, path, lambda: os.kill(pid, number))
-        assert outcome.ending is Ending.ABORTED
+        assert outcome.severity is Severity.ABORT
         assert number.name in outcome.reason
         assert word(path) == "still"
 
@@ -363,7 +364,7 @@ def test_a_silent_daemon_is_a_dead_one(tmp_path: Path) -> None:
 
         outcome = while_moving(host, path, fall_silent)
         assert word(path) in ("safe", "rescued")
-        assert outcome.ending is Ending.FAULTED
+        assert outcome.severity is Severity.FAULT
         reasons = [str(event.data) for event in folder.event_ring("cycle").peek()]
         assert any("the daemon said nothing for 0.4 s" in reason for reason in reasons)
         assert "the daemon said nothing for 0.4 s" in outcome.reason
@@ -397,8 +398,8 @@ def test_arming_waits_for_the_device_and_gives_up(tmp_path: Path) -> None:
         host.open()
         outcome = host.arm()
         assert outcome is not None
-        assert (outcome.ending, outcome.reason) == (
-            Ending.FAULTED,
+        assert (outcome.severity, outcome.reason) == (
+            Severity.FAULT,
             "axis did not become ready to run",
         )
         assert word(tmp_path / "axis") == "safe"
@@ -432,4 +433,4 @@ def test_the_daemon_may_wait_for_something_slow(tmp_path: Path) -> None:
         assert host.meanwhile(slow) == "done"
         with pytest.raises(ValueError, match="as it says"):
             host.meanwhile(lambda: int("as it says"))
-        assert host.play(move(0.5)).ending is Ending.DONE
+        assert host.play(move(0.5)).severity is Severity.DONE

@@ -7,10 +7,11 @@ from collections.abc import Callable, Sequence
 import pytest
 from support.bench import Axis, Bench, move, procedure
 
-from rigd.engine.control import Control, Verb
+from rigd.engine.control import Control
 from rigd.engine.result import Progress
 from rigd.model.errors import Blocked, DeviceError, Exit, LinkError, RecordingError
-from rigd.model.limits import Action, Interlock, SetpointLimit
+from rigd.model.limits import Interlock, SetpointLimit
+from rigd.model.severity import Severity
 from rigd.model.states import RunState
 from rigd.procedure.program import (
     AnswerKind,
@@ -65,12 +66,12 @@ def test_an_error_in_prepare_plays_no_trial_but_finishes() -> None:
 @pytest.mark.parametrize(
     ("verb", "finishes", "state"),
     [
-        (Verb.STOP, True, RunState.DONE),
-        (Verb.ABORT, False, RunState.DONE),
-        (Verb.ESTOP, False, RunState.ESTOPPED),
+        (Severity.STOP, True, RunState.DONE),
+        (Severity.ABORT, False, RunState.DONE),
+        (Severity.ESTOP, False, RunState.ESTOPPED),
     ],
 )
-def test_a_person_ends_the_run(verb: Verb, finishes: bool, state: RunState) -> None:
+def test_a_person_ends_the_run(verb: Severity, finishes: bool, state: RunState) -> None:
     bench = Bench()
     run = bench.run(procedure([move("one", 0.5, 5.0)], [move("two", 0.5)]))
 
@@ -97,9 +98,9 @@ def test_a_stop_during_finish_can_be_escalated() -> None:
 
     def press(progress: Progress) -> None:
         if progress.run_s > 1.0:
-            bench.control.request(Verb.STOP, "first")
+            bench.control.request(Severity.STOP, "first")
         if progress.step == "home":
-            bench.control.request(Verb.ABORT, "second")
+            bench.control.request(Severity.ABORT, "second")
 
     run.watch = press
     result = run.execute()
@@ -111,15 +112,15 @@ def test_a_stop_during_finish_can_be_escalated() -> None:
 @pytest.mark.parametrize(
     ("action", "latch", "finishes", "state"),
     [
-        (Action.STOP, False, False, RunState.FAULTED),  # the axis still stands beyond it
-        (Action.STOP, True, False, RunState.FAULTED),
-        (Action.END_TRIAL, True, False, RunState.FAULTED),
-        (Action.ABORT, False, False, RunState.DONE),
-        (Action.ESTOP, False, False, RunState.ESTOPPED),
+        (Severity.STOP, False, False, RunState.FAULTED),  # the axis still stands beyond it
+        (Severity.STOP, True, False, RunState.FAULTED),
+        (Severity.END_TRIAL, True, False, RunState.FAULTED),
+        (Severity.ABORT, False, False, RunState.DONE),
+        (Severity.ESTOP, False, False, RunState.ESTOPPED),
     ],
 )
 def test_an_interlock_ends_the_run(
-    action: Action, latch: bool, finishes: bool, state: RunState
+    action: Severity, latch: bool, finishes: bool, state: RunState
 ) -> None:
     far = Interlock("far", "axis.position", high=0.2, action=action, latch=latch)
     bench = Bench(interlocks=(far,))
@@ -132,7 +133,7 @@ def test_an_interlock_ends_the_run(
 
 
 def test_an_interlock_that_ends_trials_lets_the_sweep_go_on() -> None:
-    far = Interlock("far", "axis.position", high=0.2, action=Action.END_TRIAL)
+    far = Interlock("far", "axis.position", high=0.2, action=Severity.END_TRIAL)
     bench = Bench(interlocks=(far,))
     result = bench.run(
         procedure([move("one", 0.5, 5.0)], [move("two", 0.1)], after=[move("back", -0.5, 0.5)])
@@ -175,6 +176,23 @@ def test_a_fault_in_a_trial_plays_nothing_more() -> None:
     assert_safe(bench)
 
 
+def test_a_fault_in_finish_after_a_failed_step_is_faulted() -> None:
+    bench = Bench()
+
+    def fail(t_ns: int) -> Sequence[float]:
+        if bench.axis.position < -0.01:  # on the way home
+            raise DeviceError("encoder cable off")
+        return (bench.axis.position, 1.0)
+
+    bench.axis.answer = fail
+    result = bench.run(procedure([never(OnTimeout.FAIL)])).execute()
+    assert bench.sink.steps() == ["wait", "home"]
+    assert (result.state, result.ending) == (RunState.FAULTED, "faulted")
+    assert "did not end within" in result.reason
+    assert result.reason.endswith("in finish: axis: encoder cable off")
+    assert_safe(bench)
+
+
 class BrokenAxis(Axis):
     def arm(self) -> None:
         raise ZeroDivisionError("a bug in a driver")
@@ -202,7 +220,7 @@ def test_a_sink_that_fails_ends_the_run_safe() -> None:
 
 
 def test_preflight_names_everything_that_is_missing_and_nothing_moves() -> None:
-    standing = Interlock("door", "axis.load", low=5.0, action=Action.STOP)
+    standing = Interlock("door", "axis.load", low=5.0, action=Severity.STOP)
     bench = Bench(interlocks=(standing,))
     question = Prompt("weight", "How heavy?", AnswerKind.NUMBER, "kg")
     run = bench.run(procedure([question, move("one", 0.5)]))
@@ -253,7 +271,7 @@ def test_trials_done_before_are_left_out() -> None:
 def test_trials_done_before_count_also_where_the_run_ends_before_the_next_one() -> None:
     bench = Bench()
     run = bench.run(procedure([move("one", 0.5)], [move("two", 0.5)]), done=frozenset({1}))
-    bench.control.request(Verb.STOP, "button")
+    bench.control.request(Severity.STOP, "button")
     assert run.execute().trials_done == 1
 
 
@@ -340,7 +358,7 @@ def spike(bench: Bench, from_s: float, to_s: float) -> None:
 
 
 def test_after_a_stop_whose_cause_has_gone_finish_brings_the_rig_home() -> None:
-    bench = Bench(interlocks=(Interlock("load", "axis.load", high=5.0, action=Action.STOP),))
+    bench = Bench(interlocks=(Interlock("load", "axis.load", high=5.0, action=Severity.STOP),))
     spike(bench, 0.2, 0.205)
     result = bench.run(procedure([move("one", 0.5, 5.0)])).execute()
     assert bench.sink.steps() == ["one", "home"]
@@ -349,7 +367,7 @@ def test_after_a_stop_whose_cause_has_gone_finish_brings_the_rig_home() -> None:
 
 @pytest.mark.parametrize("offset_ms", range(0, 12))
 def test_a_trip_while_going_to_rest_before_a_prompt_is_never_lost(offset_ms: int) -> None:
-    latched = Interlock("load", "axis.load", high=5.0, action=Action.ABORT, latch=True)
+    latched = Interlock("load", "axis.load", high=5.0, action=Severity.ABORT, latch=True)
     bench = Bench(interlocks=(latched,), limit=SetpointLimit(-1.5, 1.5, 50.0))
     # The first step ends 20 ms of preflight and 100 ms after the start; the ramp takes 10 ms.
     spike(bench, 0.118 + offset_ms * 1e-3, 0.120 + offset_ms * 1e-3)
@@ -361,14 +379,14 @@ def test_a_trip_while_going_to_rest_before_a_prompt_is_never_lost(offset_ms: int
 
 
 def test_a_latched_trip_while_stopping_keeps_finish_from_playing() -> None:
-    latched = Interlock("load", "axis.load", high=5.0, action=Action.STOP, latch=True)
+    latched = Interlock("load", "axis.load", high=5.0, action=Severity.STOP, latch=True)
     bench = Bench(interlocks=(latched,), limit=SetpointLimit(-1.5, 1.5, 5.0))
     run = bench.run(procedure([move("one", 0.5, 5.0)]))
     spike(bench, 1.03, 1.04)
 
     def press(progress: Progress) -> None:
         if progress.run_s > 0.99:
-            bench.control.request(Verb.STOP, "button")
+            bench.control.request(Severity.STOP, "button")
 
     run.watch = press
     result = run.execute()
@@ -378,7 +396,7 @@ def test_a_latched_trip_while_stopping_keeps_finish_from_playing() -> None:
 
 
 def test_no_further_trial_while_an_interlock_still_stands_tripped() -> None:
-    far = Interlock("far", "axis.position", high=0.2, action=Action.END_TRIAL)
+    far = Interlock("far", "axis.position", high=0.2, action=Severity.END_TRIAL)
     bench = Bench(interlocks=(far,))
     result = bench.run(procedure([move("one", 0.5, 5.0)], [move("two", 0.5, 5.0)])).execute()
     assert bench.sink.steps() == ["one"]
@@ -433,13 +451,13 @@ class Hesitant(Axis):
 @pytest.mark.parametrize(
     ("verb", "ending", "state"),
     [
-        (Verb.STOP, "stopped", RunState.DONE),
-        (Verb.ABORT, "aborted", RunState.DONE),
-        (Verb.ESTOP, "estopped", RunState.ESTOPPED),
+        (Severity.STOP, "stopped", RunState.DONE),
+        (Severity.ABORT, "aborted", RunState.DONE),
+        (Severity.ESTOP, "estopped", RunState.ESTOPPED),
     ],
 )
 def test_what_a_person_asks_for_before_anything_moves_is_what_the_run_says(
-    during: str, verb: Verb, ending: str, state: RunState
+    during: str, verb: Severity, ending: str, state: RunState
 ) -> None:
     control = Control()
 
@@ -470,14 +488,14 @@ def test_preflight_blocks_on_a_device_that_is_mute_and_on_a_violation_still_dela
     mute.axis.answer = lambda t_ns: None
     with pytest.raises(Blocked, match="axis gave no row"):
         mute.run(procedure([move("one", 0.5)])).execute()
-    slow = Interlock("load", "axis.load", high=0.5, delay_s=1.0, action=Action.STOP)
+    slow = Interlock("load", "axis.load", high=0.5, delay_s=1.0, action=Severity.STOP)
     with pytest.raises(Blocked, match="load stands violated"):
         Bench(interlocks=(slow,)).run(procedure([move("one", 0.5)])).execute()
 
 
 def test_a_stop_during_preflight_is_a_stop_and_not_a_block() -> None:
     bench = Bench()
-    bench.control.request(Verb.STOP, "button")
+    bench.control.request(Severity.STOP, "button")
     result = bench.run(procedure([move("one", 0.5)])).execute()
     assert (result.state, result.ending, result.reason) == (RunState.DONE, "stopped", "button")
     assert not bench.axis.armed

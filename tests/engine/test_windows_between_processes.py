@@ -14,11 +14,11 @@ from support.grid import Grid, PlantGrid, rig
 
 from rigd.config.rig import RigConfig
 from rigd.engine.control import Control
-from rigd.engine.player import Ending
 from rigd.engine.process_host import ProcessHost
 from rigd.engine.shared import Job, RunFolder, Word
 from rigd.engine.slow import Beside
 from rigd.engine.wiring import streams_of
+from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded, Segment
 
 WINDOWED = {"grid": Recorded(1, frozenset({"drive", "again"})), "cycle": Recorded()}
@@ -74,7 +74,7 @@ def test_each_row_of_the_windows_is_recorded_and_no_other(
         assert host.open() == ()
         assert host.settle(20) is None
         assert host.arm() is None
-        assert host.play(program).ending is Ending.DONE
+        assert host.play(program).severity is Severity.DONE
         grid = folder.row_rings(folder.job)["grid"]
         events = [one for one in folder.event_ring("cycle").peek() if one.kind == "step"]
         begun = {one.data["name"]: one.t_ns for one in events}

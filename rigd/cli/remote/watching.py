@@ -15,6 +15,7 @@ from rigd.cli.remote.command import again, print_json
 from rigd.cli.remote.display import RemoteDisplay, conclude
 from rigd.cli.remote.prompting import LEAVING, Lines, as_prompt, ask
 from rigd.model.errors import Exit, LinkError, RigdError
+from rigd.model.severity import STOPS
 from rigd.remote.client.watching import RunWatch
 from rigd.remote.protocol import Status
 from rigd.remote.protocol.status import LastRun, PromptView
@@ -27,8 +28,6 @@ PATIENCE_S: Final = 30.0
 #: A silence as long is shown, in s; the daemon speaks twice a second.
 SILENCE_S: Final = 2.0
 _LOOK_S: Final = 0.5
-#: What Ctrl-C asks for, each time more firmly.
-_STOPS: Final = ("stop", "abort", "estop")
 #: The two questions that may stand at the terminal.
 _PROMPT: Final = "prompt"
 _LEAVE: Final = "leave"
@@ -88,7 +87,7 @@ class Watch:
         self._question: asyncio.Task[None] | None = None  # the one that stands at the terminal
         self._prompt: PromptView | None = None  # the prompt that was shown last
         self._answering = False  # an answer is on its way: its prompt may be gone before the reply
-        self._firmer = list(_STOPS)  # what Ctrl-C asks for next, the mildest first
+        self._firmer = [stop.word for stop in STOPS]  # what Ctrl-C asks for next, the mildest first
         self._stops: list[asyncio.Task[None]] = []
         self._left = False
         self._told_asking: tuple[str, ...] = ()
@@ -191,7 +190,7 @@ class Watch:
             self._left = True
             return
         asked = self._question is not None and self._question.get_name() == _LEAVE
-        if not is_terminal() or asked or len(self._firmer) < len(_STOPS):
+        if not is_terminal() or asked or len(self._firmer) < len(STOPS):
             self._withdraw()
             self._stop()
             return

@@ -49,7 +49,7 @@ def examine(what: Examination, tell: Tell) -> bool:
     control = Control()
     with heed_signals(control):
         examine_rig(rig, what.seconds, control, tell)
-    return control.verb is None
+    return control.asked is None
 
 
 def _needs(rig: RigConfig) -> Needs:

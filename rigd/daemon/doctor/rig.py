@@ -13,7 +13,7 @@ from rigd.daemon.doctor.survey import Survey
 from rigd.daemon.manual import Look, look_at
 from rigd.engine.control import Control
 from rigd.model.errors import Blocked, DeviceError
-from rigd.model.limits import Action
+from rigd.model.severity import Severity
 
 #: Loads are upper bounds: up to here everything fits into its cycle, come what may.
 _FULL: Final = 1.0
@@ -158,15 +158,11 @@ def _interlocks(group: str, look: Look) -> Iterator[Check]:
     last = {trip.interlock.name: trip for trip in look.trips}
     for name, trip in last.items():
         action = trip.interlock.action
-        verdict = Verdict.FAIL if name in standing and action > Action.WARN else Verdict.WARN
+        verdict = Verdict.FAIL if name in standing and action > Severity.WARN else Verdict.WARN
         advice = trip.interlock.message or "no run is armed while it stands"
         if name not in standing:
-            advice = f"it has passed; a run would have met with: {_words(action)}"
+            advice = f"it has passed; a run would have met with: {action.word.replace('_', ' ')}"
         yield Check(group, f"interlock {name}", verdict, trip.reason, advice)
     if not last:
         count = len(look.rig.interlocks)
         yield Check(group, "interlocks", Verdict.OK, f"none of {count} tripped")
-
-
-def _words(action: Action) -> str:
-    return action.name.lower().replace("_", " ")

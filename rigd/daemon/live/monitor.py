@@ -10,9 +10,10 @@ from typing import Final
 from rigd.config.rig import RigConfig
 from rigd.daemon.live.feed import Feed
 from rigd.daemon.manual import look_at
-from rigd.engine.control import Control, Verb
+from rigd.engine.control import Control
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, RigdError
+from rigd.model.severity import Severity
 
 _LOG: Final = logging.getLogger(__name__)
 #: A device that cannot be reached is tried again so often, in s: each time starts a process.
@@ -57,7 +58,7 @@ class Monitor:
     def stop(self) -> None:
         """End, and return once every device is closed; stopping twice is silent."""
         self._ending.set()
-        self._control.request(Verb.STOP, "the look is over")
+        self._control.request(Severity.STOP, "the look is over")
         if self._thread.ident is not None:
             self._thread.join()
 

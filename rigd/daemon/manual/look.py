@@ -27,7 +27,7 @@ from rigd.engine.sink import Rows
 from rigd.engine.slow import Beside
 from rigd.engine.wiring import streams_of
 from rigd.model.errors import DeviceError
-from rigd.model.limits import Action
+from rigd.model.severity import Severity
 from rigd.procedure.program import Recorded
 from rigd.record.events import Event
 
@@ -69,7 +69,7 @@ class Look:
     @property
     def stopped(self) -> bool:
         """Whether a person asked for the end."""
-        return self._control.verb is not None
+        return self._control.asked is not None
 
     @property
     def trips(self) -> Sequence[Trip]:
@@ -198,7 +198,7 @@ def _harmless(rig: RigConfig) -> RigConfig:
 
     Nothing is armed, so nothing need end in a hurry: a terminal may be stopped (Ctrl-S).
     """
-    told = tuple(replace(one, action=Action.WARN, latch=False) for one in rig.interlocks)
+    told = tuple(replace(one, action=Severity.WARN, latch=False) for one in rig.interlocks)
     return replace(rig, interlocks=told, supervision=Supervision(PATIENCE_S, PATIENCE_S))
 
 

@@ -73,8 +73,8 @@ class Signals:
     def heed(self, number: int, frame: FrameType | None) -> None:
         """Take a signal."""
         self.reason = f"stopped by {signal.Signals(number).name}"
-        verb = None if self.steering is None else self.steering.leave(self.reason)
-        what = "nothing runs" if verb is None else f"{verb.name.lower()} of the run"
+        stop = None if self.steering is None else self.steering.leave(self.reason)
+        what = "nothing runs" if stop is None else f"{stop.word} of the run"
         self.asked.append(f"{self.reason}: {what}")
 
     def steer(self, steering: Steering) -> None:

@@ -81,7 +81,7 @@ def _interlock(interlock: Interlock) -> InterlockView:
         source=interlock.source,
         low=interlock.low,
         high=interlock.high,
-        action=cast(ActionName, interlock.action.name.lower()),
+        action=cast(ActionName, interlock.action.word),
         priority=cast(PriorityName, interlock.priority.name.lower()),
         latch=interlock.latch,
         message=interlock.message,

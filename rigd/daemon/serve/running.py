@@ -13,11 +13,12 @@ from rigd.daemon.execute import RunRequest, perform
 from rigd.daemon.serve.asker import Asker
 from rigd.daemon.serve.prompts import RemoteAnswers
 from rigd.daemon.serve.time_left import TimeLeft
-from rigd.engine.control import Control, Verb
+from rigd.engine.control import Control
 from rigd.engine.interlocks import Trip
 from rigd.engine.result import Progress
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, Exit, RigdError
+from rigd.model.severity import Severity
 from rigd.model.states import RunState
 from rigd.procedure.program import OnClientLoss
 from rigd.remote.protocol.status import LastRun
@@ -91,14 +92,14 @@ class Running:
                 self.control.end_after_trial(reason)
                 return "the run stops after this trial"
             case OnClientLoss.STOP:
-                self.control.request(Verb.STOP, reason)
+                self.control.request(Severity.STOP, reason)
                 return "the run is stopped"
 
     def tend(self) -> None:
         """End a run at once that is to end after its trial, but waits for an answer."""
         wanted = self.control.last_trial
         if wanted and self.answers is not None and self.answers.waits:
-            self.control.request(Verb.STOP, wanted)
+            self.control.request(Severity.STOP, wanted)
 
     def _watch(self, progress: Progress) -> None:
         before, self.progress = self.progress, progress

@@ -27,8 +27,8 @@ from rigd.daemon.serve.recovery import Interruptions
 from rigd.daemon.serve.running import Running
 from rigd.daemon.serve.steering import Steering
 from rigd.daemon.serve.trips import TripMemory
-from rigd.engine.control import Verb
 from rigd.model.errors import ConfigError, RigdError
+from rigd.model.severity import Severity
 from rigd.procedure.program import CompiledProcedure, TrialPlan
 from rigd.remote.protocol import (
     VERSION,
@@ -75,7 +75,6 @@ UNAUDITED: Final = frozenset({"lease_renew", "draw"})
 HOLDING: Final = frozenset({"lease_take", "lease_seize", "lease_renew"})
 #: Commands after which the rig may move, or its data change: only while they can be audited.
 MOVING: Final = frozenset({"start", "resume_run", "act"})
-_VERBS: Final = {"stop": Verb.STOP, "abort": Verb.ABORT, "estop": Verb.ESTOP}
 
 
 @dataclass(frozen=True)
@@ -223,7 +222,7 @@ class RigService:
         """
         asker, reason = Asker(identity, one_line(user)), one_line(reason)
         why = f"{verb} by {asker}" + (f": {reason}" if reason else "")
-        acted = self._parts.steering.stop(_VERBS[verb], why)
+        acted = self._parts.steering.stop(Severity[verb.upper()], why)
         if acted:  # what was asked before is asked again by whoever is impatient
             self._stops.append((asker, verb, reason))
             self._parts.notices.note(why, "warning")

@@ -26,10 +26,11 @@ from rigd.daemon.serve.prompts import RemoteAnswers
 from rigd.daemon.serve.running import Running, Watching
 from rigd.daemon.serve.time_left import TimeLeft
 from rigd.daemon.serve.trips import Acted, TripMemory
-from rigd.engine.control import Control, Verb
+from rigd.engine.control import Control
 from rigd.engine.interlocks import Trip
 from rigd.engine.shared import RunFolder
 from rigd.model.about import About
+from rigd.model.severity import Severity
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import OnClientLoss
@@ -225,12 +226,12 @@ class Steering:
         if running is not None:
             running.control.acknowledged.append(interlock)
 
-    def stop(self, verb: Verb, reason: str) -> bool:
+    def stop(self, stop: Severity, reason: str) -> bool:
         """End what happens on the rig; return whether that is news. Waits for nothing."""
         busy = [one.control for one in (self._running, self._acting) if one is not None]
-        news = [one for one in busy if one.verb is None or one.verb < verb]
+        news = [one for one in busy if one.asked is None or one.asked < stop]
         for control in news:
-            control.request(verb, reason)
+            control.request(stop, reason)
             control.pause_wanted = False
         return bool(news)
 
@@ -262,7 +263,7 @@ class Steering:
             running.tend()
         self._trips.save()
 
-    def leave(self, reason: str) -> Verb | None:
+    def leave(self, reason: str) -> Severity | None:
         """Let nothing begin any more, and end what happens; each call ends it more firmly.
 
         Returns what was asked for. It may be called by a signal handler: it takes no lock.
@@ -270,7 +271,7 @@ class Steering:
         self._leaving = reason
         running, acting = self._running, self._acting
         if acting is not None:
-            acting.control.request(Verb.STOP, reason)
+            acting.control.request(Severity.STOP, reason)
         return None if running is None else running.control.escalate(reason)
 
     def close(self) -> None:
@@ -312,7 +313,7 @@ class Steering:
             self._check_free_locked()
             self._running = running
         if self._leaving:  # a signal that came since
-            running.control.request(Verb.STOP, self._leaving)
+            running.control.request(Severity.STOP, self._leaving)
         try:
             # A long file may have outlived the lease. From here on, its end ends this run.
             self._lease.check(who.identity)

@@ -18,7 +18,7 @@ from typing import Any, Final, cast
 
 from rigd.engine.interlocks import Trip
 from rigd.model.errors import RecordingError
-from rigd.model.limits import Action
+from rigd.model.severity import Severity
 from rigd.record import Event
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.status import ActionName, TripView
@@ -46,7 +46,7 @@ class Acted:
         told = [trip.reason, trip.message]
         return cls(
             trip.interlock.name,
-            trip.interlock.action.name.lower(),
+            trip.interlock.action.word,
             " - ".join(filter(None, told)),
             trip.t_ns,
             _bars(trip.interlock.action, latched=trip.interlock.latch),
@@ -57,7 +57,7 @@ class Acted:
         """Return what is remembered of a trip that a recording holds."""
         data = event.data
         told = [str(data["reason"]), str(data["message"])]
-        action = Action[str(data["action"]).upper()]
+        action = Severity[str(data["action"]).upper()]
         return cls(
             str(data["name"]),
             str(data["action"]),
@@ -79,9 +79,9 @@ class Acted:
         )
 
 
-def _bars(action: Action, *, latched: bool) -> bool:
+def _bars(action: Severity, *, latched: bool) -> bool:
     """Return whether a person must look first: a run ended over it, or the rig file says so."""
-    return latched or action >= Action.STOP
+    return latched or action >= Severity.STOP
 
 
 class TripMemory:

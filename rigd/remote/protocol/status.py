@@ -18,7 +18,7 @@ State = Literal[
 ]  # fmt: skip
 
 
-#: What an interlock does (:class:`rigd.model.limits.Action`).
+#: What an interlock does, in words of :class:`rigd.model.severity.Severity`.
 ActionName = Literal["warn", "end_trial", "stop", "abort", "estop"]
 
 

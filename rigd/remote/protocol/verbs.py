@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Final
 
+from rigd.model.severity import STOPS
 from rigd.remote.protocol.arguments import (
     Act,
     Answered,
@@ -137,7 +138,7 @@ VERBS: Final[Mapping[Kind, Mapping[str, Verb]]] = {
         "draw": Verb(Run, Reported, Lane.LONG, Role.OPERATOR),
         "dry_run": Verb(Checked, DryRun, Lane.LONG, Role.OPERATOR),
     },
-    Kind.STOP: {verb: Verb(Reason, Stopped, Lane.STOP) for verb in ("stop", "abort", "estop")},
+    Kind.STOP: {stop.word: Verb(Reason, Stopped, Lane.STOP) for stop in STOPS},
 }
 
 

@@ -12,7 +12,8 @@ from support.served_axis import ASKING, SWEEP, ServedAxis, travelling
 
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, Exit
-from rigd.model.limits import Action, Interlock
+from rigd.model.limits import Interlock
+from rigd.model.severity import Severity
 from rigd.record import Recording, run_info
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.arguments import Start
@@ -312,7 +313,7 @@ def test_who_gives_the_lease_back_has_not_vanished(tmp_path: Path) -> None:
         assert last.ending == "complete"
 
 
-FAR = Interlock("far", "axis.position", high=0.005, action=Action.ABORT, message="too far out")
+FAR = Interlock("far", "axis.position", high=0.005, action=Severity.ABORT, message="too far out")
 
 
 def test_after_a_trip_nothing_starts_before_it_is_acknowledged(tmp_path: Path) -> None:
@@ -346,7 +347,7 @@ def test_after_a_trip_nothing_starts_before_it_is_acknowledged(tmp_path: Path) -
 
 
 def test_a_blocked_run_says_why(tmp_path: Path) -> None:
-    near = Interlock("near", "axis.position", low=0.05, action=Action.ABORT)
+    near = Interlock("near", "axis.position", low=0.05, action=Severity.ABORT)
     with ServedAxis(tmp_path, interlocks=(near,)) as served:
         served.start()
         last = served.until_idle().last

@@ -9,12 +9,13 @@ import pytest
 from rigd.daemon.serve.trips import Acted, TripMemory
 from rigd.engine.interlocks import Trip
 from rigd.model.errors import RecordingError
-from rigd.model.limits import Action, Interlock
+from rigd.model.limits import Interlock
+from rigd.model.severity import Severity
 from rigd.record import NO_TRIAL, Event
 from rigd.remote.protocol import Refusal
 
 
-def trip(name: str, action: Action, *, latch: bool = False, t_ns: int = 1) -> Acted:
+def trip(name: str, action: Severity, *, latch: bool = False, t_ns: int = 1) -> Acted:
     interlock = Interlock(name, "axis.position", high=1.0, action=action, latch=latch)
     return Acted.of(Trip(t_ns, interlock, 2.0, "axis.position 2 m is above 1 m", "too far"))
 
@@ -22,15 +23,15 @@ def trip(name: str, action: Action, *, latch: bool = False, t_ns: int = 1) -> Ac
 @pytest.mark.parametrize(
     ("action", "latch", "bars"),
     [
-        (Action.WARN, False, False),
-        (Action.WARN, True, True),
-        (Action.END_TRIAL, False, False),
-        (Action.STOP, False, True),
-        (Action.ESTOP, True, True),
+        (Severity.WARN, False, False),
+        (Severity.WARN, True, True),
+        (Severity.END_TRIAL, False, False),
+        (Severity.STOP, False, True),
+        (Severity.ESTOP, True, True),
     ],
 )
 def test_what_ended_a_run_or_is_latched_bars_the_next(
-    tmp_path: Path, action: Action, latch: bool, bars: bool
+    tmp_path: Path, action: Severity, latch: bool, bars: bool
 ) -> None:
     memory = TripMemory(tmp_path / "trips.json")
     memory.note([trip("far", action, latch=latch)])
@@ -47,9 +48,9 @@ def test_what_ended_a_run_or_is_latched_bars_the_next(
 
 def test_an_interlock_that_trips_again_must_be_acknowledged_again(tmp_path: Path) -> None:
     memory = TripMemory(tmp_path / "trips.json")
-    memory.note([trip("far", Action.STOP, t_ns=1)])
+    memory.note([trip("far", Severity.STOP, t_ns=1)])
     memory.acknowledge("far", "alice")
-    memory.note([trip("far", Action.STOP, t_ns=2)])
+    memory.note([trip("far", Severity.STOP, t_ns=2)])
     (view,) = memory.views()
     assert (view.since_ns, view.acknowledged) == (2, False)
     with pytest.raises(Refusal):
@@ -64,7 +65,7 @@ def test_what_was_never_tripped_cannot_be_acknowledged(tmp_path: Path) -> None:
 def test_what_has_tripped_outlives_the_daemon(tmp_path: Path) -> None:
     path = tmp_path / "trips.json"
     memory = TripMemory(path)
-    memory.note([trip("far", Action.STOP, t_ns=7), trip("hot", Action.WARN, t_ns=5)])
+    memory.note([trip("far", Severity.STOP, t_ns=7), trip("hot", Severity.WARN, t_ns=5)])
     memory.save()
     again = TripMemory(path)
     assert again.views() == memory.views()
@@ -74,7 +75,7 @@ def test_what_has_tripped_outlives_the_daemon(tmp_path: Path) -> None:
 
 
 def test_a_recording_tells_the_same_of_a_trip() -> None:
-    known = trip("far", Action.ABORT, latch=True, t_ns=9)
+    known = trip("far", Severity.ABORT, latch=True, t_ns=9)
     data = {
         "name": "far", "action": "abort", "priority": "medium", "latched": True, "value": 2.0,
         "reason": "axis.position 2 m is above 1 m", "message": "too far",
