@@ -10,6 +10,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 
 from rigd.record.chunks import parse_chunk, parse_message_index, unpack_chunk
 from rigd.record.crc import crc32
+from rigd.record.definitions import check_channel
 from rigd.record.wire import DATA_END, FRAME, Malformed, Record, decode, encode, record_at
 
 #: Opcodes of the data section, each with a length below 4 GiB behind it.
@@ -79,7 +80,9 @@ def check_record(record: Record) -> None:
     elif opcode == Opcode.SCHEMA:
         _check_exact(decode(Schema, content), content)
     elif opcode == Opcode.CHANNEL:
-        _check_exact(decode(Channel, content), content)
+        channel = decode(Channel, content)
+        _check_exact(channel, content)
+        check_channel(channel)
     elif opcode == Opcode.DATA_END:
         if len(content) != DATA_END.size - FRAME.size:
             raise Malformed("the end of the data has another length")

@@ -83,11 +83,13 @@ def _whole(
         others = found.pieces
         library = found.library or f"{LIBRARY}{__version__}"
         begin = MAGIC + encode(mcap.Header(Profile.ROS2, library))
-    begin += _missing_definitions(found)
+    # One of each number, all before the first chunk, whichever copies the damaged file has.
+    definitions = [*found.contents.schemas.values(), *found.contents.channels.values()]
+    begin += b"".join(map(encode, definitions))
     yield begin
     at = len(begin)
     for piece in others:
-        if not _is_mark(piece):
+        if piece.opcode not in (Opcode.SCHEMA, Opcode.CHANNEL) and not _is_mark(piece):
             _index(piece, at, found, contents)
             yield piece.data
             yield piece.index
@@ -113,18 +115,6 @@ def _behind(
         at += len(missing)
     if not any(_is_mark(piece) for piece in found.pieces):
         yield build_extras({RECOVERY_METADATA: mark}, (), found.start_ns, at, contents)
-
-
-def _missing_definitions(found: Scan) -> bytes:
-    """Return the schemas and channels that no piece has, as records."""
-    schemas, channels = dict(found.contents.schemas), dict(found.contents.channels)
-    for piece in found.pieces:
-        content = piece.data[FRAME.size :]
-        if piece.opcode == Opcode.SCHEMA:
-            schemas.pop(decode(mcap.Schema, content).id, None)
-        elif piece.opcode == Opcode.CHANNEL:
-            channels.pop(decode(mcap.Channel, content).id, None)
-    return b"".join(map(encode, [*schemas.values(), *channels.values()]))
 
 
 def _is_mark(piece: Piece) -> bool:

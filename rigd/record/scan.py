@@ -10,9 +10,14 @@ by what their heads and message indexes say, ten times as fast.
 
 from __future__ import annotations
 
+from rigd.record.chunks import CDR_SIZE, MESSAGE_HEAD
+from rigd.record.contents import Contents
 from rigd.record.crc import crc32
+from rigd.record.definitions import define_events, has_events, replace_channel, replace_schema
 from rigd.record.ending import check_ending, read_ending, take_summary
-from rigd.record.walk import Damage, Piece, Scan, drop_copies, name_channels, take_head, walk
+from rigd.record.prefix import EVENTS_CHANNEL, FORMAT_METADATA, LIBRARY
+from rigd.record.schema import STREAM_KEY
+from rigd.record.walk import Damage, Piece, Scan, drop_copies, take_head, walk
 from rigd.record.wire import MAGIC, Malformed
 
 __all__ = ["Damage", "Piece", "Scan", "scan"]
@@ -36,8 +41,42 @@ def scan(buffer: memoryview, trusted: int = 0) -> Scan:
     if ending.summary is not None:
         take_summary(found, ending.summary)
     check_ending(buffer, found, ending, reached)
+    _define_channels(found)
     found.damages.sort()
     found.data_end = min((one.start for one in found.damages), default=reached)
     found.data_crc = crc32(buffer[: found.data_end])
-    name_channels(found)
     return found
+
+
+def _define_channels(found: Scan) -> None:
+    """Define the channels of chunks whose definitions are lost, so that their rows are kept."""
+    contents = found.contents
+    problems: list[str] = []
+    for piece in found.pieces:
+        for number, span in piece.spans.items():
+            if number in contents.channels or piece.chunk is None:
+                continue
+            size = piece.chunk.uncompressed_size // span.count - MESSAGE_HEAD.itemsize - CDR_SIZE
+            if number == EVENTS_CHANNEL and found.by_rigd:
+                channel = define_events(number, contents)
+            else:
+                channel = replace_channel(number, size, contents)
+            problems.append(
+                f"the definition of channel {number} is lost: its rows are kept as {channel.topic}"
+            )
+    if FORMAT_METADATA in found.metadata or found.library.startswith(LIBRARY):
+        problems += _define_own(contents)
+    found.damages += [Damage(0, 0, problem) for problem in problems]
+
+
+def _define_own(contents: Contents) -> list[str]:
+    """Define what follows from the rest of a recording by rigd; return what was lost."""
+    problems: list[str] = []
+    if not has_events(EVENTS_CHANNEL, contents):
+        define_events(EVENTS_CHANNEL, contents)
+        problems.append("the definition of the events is lost, and written anew")
+    for channel in contents.channels.values():
+        if channel.schema_id not in contents.schemas and STREAM_KEY in channel.metadata:
+            replace_schema(channel, contents)
+            problems.append(f"the schema of {channel.topic} is lost, and written anew")
+    return problems

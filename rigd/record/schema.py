@@ -11,9 +11,6 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from mcap import records as mcap
-from mcap.well_known import MessageEncoding, SchemaEncoding
-
 from rigd.model import Channel, RecordingError, Stream
 from rigd.model.channels import STATUS_FIELD
 from rigd.model.rows import TIME_FIELD
@@ -36,6 +33,11 @@ string data
 _FIELD: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _STREAM: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*\Z")
 _PLAIN_LINE: Final = re.compile(r"(?P<type>float64|uint32)\s+(?P<name>[A-Za-z][A-Za-z0-9_]*)\Z")
+#: The comment of :func:`_describe`.
+_DESCRIBED: Final = re.compile(
+    r"# \[(?P<unit>[^]]+)\]; range (?P<low>\S+) \.\. (?P<high>[^\s;]+)"
+    r"(?:; raw reading of (?P<raw_of>\w+))?(?:; (?P<doc>.*))?"
+)
 
 
 def check_streams(streams: Sequence[Stream]) -> None:
@@ -154,18 +156,24 @@ def stream_from_json(text: str) -> Stream:
 
 
 def stream_from_schema(topic: str, text: str) -> Stream | None:
-    """Return the stream of a foreign ``ros2msg`` type, or None where it is not plain float64s."""
+    """Return the stream of a ``ros2msg`` type, or None where it is not plain float64s.
+
+    What rigd itself says of a field in the comment above it is taken, too.
+    """
     channels: list[Channel] = []
     has_status = False
+    comment = ""
     for line in text.splitlines():
         plain = line.split("#", 1)[0].strip()
         if not plain:
+            comment = line
             continue
         match = _PLAIN_LINE.match(plain)
         if match is None or has_status:
             return None
         if match["type"] == "float64":
-            channels.append(Channel(match["name"]))
+            channels.append(_described(match["name"], comment))
+            comment = ""
         elif match["name"] == STATUS_FIELD:
             has_status = True
         else:
@@ -176,26 +184,6 @@ def stream_from_schema(topic: str, text: str) -> Stream | None:
     return Stream(topic.removeprefix("/"), tuple(channels), has_status=has_status)
 
 
-def unnamed_channel(
-    number: int, value_bytes: int, *, events: bool = False
-) -> tuple[mcap.Schema, mcap.Channel]:
-    """Return a schema and a channel for messages whose own definitions are lost.
-
-    They carry ``value_bytes`` behind the CDR header: float64s, and a status word where four bytes
-    are left over. Names and units are not known.
-    """
-    topic, name = f"/unnamed_{number}", f"rigd/msg/Unnamed{number}"
-    if events:
-        topic, name, text = EVENTS_TOPIC, EVENTS_TYPE, EVENTS_SCHEMA
-    else:
-        channels = tuple(Channel(f"c{position}") for position in range(value_bytes // 8))
-        text = schema_text(Stream(topic, channels, has_status=value_bytes % 8 == 4))
-    return (
-        mcap.Schema(number, text.encode(), SchemaEncoding.ROS2, name),
-        mcap.Channel(number, topic, MessageEncoding.CDR, {}, number),
-    )
-
-
 def _from(stream: Stream) -> str:
     return f"from {stream.source}" if stream.source else ""
 
@@ -204,6 +192,18 @@ def _describe(channel: Channel) -> str:
     raw = f"raw reading of {channel.raw_of}" if channel.raw_of else ""
     parts = (f"[{channel.unit}]", f"range {_range(channel)}", raw, channel.doc)
     return "; ".join(part for part in parts if part)
+
+
+def _described(name: str, comment: str) -> Channel:
+    """Return a channel with what the comment of :func:`_describe` says, if it is one."""
+    match = _DESCRIBED.fullmatch(comment)
+    if match is None:
+        return Channel(name)
+    try:
+        low, high = float(match["low"]), float(match["high"])
+    except ValueError:
+        low, high = -math.inf, math.inf
+    return Channel(name, match["unit"], match["doc"] or "", low, high, match["raw_of"])
 
 
 def _range(channel: Channel) -> str:

@@ -43,7 +43,7 @@ class Verification:
 
     def lines(self) -> list[str]:
         """Return what there is to say, line by line."""
-        said = [f"damaged: bytes {one.start} to {one.end}: {one.problem}" for one in self.damages]
+        said = [f"damaged: {one}" for one in self.damages]
         said += [f"lost: {gap_text(gap, self.start_ns)}" for gap in self.gaps]
         said += [f"trial {one.number} is not complete: {one.lost}" for one in self.trials]
         return said

@@ -21,7 +21,6 @@ from mcap.records import (
 )
 
 from rigd.record.chunks import (
-    CDR_SIZE,
     MESSAGE_HEAD,
     ChunkHead,
     Times,
@@ -47,16 +46,22 @@ from rigd.record.prefix import (
     RECOVERY_METADATA,
     START_KEY,
 )
-from rigd.record.schema import unnamed_channel
 from rigd.record.wire import FRAME, MAGIC, Malformed, Record, decode, encode, record_at, records
 
 
 class Damage(NamedTuple):
-    """Bytes ``start`` to ``end`` of a file that are not what they should be, and why."""
+    """Bytes ``start`` to ``end`` of a file that are not what they should be, and why.
+
+    Of a file that lacks something as a whole, both are 0.
+    """
 
     start: int
     end: int
     problem: str
+
+    def __str__(self) -> str:
+        """Return where it is, and what."""
+        return f"bytes {self.start} to {self.end}: {self.problem}" if self.end else self.problem
 
 
 @dataclass(frozen=True)
@@ -163,6 +168,7 @@ def walk(buffer: memoryview, found: Scan, base: int = 0) -> int:
         try:
             record = record_at(buffer, at)
             if record.opcode == Opcode.DATA_END:
+                check_record(record)
                 if ends_data(buffer, record):
                     break
                 raise Malformed("no summary follows the end of the data")
@@ -208,20 +214,6 @@ def drop_copies(found: Scan) -> None:
         kept.append(piece)
     found.pieces = kept
     collect(found)
-
-
-def name_channels(found: Scan) -> None:
-    """Define the channels of chunks whose definitions are lost, so that their rows are kept."""
-    contents = found.contents
-    for piece in found.pieces:
-        for channel, span in piece.spans.items():
-            if channel in contents.channels or piece.chunk is None:
-                continue
-            size = piece.chunk.uncompressed_size // span.count - MESSAGE_HEAD.itemsize - CDR_SIZE
-            schema, defined = unnamed_channel(channel, size, events=channel == EVENTS_CHANNEL)
-            contents.schemas[schema.id], contents.channels[channel] = schema, defined
-            problem = f"the definition of channel {channel}, now {defined.topic}, is lost"
-            found.damages.append(Damage(0, 0, problem))
 
 
 def _keys(piece: Piece) -> list[tuple[tuple[int, int, int], int]]:

@@ -1,0 +1,115 @@
+"""Definitions of channels: which contradict themselves, and what stands in for lost ones.
+
+No CRC of its own covers a schema or channel record. What a channel says twice, its name and number,
+must agree; what is lost is taken from the schema, which names fields and units, too.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from mcap.records import Channel, Schema
+from mcap.well_known import MessageEncoding, SchemaEncoding
+
+from rigd.model import Channel as Column
+from rigd.model import RecordingError, Stream
+from rigd.model.rows import row_dtype
+from rigd.record.contents import Contents
+from rigd.record.schema import (
+    EVENTS_SCHEMA,
+    EVENTS_TOPIC,
+    EVENTS_TYPE,
+    STREAM_KEY,
+    channel_metadata,
+    check_streams,
+    schema_text,
+    stream_from_json,
+    stream_from_schema,
+    type_names,
+)
+from rigd.record.wire import Malformed
+
+
+def check_channel(channel: Channel) -> None:
+    """Check that what rigd writes twice into a channel agrees; others write it once.
+
+    Raises:
+        Malformed: it does not.
+
+    """
+    if STREAM_KEY not in channel.metadata:
+        return
+    try:
+        stream = stream_from_json(channel.metadata[STREAM_KEY])
+        check_streams([stream])
+    except (ValueError, RecordingError) as error:
+        raise Malformed(f"a damaged definition of {channel.topic}: {error}") from error
+    if (channel.topic, channel.schema_id) != (f"/{stream.name}", channel.id):
+        raise Malformed(f"a definition of {channel.topic} that contradicts itself")
+
+
+def replace_channel(number: int, value_bytes: int, known: Contents) -> Channel:
+    """Define a channel whose definition is lost, in ``known``; return it.
+
+    Its messages carry ``value_bytes`` behind the CDR header. Its stream is named after the type of
+    its schema. Without that, values are float64s, then a status word where four bytes are left
+    over; their names and units are not known.
+    """
+    stream = _stream_of_type(known.schemas.get(number))
+    taken = {channel.topic for channel in known.channels.values()}
+    if stream and row_dtype(stream).itemsize == 8 + value_bytes and f"/{stream.name}" not in taken:
+        metadata: Mapping[str, str] = channel_metadata(stream)
+    else:
+        columns = tuple(Column(f"c{position}") for position in range(value_bytes // 8))
+        stream = Stream(f"unnamed_{number}", columns, has_status=value_bytes % 8 == 4)
+        known.schemas[number] = _schema(number, f"rigd/msg/Unnamed{number}", schema_text(stream))
+        metadata = {}
+    topic = f"/{stream.name}"
+    channel = Channel(number, topic, MessageEncoding.CDR, dict(metadata), number)
+    known.channels[number] = channel
+    return channel
+
+
+def has_events(number: int, known: Contents) -> bool:
+    """Return whether the channel of the events is defined as rigd defines it."""
+    channel = known.channels.get(number)
+    return (
+        channel is not None
+        and (channel.topic, channel.schema_id) == (EVENTS_TOPIC, number)
+        and number in known.schemas
+    )
+
+
+def define_events(number: int, known: Contents) -> Channel:
+    """Define the channel of the events, which is the same in every recording; return it."""
+    channel = Channel(number, EVENTS_TOPIC, MessageEncoding.CDR, {}, number)
+    known.schemas[number] = _schema(number, EVENTS_TYPE, EVENTS_SCHEMA)
+    known.channels[number] = channel
+    return channel
+
+
+def replace_schema(channel: Channel, known: Contents) -> None:
+    """Define the schema of a stream's channel anew, from what the channel says of the stream."""
+    stream = stream_from_json(channel.metadata[STREAM_KEY])
+    (name,) = type_names([stream])
+    known.schemas[channel.schema_id] = _schema(channel.schema_id, name, schema_text(stream))
+
+
+def _stream_of_type(schema: Schema | None) -> Stream | None:
+    """Return the stream that rigd made a schema for; None where it is no such schema."""
+    if schema is None:
+        return None
+    words = re.sub(r"(?<=.)(?=[A-Z])", "_", schema.name.rpartition("/")[2])
+    stream = stream_from_schema(f"/{words.lower()}", schema.data.decode(errors="replace"))
+    if stream is None or type_names([stream]) != [schema.name]:
+        return None
+    try:
+        check_streams([stream])
+    except RecordingError:
+        return None
+    return stream
+
+
+def _schema(number: int, name: str, text: str) -> Schema:
+    return Schema(number, text.encode(), SchemaEncoding.ROS2, name)
