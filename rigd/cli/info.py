@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from shlex import quote
@@ -12,54 +13,83 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from rigd.record import RunInfo
+    from rigd.record import Recording, RunInfo
 
 HELP = "show what a recording holds"
 EXAMPLES = """\
 examples:
   rigd info runs/20261121-080000-quick.mcap
   rigd info FILE --json
+  rigd info runs/*.mcap
   rigd info FILE --attachments folder/      write its rig and procedure files out
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("file", type=Path, help="recording")
-    parser.add_argument("--json", action="store_true", help="print as JSON")
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="recordings")
+    parser.add_argument(
+        "--json", action="store_true", help="print as JSON; of several files, a list"
+    )
     parser.add_argument(
         "--attachments", type=Path, metavar="FOLDER", help="write the attached files there"
     )
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Print the summary; of a torn file, of what is sound."""
+    """Print each summary; a file that cannot be read keeps no other from being shown."""
+    from rigd.model.errors import ConfigError, Exit, RecordingError
+    from rigd.record import info_json, run_info
+
+    files: list[Path] = list(dict.fromkeys(args.files))
+    if args.attachments is not None and len(files) > 1:
+        raise ConfigError("--attachments is for one recording", hint="give one FILE with it")
+    found = []
+    for file in files:
+        try:
+            recording = _opened(file)
+            info = run_info(recording)
+        except RecordingError as error:
+            if len(files) == 1:
+                raise
+            print(f"rigd: {error}", file=sys.stderr)
+            continue
+        found.append(info_json(info))
+        if not args.json:
+            print("\n" if len(found) > 1 else "", end="")
+            _print(info)
+        if args.attachments is not None:
+            _write_attachments(recording, args.attachments)
+    if args.json:
+        print(json.dumps(found[0] if len(files) == 1 else found, indent=2))
+    return int(Exit.OK if len(found) == len(files) else Exit.BAD_DATA)
+
+
+def _opened(path: Path) -> Recording:
+    """Open a recording; a torn one as far as it is sound."""
     from rigd.model.errors import RecordingError
-    from rigd.record import Recording, info_json, run_info
+    from rigd.record import Recording
 
     try:
-        recording = Recording.open(args.file)
+        return Recording.open(path)
     except RecordingError:
-        # A torn file is described as far as it is sound; one that is no recording raises again.
-        recording = Recording.open(args.file, partial=True)
-    info = run_info(recording)
-    if args.json:
-        print(json.dumps(info_json(info), indent=2))
-    else:
-        _print(info)
-    if args.attachments is not None:
-        for one in recording.attachments.values():
-            # An attachment's name comes from a file: never let it point outside the folder.
-            name = Path(one.name)
-            if name.is_absolute() or ".." in name.parts:
-                name = Path(name.name)
-            target = args.attachments / name
-            if target.exists():
-                raise RecordingError(f"{target} exists already")
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(one.data)
-            print(f"wrote {target}")
-    return 0
+        return Recording.open(path, partial=True)  # raises again where it is no recording
+
+
+def _write_attachments(recording: Recording, folder: Path) -> None:
+    from rigd.model.errors import RecordingError
+
+    for one in recording.attachments.values():
+        # An attachment's name comes from a file: never let it point outside the folder.
+        name = Path(one.name)
+        if name.is_absolute() or ".." in name.parts:
+            name = Path(name.name)
+        target = folder / name
+        if target.exists():
+            raise RecordingError(f"{target} exists already")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(one.data)
+        print(f"wrote {target}")
 
 
 def _print(info: RunInfo) -> None:
@@ -69,6 +99,7 @@ def _print(info: RunInfo) -> None:
 
     from rigd.cli.screen import print_table
     from rigd.model.about import plain
+    from rigd.record.access import how_to_recover
     from rigd.record.moment import is_virtual
 
     console = Console(highlight=False)
@@ -101,12 +132,8 @@ def _print(info: RunInfo) -> None:
     for text in info.losses:
         console.print(f"[red]{escape(plain(text))}[/]", soft_wrap=True)
     if info.problem:
-        named = escape(named)
-        console.print(
-            f"`rigd verify {named}` says more; `rigd recover {named}` leaves what is damaged out, "
-            "and keeps the damaged file, too",
-            soft_wrap=True,
-        )
+        said = f"`rigd verify {named}` says more. {how_to_recover(info.path)}"
+        console.print(escape(plain(said)), soft_wrap=True)
     _print_trials(console, info)
     table = Table(box=None, pad_edge=False)
     table.add_column("stream")

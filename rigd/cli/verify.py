@@ -6,7 +6,6 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from shlex import quote
 
 HELP = "check every byte of recordings, and name the rows and trials that are lost"
 EXAMPLES = """\
@@ -16,7 +15,8 @@ examples:
   rigd verify FILE --json
 
   The exit code is 0 where every byte of every file is as it was written, and 7 where one is not.
-  Nothing is changed: `rigd recover FILE` makes a repaired file, and keeps the damaged one, too.
+  Nothing is changed: `rigd recover FILE` makes a repaired file and keeps the damaged one as
+  FILE.orig; a file that only lacks its end is completed in place.
 """
 
 
@@ -30,6 +30,7 @@ def execute(args: argparse.Namespace) -> int:
     """Check each file; one that cannot be read keeps no other from being checked."""
     from rigd.model.errors import Exit, RecordingError
     from rigd.record import verification_json, verify
+    from rigd.record.access import how_to_recover
 
     sound, found = True, []
     for path in dict.fromkeys(args.files):
@@ -50,8 +51,7 @@ def execute(args: argparse.Namespace) -> int:
         for line in one.lines():
             print(f"  {line}")
         if not one.sound:
-            named = quote(str(path))
-            print(f"  `rigd recover {named}` leaves that out, and keeps the damaged file, too")
+            print(f"  {how_to_recover(path)}")
     if args.json:
         print(json.dumps(found, indent=2))
     return int(Exit.OK if sound else Exit.BAD_DATA)

@@ -36,6 +36,14 @@ def require_writing() -> None:
         )
 
 
+def how_to_recover(path: Path) -> str:
+    """Return what ``rigd recover`` does with a file that is damaged, or lacks its end."""
+    return (
+        f"`rigd recover {quote(str(path))}` leaves out what is damaged and keeps the damaged file "
+        f"as {path.name}.orig; a file that only lacks its end is completed in place."
+    )
+
+
 def require_regular(path: Path) -> None:
     """Raise unless there is a regular file: to open a pipe waits for its writer.
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
-from rigd.record.access import read_at, require_regular, share
+from rigd.record.access import how_to_recover, read_at, require_regular, share
 from rigd.record.chunks import blob_dtype, parse_chunk, unpack_chunk
 from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
 from rigd.record.crc import crc32
@@ -336,11 +336,9 @@ def damaged(path: Path, problem: object) -> RecordingError:
     if not _may_be_mcap(path):
         hint = "It is no MCAP recording; `rigd run` makes those, with names that end in .mcap."
         return RecordingError(message, hint=hint)
-    named = quote(str(path))
     return RecordingError(
         message,
-        hint=f"`rigd verify {named}` says what is damaged; `rigd recover {named}` leaves that out, "
-        "and keeps the damaged file, too.",
+        hint=f"`rigd verify {quote(str(path))}` says what is damaged. {how_to_recover(path)}",
     )
 
 

@@ -6,9 +6,9 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from shlex import quote
 
 from rigd.model import RecordingError, Stream
+from rigd.record.access import how_to_recover
 from rigd.record.contents import Contents, SummaryWriter
 from rigd.record.file import RecordingFile, lock, write_error
 from rigd.record.reader import Recording
@@ -48,8 +48,7 @@ def open_for_append(path: Path, streams: Sequence[Stream], trusted: int = 0) -> 
         if not found.intact:
             raise RecordingError(
                 f"{path} is damaged: {found.problem}",
-                hint=f"`rigd recover {quote(str(path))}` leaves that out, and keeps the damaged "
-                "file, too.",
+                hint=how_to_recover(path),
             )
         file = RecordingFile.resume(
             fd, path, SummaryWriter(found.contents), found.data_end, found.data_crc

@@ -96,6 +96,7 @@ SHOWN: dict[str, Shows] = {
     "rigd can eds drive.eds --json": Shows("{"),
     "rigd info FILE": Shows("lugre-1", {"FILE": QUICK}),
     f"rigd info {QUICK}": Shows("lugre-1"),
+    "rigd info runs/*.mcap": Shows("lugre-1"),
     "rigd info FILE --json": Shows('"rig": "lugre-1"', {"FILE": QUICK}),
     "rigd info FILE --attachments folder/": Shows("folder/rig.yaml", {"FILE": QUICK}),
     "rigd export FILE --to parquet": Shows(".parquet", {"FILE": QUICK}),

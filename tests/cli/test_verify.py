@@ -63,6 +63,34 @@ def test_a_sound_file_is_verified(path: Path, capsys: pytest.CaptureFixture[str]
     assert [one.name for one in path.parent.iterdir()] == ["run.mcap"]
 
 
+def test_several_files_are_shown(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    content = path.read_bytes()
+    (path.parent / "second.mcap").write_bytes(content)
+    assert main(["info", "run.mcap", "second.mcap"]) == 0
+    said = capsys.readouterr().out
+    assert said.index("run.mcap") < said.index("second.mcap")
+    assert main(["info", "run.mcap", "missing.mcap", "second.mcap", "--json"]) == 7
+    captured = capsys.readouterr()
+    found = json.loads(captured.out)
+    assert [one["recording"] for one in found] == ["run.mcap", "second.mcap"]
+    assert "missing.mcap" in captured.err
+    assert main(["info", "run.mcap", "second.mcap", "--attachments", "files"]) == 2
+    assert not Path("files").exists()
+
+
+def test_what_recovering_does_is_foretold(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a file that lacks its end, as of one that is damaged: what is said, happens."""
+    cut = path.read_bytes()[: Recording.open(path).data_end - 13]
+    for content, originals in ((cut, []), (spoil(path, 2), ["run.mcap.orig"])):
+        path.write_bytes(content)
+        assert main(["verify", "run.mcap"]) == 7
+        said = capsys.readouterr().out
+        assert "keeps the damaged file as run.mcap.orig" in said
+        assert "a file that only lacks its end is completed in place" in said
+        assert main(["recover", "run.mcap"]) == 0
+        assert [one.name for one in path.parent.glob("*.orig")] == originals
+
+
 def test_damage_is_placed_and_nothing_changed(
     path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
