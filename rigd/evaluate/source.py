@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from shlex import quote
 
@@ -190,8 +190,8 @@ def _damaged(recording: Recording) -> str:
 def open_sweep(path: Path) -> RecordedSweep:
     """Return the recording at ``path`` with its plan of identification.
 
-    What is damaged is passed over: ``info.losses`` says what, and a trial that lost rows is not
-    complete.
+    What is damaged is passed over: ``info.losses`` says what, and a trial that lost rows of a
+    stream with a signal of the plan is not complete.
 
     Raises:
         RecordingError: the file cannot be read; the message says what to do.
@@ -205,12 +205,15 @@ def open_sweep(path: Path) -> RecordedSweep:
             f"{path} does not say what to identify" + _damaged(recording),
             hint="the procedure needs an `identify` block; `rigd info` shows what the file holds",
         )
+    signals: dict[str, str] = json.loads(plan["signals"])
+    needed = {channel.partition(".")[0] for channel in signals.values()}
+    trials = tuple(trial.info for trial in recording.trials_for(needed))
     sweep = RecordedSweep(
         recording,
-        run_info(recording),
+        replace(run_info(recording), trials=trials),
         IdentifyPlan(
             model=plan["model"],
-            signals=json.loads(plan["signals"]),
+            signals=signals,
             constants=json.loads(plan["constants"]),
             group_by=tuple(json.loads(plan["group_by"])),
             reference=json.loads(plan.get("reference", "{}")),

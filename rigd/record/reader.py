@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -36,7 +36,13 @@ from rigd.record.prefix import (
     Attachment,
 )
 from rigd.record.scan import Scan, scan
-from rigd.record.schema import EVENTS_TOPIC, STREAM_KEY, stream_from_json, stream_from_schema
+from rigd.record.schema import (
+    EVENTS_STREAM,
+    EVENTS_TOPIC,
+    STREAM_KEY,
+    stream_from_json,
+    stream_from_schema,
+)
 from rigd.record.tables import Table, stream_table
 from rigd.record.trial import Trial, Trials
 from rigd.record.trials import Step, steps, trials
@@ -228,10 +234,22 @@ class Recording:
             RecordingError: a damaged chunk or event.
 
         """
+        return self.trials_for(None)
+
+    def trials_for(self, streams: Collection[str] | None) -> Trials:
+        """Return all attempts at trials as judged by what was lost of ``streams`` and the events.
+
+        None: of all streams.
+
+        Raises:
+            RecordingError: a damaged chunk or event.
+
+        """
+        judged = None if streams is None else {*streams, EVENTS_STREAM}
+        gaps = [gap for gap in self.gaps if judged is None or gap.stream in judged]
         attempts = trials(self.all_events)
         return Trials(
-            self,
-            with_losses(attempts, self.gaps, self.all_events, asks=bool(self.gaps) and self._asks),
+            self, with_losses(attempts, gaps, self.all_events, asks=bool(gaps) and self._asks)
         )
 
     @cached_property

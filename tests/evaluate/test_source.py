@@ -17,6 +17,7 @@ from rigd.model.rows import row_dtype
 from rigd.record import RecordingWriter
 
 START_NS = 1_790_000_000_000_000_000
+TRUTH = Stream("truth", (Channel("speed", "m/s"),))
 ENCODER = Stream("encoder", (Channel("angle", "rad"),), has_status=True)
 CARD = Stream("card", (Channel("acceleration", "m/s^2"),), has_status=True)
 TRIAL_MS = (100, 1100)
@@ -46,13 +47,14 @@ def make(tmp_path: Path) -> Make:
         }  # fmt: skip
         path = tmp_path / "run.mcap"
         with RecordingWriter.create(
-            path, streams=[ENCODER, CARD], metadata={"identify": plan}, attachments=(),
+            path, streams=[ENCODER, CARD, TRUTH], metadata={"identify": plan}, attachments=(),
             start_ns=START_NS, sync_interval_s=None,
         ) as writer:  # fmt: skip
             begin, end = (START_NS + ms * 1_000_000 for ms in TRIAL_MS)
             writer.event(begin, "trial_start", 1, {})
             writer.write("encoder", encoder)
             writer.write("card", card)
+            writer.write("truth", rows_of(TRUTH, 1000))
             writer.event(end, "trial_end", 1, {"complete": True})
         return open_sweep(path)
 
@@ -156,3 +158,17 @@ def test_damage_is_passed_over_and_said(make: Make) -> None:
     assert "trial 1 (lost: " in said
     assert len(damaged.recording.read("card")) == 1200
     assert sweep.path.read_bytes() == content
+
+
+def test_rows_that_no_signal_needs_cost_no_trial(make: Make) -> None:
+    sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 1000))
+    content = bytearray(sweep.path.read_bytes())
+    first = next(one for one in sweep.recording.contents.chunks if 4 in one.message_index_offsets)
+    content[first.chunk_start_offset + 200] ^= 1
+    sweep.path.write_bytes(content)
+    damaged = open_sweep(sweep.path)
+    assert [trial.number for trial in damaged.trials] == [1]
+    assert "rows of truth" in "\n".join(damaged.info.losses)
+    assert [trial.complete for trial in damaged.recording.trials] == [False]
+    times, signals = damaged.signals(damaged.trials[0])
+    assert len(times) == len(signals["angle"]) == 1000
