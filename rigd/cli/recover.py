@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from shlex import quote
 
 HELP = "repair damaged recordings, keep the damaged files, complete those of killed runs"
 EXAMPLES = """\
@@ -105,5 +106,11 @@ def _repair(path: Path) -> bool:
     print(f"{path}: recovered {rows} messages; {damaged} bytes are damaged ({report.problem})")
     for line in verify(path).lines():
         print(f"  {line}")
+    if report.another is not None:
+        print(
+            f"  two recordings stood in it, of which this is the first; the second stands in "
+            f"{report.original} from byte {report.another} on:\n    tail -c +{report.another + 1} "
+            f"{quote(str(report.original))} > second.mcap"
+        )
     print(f"  the damaged file is kept as {report.original}; remove it when you no longer need it")
     return True

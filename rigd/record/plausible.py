@@ -6,16 +6,17 @@ import re
 from typing import Final
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from rigd.record.chunks import parse_chunk, parse_message_index, unpack_chunk
 from rigd.record.crc import crc32
 from rigd.record.definitions import check_channel
-from rigd.record.wire import DATA_END, FRAME, Malformed, Record, decode, encode, record_at
+from rigd.record.wire import DATA_END, FRAME, MAGIC, Malformed, Record, decode, encode, record_at
 
 #: Opcodes of the data section, each with a length below 4 GiB behind it.
 _BEGINNING: Final = re.compile(rb"[\x03\x04\x06\x07\x09\x0c\x0f](?=[\s\S]{4}\x00{4})")
 _CHUNK: Final = re.compile(rb"\x06(?=[\s\S]{4}\x00{4})")
+_FILE: Final = re.compile(re.escape(MAGIC) + b"\x01")
 #: What may follow DataEnd: a record of the summary, or the footer.
 _SUMMARY: Final = (
     Opcode.FOOTER,
@@ -44,6 +45,25 @@ def next_record(buffer: memoryview, damaged: int) -> int:
         if is_sound(buffer, match.start()):
             return match.start()
     return len(buffer)
+
+
+def begin_of_another(buffer: memoryview, start: int, end: int) -> int | None:
+    """Return where another recording begins between two bytes, or None.
+
+    One within a damaged record that ends where it says is that record's own, such as an attachment.
+    """
+    try:
+        if record_at(buffer, start).end == end:
+            return None
+    except Malformed:
+        pass
+    for match in _FILE.finditer(buffer, start, end):
+        try:
+            decode(Header, record_at(buffer, match.end() - 1).content)
+        except Malformed:
+            continue
+        return match.start()
+    return None
 
 
 def is_sound(buffer: memoryview, start: int) -> bool:

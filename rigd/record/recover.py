@@ -47,6 +47,7 @@ class RecoveryReport:
     lost_bytes: int
     damages: tuple[Damage, ...] = ()
     gaps: tuple[Gap, ...] = ()  #: which rows are lost
+    another: int | None = None  #: byte of the damaged file where another recording begins
     original: Path | None = None  #: where the damaged file is kept; None: completed in place
 
 
@@ -108,7 +109,9 @@ def _recover(fd: int, path: Path, trusted: int, own: bool) -> RecoveryReport:
     original: Path | None = None
     if own and saved is not None and found.data_end >= saved.offset:
         _complete(fd, found, saved.offset)
-    elif (own and not found.behind) or (not from_journal and _loses_nothing(fd, found)):
+    elif (own and not found.behind and found.another is None) or (
+        not from_journal and _loses_nothing(fd, found)
+    ):
         _complete(fd, found, found.data_end)
     else:
         original = _replace(fd, path, found)
@@ -130,6 +133,7 @@ def _report(
         rows_kept={topics[number]: count for number, count in found.contents.counts.items()},
         lost_bytes=lost_bytes,
         damages=tuple(found.damages),
+        another=found.another,
         gaps=() if original is None else found.gaps(),
         original=original,
     )
@@ -173,7 +177,7 @@ def _add_saved(found: Scan, saved: Saved) -> bool:
 
 def _loses_nothing(fd: int, found: Scan) -> bool:
     """Return whether only indexes and the end are missing behind sound data, and no row."""
-    if found.behind:
+    if found.behind or found.another is not None:
         return False
     rest = map_file(fd)[found.data_end :]
     if found.data_sound:

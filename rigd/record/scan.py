@@ -15,10 +15,11 @@ from rigd.record.contents import Contents
 from rigd.record.crc import crc32
 from rigd.record.definitions import define_events, has_events, replace_channel, replace_schema
 from rigd.record.ending import check_ending, read_ending, take_summary
+from rigd.record.plausible import begin_of_another
 from rigd.record.prefix import EVENTS_CHANNEL, FORMAT_METADATA, LIBRARY
 from rigd.record.schema import STREAM_KEY
 from rigd.record.walk import Damage, Piece, Scan, drop_copies, take_head, walk
-from rigd.record.wire import MAGIC, Malformed
+from rigd.record.wire import DATA_END, MAGIC, Malformed
 
 __all__ = ["Damage", "Piece", "Scan", "scan"]
 
@@ -26,15 +27,31 @@ __all__ = ["Damage", "Piece", "Scan", "scan"]
 def scan(buffer: memoryview, trusted: int = 0) -> Scan:
     """Walk a whole file, of which the first ``trusted`` bytes are known to be sound.
 
+    Another recording behind the first counts as damage: the two are never mixed.
+
     Raises:
         Malformed: it is no MCAP file: nothing in it proves itself.
 
     """
+    found = _scan(buffer, trusted)
+    if (second := found.another) is not None:
+        found = _scan(buffer[:second], trusted)
+        found.another = second
+        problem = f"another recording begins at byte {second}"
+        found.damages.append(Damage(second, len(buffer), problem))
+    return found
+
+
+def _scan(buffer: memoryview, trusted: int) -> Scan:
     found = Scan(data_end=len(MAGIC), trusted=trusted)
     take_head(buffer, found)
     ending = read_ending(buffer)
     limit = len(buffer) if ending.summary is None else ending.data_end
     reached = walk(buffer[: max(limit, found.data_end)], found)
+    if found.another is None:
+        found.another = begin_of_another(buffer, reached + DATA_END.size, len(buffer))
+    if found.another is not None:
+        return found
     if not found.pieces:
         raise Malformed("it does not begin like an MCAP file, and nothing in it is like one")
     drop_copies(found)

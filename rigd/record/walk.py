@@ -37,7 +37,13 @@ from rigd.record.chunks import (
 )
 from rigd.record.contents import Contents, add_record
 from rigd.record.gaps import Gap, Span, find_gaps, gaps_from_json, silent_end
-from rigd.record.plausible import check_index_end, check_record, ends_data, next_record
+from rigd.record.plausible import (
+    begin_of_another,
+    check_index_end,
+    check_record,
+    ends_data,
+    next_record,
+)
 from rigd.record.prefix import (
     EVENTS_CHANNEL,
     FORMAT_METADATA,
@@ -104,6 +110,7 @@ class Scan:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     summary: bool = False  #: whether the summary is sound
     data_sound: bool = False  #: whether the CRC of the data section holds
+    another: int | None = None  #: byte where another recording begins, behind this one
     end_unknown: bool = False  #: whether rows may be lost at the end that nothing else names
 
     @property
@@ -175,6 +182,9 @@ def walk(buffer: memoryview, found: Scan, base: int = 0) -> int:
             at = _take(buffer, record, found, base)
         except Malformed as error:
             start, at = at, next_record(buffer, at)
+            if (another := begin_of_another(buffer, start, at)) is not None:
+                found.another = base + another
+                return found.another
             found.damages.append(Damage(base + start, base + at, str(error)))
             if not _take_torn(buffer[start:at], found) and at == len(buffer):
                 found.end_unknown = True

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import rigd.record.rebuild
 from rigd.model import RecordingError, Stream
-from rigd.record import Recording, RecordingWriter, recover
+from rigd.record import Recording, RecordingWriter, recover, run_info, verify
 from rigd.record.journal import journal_path
 
 Create = Callable[..., RecordingWriter]
@@ -189,6 +189,45 @@ def test_a_second_recording_behind_the_end_is_kept(
     assert report.original is not None
     assert report.original.read_bytes() == joined
     assert Recording.open(path).read("wheel_servo").tobytes() == given[:10].tobytes()
+
+
+@pytest.mark.parametrize("cut", ["within a chunk", "between records", "within its end", "not"])
+def test_two_recordings_in_a_file_are_never_mixed(
+    create: Create, rows: MakeRows, servo: Stream, start_ns: int, tmp_path: Path, cut: str
+) -> None:
+    """As `cat first second > run.mcap` makes it, of a first that was killed, or not."""
+    for name, seed in (("first.mcap", 1), ("second.mcap", 2)):
+        with create(name) as writer:
+            writer.event(start_ns, "run_start")
+            writer.write("wheel_servo", rows(servo, 2_500, seed=seed))
+            if seed == 2:
+                writer.event(start_ns + 10**10, "run_end", None, {"state": "complete"})
+    first, second = (tmp_path / name for name in ("first.mcap", "second.mcap"))
+    recording = Recording.open(first)
+    last = recording.contents.chunks[-1].chunk_start_offset
+    end = {
+        "within a chunk": last + 100,
+        "between records": last,
+        "within its end": recording.data_end + 40,
+        "not": first.stat().st_size,
+    }[cut]
+    path = tmp_path / "both.mcap"
+    joined = first.read_bytes()[:end] + second.read_bytes()
+    path.write_bytes(joined)
+    assert any(f"another recording begins at byte {end}" in line for line in verify(path).lines())
+
+    report = recover(path)
+    assert report.another == end
+    assert report.original is not None
+    assert report.original.read_bytes() == joined
+    kept = Recording.open(path).read("wheel_servo")
+    assert len(kept) >= 1_000
+    assert kept.tobytes() == rows(servo, 2_500, seed=1)[: len(kept)].tobytes()
+    assert run_info(Recording.open(path)).state == "interrupted"
+    assert recover(path).intact
+    path.write_bytes(joined[report.another :])
+    behind = Recording.open(path).read("wheel_servo")
+    assert behind.tobytes() == rows(servo, 2_500, seed=2).tobytes()
 
 
 def test_a_repair_by_a_link_repairs_the_file(
