@@ -62,7 +62,7 @@ def execute(args: argparse.Namespace) -> int:
     from rich.table import Table
 
     from rigd.cli.assignments import read_assignments
-    from rigd.cli.screen import print_table
+    from rigd.cli.screen import print_rows
     from rigd.model.about import plain
     from rigd.record import Filters, info_json, list_runs
 
@@ -97,7 +97,7 @@ def execute(args: argparse.Namespace) -> int:
             _assigned(info, "meta"),
         )
         table.add_row(*(escape(plain(text)) for text in texts))
-    print_table(console, table)
+    print_rows(console, table)
     for broken in catalogue.broken:
         console.print(f"[red]{escape(str(broken.problem))}[/]", soft_wrap=True)
     if not catalogue.runs and not catalogue.broken:

@@ -7,10 +7,28 @@ from collections.abc import Sequence
 
 from rich.console import Console
 from rich.measure import Measurement
+from rich.padding import Padding
 from rich.table import Table
 
 #: Wider than any table; in columns.
 _WIDEST = 10_000
+
+
+def print_rows(console: Console, table: Table) -> None:
+    """Print ``table``; in a terminal too narrow for it, its rows as paragraphs.
+
+    The first cell of each row has a line, and so may be long; the others follow, indented.
+    """
+    least, _, gaps = _needs(console, table)
+    if sum(least) + gaps <= console.width:
+        print_table(console, table)
+        return
+    first, *others = table.columns
+    for name, *texts in zip(
+        (first.header, *first.cells), *((one.header, *one.cells) for one in others), strict=True
+    ):
+        console.print(name, soft_wrap=True)
+        console.print(Padding("  ".join(str(text) for text in texts if text), (0, 0, 0, 2)))
 
 
 def print_table(console: Console, table: Table) -> None:
@@ -19,6 +37,16 @@ def print_table(console: Console, table: Table) -> None:
     Columns get the room of their longest word, and what the terminal has left over. If the longest
     words do not fit side by side, the terminal breaks the lines: no name is cut.
     """
+    least, most, gaps = _needs(console, table)
+    for column, width in zip(table.columns, shared(console.width - gaps, least, most), strict=True):
+        column.width = width
+    columns, console.width = console.width, _WIDEST
+    console.print(table)
+    console.width = columns
+
+
+def _needs(console: Console, table: Table) -> tuple[list[int], list[int], int]:
+    """Return the least and most width of each column, and what all gaps between them take."""
     options = console.options.update_width(_WIDEST)
     needs = [
         [Measurement.get(console, options, cell) for cell in (column.header, *column.cells)]
@@ -26,12 +54,7 @@ def print_table(console: Console, table: Table) -> None:
     ]
     least = [max(cell.minimum for cell in cells) for cells in needs]
     most = [max(cell.maximum for cell in cells) for cells in needs]
-    gaps = Measurement.get(console, options, table).maximum - sum(most)
-    for column, width in zip(table.columns, shared(console.width - gaps, least, most), strict=True):
-        column.width = width
-    columns, console.width = console.width, _WIDEST
-    console.print(table)
-    console.width = columns
+    return least, most, Measurement.get(console, options, table).maximum - sum(most)
 
 
 def shared(room: int, least: Sequence[int], most: Sequence[int]) -> list[int]:

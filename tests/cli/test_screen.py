@@ -49,6 +49,13 @@ def test_no_word_is_cut_in_a_narrow_terminal(folder: Path, words: tuple[str, ...
         assert Counter(" ".join(lines).split()) == whole
 
 
+def test_recordings_fit_eighty_columns(folder: Path) -> None:
+    """A path alone may be wider: it is one word, and has a line of its own."""
+    lines = [line.rstrip() for line in shown(folder, 80, "runs")]
+    assert RECORDING in lines
+    assert max(len(line) for line in lines) <= 80
+
+
 def test_a_table_narrower_than_the_terminal_keeps_to_it() -> None:
     lines = drawn(40, "a few words that wrap in their column").splitlines()
     assert max(map(len, lines)) <= 40
