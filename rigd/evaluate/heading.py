@@ -14,6 +14,8 @@ from rigd.record.moment import VIRTUAL, Moment, is_virtual, recorded_at
 
 _DATE: Final = "%Y-%m-%d %H:%M UTC"
 _OF: Final = {"run": "", "file name": " (by its file name)", "file": " (date of the file)"}
+#: What a heading says of itself: a name of `--meta` that is one of these is marked as such.
+_OWN: Final = frozenset({"rig", "procedure", "recording", "recordings", "recorded", "operator"})
 #: So many recordings are named; of more, how many there are.
 _NAMED: Final = 6
 #: So many losses are named.
@@ -47,7 +49,8 @@ def _entries(infos: Sequence[RunInfo], made: datetime | None) -> Iterable[tuple[
     yield from _said("Operator", (_operator(info) for info in infos))
     keys = dict.fromkeys(key for info in infos for key in info.metadata.get("meta", {}))
     for key in keys:
-        yield from _said(key, (info.metadata.get("meta", {}).get(key, "") for info in infos))
+        name = f"{key} (--meta)" if key.casefold() in _OWN else key
+        yield from _said(name, (info.metadata.get("meta", {}).get(key, "") for info in infos))
     yield "Report made", (made or datetime.now(UTC)).astimezone(UTC).strftime(_DATE)
 
 

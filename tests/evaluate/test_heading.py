@@ -74,3 +74,15 @@ def test_what_people_said_stands_under_the_title(tmp_path: Path) -> None:
     assert entries["Operator"] == "A. Miller; A. Miller, resumed by B. Baker"
     assert entries["specimen"] == "W7; W8"
     assert found.notes == ("a.mcap: dry",)
+
+
+def test_names_that_a_heading_has_are_marked(tmp_path: Path) -> None:
+    meta = {"Rig": "mine", "operator": "B", "specimen": "W7"}
+    info = info_of(tmp_path / "a.mcap", {**REAL, "rig": "lugre-1", "operator": "A"}, meta=meta)
+    entries = heading([info], MADE).entries
+    names = [name.casefold() for name, _ in entries]
+    assert len(set(names)) == len(names)
+    assert dict(entries)["Rig"] == "lugre-1"
+    assert dict(entries)["Rig (--meta)"] == "mine"
+    assert dict(entries)["operator (--meta)"] == "B"
+    assert dict(entries)["specimen"] == "W7"
