@@ -35,6 +35,7 @@ def execute(args: argparse.Namespace) -> int:
     """Write a page for each recording."""
     from rigd.evaluate.run import parse_selection, run_report
     from rigd.model.errors import ConfigError, Exit, RecordingError
+    from rigd.model.pages import page_of
 
     if args.output is not None and len(args.files) > 1:
         raise ConfigError("--output is for one recording", hint="leave it out for several")
@@ -43,7 +44,7 @@ def execute(args: argparse.Namespace) -> int:
     selection = None if args.trials is None else parse_selection(args.trials)
     went_well = True
     for file in args.files:
-        page = args.output or file.with_name(f"{file.stem}-run.html")
+        page = args.output or page_of(file)
         try:
             text = run_report(file, selection)
         except RecordingError as error:  # the others are drawn all the same

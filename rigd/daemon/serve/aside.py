@@ -225,8 +225,8 @@ def _identify(job: Mapping[str, Any]) -> Reported:
 
 
 def _draw(job: Mapping[str, Any]) -> Reported:
-    from rigd.daemon.serve.recordings import page_of
     from rigd.evaluate.run import run_report
+    from rigd.model.pages import page_of
 
     recording = Path(job["recording"])
     return _write(recording, page_of(recording), run_report(recording))

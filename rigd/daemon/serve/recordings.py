@@ -20,6 +20,7 @@ from typing import Final
 
 from rigd.engine.shared.scarce import insist
 from rigd.model.errors import RecordingError
+from rigd.model.pages import page_of
 from rigd.record import Recording, RunInfo, info_json, run_info
 from rigd.record.moment import is_virtual, recorded_at
 from rigd.record.trials import INTERRUPTED
@@ -203,11 +204,6 @@ def _opened(path: Path) -> Iterator[BufferedReader]:
         if not stat.S_ISREG(os.fstat(number).st_mode):
             raise OSError(errno.EINVAL, "it is no regular file")
         yield file
-
-
-def page_of(recording: Path) -> Path:
-    """Return where the page of a run stands; that of its identification ends in ``.html`` alone."""
-    return recording.with_name(f"{recording.stem}-run.html")
 
 
 def is_drawn(recording: Path) -> bool:

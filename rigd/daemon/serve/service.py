@@ -22,12 +22,13 @@ from rigd.daemon.serve.describe import describe
 from rigd.daemon.serve.descriptors import Descriptors
 from rigd.daemon.serve.library import Library
 from rigd.daemon.serve.notices import Notices, one_line
-from rigd.daemon.serve.recordings import Recordings, is_drawn, page_of
+from rigd.daemon.serve.recordings import Recordings, is_drawn
 from rigd.daemon.serve.recovery import Interruptions
 from rigd.daemon.serve.running import Running
 from rigd.daemon.serve.steering import Steering
 from rigd.daemon.serve.trips import TripMemory
 from rigd.model.errors import ConfigError, RigdError
+from rigd.model.pages import page_of
 from rigd.model.severity import Severity
 from rigd.procedure.program import CompiledProcedure, TrialPlan
 from rigd.remote.protocol import (

@@ -10,6 +10,7 @@ from typing import Any, Final, Literal, Self, TypeVar
 from rigd.config.remote import TlsFiles
 from rigd.config.shipped import is_path
 from rigd.model.errors import LinkError
+from rigd.model.pages import page_of
 from rigd.remote.client.connection import EVENTS, FRAMES, STATUSES, Connection
 from rigd.remote.client.lease_keeper import LeaseKeeper
 from rigd.remote.client.procedures import naming_the_file, read_procedure
@@ -384,9 +385,8 @@ class AsyncClient:
         That of its ``identification`` is made by :meth:`identify`, that of the ``run`` by
         :meth:`draw`.
         """
-        path = (Path(to) / run).with_suffix(".html")
-        if page == "run":
-            path = path.with_name(f"{path.stem}-run.html")
+        recording = Path(to) / run
+        path = page_of(recording) if page == "run" else recording.with_suffix(".html")
         return await self._fetch("report", run, path, progress, page=page)
 
     async def _ask(self, what: str, result: type[R], **args: Any) -> R:
