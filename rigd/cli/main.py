@@ -37,6 +37,7 @@ from rigd.cli import (
     tare,
     verify,
 )
+from rigd.cli.shown import screened
 from rigd.model.errors import Exit, RigdError
 
 #: In the order a newcomer needs them.
@@ -136,6 +137,11 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code (see :class:`rigd.model.errors.Exit`)."""
+    with screened():
+        return _main(argv)
+
+
+def _main(argv: Sequence[str] | None) -> int:
     args = build_parser().parse_args(argv)
     try:
         return int(args.execute(args))

@@ -61,9 +61,22 @@ def check_text(text: str, what: str, most: int, *, lines: bool = False) -> None:
             raise ValueError(f"{what} holds the character U+{ord(letter):04X}, which is no text")
 
 
+def visible(text: str) -> str:
+    """Return a text of any lines in which each character that is no text stands as its escape."""
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(
+        letter if _is_text(letter) or letter in "\n\t" else _escaped(letter) for letter in text
+    )
+
+
 def plain(text: str) -> str:
-    """Return a text that steers no terminal: each character that is no text becomes a blank."""
-    return "".join(letter if _is_text(letter) else " " for letter in text)
+    """Return a text as one line, :func:`visible`."""
+    return visible(text).replace("\n", " ").replace("\t", " ")
+
+
+def _escaped(letter: str) -> str:
+    return letter.encode("unicode_escape").decode("ascii")
 
 
 def _is_text(letter: str) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rigd.model.about import MOST_ENTRIES, MOST_NOTE_LETTERS, About, plain
+from rigd.model.about import MOST_ENTRIES, MOST_NOTE_LETTERS, About, plain, visible
 
 
 def test_ordinary_words_of_any_language_are_taken() -> None:
@@ -25,7 +25,9 @@ def test_characters_that_steer_are_refused_by_number(letter: str) -> None:
         About(note=f"A{letter}B")
     with pytest.raises(ValueError, match=number):
         About(meta={"specimen": f"A{letter}B"})
-    assert plain(f"A{letter}B") == "A B"
+    escaped = letter.encode("unicode_escape").decode("ascii")
+    assert plain(f"A{letter}\nB") == f"A{escaped} B"
+    assert visible(f"A{letter}\n\tµ") == f"A{escaped}\n\tµ"
 
 
 def test_operator_has_one_line() -> None:

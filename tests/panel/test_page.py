@@ -256,6 +256,17 @@ def test_what_the_rig_says_is_never_markup(panel: ServedPanel, watched: Watched)
     assert page.title() != "owned"
 
 
+def test_what_the_rig_says_turns_no_line(panel: ServedPanel, watched: Watched) -> None:
+    said = "wheel\u202ecleaned"
+    page = watched.enter(panel.links["operator"], "A. Miller")
+    panel.rig.trips.append(TRIP.model_copy(update={"message": said}))
+    panel.do(lambda: panel.rig.emit("note", reason=said))
+    expect(page.locator(".trip")).to_contain_text(r"wheel\u202ecleaned")
+    turn_to(page, "Events")
+    expect(page.locator(".event-table")).to_contain_text(r"wheel\u202ecleaned")
+    assert "\u202e" not in page.locator("body").inner_text()
+
+
 def test_traces_are_held_moved_zoomed_and_live_again(panel: ServedPanel, watched: Watched) -> None:
     page = running(panel, watched)
     wait_until(lambda: drawn(page) > 20)

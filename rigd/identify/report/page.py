@@ -14,6 +14,7 @@ from rigd.identify.report.palette import style_sheet_variables
 from rigd.identify.report.plots.axes import unit_text, words
 from rigd.identify.report.rounding import number, probability
 from rigd.identify.report.section import Provenance
+from rigd.model.about import visible
 
 _TEMPLATES: Final = Path(__file__).parent / "templates"
 _SUBSCRIPT: Final = re.compile(r"_(\w+)")
@@ -27,6 +28,7 @@ def fill_template(name: str, view: object, provenance: Provenance, title: str) -
     environment = Environment(
         loader=FileSystemLoader(_TEMPLATES),
         autoescape=True,
+        finalize=_visible,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -48,6 +50,11 @@ def fill_template(name: str, view: object, provenance: Provenance, title: str) -
         provenance=provenance,
         style=Markup(style_sheet_variables() + style),
     )
+
+
+def _visible(value: object) -> object:
+    """Return what stands on the page for a value: a text turns no line, whoever wrote it."""
+    return visible(value) if type(value) is str else value
 
 
 def subscripts(symbol: str) -> Markup:

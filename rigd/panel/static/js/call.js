@@ -1,7 +1,7 @@
 // What waits for a person calls them: by sound, by the title of the page, by a notification where the
 // browser allows it. Browsers play nothing before somebody has pressed something in the page.
 
-import { el, icon, mark, say } from "./dom.js";
+import { el, icon, mark, say, visible } from "./dom.js";
 import { words } from "./format.js";
 import { known, watch } from "./store.js";
 
@@ -24,7 +24,7 @@ export function setTitle(text) {
 }
 
 function drawTitle() {
-  const text = calling !== null && isBlinking ? `❗ ${calling.text}` : base;
+  const text = visible(calling !== null && isBlinking ? `❗ ${calling.text}` : base);
   if (document.title !== text) document.title = text;
 }
 
@@ -109,7 +109,7 @@ function askToNotify() {
 function notify() {
   if (!document.hidden || globalThis.Notification?.permission !== "granted") return;
   try {
-    new Notification(known.status.title || known.status.rig, { body: calling.text, tag: "rigd" });
+    new Notification(known.status.title || known.status.rig, { body: visible(calling.text), tag: "rigd" });
   } catch { /* some browsers on phones have them for installed pages only */ }
 }
 

@@ -1,5 +1,18 @@
 // Elements without templates. Text is only ever set as text, so nothing the rig says becomes markup.
 
+const NO_TEXT = /[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]/g;
+const SHOWN = new Set(["textContent", "title", "placeholder"]);
+
+/** A text in which what would turn a line, or be seen by nobody, stands as its escape. */
+export function visible(text) {
+  if (typeof text !== "string") return text;
+  return text.replace(NO_TEXT, (letter) => `\\u${letter.charCodeAt(0).toString(16).padStart(4, "0")}`);
+}
+
+function parts(children) {
+  return children.flat(Infinity).filter((one) => one !== null && one !== undefined).map(visible);
+}
+
 /**
  * Make an element. `props` are properties, except `class`, `data`, `aria-*`, `role` and other names
  * with a dash, which are attributes; `onclick` and its like are listeners. null children are left out.
@@ -11,10 +24,10 @@ export function el(tag, props = {}, ...children) {
     if (name === "class") made.className = value;
     else if (name === "data") Object.assign(made.dataset, value);
     else if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
-    else if (name.includes("-") || name === "role" || name === "for") made.setAttribute(name, value);
-    else made[name] = value;
+    else if (name.includes("-") || name === "role" || name === "for") made.setAttribute(name, visible(value));
+    else made[name] = SHOWN.has(name) ? visible(value) : value;
   }
-  made.append(...children.flat(Infinity).filter((one) => one !== null && one !== undefined));
+  made.append(...parts(children));
   return made;
 }
 
@@ -25,12 +38,13 @@ export function file(name) {
 
 /** Replace what stands in `parent`. */
 export function fill(parent, ...children) {
-  parent.replaceChildren(...children.flat(Infinity).filter((one) => one !== null && one !== undefined));
+  parent.replaceChildren(...parts(children));
 }
 
 /** Set the text of an element, touching the page only where it differs. */
 export function say(element, text) {
-  if (element.textContent !== text) element.textContent = text;
+  const shown = visible(text);
+  if (element.textContent !== shown) element.textContent = shown;
 }
 
 /** Set or take away an attribute that is either there or not. */
