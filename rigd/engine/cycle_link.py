@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import pickle
 import select
 import socket
-import subprocess
-import sys
 from collections import deque
 from typing import Final
 
 from rigd.engine import messages as m
+from rigd.engine.child import Child, module
 from rigd.engine.clock import monotonic_ns
 from rigd.engine.cycle_process import JOB
-from rigd.engine.deaths import how_ended
 from rigd.engine.player import Outcome
 from rigd.engine.shared import CycleState, RunFolder, Word
 
@@ -42,7 +39,6 @@ class CycleLink:
         self.said: dict[int, tuple[str, ...]] = {}
         self.acted: dict[int, m.Acted] = {}
         self.news: deque[object] = deque()  #: what was told without being asked
-        self._log = folder.path / LOG
         self._board = folder.board()
         self._silence_ns = {
             CycleState.TICKING: round(silence_s * 1e9),
@@ -54,18 +50,11 @@ class CycleLink:
         (folder.path / JOB).write_bytes(pickle.dumps(job))
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._socket.setblocking(False)
-        with theirs, self._log.open("wb") as log:
+        with theirs:
             fd = theirs.fileno()
-            self._process = subprocess.Popen(
-                # Without -P the folder it is started in could bring modules of its own.
-                [sys.executable, "-P", "-m", "rigd.engine.cycle_process", folder.path, str(fd)],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                pass_fds=(fd, folder.lock_fd),
-                start_new_session=True,  # the terminal's Ctrl-C is not for it
-            )
-        self._board[Word.PID_CYCLE] = self._process.pid
+            command = module("rigd.engine.cycle_process", str(folder.path), str(fd))
+            self._child = Child(command, log=folder.path / LOG, fds=(fd, folder.lock_fd))
+        self._board[Word.PID_CYCLE] = self._child.pid
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)
 
@@ -116,12 +105,13 @@ class CycleLink:
         """Return why the process must be taken for dead, or None; asked every few ms."""
         now = monotonic_ns()
         away_ns, self._heard_ns = now - self._heard_ns, now
-        code = self._process.poll()
-        if code is not None:
+        how = self._child.ended
+        if how:
             self.hear(0)  # what it said last
             if self._closing in self.said:
                 return None  # it ended as it was told
-            return f"the cycle process ended by itself ({how_ended(code)}){self._last_words()}"
+            words = self._child.last_words()
+            return f"the cycle process ended by itself ({how})" + (f": {words}" if words else "")
         bound_ns = self._silence_ns.get(CycleState(self._board[Word.CYCLE_STATE]))
         silent_ns = now - self._board[Word.BEAT_CYCLE]
         if bound_ns is not None and away_ns < AWAY_NS and silent_ns > bound_ns:
@@ -132,32 +122,15 @@ class CycleLink:
             )
         return None
 
-    def wait(self, timeout_s: float) -> None:
-        """Wait until the process has ended.
-
-        Raises:
-            subprocess.TimeoutExpired: it has not.
-        """
-        self._process.wait(timeout_s)
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until the process has ended; return whether it has."""
+        return self._child.wait(timeout_s)
 
     def fence(self) -> None:
-        """End the process for good, whatever it does; twice is silent.
-
-        One that the kernel holds (a call into a device that hangs) is not waited for: once killed
-        it executes nothing of its own any more.
-        """
-        self._process.kill()
-        self._reap()
+        """End the process for good, whatever it does; see :meth:`Child.fence`."""
+        self._child.fence(FENCE_S)
 
     def close(self) -> None:
         """Close the socket; a process still there takes that for the daemon's death."""
         self._socket.close()
-        self._reap()
-
-    def _reap(self) -> None:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(FENCE_S)
-
-    def _last_words(self) -> str:
-        lines = self._log.read_text("utf-8", "replace").strip().splitlines()
-        return f": {lines[-1]}" if lines else ""
+        self._child.wait(FENCE_S)

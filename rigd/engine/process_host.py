@@ -9,7 +9,6 @@ method calls every few milliseconds.
 from __future__ import annotations
 
 import pickle
-import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Final, Protocol, TypeVar
@@ -250,10 +249,8 @@ class ProcessHost:
             if not self._gone:
                 for problem in self._ask(m.Close(self._next()), CLOSE_S, recording=False):
                     self.event("fault", {"reason": problem})
-            if not self._gone:
-                self._cycle.wait(CLOSE_S)
-        except subprocess.TimeoutExpired as error:
-            self._lose(f"the cycle process did not end: {error}")
+            if not self._gone and not self._cycle.wait(CLOSE_S):
+                self._lose(f"the cycle process did not end within {CLOSE_S:g} s")
         finally:
             self._cycle.close()
             if self._beside is not None:

@@ -16,6 +16,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd.engine.child import module
 from rigd.engine.clock import RealClock
 from rigd.engine.realtime import RealTime
 
@@ -74,7 +75,7 @@ def measure(period_ns: int, seconds: float) -> BareCycle:
         subprocess.SubprocessError: the process failed; that is a bug.
     """
     done = subprocess.run(
-        [sys.executable, "-P", "-m", __name__, str(period_ns), str(seconds)],
+        module(__name__, str(period_ns), str(seconds)),
         stdin=subprocess.DEVNULL,
         capture_output=True,
         start_new_session=True,  # as the cycle of a run

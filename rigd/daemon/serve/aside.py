@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import resource
-import subprocess
 import sys
 import threading
 import time
@@ -17,7 +16,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from rigd.engine.deaths import how_ended
+from rigd.engine.child import Child, module
 from rigd.model.errors import ConfigError, RigdError
 from rigd.remote.protocol import Code, Message, Refusal
 from rigd.remote.protocol.results import Check, DryRun, Reported
@@ -43,7 +42,7 @@ class Aside:
         self._patience_s = patience_s
         self._memory = memory
         self._lock = threading.Lock()
-        self._process: subprocess.Popen[str] | None = None
+        self._child: Child | None = None
         self._closed = False
 
     def dry_run(
@@ -92,31 +91,30 @@ class Aside:
         """Give up what is under way; nothing more is done."""
         with self._lock:
             self._closed = True
-            if self._process is not None:
-                self._process.kill()
+            if self._child is not None:
+                self._child.fence(0.0)  # who waits for what it says sees its end
 
     def _do(self, what: str, job: Mapping[str, object]) -> object:
-        process = self._start()
+        child = self._start()
         try:
             order = json.dumps({"do": what, "memory": self._memory, **job})
-            out, err = self._wait(process, what, order)
+            out, errors = self._wait(child, what, order)
         finally:
             with self._lock:
-                self._process = None
+                self._child = None
         if self._closed:
             raise Refusal(Code.CONFLICT, "the daemon is ending")
-        if process.returncode < 0:  # by a person, or for want of memory
-            ended = how_ended(process.returncode)
-            raise Refusal(Code.REFUSED, f"{what} was ended from outside ({ended})")
-        if process.returncode != 0:
-            raise RuntimeError(f"{what} failed aside:\n{err}")
+        if child.code is not None and child.code < 0:  # by a person, or for want of memory
+            raise Refusal(Code.REFUSED, f"{what} was ended from outside ({child.ended})")
+        if child.code != 0:
+            raise RuntimeError(f"{what} failed aside:\n{errors}")
         said: Mapping[str, Any] = json.loads(out)
         if "error" in said:
             raise Refusal(Code(said["code"]), said["error"], hint=said["hint"])
         return said["result"]
 
-    def _wait(self, process: subprocess.Popen[str], what: str, order: str) -> tuple[str, str]:
-        """Return what the process has said once it has ended.
+    def _wait(self, child: Child, what: str, order: str) -> tuple[str, str]:
+        """Return what the process has printed once it has ended, and as errors.
 
         Raises:
             Refusal: it took too long, or its client is gone; it is killed.
@@ -126,37 +124,33 @@ class Aside:
         give_up_s = time.monotonic() + self._patience_s
         given: str | None = order
         while True:
-            try:
-                return process.communicate(given, timeout=_LOOK_S)
-            except subprocess.TimeoutExpired:
-                given = None  # it goes on with what it was given
-                gone = not still_connected()
-                if not gone and time.monotonic() < give_up_s:
-                    continue
-            process.kill()
-            process.communicate()
+            said = child.talk(given, _LOOK_S)
+            if said is not None:
+                return said
+            given = None  # it goes on with what it was given
+            gone = not still_connected()
+            if not gone and time.monotonic() < give_up_s:
+                continue
+            child.fence(None)
+            child.talk(None, _LOOK_S)  # nobody reads it, but its pipes are closed
             took = "its client is gone" if gone else f"it took longer than {self._patience_s:g} s"
             raise Refusal(Code.REFUSED, f"{what} was given up: {took}")
 
-    def _start(self) -> subprocess.Popen[str]:
+    def _start(self) -> Child:
         with self._lock:
             if self._closed:
                 raise Refusal(Code.CONFLICT, "the daemon is ending")
-            if self._process is not None:
+            if self._child is not None:
                 raise Refusal(Code.BUSY, "another calculation is under way", hint="ask again")
-            self._process = subprocess.Popen(
-                # Without -P the folder it is started in could bring modules of its own.
-                [sys.executable, "-P", "-m", "rigd.daemon.serve.tied", str(os.getpid()),
-                 sys.executable, "-P", "-m", __name__],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                text=True,
+            self._child = Child(
+                module(__name__),
+                tied=True,
+                stdin=True,
+                output=True,
                 # Threads of the linear algebra would wait for one another, and for the run.
-                env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"},
-                start_new_session=True,
-            )  # fmt: skip
-            return self._process
+                environment={"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"},
+            )
+            return self._child
 
 
 def _job(

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from types import TracebackType
 from typing import Final, Self
 
 from rigd.daemon.serve.notices import Notices
-from rigd.engine.deaths import how_ended
+from rigd.engine.child import Child
 
 #: One that died is started again at once. If it dies again it is started after this long, and after
 #: twice as long each time: it may die of something that lasts, and a start costs a second of CPU.
@@ -42,8 +38,8 @@ class Companion:
         self._command = command
         self._notices = notices
         self._spare_command = spare
-        self._process: subprocess.Popen[bytes] | None = None
-        self._spare: subprocess.Popen[bytes] | None = None
+        self._child: Child | None = None
+        self._spare: Child | None = None
         self._started_at = self._again_at = 0.0  # monotonic, s
         self._wait_s: float | None = None  # before the start that follows the next death
 
@@ -57,27 +53,24 @@ class Companion:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        processes = [one for one in (self._process, self._spare) if one is not None]
-        for process in processes:
-            process.terminate()
-        for process in processes:
-            try:
-                process.wait(END_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-            _close_input(process)
+        children = [child for child in (self._child, self._spare) if child is not None]
+        for child in children:
+            child.terminate()
+        for child in children:
+            if not child.wait(END_S):
+                child.fence(None)
+            child.close_stdin()
 
     def tend(self) -> None:
         """See that it lives."""
-        process, now = self._process, time.monotonic()
-        if process is not None and process.poll() is not None:
-            self._process = None
-            self._failed(f"ended ({how_ended(process.returncode)})")
-        if self._process is None and now >= self._again_at:
+        now = time.monotonic()
+        if self._child is not None and (how := self._child.ended):
+            self._child = None
+            self._failed(f"ended ({how})")
+        if self._child is None and now >= self._again_at:
             self._start()
-        if self._spare is not None and self._spare.poll() is not None:
-            _close_input(self._spare)
+        if self._spare is not None and self._spare.ended:
+            self._spare.close_stdin()
             self._spare = None
         if self._spare is None and self._spare_command and now >= self._started_at + SPARE_S:
             self._stand_by()
@@ -85,29 +78,20 @@ class Companion:
     def _start(self) -> None:
         self._started_at = time.monotonic()
         try:
-            self._process = self._take_spare() or _spawn(self._command, subprocess.DEVNULL)
+            self._child = self._take_spare() or Child(self._command, tied=True)
         except OSError as error:
             self._failed(f"cannot be started ({error.strerror})")
 
-    def _take_spare(self) -> subprocess.Popen[bytes] | None:
+    def _take_spare(self) -> Child | None:
         """Let the spare begin, and return it; None if there is none."""
         spare, self._spare = self._spare, None
-        if spare is None or spare.poll() is not None or spare.stdin is None:
-            return None
-        try:
-            spare.stdin.write(b"\n")
-            spare.stdin.flush()
-        except BrokenPipeError:  # it has just ended
-            return None
-        finally:
-            _close_input(spare)
-        return spare
+        return spare if spare is not None and spare.wake() else None
 
     def _stand_by(self) -> None:
-        if self._process is None:
+        if self._child is None:
             return
         try:
-            self._spare = _spawn(self._spare_command, subprocess.PIPE)
+            self._spare = Child(self._spare_command, tied=True, stdin=True)
         except OSError as error:
             self._spare_command = ()
             self._notices.note(f"{self._name} has no spare ({error.strerror})", "warning")
@@ -121,19 +105,3 @@ class Companion:
         self._again_at = now + wait_s
         when = f"in {wait_s:g} s" if wait_s else "at once"
         self._notices.note(f"{self._name} {how}, and is started again {when}", "warning")
-
-
-def _spawn(command: Sequence[str], standard_input: int) -> subprocess.Popen[bytes]:
-    """Start a command that ends with this process."""
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "rigd.daemon.serve.tied", str(os.getpid()), *command],
-        stdin=standard_input,
-        start_new_session=True,  # the terminal's Ctrl-C is for the daemon
-    )
-
-
-def _close_input(process: subprocess.Popen[bytes]) -> None:
-    """Close the pipe to a process; one that has ended reads no more."""
-    if process.stdin is not None:
-        with suppress(BrokenPipeError):
-            process.stdin.close()

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 import time
 from enum import Enum, auto
 from typing import Final
 
-from rigd.engine.deaths import how_ended
+from rigd.engine.child import Child, module
 from rigd.engine.recorder.service import ERROR_FILE
 from rigd.engine.shared import RecorderState, RunFolder, Word
 from rigd.engine.shared.scarce import insist
@@ -46,13 +44,13 @@ class RecorderProcess:
     def __init__(self, folder: RunFolder) -> None:
         self._folder = folder
         self._board = folder.board()
-        self._process: subprocess.Popen[bytes] | None = None
+        self._child: Child | None = None
         self._started_ns = 0
 
     @property
     def pid(self) -> int:
         """Process id of the recorder; 0 before it was started."""
-        return self._process.pid if self._process is not None else 0
+        return 0 if self._child is None else self._child.pid
 
     def start(self) -> None:
         """Start the process; :meth:`wait_until_recording` says when it is ready.
@@ -62,16 +60,9 @@ class RecorderProcess:
         self._board[Word.PID_DAEMON] = os.getpid()
         self._board[Word.RECORDER_STATE] = RecorderState.STARTING
         self._started_ns = time.monotonic_ns()
-        with (self._folder.path / LOG_FILE).open("ab") as log:
-            self._process = subprocess.Popen(
-                # Without -P the folder it is started in could bring modules of its own.
-                [sys.executable, "-P", "-m", "rigd.engine.recorder", str(self._folder.path)],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                start_new_session=True,
-                pass_fds=[self._folder.lock_fd] if self._folder.lock_fd >= 0 else [],
-            )
+        path = self._folder.path
+        command = module("rigd.engine.recorder", str(path))
+        self._child = Child(command, log=path / LOG_FILE, fds=(self._folder.lock_fd,))
 
     def wait_until_recording(self, timeout_s: float = START_S) -> None:
         """Return once the file is there and rows are taken.
@@ -97,7 +88,7 @@ class RecorderProcess:
 
     def poll(self, silence_s: float = SILENCE_S) -> Health:
         """Return how the recorder is; it is silent after ``silence_s`` without a sign of life."""
-        gone = self._process is None or self._process.poll() is not None
+        gone = self._child is None or self._child.code is not None
         state = self.state  # asked after: the last that it said
         if state is RecorderState.FAILED:
             return Health.FAILED
@@ -146,20 +137,13 @@ class RecorderProcess:
                     hint="It goes on; `rigd recover` says what became of it.",
                 )
             time.sleep(_LOOK_S)
-        if self._process is not None:
-            self._process.wait()
+        if self._child is not None:
+            self._child.wait(None)
         self._folder.clear()
 
     def _kill(self) -> bool:
         """Kill the process; return whether it is gone."""
-        if self._process is None:
-            return True
-        self._process.kill()
-        try:
-            self._process.wait(_REAP_S)
-        except subprocess.TimeoutExpired:
-            return False
-        return True
+        return self._child is None or self._child.fence(_REAP_S)
 
     def _failure(self) -> RecordingError:
         """Return what the recorder has to say; nothing more is to be had of it."""
@@ -168,11 +152,10 @@ class RecorderProcess:
         return RecordingError(message, hint=hint.strip() or None)
 
     def _death(self) -> RecordingError:
-        code = self._process.returncode if self._process is not None else None
-        cause = "it was silent" if code is None else how_ended(code)
-        log = (self._folder.path / LOG_FILE).read_text(errors="replace").strip()
-        last = log.splitlines()[-1] if log else "it left no message"
+        cause = "" if self._child is None else self._child.ended
+        last = "" if self._child is None else self._child.last_words()
         return RecordingError(
-            f"the recorder process died ({cause}): {last}",
+            f"the recorder process died ({cause or 'it was silent'}): "
+            f"{last or 'it left no message'}",
             hint="`rigd recover` puts what it left into the recording.",
         )

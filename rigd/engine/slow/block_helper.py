@@ -5,15 +5,13 @@ from __future__ import annotations
 import pickle
 import select
 import socket
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 from rigd.config.rig import DeviceConfig
+from rigd.engine.child import Child, module
 from rigd.engine.clock import monotonic_ns
-from rigd.engine.deaths import how_ended
 from rigd.engine.slow.block_job import GRACE_S, MAX_PACKET, BlockJob, Failed, Opened
 from rigd.engine.slow.table import LatestTable
 from rigd.model.channels import Stream
@@ -27,8 +25,6 @@ SILENCE_S: Final = 2.0
 AWAY_S: Final = 0.5
 #: A process whose end of the link is closed is gone within this; the daemon must not wait longer.
 _REAP_S: Final = 0.1
-#: How much of the log a message quotes.
-_LAST_WORDS: Final = 500
 
 
 class BlockHelper:
@@ -74,7 +70,7 @@ class BlockHelper:
         self._log = log
         self._lock_fd = lock_fd
         self._silence_ns = round(silence_s * 1e9)
-        self._process: subprocess.Popen[bytes] | None = None
+        self._child: Child | None = None
         self._link: socket.socket | None = None
         self._fault: str | None = None
         self._beat_ns = 0  # the sign of life last seen,
@@ -84,7 +80,7 @@ class BlockHelper:
     @property
     def pid(self) -> int:
         """Process id of the helper; 0 before it was started."""
-        return 0 if self._process is None else self._process.pid
+        return 0 if self._child is None else self._child.pid
 
     def start(self, timeout_s: float = OPEN_S) -> None:
         """Start the process and wait until the device is open; rows follow at once.
@@ -95,17 +91,10 @@ class BlockHelper:
             DeviceError: it reports a fault, or its driver fails.
         """
         self._link, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        fds = [theirs.fileno()] + [self._lock_fd] * (self._lock_fd >= 0)
-        with theirs, self._log.open("wb") as log:
-            self._process = subprocess.Popen(
-                # Without -P the folder it is started in could bring modules of its own.
-                [sys.executable, "-P", "-m", "rigd.engine.slow.block_process", str(fds[0])],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                pass_fds=fds,
-                start_new_session=True,  # the terminal's Ctrl-C is not for it
-            )
+        with theirs:
+            fd = theirs.fileno()
+            command = module("rigd.engine.slow.block_process", str(fd))
+            self._child = Child(command, log=self._log, fds=(fd, self._lock_fd))
         self._link.send(pickle.dumps(self._job))
         try:
             self._wait_until_open(timeout_s)
@@ -149,15 +138,12 @@ class BlockHelper:
 
     def stop(self) -> None:
         """End the process, by force where it hangs; stopping twice is silent."""
-        if self._link is None or self._process is None:
+        if self._link is None or self._child is None:
             return
         self._link.close()
         self._link = None
-        try:
-            self._process.wait(GRACE_S + 1.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        if not self._child.wait(GRACE_S + 1.0):
+            self._child.fence(None)
 
     def _has_message(self, timeout_s: float) -> bool:
         return bool(select.select([self._opened_link()], [], [], timeout_s)[0])
@@ -184,12 +170,9 @@ class BlockHelper:
         return kind(f"{self.name}: {failed.message}", hint=failed.hint)
 
     def _death(self) -> str:
-        if self._process is None:
+        if self._child is None:
             raise RuntimeError(f"the helper of {self.name} is not started")
-        try:
-            how = how_ended(self._process.wait(_REAP_S))
-        except subprocess.TimeoutExpired:
-            how = "it has closed its connection"
-        words = self._log.read_bytes()[-_LAST_WORDS:].decode(errors="replace").strip()
-        last = f": {words.splitlines()[-1]}" if words else ""
-        return f"{self.name}: its process ended by itself ({how}){last}"
+        self._child.wait(_REAP_S)
+        how = self._child.ended or "it has closed its connection"
+        words = self._child.last_words()
+        return f"{self.name}: its process ended by itself ({how})" + (f": {words}" if words else "")

@@ -1,0 +1,171 @@
+"""A process that this one starts, watches and ends.
+
+``python -m rigd.engine.child PARENT COMMAND...`` is a command that ends with its parent. If the
+parent is killed, nobody is left to end what it started; the kernel then sends SIGTERM (prctl(2),
+PR_SET_PDEATHSIG; it stays in force over exec).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Final
+
+_PR_SET_PDEATHSIG: Final = 1  # <linux/prctl.h>
+#: How much of its log is looked at for what a process printed last, in bytes.
+_LAST_WORDS: Final = 500
+
+
+class Child:
+    """A process started by this one, in a session of its own: a terminal's Ctrl-C is not for it.
+
+    Args:
+        command: what it runs; :func:`module` makes it of a module of rigd.
+        log: file to which what it prints is added; None if it prints where this process does.
+        fds: descriptors that it inherits; those below 0 are left out.
+        tied: whether it ends with this process, however that ends.
+        stdin: whether it reads what :meth:`wake` or :meth:`talk` gives it; else it reads nothing.
+        output: whether :meth:`talk` returns what it prints.
+        environment: what is added to the environment of this process.
+
+    Raises:
+        OSError: it cannot be started.
+    """
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        *,
+        log: Path | None = None,
+        fds: Sequence[int] = (),
+        tied: bool = False,
+        stdin: bool = False,
+        output: bool = False,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        self._log, self._log_began = log, 0
+        with ExitStack() as stack:
+            printed = subprocess.PIPE if output else None
+            if log is not None:
+                file = stack.enter_context(log.open("ab"))
+                self._log_began, printed = file.tell(), file.fileno()
+            self._process = subprocess.Popen(
+                [*module(__name__, str(os.getpid())), *command] if tied else command,
+                stdin=subprocess.PIPE if stdin else subprocess.DEVNULL,
+                stdout=printed,
+                stderr=printed,
+                pass_fds=[fd for fd in fds if fd >= 0],
+                env={**os.environ, **(environment or {})},
+                start_new_session=True,
+            )
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    @property
+    def code(self) -> int | None:
+        """Its exit code, negative for the signal that ended it; None while it lives."""
+        return self._process.poll()
+
+    @property
+    def ended(self) -> str:
+        """How it ended, in words, or "" while it lives."""
+        return "" if self.code is None else how_ended(self.code)
+
+    def wait(self, timeout_s: float | None) -> bool:
+        """Wait until it has ended, for ever if ``timeout_s`` is None; return whether it has."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout_s)
+            return True
+        return False
+
+    def fence(self, timeout_s: float | None) -> bool:
+        """End it for good, whatever it does; return whether it is gone within ``timeout_s``.
+
+        One that the kernel holds (a call into a device that hangs) may not be gone, but once killed
+        it executes nothing of its own any more. Fencing twice is silent.
+        """
+        self._process.kill()
+        return self.wait(timeout_s)
+
+    def terminate(self) -> None:
+        """Ask it to end (SIGTERM)."""
+        self._process.terminate()
+
+    def wake(self) -> bool:
+        """Give a process that waits for a line its line; return whether it was there to read it."""
+        if self.code is not None or self._process.stdin is None:
+            return False
+        try:
+            self._process.stdin.write(b"\n")
+            self._process.stdin.flush()
+        except BrokenPipeError:  # it has just ended
+            return False
+        finally:
+            self.close_stdin()
+        return True
+
+    def close_stdin(self) -> None:
+        """Give it nothing more to read; one that has ended reads no more anyway."""
+        if self._process.stdin is not None:
+            with suppress(BrokenPipeError):
+                self._process.stdin.close()
+
+    def talk(self, given: str | None, timeout_s: float) -> tuple[str, str] | None:
+        """Give it all that it reads; return what it has printed once it has ended, and as errors.
+
+        None if it has not ended within ``timeout_s``: call it again, with None for ``given``.
+        """
+        try:
+            read = None if given is None else given.encode()
+            out, errors = self._process.communicate(read, timeout=timeout_s)
+        except subprocess.TimeoutExpired:
+            return None
+        return out.decode(), errors.decode(errors="replace")
+
+    def last_words(self) -> str:
+        """Return the last line that it has printed into its log, or ""."""
+        if self._log is None:
+            return ""
+        with self._log.open("rb") as file:
+            end = file.seek(0, os.SEEK_END)
+            file.seek(max(self._log_began, end - _LAST_WORDS))
+            lines = file.read().decode(errors="replace").strip().splitlines()
+        return lines[-1] if lines else ""
+
+
+def module(name: str, *arguments: str) -> list[str]:
+    """Return the command that runs a module of rigd in this interpreter."""
+    # Without -P the folder it is started in could bring modules of its own.
+    return [sys.executable, "-P", "-m", name, *arguments]
+
+
+def how_ended(code: int) -> str:
+    """Return what an exit code of :mod:`subprocess` says: ``signal SIGKILL``, ``exit code 1``."""
+    if code >= 0:
+        return f"exit code {code}"
+    try:
+        return f"signal {signal.Signals(-code).name}"
+    except ValueError:  # most real-time signals have no name
+        return f"signal {-code}"
+
+
+def _become() -> None:
+    """Become the command, unless the parent is gone already."""
+    parent, *command = sys.argv[1:]
+    if ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0) != 0:
+        sys.exit(f"cannot be tied to process {parent}: {os.strerror(ctypes.get_errno())}")
+    if os.getppid() == int(parent):
+        os.execvp(command[0], command)
+
+
+if __name__ == "__main__":
+    _become()

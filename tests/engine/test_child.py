@@ -1,0 +1,94 @@
+"""A process that this one starts: how it ended, what it printed last, and that it is gone."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from rigd.engine.child import Child, how_ended
+
+PATIENCE_S = 60.0
+
+
+def python(code: str) -> list[str]:
+    return [sys.executable, "-c", code]
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [(0, "exit code 0"), (7, "exit code 7"), (-9, "signal SIGKILL"), (-40, "signal 40")],
+)
+def test_an_ending_is_put_in_words(code: int, words: str) -> None:
+    assert how_ended(code) == words
+
+
+def test_last_words_are_those_of_this_process(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    for code, words in (("print('one'); print('two')", "two"), ("pass", "")):
+        child = Child(python(code), log=log)
+        assert child.wait(PATIENCE_S)
+        assert (child.ended, child.last_words()) == ("exit code 0", words)
+    assert log.read_text() == "one\ntwo\n"
+
+
+def test_one_that_ignores_signals_is_fenced(tmp_path: Path) -> None:
+    ready = tmp_path / "ready"
+    child = Child(
+        python(
+            "import signal, sys, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
+            f"open({str(ready)!r}, 'w').close(); sys.stdin.read() or time.sleep(600)"
+        ),
+        stdin=True,
+    )
+    while not ready.exists():
+        assert not child.wait(0.01)
+    child.terminate()
+    assert not child.wait(0.1)
+    assert child.ended == ""
+    assert child.fence(PATIENCE_S)
+    assert child.fence(PATIENCE_S)
+    assert child.ended == "signal SIGKILL"
+    child.close_stdin()
+
+
+def test_it_inherits_only_what_it_is_given() -> None:
+    given, kept = os.pipe()
+    try:
+        os.set_inheritable(kept, True)
+        child = Child(
+            python(f"import os; os.fstat({given}); print('given'); os.fstat({kept})"),
+            fds=(given, -1),
+            output=True,
+        )
+        said = child.talk(None, PATIENCE_S)
+    finally:
+        os.close(given)
+        os.close(kept)
+    assert said is not None
+    assert said[0] == "given\n"
+    assert "Bad file descriptor" in said[1]
+    assert child.code == 1
+
+
+def test_a_terminal_signals_its_own_processes_alone() -> None:
+    child = Child(python("input()"), stdin=True)
+    assert os.getsid(child.pid) == child.pid
+    assert child.wake()
+    assert child.wait(PATIENCE_S)
+    assert not child.wake()  # nobody is there to read it
+    assert child.code == 0
+
+
+def test_a_process_that_goes_on_talks_later() -> None:
+    child = Child(
+        python("import sys, time; said = sys.stdin.read(); time.sleep(0.5); print(said)"),
+        stdin=True,
+        output=True,
+    )
+    given: str | None = "order"
+    while (said := child.talk(given, 0.1)) is None:
+        given = None
+    assert said == ("order\n", "")
