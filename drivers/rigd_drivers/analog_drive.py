@@ -1,4 +1,4 @@
-"""What drives on a card have in common: a set value in volts, a monitor, an enable line."""
+"""Base of drives on a card: set value in volts, current monitor, enable line."""
 
 from __future__ import annotations
 

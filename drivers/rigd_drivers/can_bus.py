@@ -1,4 +1,4 @@
-"""A CAN bus that several CANopen devices stand on, and rigd as its only master.
+"""A CAN bus with CANopen devices; rigd is its only master.
 
 In every cycle it hands what has come to the device that it is for, then sends what the devices
 queued, one SYNC, and the heartbeat when it is due. The heartbeat comes from here and from nowhere

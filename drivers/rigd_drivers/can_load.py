@@ -1,4 +1,4 @@
-"""How much of a CAN bus is used."""
+"""The load of a CAN bus."""
 
 from __future__ import annotations
 

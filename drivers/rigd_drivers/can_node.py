@@ -1,4 +1,4 @@
-"""One CANopen node as its master sees it: set up by SDO, then watched in the cycle."""
+"""The master's side of one CANopen node: set up by SDO, supervised in the cycle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where CAN frames come from and go to: the simulated bus, SocketCAN, or python-can's adapters.
+"""Ports for CAN frames: the simulated bus, SocketCAN, python-can's adapters.
 
 A port never waits unless asked to, and turns whatever goes wrong into a :class:`LinkError` that
 says what to look at.

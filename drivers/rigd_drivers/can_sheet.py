@@ -1,4 +1,4 @@
-"""What a CANopen device is by the rig file, and whether its EDS allows what its driver does."""
+"""Compares a CANopen device of the rig file with its EDS."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a data acquisition card offers to the drivers on it: volts, counts and lines."""
+"""The interface of a data acquisition card to the drivers on it: volts, counts and lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Options by which a person says something of a run: ``--operator``, ``--note``, ``--meta``."""
+"""Options that describe a run: ``--operator``, ``--note``, ``--meta``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every question that rigd asks at a terminal goes through here."""
+"""Asks every question of rigd at a terminal; discards input typed before the question."""
 
 from __future__ import annotations
 

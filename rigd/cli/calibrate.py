@@ -1,4 +1,4 @@
-"""``rigd calibrate``: measures what is known of a rig, and writes it into its calibration."""
+"""``rigd calibrate``: measures constants of a rig and writes them into its calibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A calibration renewed, as a terminal and a program see it."""
+"""Prints a renewed calibration, or returns it as JSON."""
 
 from __future__ import annotations
 

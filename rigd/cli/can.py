@@ -1,4 +1,4 @@
-"""``rigd can``: what concerns CAN devices without a rig; nothing is opened."""
+"""``rigd can``: reads EDS files of CAN devices; nothing is opened."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rigd check``: is this file right? Nothing is opened, nothing moves."""
+"""``rigd check``: checks rig files and procedures; nothing is opened, nothing moves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shows what the doctor finds: a line per check, and what to do below it."""
+"""Prints the results of ``rigd doctor``: a line per check with its remedy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person at a terminal sees of a run, and how they answer its prompts."""
+"""Shows a run at a terminal and asks its prompts."""
 
 from __future__ import annotations
 

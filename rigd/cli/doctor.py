@@ -1,4 +1,4 @@
-"""``rigd doctor``: is this machine, and this rig, fit to run?"""
+"""``rigd doctor``: checks whether this machine and a rig are fit to run."""
 
 from __future__ import annotations
 

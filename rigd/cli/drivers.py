@@ -1,4 +1,4 @@
-"""``rigd drivers``: what is installed, with the options and channels of each."""
+"""``rigd drivers``: lists installed drivers with their options and channels."""
 
 from __future__ import annotations
 

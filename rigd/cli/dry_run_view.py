@@ -1,4 +1,4 @@
-"""A dry run as tables for a person, or as an object for a program."""
+"""Prints a dry run as tables, or returns it as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an evaluation shows, printed in a terminal."""
+"""Prints the result of an analysis at a terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rigd export``: recordings as tables for other programs."""
+"""``rigd export``: writes recordings as tables for other programs."""
 
 from __future__ import annotations
 

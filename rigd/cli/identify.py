@@ -1,4 +1,4 @@
-"""``rigd identify``: recordings to friction with honest uncertainties, and a report."""
+"""``rigd identify``: recordings to friction parameters with uncertainties, and a report."""
 
 from __future__ import annotations
 

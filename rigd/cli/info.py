@@ -1,4 +1,4 @@
-"""``rigd info``: what a recording holds."""
+"""``rigd info``: prints the contents of a recording."""
 
 from __future__ import annotations
 

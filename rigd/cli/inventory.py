@@ -1,4 +1,4 @@
-"""What is installed, and what each thing declares; a broken one is told, and hides no other."""
+"""Lists installed plug-ins and their declarations; reports those that cannot be imported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rigd jog``: moves a rig by hand, beneath the same limits and interlocks as a procedure."""
+"""``rigd jog``: moves a rig by hand under the same limits and interlocks as a procedure."""
 
 from __future__ import annotations
 

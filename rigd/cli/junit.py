@@ -1,4 +1,4 @@
-"""A run as JUnit XML, which every continuous-integration service reads.
+"""Writes the result of a run as JUnit XML for continuous integration.
 
 One test case for each trial, and one for the run as a whole, which also fails for what no trial
 answers for: preflight, `prepare`, `finish`, the recording. Elements and attributes are those that

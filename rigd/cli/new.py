@@ -1,4 +1,4 @@
-"""``rigd new``: a package to begin with, which installs and passes its own tests."""
+"""``rigd new``: writes a package for a plug-in that installs and passes its own tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rigd panel``: a page for browsers, to see and steer a rig that a daemon serves."""
+"""``rigd panel``: serves the operator's page for a rig."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plays a request at a terminal: what a person sees of it, and what a script reads."""
+"""Runs a procedure from a terminal: display for a person, JSON for a script."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rigd read``: the newest value of each channel; nothing is armed, nothing is recorded."""
+"""``rigd read``: prints the newest value of each channel; nothing is armed or recorded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shows readings: a table that refreshes itself on a terminal, lines or JSON elsewhere."""
+"""Prints readings: a table that refreshes at a terminal, lines or JSON elsewhere."""
 
 from __future__ import annotations
 

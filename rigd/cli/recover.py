@@ -1,4 +1,4 @@
-"""``rigd recover``: repairs damaged recordings, and completes those of killed runs."""
+"""``rigd recover``: repairs damaged recordings and completes those of killed runs."""
 
 from __future__ import annotations
 

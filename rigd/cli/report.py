@@ -1,4 +1,4 @@
-"""``rigd report``: a recording as a page, with or without an identification."""
+"""``rigd report``: writes a page for any recording."""
 
 from __future__ import annotations
 

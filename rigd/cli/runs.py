@@ -1,4 +1,4 @@
-"""``rigd runs``: the recordings of a folder."""
+"""``rigd runs``: lists the recordings of a folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rigd schema``: the JSON Schema that editors check files with."""
+"""``rigd schema``: prints the JSON Schema that editors use."""
 
 from __future__ import annotations
 

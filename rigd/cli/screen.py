@@ -1,4 +1,4 @@
-"""Tables and paragraphs that can be read in a narrow terminal too."""
+"""Tables and paragraphs that fit a narrow terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rigd sim``: simulated devices at the wire, for a rig whose file names a simulation."""
+"""``rigd sim``: serves simulated devices at the wire for a rig file with a simulation."""
 
 from __future__ import annotations
 

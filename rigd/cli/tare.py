@@ -1,4 +1,4 @@
-"""``rigd tare``: an action of one device, such as tare or zero; nothing is armed."""
+"""``rigd tare``: performs an action of one device, such as tare; nothing is armed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bar that shows how many trials of a run are done."""
+"""Progress bar of the trials of a run."""
 
 from __future__ import annotations
 

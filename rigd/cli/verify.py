@@ -1,4 +1,4 @@
-"""``rigd verify``: are recordings as they were written? Nothing is changed."""
+"""``rigd verify``: checks whether recordings are intact; changes nothing."""
 
 from __future__ import annotations
 

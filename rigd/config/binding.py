@@ -1,4 +1,4 @@
-"""Documents to typed objects: pydantic checks, and every finding becomes file:line:column."""
+"""Binds documents to typed objects; every error of pydantic becomes file:line:column."""
 
 from __future__ import annotations
 

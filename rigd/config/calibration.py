@@ -1,4 +1,4 @@
-"""Calibrations: what was measured of a rig beside its runs, in a file of its own.
+"""Calibration files: measured values of a rig with uncertainty and expiry.
 
 The rig file names it (``calibration: calibrations/bench.yaml``), a run attaches it to its
 recording as :data:`ATTACHMENT`, and ``rigd calibrate`` writes it.

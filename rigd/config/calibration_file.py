@@ -1,4 +1,4 @@
-"""A calibration renewed: some values measured anew, the others as they stand, nothing forgotten.
+"""Writes a renewed calibration file: new values, others unchanged, replaced ones kept.
 
 The file is data: what is kept of it is the text of each value, and the comment at its head. A
 comment elsewhere is lost; ``from:`` is the place for a reason.

@@ -1,4 +1,4 @@
-"""The shape of a calibration file; what the keys mean stands beneath each, and in the JSON Schema.
+"""The shape of a calibration file, documented by its JSON Schema.
 
 Every value stands for itself: it has its own date, operator, instruments and validity, because
 values are measured one procedure at a time and grow old apart.

@@ -1,4 +1,4 @@
-"""YAML 1.2 text to plain data, with the place of every key and value kept.
+"""Parses YAML 1.2 to plain data and keeps the position of every key and value.
 
 Every scalar stays the text its author wrote: the schema, not YAML, decides whether ``1.50`` is a
 number or ``no`` a word. Of YAML only what a rig file needs is accepted: one document of mappings,

@@ -1,4 +1,4 @@
-"""The links of a rig file, and whether each device stands on one that fits."""
+"""Reads the links of a rig file and checks that each device uses a link that fits."""
 
 from __future__ import annotations
 

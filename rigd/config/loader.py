@@ -1,4 +1,4 @@
-"""Rig file to :class:`RigConfig`: drivers found, options valid, limits within the devices' own."""
+"""Loads a rig file: finds drivers, validates options, checks limits."""
 
 from __future__ import annotations
 

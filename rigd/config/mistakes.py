@@ -1,4 +1,4 @@
-"""Mistakes in YAML in the words of a person who writes files, not of the parser that met them."""
+"""Explains YAML mistakes in the words of an author of files instead of the parser's."""
 
 from __future__ import annotations
 

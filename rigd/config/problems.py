@@ -1,4 +1,4 @@
-"""Gathers every problem of a file, so that its author is told of all of them at once."""
+"""Collects every problem of a file, so that its author sees all of them at once."""
 
 from __future__ import annotations
 

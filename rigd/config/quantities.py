@@ -1,4 +1,4 @@
-"""Text of a file to a number in the unit another part of the file decides."""
+"""Parses quantities of a file in the unit that another part of the file determines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What packages provide, found by entry point; nothing is imported before it is used."""
+"""Finds plug-ins by entry point; imports them only when they are used."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ``remote:`` section: where a rig's daemon listens, and who may do what there."""
+"""The ``remote:`` section of a rig file: endpoints, certificates, roles."""
 
 from __future__ import annotations
 

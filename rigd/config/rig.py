@@ -1,4 +1,4 @@
-"""A rig as the rest of rigd sees it: plain frozen data, every value in SI, every name resolved."""
+"""A rig as typed data: all values in SI, all names resolved."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JSON Schemas of the files users write, for editors; generated from what checks the files."""
+"""JSON Schemas of the files that users write, generated from the models that check them."""
 
 from __future__ import annotations
 

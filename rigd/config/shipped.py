@@ -1,4 +1,4 @@
-"""Finds a rig or procedure by path or name: the current folder first, then the shipped files."""
+"""Finds a rig or procedure by path or name: the current folder first, then shipped files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a calibration measured, put into the calibration file of its rig."""
+"""Writes the values that a calibration measured into the calibration file of the rig."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Is the calibration of a rig fit for a run: there, of this rig, of these instruments, valid?"""
+"""Checks that the calibration of a rig exists, belongs to it, and has not expired."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Executes a procedure on a rig and records it: ``rigd run`` is this, a short-lived daemon."""
+"""Executes a procedure on a rig and records it: the work of ``rigd run``."""
 
 from __future__ import annotations
 

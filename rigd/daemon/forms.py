@@ -1,4 +1,4 @@
-"""The two forms of a run: everything in this process, or three processes that watch each other.
+"""The two forms of a run: one process, or three processes that supervise each other.
 
 A rig simulated in process runs here, in virtual time or paced; at pace 1, and on devices behind
 links, the cycle and the recorder are processes of their own. The run itself knows only a host.

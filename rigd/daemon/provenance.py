@@ -1,4 +1,4 @@
-"""What a recording says about where it comes from, so that it explains itself."""
+"""Metadata of a recording: rig, procedure, calibration, versions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where an interrupted sweep stands, read from its own recording."""
+"""Reads from a recording at which trial an interrupted sweep continues."""
 
 from __future__ import annotations
 

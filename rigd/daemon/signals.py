@@ -1,4 +1,4 @@
-"""Signals of the terminal and of service managers, turned into requests to the run."""
+"""Turns signals of a terminal or a service manager into requests to the run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A sink that keeps nothing but the extremes of every channel and the times of every step."""
+"""A sink that keeps only the extremes of every channel and the times of every step."""
 
 from __future__ import annotations
 

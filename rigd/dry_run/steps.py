@@ -1,4 +1,4 @@
-"""The step table of a dry run: what each step does, when it ends, how long it took."""
+"""The step table of a dry run: what each step does, how it ends, how long it takes."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What moves the rig: the cycle, its interlocks and limits, and the run that drives it."""
+"""The engine: the control cycle, interlocks, limits, and the run that plays a procedure."""

@@ -1,4 +1,4 @@
-"""Who answers the prompts of a procedure."""
+"""Answers to the prompts of a procedure: their sources and their checks."""
 
 from __future__ import annotations
 

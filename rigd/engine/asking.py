@@ -1,4 +1,4 @@
-"""Puts a prompt: asks until there is an answer that can be, and that the rig bears out."""
+"""Asks a prompt until the answer is valid and the channels of the rig confirm it."""
 
 from __future__ import annotations
 

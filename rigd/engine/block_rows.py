@@ -1,4 +1,4 @@
-"""From the blocks of a block device to the rows of its stream, checked and recorded in bulk."""
+"""Checks the blocks of a block device and records their rows in bulk."""
 
 from __future__ import annotations
 

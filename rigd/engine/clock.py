@@ -1,4 +1,4 @@
-"""Time as the engine sees it: slots on a fixed grid, in virtual time or on the wall.
+"""Clocks of the engine: cycle slots on a fixed grid, in virtual time or real time.
 
 The only module of the engine that asks the operating system for the time.
 """

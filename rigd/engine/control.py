@@ -1,4 +1,4 @@
-"""What a person may ask of a run at any moment, from any thread or signal handler."""
+"""Requests to a run (pause, stop, abort, estop) from any thread or signal handler."""
 
 from __future__ import annotations
 

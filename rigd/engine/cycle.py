@@ -1,4 +1,4 @@
-"""The cycle: read every device, check, play, limit, write. It moves the rig and waits for no one.
+"""The control cycle: read every device, check interlocks, play, limit, write; it never waits.
 
 Whatever the program says, each cycle passes the interlocks first and the limiter last. When no
 program is loaded, setpoints go to rest.

@@ -1,4 +1,4 @@
-"""The cycle process as the daemon sees it: started, told, heard, judged, and ended for good."""
+"""The daemon's end of the cycle process: start, commands, replies, supervision, kill."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The cycle process: real time, and nothing else.
+"""The cycle process: runs the control cycle in real time.
 
 ``python -m rigd.engine.cycle_process FOLDER FD``. It does what the daemon says over a socket that
 it never waits on, and shows on the board that it is alive. When the daemon dies or falls silent,

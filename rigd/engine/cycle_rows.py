@@ -1,4 +1,4 @@
-"""The rows of a cycle on their way to where they are recorded."""
+"""Puts the rows of a cycle into the rings of their streams."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faults that a procedure lets the simulated devices of its rig show; they end with the run."""
+"""Faults that a procedure injects into the simulated devices of its rig; they end with the run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The host: where the cycle runs, as the run sees it.
+"""The interface through which a run reaches the control cycle, in this process or another.
 
 In virtual time, and for simulations paced otherwise than the wall, the cycle runs in this process
 (:class:`~rigd.engine.in_process.InProcessHost`); on real devices it is a process of its own

@@ -1,4 +1,4 @@
-"""Runs the cycle and drains its rings into a sink, all in this process.
+"""Host in one process: runs the cycle and drains its rings into a sink.
 
 The form for virtual time and for simulations paced to the wall clock. It owns the order in which
 rows and events reach the sink, so that in virtual time a recording repeats bit for bit.

@@ -1,4 +1,4 @@
-"""Interlocks: checked every cycle, beneath procedures and manual commands alike."""
+"""Interlocks: conditions on channels, checked in every cycle."""
 
 from __future__ import annotations
 

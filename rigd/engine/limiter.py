@@ -1,4 +1,4 @@
-"""The last step before the link: no command passes it that breaks a limit, whoever gave it."""
+"""The limiter: no setpoint leaves rigd outside its bounds or faster than its rate."""
 
 from __future__ import annotations
 

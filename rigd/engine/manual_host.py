@@ -1,4 +1,4 @@
-"""A host on which nothing is played: the rig is looked at, judged, and asked by hand."""
+"""Host of a rig that is opened without a run: it is never armed."""
 
 from __future__ import annotations
 

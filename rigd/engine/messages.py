@@ -1,4 +1,4 @@
-"""What the daemon and the cycle process say to each other: one pickled object per packet.
+"""Messages between the daemon and the cycle process: one pickled object per packet.
 
 Both ends run the same code and nobody else holds an end of the socket.
 """

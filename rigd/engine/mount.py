@@ -1,4 +1,4 @@
-"""Devices mounted in a rig: every channel and setpoint gets its place in the cycle's tables."""
+"""Assigns every channel and setpoint of a rig its index in the tables of the cycle."""
 
 from __future__ import annotations
 

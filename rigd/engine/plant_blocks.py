@@ -1,4 +1,4 @@
-"""A block device that stands on the plant: read in the cycle, recorded in bulk."""
+"""A block device of a simulated plant: read in the cycle, recorded in bulk."""
 
 from __future__ import annotations
 

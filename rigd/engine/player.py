@@ -1,4 +1,4 @@
-"""Plays a cycle program: profiles, end conditions and per-trial limits, one look per cycle."""
+"""Plays a cycle program: profiles, end conditions and limits of a trial, one step per cycle."""
 
 from __future__ import annotations
 

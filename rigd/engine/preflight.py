@@ -1,4 +1,4 @@
-"""Preflight: everything that can refuse, before anything is armed. Blocked is not failed."""
+"""Preflight: all checks that can refuse a run before anything is armed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs the cycle in a process of its own, and watches over it and over the recorder.
+"""Host in processes: runs the cycle in its own process, and supervises it and the recorder.
 
 Whatever dies, the rig ends up safe: a cycle that is gone or silent is ended for good, then the
 devices are made safe over a second link; a recorder that is gone is started again and finds its

@@ -1,4 +1,4 @@
-"""A question that waits for a person, put in a thread while the cycle goes on."""
+"""Asks a person in a thread while the cycle continues."""
 
 from __future__ import annotations
 

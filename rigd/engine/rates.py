@@ -1,4 +1,4 @@
-"""How many rows a stream gives per second; nothing is opened to know it."""
+"""The highest row rate of a stream, from its declaration; no device is opened."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Real time for this process: what the kernel grants, and in words what it does not.
+"""Real-time scheduling of this process, and reports of what the kernel does not grant.
 
 Measured on a virtual machine of two processors at 1 kHz under load: misses of its own per 1000
 cycles fall from 28 to 0 by SCHED_FIFO alone; locked memory and a frozen collector guard against

@@ -1,4 +1,4 @@
-"""Making a rig safe over links of our own, after the process that drove it was killed.
+"""Makes a rig safe over new links after the cycle process was killed.
 
 Fence first: whoever calls this has made sure that the cycle process is gone. A device that no
 second process can open is left to its watchdog.

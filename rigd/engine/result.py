@@ -1,4 +1,4 @@
-"""What a run tells those who watch it, and how it ended."""
+"""Progress and result of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ring: rows of one stream from the one who takes them to the one who writes them.
+"""A ring in the memory of one process: rows of one stream, one writer and one reader.
 
 One writer, one reader, fixed capacity, never waits. A push onto a full ring is counted as an
 overrun and the new row is dropped: rows already taken are never destroyed.

@@ -1,4 +1,4 @@
-"""One execution of a procedure on a rig, from preflight to a safe rig and a finished file.
+"""One execution of a procedure on a rig: preflight, arm, trials, finish, make safe.
 
 ``finish`` and ``make_safe`` are two things: ``finish`` may move (bring the carriage home) and
 plays only where nothing went wrong with the rig itself; ``make_safe`` never moves anything on

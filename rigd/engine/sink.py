@@ -1,4 +1,4 @@
-"""Where rows and events go: a recording, or nowhere but a dry run's peaks."""
+"""The interface to which rows and events are written: a recording or a dry run."""
 
 from __future__ import annotations
 

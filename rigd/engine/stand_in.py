@@ -1,4 +1,4 @@
-"""What the cycle mounts in the place of a device that it does not exchange with itself."""
+"""The driver that the cycle mounts in place of an off-cycle device."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recording windows: when the rows of a stream are recorded, as the cycle decides it.
+"""Recording windows: the steps during which a stream is recorded.
 
 A block device hands rows over some time after they were taken, perhaps in a process of its own.
 What counts is when a row was taken: the cycle writes down when a window opened and closed, and who

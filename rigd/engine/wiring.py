@@ -1,4 +1,4 @@
-"""Wires a rig from its file: plant or links, devices, limiter, interlocks and the cycle."""
+"""Builds the cycle of a rig from its file: plant or links, devices, limiter, interlocks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pure facts every other layer speaks in: units, channels, streams, limits, states, errors."""
+"""Facts that every layer shares: units, channels, streams, limits, states, errors."""
 
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import (

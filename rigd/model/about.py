@@ -1,4 +1,4 @@
-"""What a person says of a run: who ran it, a note, and names with values such as a specimen."""
+"""Operator, note and metadata of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Channels and streams: what a device measures and takes, with unit and range."""
+"""Channels and streams with unit and range."""
 
 from __future__ import annotations
 

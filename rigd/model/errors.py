@@ -1,4 +1,4 @@
-"""The error tree; its branches say who must act.
+"""The error tree; each branch names the person who can act.
 
 RigdError
 ├── ConfigError      the author of a file: what is wrong, where (file:line:column), what to do

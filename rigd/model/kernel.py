@@ -1,4 +1,4 @@
-"""``@kernel``: a typed door to numba, which ships no types.
+"""``@kernel``: numba's ``njit`` with types.
 
 Compiled functions are cached on disk beside their module (or in numba's user cache where that
 folder cannot be written), so only the first call after an installation compiles.

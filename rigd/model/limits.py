@@ -1,4 +1,4 @@
-"""Limits and interlocks as facts: what the engine enforces beneath procedures and people alike."""
+"""Limits of setpoints, and interlocks, as data."""
 
 from __future__ import annotations
 

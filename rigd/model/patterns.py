@@ -1,4 +1,4 @@
-"""What an editor can tell of quantities and conditions: patterns for the JSON Schema.
+"""Patterns of quantities and conditions for the JSON Schema.
 
 They refuse plain slips, and nothing that ``rigd check`` accepts: whatever is more than a number and
 one symbol behind it may be an expression, and is left to the check.

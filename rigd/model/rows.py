@@ -1,4 +1,4 @@
-"""The one memory layout of a stream's rows, shared by the cycle, the ring and the recorder."""
+"""The memory layout of the rows of a stream, shared by cycle, ring and recorder."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The operator's panel: a web page, served by a process that is a client like every other."""
+"""The operator's panel: a web page, served by a process that is a client of the daemon."""

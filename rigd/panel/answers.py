@@ -1,4 +1,4 @@
-"""Requests in, answers out: JSON both ways, every refusal in the same form."""
+"""Requests and responses of the panel as JSON; every refusal has the same form."""
 
 from __future__ import annotations
 

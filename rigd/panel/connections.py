@@ -1,4 +1,4 @@
-"""What one connection to the panel may take: none keeps the stop of somebody else out.
+"""Bounds what one browser connection may use, so that stops of others always get through.
 
 By itself uvicorn waits without end for a request that was begun, and turns everybody away where
 very many do so: a few hundred connections of one who says nothing would be in the way of a stop.

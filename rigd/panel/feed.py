@@ -1,4 +1,4 @@
-"""The page's WebSocket: what the rig tells, as fast as the browser draws it."""
+"""The WebSocket of the page: status, events and frames at the rate at which the browser draws."""
 
 from __future__ import annotations
 

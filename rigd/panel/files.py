@@ -1,4 +1,4 @@
-"""Large things for the page: a report to look at, a recording to keep."""
+"""Reports and recordings for the page, passed on in pieces."""
 
 from __future__ import annotations
 

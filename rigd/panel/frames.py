@@ -1,4 +1,4 @@
-"""How several live frames become one, for a browser that is slow."""
+"""Merges several live frames into one for a slow browser."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every request must show before anything looks at it, and what every answer carries.
+"""Checks every HTTP request (host, origin, size, rate) and adds security headers to responses.
 
 Against a page of another site (CSRF, DNS rebinding): the Host must be this panel's, a WebSocket
 and everything that is not a plain read must come from this panel's own Origin, and a request that

@@ -1,4 +1,4 @@
-"""One connection to the rig, shared by all browsers."""
+"""One connection to the daemon, shared by all browsers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What waits to be sent to one browser: never more than a bounded amount, always the newest."""
+"""The messages that wait for one browser: bounded, newest kept."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quantities for a page that knows no units: beside each unit its factor to SI."""
+"""Adds to each unit its factor to SI, for the page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rates that a client may not exceed."""
+"""Rate limits of HTTP clients."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the panel needs of a rig: the verbs of the protocol, and what the rig tells of itself.
+"""The interface to the rig that the panel needs: verbs, status, events, frames.
 
 :class:`rigd.remote.client.Connection` is one.
 """

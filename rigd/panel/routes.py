@@ -1,4 +1,4 @@
-"""What the page asks of the panel over HTTP."""
+"""The HTTP interface of the panel."""
 
 from __future__ import annotations
 

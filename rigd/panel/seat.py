@@ -1,4 +1,4 @@
-"""Who of the panel's users has control.
+"""Arbitrates the panel's control lease among its users.
 
 To the daemon the panel is one client, so its lease is the panel's. Which of the panel's users may
 use it is settled here: the one who took it, until it is released, handed over, or lost because no

@@ -1,4 +1,4 @@
-"""What a panel remembers of its sessions when it starts anew."""
+"""Stores the panel's sessions in a file, so that they survive a restart."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who sits before the panel: one-time codes, and the sessions they open.
+"""Login by one-time codes, and the sessions that follow.
 
 A code travels in the fragment of a link, which browsers do not send, and opens one session; the
 session's key lives in an HttpOnly cookie. Both have 256 bits and are kept as hashes only, so that

@@ -1,4 +1,4 @@
-"""The page's line for stops: a connection of its own, open from the start.
+"""The WebSocket of the page that carries only stops; it is open from the start.
 
 A browser has six connections for the requests of all pages of a panel. A few dry runs or downloads
 take them all, and a stop would wait for one of them. What is said here waits for nothing.

@@ -1,4 +1,4 @@
-"""What must be seen once a prompt was answered: a program that the cycle plays at rest."""
+"""What channels must show after a prompt was answered, as a program for the cycle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A procedure and a rig to a :class:`CompiledProcedure`: checked whole, before anything moves.
+"""Compiles a procedure for a rig to plain data; checks everything before anything moves.
 
 The check is static and fast: names, units, ranges and limits for every trial of the sweep, and
 end conditions that a range, a limit or an interlock always precedes. Physics runs in the dry run.

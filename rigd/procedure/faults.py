@@ -1,4 +1,4 @@
-"""Fault steps of a procedure file to faults of a program."""
+"""Compiles the fault steps of a procedure file."""
 
 from __future__ import annotations
 

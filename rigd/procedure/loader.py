@@ -1,4 +1,4 @@
-"""Procedure file to :class:`Procedure`: the right keys with the right shapes, rig not yet known."""
+"""Loads a procedure file: checks keys and shapes; the rig is not known yet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A movement by hand, as the procedure it is: the same limits, interlocks and recording."""
+"""Writes a movement by hand as a procedure, with the same limits and recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameters and tables of a procedure: their values under defaults, ``--set`` and the sweep."""
+"""Parameters of a procedure: defaults, ``--set`` and the sweep."""
 
 from __future__ import annotations
 

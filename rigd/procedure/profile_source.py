@@ -1,4 +1,4 @@
-"""The shape of profiles in a procedure file: setpoints over time."""
+"""The shape of setpoint profiles in a procedure file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Setpoints over time: each profile a small table of facts and one function of time."""
+"""Setpoint profiles: constant, ramp, sine, square, chirp, PRBS, table."""
 
 from __future__ import annotations
 

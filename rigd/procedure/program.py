@@ -1,4 +1,4 @@
-"""What a procedure compiles to: plain data that the cycle plays and a person can read.
+"""The compiled form of a procedure: plain data that the cycle plays.
 
 Everything that must happen on time (profiles, end conditions, per-trial limits) is a
 :class:`CycleProgram`; everything that waits for a person is a :class:`Prompt`; what a simulated

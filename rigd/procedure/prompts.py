@@ -1,4 +1,4 @@
-"""Prompts of a procedure file to prompts of a program."""
+"""Compiles the prompts of a procedure file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Evaluates the texts of a procedure, and notes what is wrong with them at their place."""
+"""Evaluates the expressions of a procedure and reports errors at their position."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shape of a procedure file; what the keys mean stands beneath each, and in the JSON Schema."""
+"""The shape of a procedure file, documented by its JSON Schema."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Conditions in words, and where the channels stood that they wait for."""
+"""Describes conditions and the values of their channels in words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps of a procedure file to steps of a cycle program, checked against the rig."""
+"""Compiles the steps of a procedure file for a rig."""
 
 from __future__ import annotations
 

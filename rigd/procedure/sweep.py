@@ -1,4 +1,4 @@
-"""The points of a sweep, in the order they are written and in the order they are played."""
+"""The points of a sweep, in written order and in played order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading files on any system: at a position, and beside a process that may be writing.
+"""Portable file access: reads at a position, also while another process writes.
 
 rigd records on Linux. Recordings are read, exported and identified from on Windows and macOS, too,
 where some of what Linux has is missing.

@@ -1,4 +1,4 @@
-"""The runs in a folder: one summary each, filtered; no index is kept that could go stale."""
+"""Lists and filters the runs of a folder; keeps no index."""
 
 from __future__ import annotations
 

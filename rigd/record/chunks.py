@@ -1,4 +1,4 @@
-"""Chunks: many Message records of one channel as one block of bytes, built and read by numpy.
+"""MCAP chunks: builds and parses blocks of messages of one channel with numpy.
 
 Messages of a stream all have the same size, so N of them are one structured array whose item is
 a complete MCAP Message record: frame, channel, sequence, times, CDR header, values.

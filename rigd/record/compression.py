@@ -1,4 +1,4 @@
-"""Compression of chunks: zstd or lz4, always to the same bytes for the same data."""
+"""Compresses chunks with zstd or lz4; the same data give the same bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a recording holds and where: the MCAP summary, kept while writing and read at opening."""
+"""The MCAP summary: collected while writing, read when opening."""
 
 from __future__ import annotations
 

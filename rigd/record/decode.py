@@ -1,4 +1,4 @@
-"""From the uncompressed bytes of a chunk to rows; a view where all messages are alike."""
+"""Decodes the uncompressed bytes of a chunk to rows; without a copy if messages are uniform."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The end of a recording, and what it says about the data before it."""
+"""The end of a recording, and its statements about the data before it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The file under a recording being written: overwrite its end safely, or leave it as it was."""
+"""The file of a recording under way: replaces its end safely."""
 
 from __future__ import annotations
 

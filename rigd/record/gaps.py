@@ -1,4 +1,4 @@
-"""Gaps: rows that a recording had and has no more, of which stream and from when to when.
+"""Gaps of a recording: rows that were lost, with their stream and their times.
 
 Every message carries its number in its stream, so that what is missing between two chunks is known
 exactly. What stood behind the last sound chunk is known from the summary and from the message

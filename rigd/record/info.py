@@ -1,4 +1,4 @@
-"""What a recording is about, from its index, metadata and events; no sample is read."""
+"""Summary of a recording from its index, metadata and events; no sample is read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rollback journal: what a flush is about to overwrite, safe in a file beside the recording.
+"""Rollback journal: a copy of the bytes that the next flush overwrites.
 
 A flush overwrites the open chunks that the last flush wrote with sealed ones. A process killed
 in the middle of that write (the kernel stops at a page boundary) would lose up to a second of

@@ -1,4 +1,4 @@
-"""When a recording was made, by the calendar of people."""
+"""Date and time of a recording for people."""
 
 from __future__ import annotations
 

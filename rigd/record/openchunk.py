@@ -1,4 +1,4 @@
-"""Open chunks: what a stream has been given since its last sealed chunk.
+"""Open chunks: the rows of a stream since its last sealed chunk.
 
 When a chunk is sealed is decided by the data alone, never by the clock or by a flush, so that
 the same rows always make the same file.

@@ -1,4 +1,4 @@
-"""Where records begin behind a damaged place: the next one that proves itself."""
+"""Finds the next valid MCAP record behind a damaged place."""
 
 from __future__ import annotations
 

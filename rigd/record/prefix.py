@@ -1,4 +1,4 @@
-"""What stands before the samples: schemas, channels, attachments and metadata as bytes."""
+"""The records before the samples: schemas, channels, attachments and metadata."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reads recordings: the index at opening, then the rows of a stream chunk by chunk into numpy."""
+"""Reads recordings: the index first, then the rows of a stream chunk by chunk into numpy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writes the sound pieces of a damaged recording as a whole one, each byte for byte."""
+"""Writes the intact records of a damaged recording to a complete file, byte for byte."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Repairs a recording: leaves out what is damaged, keeps all the rest and the original.
+"""Repairs a recording: leaves out damaged records, keeps all others and the original file.
 
 Where nothing but the end of a file is missing, it is written behind the data in place. Else a
 repaired file is made beside the damaged one, which then keeps its bytes under another name. At

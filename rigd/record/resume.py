@@ -1,4 +1,4 @@
-"""Opening a finished recording to write on, after checking every byte that stays."""
+"""Opens a finished recording to append to it, after checking every byte that stays."""
 
 from __future__ import annotations
 

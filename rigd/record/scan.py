@@ -1,4 +1,4 @@
-"""Checks every byte of a recording: what all repair and appending builds on.
+"""Checks every byte of a recording; repair and appending depend on it.
 
 Behind a damaged place the walk goes on with the next record that proves itself, so that damage
 costs the chunk it is in and no other.

@@ -1,4 +1,4 @@
-"""A stream as a ROS 2 message type: its text for viewers, its JSON for the reader.
+"""A stream as a ROS 2 message type: text for viewers, JSON for the reader.
 
 Field names and types follow https://docs.ros.org/en/rolling/Concepts/Basic/About-Interfaces.html.
 """

@@ -1,4 +1,4 @@
-"""Tables: columns of equal length with units, of a stream, of the events, of the trials.
+"""Tables with units of a stream, of the events or of the trials.
 
 The same columns stand in a notebook and in every exported file. All values are SI.
 """

@@ -1,4 +1,4 @@
-"""The trials of one recording, for notebooks: a sequence that shows itself as a table."""
+"""The trials of a recording as objects for notebooks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checks a recording without changing it: every byte, and which rows and trials are lost."""
+"""Checks a recording without changing it, and reports lost rows and trials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Goes through the records of a file, past what is damaged, and keeps what proves itself sound."""
+"""Iterates over the records of a file and skips damaged ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MCAP records as bytes: framing of our own, rare records by the ``mcap`` library.
+"""Encodes MCAP records: framing by rigd, rare records by the ``mcap`` library.
 
 Format: https://mcap.dev/spec (version 0). A record is an opcode, a length and that many bytes.
 """

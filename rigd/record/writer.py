@@ -1,4 +1,4 @@
-"""Writes recordings: rows in, all of them on disk after every flush, as a complete MCAP file.
+"""Writes recordings; after every flush the file is a complete MCAP file.
 
 Rows become MCAP messages by one copy into a numpy array of whole Message records
 (:mod:`~rigd.record.openchunk`). The bytes of a closed file depend on the sequence of calls that

@@ -1,4 +1,4 @@
-"""Control of a rig from elsewhere: a protocol on zenoh, its server, and clients."""
+"""Remote control of a rig: a protocol on zenoh, its server and its clients."""
 
 from rigd.remote.client import AsyncClient, Client
 

@@ -1,4 +1,4 @@
-"""What is wrong with the certificates of one end, in words.
+"""Checks the certificates of one end of a connection and explains what is wrong.
 
 Who is turned away by TLS is not told why, and a daemon that nobody can trust hears of nothing. Most
 reasons can be seen in one's own files.

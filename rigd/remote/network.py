@@ -1,4 +1,4 @@
-"""zenoh's configuration for both ends: what is listened to, who is let in, which keys they reach.
+"""zenoh configuration of server and client: endpoints, TLS, access control.
 
 Settled by trying (eclipse-zenoh 1.10.2): by default zenoh listens on every interface and joins a
 multicast group, lets every peer publish on any key and answer any query, and shares memory for

@@ -1,4 +1,4 @@
-"""Certificates for a lab: an authority, a server certificate per rig, one for each client.
+"""Creates certificates for a lab: an authority, one per rig, one per client.
 
 The name of a client is the common name of its certificate (RFC 5280); what that name may do
 stands in the rig file. Keys are ECDSA on P-256 in PKCS #8, which zenoh's TLS library (rustls)

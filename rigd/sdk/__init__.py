@@ -1,4 +1,4 @@
-"""All that the author of a driver, a link, a plant or a simulation imports."""
+"""Everything that the author of a driver, link, plant or simulation imports."""
 
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError

@@ -1,4 +1,4 @@
-"""The drivers of devices: fast ones exchange once per cycle, block ones stream, slow ones await.
+"""Base classes of drivers: fast (every cycle), block (streams of rows), slow (coroutines).
 
 Whatever the kind, the author must say what safe means, and nothing here may wait without a bound.
 """

@@ -1,4 +1,4 @@
-"""The link: the opened connection that several devices share, such as a CAN bus or a card."""
+"""Base class of links: an opened connection that several devices share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a Config offers: every option with its kind, unit, default and documentation."""
+"""Lists the options of a Config with kind, unit, default and documentation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plant: physics in the simulated rig, stepped by whatever clock the rig runs on."""
+"""Base class of plants: the physics of a simulated rig, advanced by the clock of the rig."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fields of a configuration that take a number with a unit and hold it in SI."""
+"""Configuration fields that accept a number with a unit and hold it in SI."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the files that rigd ships stand."""
+"""Paths of the files that rigd ships."""
 
 from __future__ import annotations
 

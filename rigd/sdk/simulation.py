@@ -1,4 +1,4 @@
-"""The simulation at the wire: devices in a process of their own, behind real connections."""
+"""Base class of simulations at the wire: devices behind real connections, in own processes."""
 
 from __future__ import annotations
 

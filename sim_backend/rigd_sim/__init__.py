@@ -1,1 +1,1 @@
-"""The simulated rig: plants (physics) and the devices that stand on them."""
+"""The simulated rig: plants (physics) and simulated devices."""

@@ -1,4 +1,4 @@
-"""The states of a drive, and the controlwords that lead it from one to the next.
+"""The states of a CiA 402 drive, and the controlwords between them.
 
 Source: CiA 402-2, sections "Statusword" and "Finite state automaton" (table of the bits by state,
 table of the commands).

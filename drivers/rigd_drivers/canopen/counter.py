@@ -1,4 +1,4 @@
-"""A counter that rolls over, made into one that does not."""
+"""Unwraps a counter that rolls over."""
 
 from __future__ import annotations
 

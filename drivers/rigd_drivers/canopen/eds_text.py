@@ -1,4 +1,4 @@
-"""The text of an EDS or DCF: sections and values with their lines, and whether they can be right.
+"""Parses the text of an EDS or DCF with line numbers, and checks its values.
 
 Source: CiA 306-1, electronic data sheets. :mod:`sheet` has the library ``canopen`` make objects of
 it. That library gives no lines, passes over limits and values that are no numbers, and stops at

@@ -1,4 +1,4 @@
-"""Emergency messages, in words.
+"""Decodes emergency messages to text.
 
 Sources: CiA 301 (4.2.0), sections 7.2.7 and 7.5.2.2 (error register); CiA 402-2, table of error
 codes; the maxon EPOS4 Firmware Specification names 0x7305 and others the same way.

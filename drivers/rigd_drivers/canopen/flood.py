@@ -1,4 +1,4 @@
-"""Whether a bus is flooded, and by which identifier."""
+"""Detects a flood on the bus, and the identifier that causes it."""
 
 from __future__ import annotations
 

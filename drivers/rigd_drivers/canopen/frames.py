@@ -1,4 +1,4 @@
-"""CAN frames as Linux lays them out, and which CANopen service an identifier belongs to.
+"""CAN frames in Linux's layout, and the CANopen service of an identifier.
 
 Sources: linux/can.h and linux/can/error.h; CiA 301 (4.2.0), section 7.3.3, the predefined
 connection set.

@@ -1,4 +1,4 @@
-"""What a node sends at every SYNC: whether it came, once, and as long as it was mapped."""
+"""Checks that the mapped PDOs of a node arrive once after every SYNC."""
 
 from __future__ import annotations
 

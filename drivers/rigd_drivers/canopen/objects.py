@@ -1,4 +1,4 @@
-"""Entries of an object dictionary: where a value stands and how it is packed.
+"""Entries of an object dictionary: index, type and packing.
 
 Sources: CiA 301, section 7.5 (1000h range); CiA 402-2 and -3 (6000h range of drives); CiA 406
 (6000h range of encoders); maxon EPOS4 Firmware Specification (3001h).

@@ -1,4 +1,4 @@
-"""The sheet of a device: what its EDS or DCF says about its objects, by the library ``canopen``.
+"""The objects of a device according to its EDS or DCF, by the library ``canopen``.
 
 A sheet answers before anything is sent: is there such an object, may it be written, is the value
 within its limits, may it be mapped. Its answers are texts for a person, None where all is well,

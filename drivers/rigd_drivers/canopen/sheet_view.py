@@ -1,4 +1,4 @@
-"""A sheet as text for a person: what the device is, and a row per object."""
+"""Prints an EDS: identity, and a row per object."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Setting a drive up, and leading it through its states, by SDO: before the cycle, in no haste."""
+"""Configures a drive and changes its states by SDO, before the cycle starts."""
 
 from __future__ import annotations
 

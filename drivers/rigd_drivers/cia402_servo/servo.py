@@ -1,4 +1,4 @@
-"""What CiA 402 drives have in common: set-up, watchdog, enabling, supervision, making safe."""
+"""Base of CiA 402 drives: set-up, watchdog, enabling, supervision, making safe."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ways to the registers: mapped into memory by UIO, or served by an emulator over a socket.
+"""Access to the registers: mapped into memory by UIO, or through an emulator's socket.
 
 Every access is exactly one access of exactly its width. On this card a read pops a FIFO or starts
 a conversion and a write has another meaning at the same address, so an access too many is an

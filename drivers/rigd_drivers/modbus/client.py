@@ -1,4 +1,4 @@
-"""A client that a cycle can poll without waiting, and that set-up can wait on within bounds."""
+"""Modbus client: polled by the cycle without waiting, or awaited with a time limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a Modbus device is reached, as options of its driver."""
+"""Options of a driver for the connection to a Modbus device."""
 
 from __future__ import annotations
 

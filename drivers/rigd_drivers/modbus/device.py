@@ -1,4 +1,4 @@
-"""What every Modbus device of rigd does: open, read its blocks in turn, keep its pace."""
+"""Base of Modbus drivers: open, read register blocks in turn, keep the poll rate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One request at a time, and nothing but its own answer taken for it; no I/O.
+"""One request at a time, matched with its own reply; no I/O.
 
 On a serial line a reply carries no number. One that comes after its request was given up would be
 taken for the answer to the next (measured: a read of register 6 got the value of register 5). So

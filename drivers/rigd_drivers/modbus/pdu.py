@@ -1,4 +1,4 @@
-"""Requests for registers and what answers them, made and read by pymodbus; no I/O.
+"""Requests and replies for registers, encoded and decoded by pymodbus; no I/O.
 
 Source of the numbers: MODBUS Application Protocol Specification V1.1b3, sections 6.3 (read holding
 registers), 6.4 (read input registers), 6.6 (write single register), 6.12 (write multiple

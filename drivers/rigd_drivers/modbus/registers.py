@@ -1,4 +1,4 @@
-"""What stands in a device's registers: numbers, conditions, what is written to them."""
+"""Values in the registers of a device: numbers, conditions, commands."""
 
 from __future__ import annotations
 

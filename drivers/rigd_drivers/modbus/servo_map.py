@@ -1,4 +1,4 @@
-"""What stands where in a speed drive: the register map of :class:`ModbusServo`."""
+"""The register map of a speed drive (:class:`ModbusServo`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A strain-gauge or load-cell transmitter on Modbus: force, as fast as it can be asked."""
+"""A strain-gauge or load-cell transmitter on Modbus, polled at its highest rate."""
 
 from __future__ import annotations
 

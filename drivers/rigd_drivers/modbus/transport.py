@@ -1,4 +1,4 @@
-"""The byte streams below an exchange: a TCP socket or a serial port, neither ever waiting."""
+"""Byte streams of an exchange: a TCP socket or a serial port, both non-blocking."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a rig file says about an NI card and its analogue inputs."""
+"""Options of an NI card and its analogue inputs."""
 
 from __future__ import annotations
 

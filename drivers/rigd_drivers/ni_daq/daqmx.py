@@ -1,4 +1,4 @@
-"""NI-DAQmx as the driver needs it: one task of analogue inputs, here or behind a gRPC server."""
+"""One NI-DAQmx task of analogue inputs, local or behind a gRPC server."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The NI card as a block driver: volts become quantities, and samples get their times."""
+"""Block driver of an NI card: converts volts to quantities and times the samples."""
 
 from __future__ import annotations
 

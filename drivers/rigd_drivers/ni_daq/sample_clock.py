@@ -1,4 +1,4 @@
-"""When samples were taken: the card's clock against CLOCK_MONOTONIC, estimated as blocks arrive."""
+"""Estimates the times of samples: the card's clock against CLOCK_MONOTONIC."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a rig file says about a relay on a digital line of an NI card."""
+"""Options of a relay on a digital line of an NI card."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The relay as a device of the cycle: closed or open, and fed as long as the cycle lives."""
+"""Driver of the relay: open or closed, retriggered as long as the cycle runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The thread that talks to the card, so that the cycle never waits for it."""
+"""The thread that accesses the card, so that the cycle never waits for it."""
 
 from __future__ import annotations
 

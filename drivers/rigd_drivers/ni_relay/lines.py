@@ -1,4 +1,4 @@
-"""The lines of the card: relay and trigger are put out together, the one-shot's is read.
+"""Digital lines of the card: writes relay and trigger, reads the one-shot.
 
 ``nidaqmx`` ships no types; what comes from it is ``Any``.
 """

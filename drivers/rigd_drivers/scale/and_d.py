@@ -1,4 +1,4 @@
-"""A&D balances and scales: replies to meaning.
+"""Decodes the replies of A&D balances and scales.
 
 Sources: A&D, FX-i/FX-iN instruction manual, "Data format" (A&D standard format), "Command list"
 and "AK code and error codes"; EK-i/EW-i instruction manual, "Data format".

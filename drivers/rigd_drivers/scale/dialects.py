@@ -1,4 +1,4 @@
-"""The dialects as tables: what to send, and how long to wait between."""
+"""Commands and time limits of each protocol of scales, as tables."""
 
 from __future__ import annotations
 

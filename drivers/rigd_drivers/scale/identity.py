@@ -1,4 +1,4 @@
-"""Who answers: type, software and serial number of a scale, as far as it tells them."""
+"""Type, software and serial number of a scale, as far as it reports them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bytes from a serial port to lines, whatever the line does to them."""
+"""Splits bytes of a serial port into lines, also on a disturbed connection."""
 
 from __future__ import annotations
 

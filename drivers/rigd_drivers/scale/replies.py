@@ -1,4 +1,4 @@
-"""What a scale can say, whichever dialect it speaks."""
+"""The replies of a scale, independent of its protocol."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MT-SICS and its sibling KERN KCP: replies to meaning.
+"""Decodes the replies of MT-SICS and KERN KCP.
 
 Sources: Mettler-Toledo, MT-SICS Reference Manual 11780711, "Response formats", commands @, I0-I5,
 S, SI, SIR, T, Z, and "Error messages"; KERN, Communications Protocol KCP-ZB-e-19137.

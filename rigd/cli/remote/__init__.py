@@ -1,4 +1,4 @@
-"""``rigd remote``: steers rigs that a daemon serves, here or elsewhere."""
+"""``rigd remote``: commands rigs that a daemon serves, on this machine or another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the commands of ``rigd remote`` have in common."""
+"""Options and helpers that the commands of ``rigd remote`` share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rigd remote lease``: who has control."""
+"""``rigd remote lease``: shows, takes and releases the control lease."""
 
 from __future__ import annotations
 

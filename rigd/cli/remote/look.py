@@ -1,4 +1,4 @@
-"""``rigd remote status`` and ``events``: what goes on."""
+"""``rigd remote status`` and ``events``: prints the state of a rig."""
 
 from __future__ import annotations
 

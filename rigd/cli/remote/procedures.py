@@ -1,4 +1,4 @@
-"""``rigd remote procedures`` and ``dry-run``: what could run, and what it would do."""
+"""``rigd remote procedures`` and ``dry-run``: lists procedures and plays them dry."""
 
 from __future__ import annotations
 

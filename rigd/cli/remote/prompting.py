@@ -1,4 +1,4 @@
-"""Prompts of a run elsewhere, asked at this terminal."""
+"""Asks the prompts of a remote run at this terminal."""
 
 from __future__ import annotations
 

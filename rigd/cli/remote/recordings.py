@@ -1,4 +1,4 @@
-"""Recordings of a daemon: list, fetch, report."""
+"""``rigd remote runs``, ``fetch`` and ``report``: recordings of a daemon."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rigd remote list``: the rigs that this computer knows of."""
+"""``rigd remote list``: lists the rigs that this computer can reach."""
 
 from __future__ import annotations
 

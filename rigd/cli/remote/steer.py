@@ -1,4 +1,4 @@
-"""Commands to the run under way, and to stop it."""
+"""``rigd remote pause``, ``stop`` and other commands to the run under way."""
 
 from __future__ import annotations
 

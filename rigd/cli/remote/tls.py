@@ -1,4 +1,4 @@
-"""``rigd remote setup-tls``: certificates for a lab."""
+"""``rigd remote setup-tls``: creates certificates for a lab."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Watches a run elsewhere to its end: progress, prompts, Ctrl-C."""
+"""Follows a remote run to its end: progress, prompts, Ctrl-C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Is this machine, and this rig, fit to run? Every answer is measured, and says what to do."""
+"""Checks whether this machine and a rig are fit to run; every result is measured."""
 
 from rigd.daemon.doctor.check import Check, Verdict, is_fit
 from rigd.daemon.doctor.examine import Examination, examine

@@ -1,4 +1,4 @@
-"""A cycle without devices, in a process of its own: what this machine's timing allows.
+"""Measures the timing of this machine with a cycle without devices in its own process.
 
 ``python -m rigd.daemon.doctor.bare_cycle PERIOD_NS SECONDS`` prints one JSON object
 (:class:`BareCycle`). The process asks for all that the cycle process of a run asks for.

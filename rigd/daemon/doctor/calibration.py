@@ -1,4 +1,4 @@
-"""The calibration of a rig: is it there, of this rig, and for how long may it be used?"""
+"""Check of the calibration of a rig: present, of this rig, valid until when."""
 
 from __future__ import annotations
 

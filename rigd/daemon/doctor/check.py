@@ -1,4 +1,4 @@
-"""What the doctor finds: one check, its verdict, and what to do about it."""
+"""Result of one check of the doctor: its verdict and the remedy."""
 
 from __future__ import annotations
 

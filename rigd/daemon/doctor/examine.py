@@ -1,4 +1,4 @@
-"""Examines machine and rig, from what costs nothing to what opens devices."""
+"""Runs the checks of machine and rig, those that open devices last."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The machine: processors, clocks, and what the kernel says of itself. Linux only."""
+"""Checks of the machine: processors, clocks, kernel settings. Linux only."""
 
 from __future__ import annotations
 

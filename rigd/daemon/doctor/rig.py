@@ -1,4 +1,4 @@
-"""The rig: every link and device found, watchdogs proven, and what is measured at rest."""
+"""Checks of the rig: links, devices, watchdogs, and channels at rest."""
 
 from __future__ import annotations
 

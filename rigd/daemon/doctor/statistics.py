@@ -1,4 +1,4 @@
-"""What a channel does at rest: its zero, its noise, and whether it moves at all."""
+"""Statistics of a channel at rest: zero, noise, and whether its value changes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where samples go: the disk of the recordings, and the memory of the rings before it."""
+"""Checks of storage: the disk of the recordings and the memory of the rings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What came of every stream of a rig at rest: rates, stale rows, zero and noise."""
+"""Measures every stream of a rig at rest: rate, stale rows, zero and noise."""
 
 from __future__ import annotations
 

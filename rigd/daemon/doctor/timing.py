@@ -1,4 +1,4 @@
-"""Timing: how late cycles begin on this machine, and what silence that makes normal."""
+"""Checks of timing: lateness of cycles, and the device silence that it explains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a rig does, shown while it does it: live data and events for whoever looks on."""
+"""Live data and events of a rig for clients."""
 
 from rigd.daemon.live.feed import Feed, Outlet
 from rigd.daemon.live.monitor import Monitor

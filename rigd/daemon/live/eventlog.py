@@ -1,4 +1,4 @@
-"""The events of a daemon, numbered, the newest of them kept for those who ask later."""
+"""The numbered events of a daemon; the newest are kept for clients that connect later."""
 
 from __future__ import annotations
 

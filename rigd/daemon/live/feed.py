@@ -1,4 +1,4 @@
-"""The feed: what the rig does, shown while it does it, to whoever looks on.
+"""Passes rows and events of a rig to its clients while a run plays.
 
 A thread of the daemon looks at the rings of the run under way as a viewer: it releases nothing,
 hinders nobody, and skips what it was too slow for. The cycle never knows of it.

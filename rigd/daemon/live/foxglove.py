@@ -1,4 +1,4 @@
-"""The live streams for the Foxglove app and others that speak its protocol; read-only.
+"""Serves the live streams in the protocol of the Foxglove app; read-only.
 
 Foxglove SDK 0.30.3, protocol ``foxglove.sdk.v1``. Its server asks nobody who they are and takes
 any ``Origin``: whoever reaches the port, a page in the browser of this machine among them, may

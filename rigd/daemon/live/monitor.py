@@ -1,4 +1,4 @@
-"""Shows the channels of a rig on which nothing runs: it is looked at, and never armed."""
+"""Shows the channels of a rig on which no run plays; the rig is never armed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows cut down to what an eye can take: per point the smallest and the largest value."""
+"""Reduces rows to points for a plot: the smallest and the largest value of each interval."""
 
 from __future__ import annotations
 

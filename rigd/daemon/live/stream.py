@@ -1,4 +1,4 @@
-"""One stream of a rig as those see it who look on."""
+"""One stream of a rig, prepared for live plots."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A rig by hand: opened and looked at, never armed, nothing recorded."""
+"""A rig opened by hand: channels are read, nothing is armed, nothing is recorded."""
 
 from rigd.daemon.manual.choice import actions_of, check_action, chosen_channels
 from rigd.daemon.manual.look import Look, look_at

@@ -1,4 +1,4 @@
-"""What a person names of a rig: channels, devices, actions."""
+"""Resolves the names of channels, devices and actions that a person gives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Opens a rig to look at it: its cycle runs at rest, nothing is armed, nothing is recorded.
+"""Opens a rig to read its channels: the cycle runs at rest, nothing is armed or recorded.
 
 It is the form of a real run (:mod:`rigd.daemon.forms`) without the recorder: whoever looks drains
 the rings. They stand in a folder that nobody takes for a run whose samples must be saved.

@@ -1,4 +1,4 @@
-"""The newest value of every channel of a rig: how old it is, and whether it can be trusted."""
+"""The newest value of every channel of a rig, its age, and whether it is valid."""
 
 from __future__ import annotations
 

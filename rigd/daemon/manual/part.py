@@ -1,4 +1,4 @@
-"""A part of a rig, as a rig of its own: what nobody asked for need not be there."""
+"""Reduces a rig to some of its devices; the others need not be connected."""
 
 from __future__ import annotations
 

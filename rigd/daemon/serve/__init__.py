@@ -1,4 +1,4 @@
-"""The daemon: serves one rig to whoever may steer it or look on."""
+"""The daemon that serves one rig to clients."""
 
 from rigd.daemon.serve.daemon import Options, serve
 from rigd.daemon.serve.logs import logging_to

@@ -1,4 +1,4 @@
-"""Calculations that would keep the daemon from its run: done by a process of their own.
+"""Runs checks, dry runs and analyses in a worker process with bounds on time and memory.
 
 ``python -m rigd.daemon.serve.aside`` reads one job as JSON, does it at low priority and prints
 the result, or what was wrong, as JSON.

@@ -1,4 +1,4 @@
-"""Who asks for something: the client that is known, and whom it speaks for."""
+"""The origin of a request: the client's identity and the user that it names."""
 
 from __future__ import annotations
 

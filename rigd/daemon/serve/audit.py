@@ -1,4 +1,4 @@
-"""Who did what, and when: a file of JSON lines that is only ever appended to."""
+"""The audit log: one JSON line per command, only ever appended."""
 
 from __future__ import annotations
 

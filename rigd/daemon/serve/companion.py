@@ -1,4 +1,4 @@
-"""A process beside the daemon that it starts, starts again where it dies, and ends: the panel."""
+"""Starts a child process of the daemon, restarts it if it dies, and ends it: the panel."""
 
 from __future__ import annotations
 

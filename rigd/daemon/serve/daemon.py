@@ -1,4 +1,4 @@
-"""The daemon of one rig, from start to end: composed, kept alive, ended by a signal."""
+"""The main function of the daemon: composes it, keeps it alive, ends it on a signal."""
 
 from __future__ import annotations
 

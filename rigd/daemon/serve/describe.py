@@ -1,4 +1,4 @@
-"""What does not change about a rig while its daemon lives, as clients are told it."""
+"""Describes a rig to clients: everything that does not change while the daemon lives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Descriptors for the rig's own work, however many connections there are.
+"""Reserves file descriptors for the daemon, however many connections are open.
 
 A process may have so many files and connections open (RLIMIT_NOFILE). Connections that never
 authenticate use them up. A thread of its own watches the number and ends such connections before

@@ -1,4 +1,4 @@
-"""The procedures that a daemon has, and what becomes of one on its rig."""
+"""The procedures that a daemon offers, and their check against its rig."""
 
 from __future__ import annotations
 

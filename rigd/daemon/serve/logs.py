@@ -1,4 +1,4 @@
-"""The daemon's own log: lines for a person at a terminal, JSON for whoever collects it.
+"""The log of the daemon: text at a terminal, JSON lines elsewhere.
 
 Records are written by a thread of their own: whoever logs never waits for a terminal or a disk.
 """

@@ -1,4 +1,4 @@
-"""What a daemon does on its rig without arming it: shows its channels, lets a device act."""
+"""Reads channels and performs device actions while no run plays; the rig is not armed."""
 
 from __future__ import annotations
 

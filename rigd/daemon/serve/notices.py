@@ -1,4 +1,4 @@
-"""Lines for whoever looks after the rig: in the status, and in the log."""
+"""Notices to the operator, in the status and in the log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the service manager is told: that the daemon is ready, lives, and is ending (sd_notify(3)).
+"""Reports to the service manager: ready, alive, stopping (sd_notify(3)).
 
 Messages are datagrams to the socket that ``NOTIFY_SOCKET`` names; without it nothing is told.
 """

@@ -1,4 +1,4 @@
-"""Prompts that are answered from elsewhere."""
+"""Answers to prompts that come from clients."""
 
 from __future__ import annotations
 

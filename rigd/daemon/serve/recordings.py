@@ -1,4 +1,4 @@
-"""The recordings of a rig as clients see them: by file name, never by path."""
+"""The recordings of a rig for clients: by file name, never by path."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs whose processes were killed: their recordings completed, and offered to be gone on with."""
+"""Completes the recordings of killed runs and offers to resume them."""
 
 from __future__ import annotations
 

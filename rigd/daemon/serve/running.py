@@ -1,4 +1,4 @@
-"""A run under way in a thread of the daemon, and what can be asked of it meanwhile."""
+"""A run in a thread of the daemon, and the requests to it."""
 
 from __future__ import annotations
 

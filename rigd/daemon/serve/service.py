@@ -1,4 +1,4 @@
-"""What clients ask, command and stop, done on one rig (:class:`rigd.remote.server.Service`)."""
+"""Carries out the requests of clients on one rig (:class:`rigd.remote.server.Service`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What happens on the rig: one run at a time, or an action of a device, and how it is steered.
+"""Permits one run or one device action at a time, and passes commands to it.
 
 Methods are called from several threads: those of the server, that of the run, the main one.
 ``_lock`` guards what they share; it is never held while anything is waited for.

@@ -1,4 +1,4 @@
-"""How long a run will still take, told from how long its trials took."""
+"""Estimates the time that a run still needs from the duration of its trials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The interlocks that have acted, shown until a person has acknowledged them.
+"""Keeps the trips of interlocks until a person has acknowledged them.
 
 Those that ended a run, and latched ones, keep every further run from starting until then, also
 over a restart of the daemon. (Whether their cause still stands is seen by each run at rest, before

@@ -1,4 +1,4 @@
-"""The recorder: a process of its own that brings what is in the rings to disk."""
+"""The recorder: the process that moves rows and events from the rings to disk."""
 
 from rigd.engine.recorder.leftovers import drain_into, drain_leftovers
 from rigd.engine.recorder.process import Health, RecorderProcess

@@ -1,4 +1,4 @@
-"""``python -m rigd.engine.recorder FOLDER``: the recorder of the run in that folder."""
+"""``python -m rigd.engine.recorder FOLDER``: the recorder of the run in FOLDER."""
 
 import sys
 from pathlib import Path

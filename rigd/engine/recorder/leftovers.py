@@ -1,4 +1,4 @@
-"""What becomes of a run whose processes were all killed: its samples go from the rings to disk."""
+"""Recovers the samples in the rings of a run whose processes were all killed."""
 
 from __future__ import annotations
 

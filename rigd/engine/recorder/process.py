@@ -1,4 +1,4 @@
-"""The recorder process as the daemon sees it: started, watched, started again, waited for."""
+"""The daemon's end of the recorder process: start, supervise, restart, wait."""
 
 from __future__ import annotations
 

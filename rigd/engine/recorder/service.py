@@ -1,4 +1,4 @@
-"""The recorder process: moves what is in the rings to disk until the run is over.
+"""The main loop of the recorder process: moves rows from the rings to disk until the run ends.
 
 It ends when the daemon says that the run has, or when daemon and cycle are both gone; on SIGTERM
 it puts what there is on disk and leaves the rest to another recorder. Where the disk fails it says

@@ -1,4 +1,4 @@
-"""From the rings into the recording, every row and every event exactly once.
+"""Moves every row and every event from the rings into the recording exactly once.
 
 What is taken from a ring is written, flushed, and only then released. A recorder that is killed
 in between leaves rows that are both on disk and in the ring; the next one finds out how many by

@@ -1,4 +1,4 @@
-"""What the processes of a run share: rings, a board and the folder they stand in.
+"""Memory that the processes of a run share: rings, board, and their folder.
 
 Plain mapped files, ideally in memory (tmpfs). They outlive every process: what one of them has
 put there is never lost because it, or any other, was killed.

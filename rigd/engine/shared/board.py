@@ -1,4 +1,4 @@
-"""The board: one page of 64-bit words that the processes of a run show each other.
+"""The board: one page of 64-bit words that the processes of a run write and read.
 
 Each word has one writer. Signs of life are times of the monotonic clock, which all processes of a
 machine share.

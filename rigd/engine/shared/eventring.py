@@ -1,4 +1,4 @@
-"""The ring between processes for events: one writer, one reader, records of any length.
+"""Ring between processes for events: one writer, one reader, records of any length.
 
 Any number of viewers may look on (:class:`EventView`); they hinder nobody.
 """

@@ -1,4 +1,4 @@
-"""The folder of a run in memory: the rig's lock, the job, the board and the rings.
+"""The folder of a run in memory: lock of the rig, job, board and rings.
 
 ``<state>/<rig>/lock`` is held (flock) by the process that runs the rig and, by inheritance, by
 every process it starts for that: the rig is in use until all of them are gone. The lock file

@@ -1,4 +1,4 @@
-"""What the recorder must know of a run, as a file: it may begin, or begin again, at any time."""
+"""The job file of the recorder: all it needs to start, or to restart, at any time."""
 
 from __future__ import annotations
 

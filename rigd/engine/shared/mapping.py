@@ -1,4 +1,4 @@
-"""A file that several processes map into their memory; it outlives them all.
+"""A file that several processes map into memory; it outlives them.
 
 The first page holds 64-bit words: what the file is, and counters. A word is written by one
 process only and with one aligned store (an item of a memoryview of format ``Q``), so that a reader

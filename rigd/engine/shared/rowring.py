@@ -1,4 +1,4 @@
-"""The ring between processes: rows of one stream, from who takes them to who records them.
+"""Ring between processes: rows of one stream, one writer and one reader.
 
 As :class:`rigd.engine.ring.Ring`, in a mapped file: one writer, one reader that lets go of rows
 once they are on disk, any number of viewers that hinder nobody. A push onto a full ring is counted

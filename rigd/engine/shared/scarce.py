@@ -1,4 +1,4 @@
-"""What must not fail for want of a descriptor (a file, a pipe, a connection)."""
+"""Retries operations that must not fail for lack of a file descriptor."""
 
 from __future__ import annotations
 

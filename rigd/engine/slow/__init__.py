@@ -1,4 +1,4 @@
-"""Devices beside the cycle: block devices in helper processes, slow ones on a loop of the daemon.
+"""Off-cycle devices: block devices in helper processes, slow devices on an event loop.
 
 Both push rows into rings of their own, and the newest row into a table that the cycle reads.
 """

@@ -1,4 +1,4 @@
-"""All devices of a rig that run beside the cycle, as one."""
+"""Starts, supervises and stops all off-cycle devices of a rig."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The helper process of a block device as the daemon sees it: started, watched, ended."""
+"""The daemon's end of the helper process of a block device: start, supervise, end."""
 
 from __future__ import annotations
 

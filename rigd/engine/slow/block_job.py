@@ -1,4 +1,4 @@
-"""What the daemon and the helper process of a block device say to each other, pickled."""
+"""Messages between the daemon and the helper process of a block device."""
 
 from __future__ import annotations
 

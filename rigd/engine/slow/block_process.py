@@ -1,4 +1,4 @@
-"""The helper process of one block device: its library may block here as long as it likes.
+"""The helper process of one block device; the device's library may block in it.
 
 Started by :class:`~rigd.engine.slow.BlockHelper` as ``python -m rigd.engine.slow.block_process FD``
 with one end of a socket. It ends when told (the other end is closed), which is also what the

@@ -1,4 +1,4 @@
-"""A device beside the cycle as the cycle sees it."""
+"""The stand-in of an off-cycle device in the cycle: it returns the newest row."""
 
 from __future__ import annotations
 

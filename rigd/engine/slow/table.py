@@ -1,4 +1,4 @@
-"""What the cycle and the devices beside it show each other, in a mapped file.
+"""Newest rows and setpoints that the cycle and off-cycle devices share in a mapped file.
 
 The newest row of every device, for the cycle; when the device's rows are recorded, by the cycle.
 """

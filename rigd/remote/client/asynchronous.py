@@ -1,4 +1,4 @@
-"""The Python client of a daemon, for programs with an event loop."""
+"""Client of a daemon for asyncio programs."""
 
 from __future__ import annotations
 

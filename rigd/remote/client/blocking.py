@@ -1,4 +1,4 @@
-"""The Python client of a daemon, for scripts and notebooks.
+"""Client of a daemon for scripts and notebooks.
 
 The same verbs as those of :class:`AsyncClient`, which works on an event loop in a thread of its
 own: a notebook's own loop is left alone.

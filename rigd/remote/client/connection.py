@@ -1,4 +1,4 @@
-"""A connection to the daemon of one rig: requests with their results, and what the rig tells.
+"""A connection to the daemon of one rig: requests, replies, status and events.
 
 A request that gets no reply is sent once more, the same bytes: by its id the daemon knows it, and
 carries it out once.

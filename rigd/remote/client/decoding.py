@@ -1,4 +1,4 @@
-"""Messages of a daemon, read by a client."""
+"""Decodes the messages of a daemon."""
 
 from __future__ import annotations
 

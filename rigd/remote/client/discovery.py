@@ -1,4 +1,4 @@
-"""Who is there: the rigs of the client's own list, and those on this machine."""
+"""Discovers rigs: those of the client's list, and the daemons of this machine."""
 
 from __future__ import annotations
 

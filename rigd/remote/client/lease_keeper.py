@@ -1,4 +1,4 @@
-"""Keeps the control lease while it is held."""
+"""Renews the control lease while a client holds it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What comes from the network, kept for an event loop: the newest, in a ring."""
+"""Payloads from zenoh's thread for an event loop: a bounded queue that drops the oldest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Procedures that travel to a daemon: by value, with their digest."""
+"""Reads a procedure file to send it to a daemon, with its digest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The client's own list of rigs: where each is found, and how one proves oneself there.
+"""The client's list of rigs: endpoint and credentials of each.
 
     # ~/.config/rigd/remotes.yaml
     remotes:

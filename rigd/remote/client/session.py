@@ -1,4 +1,4 @@
-"""zenoh for an event loop: sessions, and queries whose answers are awaited.
+"""zenoh for asyncio: sessions, and queries that are awaited.
 
 zenoh calls back on its network threads; there nothing is done but to hand over.
 """

@@ -1,4 +1,4 @@
-"""Where a client finds a rig, and as whom it comes."""
+"""The address of a rig and the identity of the client that connects to it."""
 
 from __future__ import annotations
 

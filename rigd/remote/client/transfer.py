@@ -1,4 +1,4 @@
-"""Files of a daemon, fetched in pieces: resumed where they broke off, whole or not at all."""
+"""Fetches files from a daemon in pieces; resumes an interrupted transfer, verifies the digest."""
 
 from __future__ import annotations
 

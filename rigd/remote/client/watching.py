@@ -1,4 +1,4 @@
-"""What a rig tells, as it is read: messages in order, none left out, and how a run ended."""
+"""Messages of a rig in order, without gaps, and the end of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The protocol by which a rig is controlled from elsewhere: keys, verbs, messages, limits."""
+"""The remote protocol: keys, verbs, messages and limits; no I/O."""
 
 from rigd.remote.protocol.frame import Frame, decode_frame, encode_frame
 from rigd.remote.protocol.keys import EVERY_ALIVE, Address, Keys, Kind, check_name

@@ -1,4 +1,4 @@
-"""What requests ask with: one model for each verb that has arguments."""
+"""Arguments of requests: one model for each verb that has arguments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Live data as binary frames: per point the smallest and largest value of each channel.
+"""Live data as binary frames: smallest and largest value of each channel per point.
 
 A frame is little-endian: ``RGF1``, u16 number of the stream, u16 channels, u32 points, u32
 sequence, u64 t0 in ns since the Unix epoch; then ``points`` f64 seconds since t0, then for each

@@ -1,4 +1,4 @@
-"""The keys of a rig: what stands where in zenoh's name space.
+"""The zenoh keys of a rig.
 
 Under ``rigd/<rig>/``: ``alive`` (liveliness), ``status``, ``event`` and ``live/<stream>``
 (publications), ``ask/<identity>/<what>``, ``cmd/<identity>/<verb>`` and ``stop/<identity>/<verb>``

@@ -1,4 +1,4 @@
-"""How large, how deep, how often and how old: the numbers both ends of the protocol keep to."""
+"""Limits of the protocol that both ends obey: sizes, depths, rates and ages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Messages as frozen models, and JSON that is read as strictly as it is written.
+"""Base of all messages: frozen models, and strict JSON.
 
 A message has the keys its model names, all of them known and none twice, every value of its exact
 type and finite, nested no deeper than ``MAX_DEPTH`` and no larger than its limit.

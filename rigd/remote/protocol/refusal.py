@@ -1,4 +1,4 @@
-"""What is said when a request is not carried out."""
+"""The error that a daemon returns if it does not carry out a request."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What requests are answered with: one model for each result that has a shape of its own.
+"""Results of requests: one model for each result with fields of its own.
 
 Where a bound may be missing it is None: JSON has no infinity.
 """

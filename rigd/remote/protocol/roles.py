@@ -1,4 +1,4 @@
-"""What an identity may do."""
+"""Roles: what an identity may do."""
 
 from __future__ import annotations
 

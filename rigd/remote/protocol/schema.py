@@ -1,4 +1,4 @@
-"""The JSON Schema of every message, for clients that are not written in Python."""
+"""JSON Schema of every message, for clients in other languages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a daemon says of itself: status, at every change and as a heartbeat, and events."""
+"""Status and events of a daemon: sent at every change, the status also as heartbeat."""
 
 from __future__ import annotations
 

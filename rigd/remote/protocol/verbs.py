@@ -1,4 +1,4 @@
-"""Every verb of the protocol in one table: who may use it, and what it says."""
+"""The table of verbs: role, lane, arguments and result of each request."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The server of a rig: who may ask for what, in which order it is answered, what is shown."""
+"""The server of a rig: access control, dispatch of requests, publication of live data."""
 
 from rigd.remote.server.admission import Admission
 from rigd.remote.server.asking import still_connected, working_for

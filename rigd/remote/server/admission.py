@@ -1,4 +1,4 @@
-"""Which connections a daemon accepts: few at a time that have not authenticated yet.
+"""Bounds the connections that have not authenticated yet.
 
 zenoh accepts every TCP connection and gives it time to show a certificate and open a session; until
 then it is called unauthenticated here. Two properties of zenoh's TLS listener (tls-listener 0.11

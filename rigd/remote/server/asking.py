@@ -1,4 +1,4 @@
-"""Whether the client is still connected whose request a thread carries out."""
+"""Whether the client of the request that a thread carries out is still connected."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the bytes of a request to the bytes of its reply: every check, in one order.
+"""Authorises, validates, de-duplicates and executes requests.
 
 Its key says who asks for what; then the role, then the message itself, then whether it was
 carried out before, then its age, then the lease.

@@ -1,4 +1,4 @@
-"""A bounded inbox that serves everybody in turn, so that one who floods it waits alone."""
+"""A bounded queue that serves senders in turn: a sender that floods it delays only itself."""
 
 from __future__ import annotations
 

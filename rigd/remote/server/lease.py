@@ -1,4 +1,4 @@
-"""The control lease: one identity at a time commands the rig, and only while it shows life."""
+"""The control lease: one identity at a time commands the rig, as long as it renews the lease."""
 
 from __future__ import annotations
 

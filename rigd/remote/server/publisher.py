@@ -1,4 +1,4 @@
-"""Publishes what a rig shows; a receiver that is slow or frozen never holds it up."""
+"""Publishes status, events and live data; a slow or frozen receiver never delays it."""
 
 from __future__ import annotations
 

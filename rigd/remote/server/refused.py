@@ -1,4 +1,4 @@
-"""Counts what was refused, and tells of it without letting a flood fill the log."""
+"""Counts refused requests and logs them at a bounded rate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Requests that were carried out, so that one sent again gets its reply and does not act twice.
+"""Remembers executed requests: a repeated request gets its reply and is not executed twice.
 
 A client that heard no reply sends the same bytes again. Whoever recorded them and sends them
 later is refused: first by the memory, and once that has forgotten, by the request's age. What was

@@ -1,4 +1,4 @@
-"""The server of a rig: a zenoh session that lets requests in, answers them, and shows the rig.
+"""The server of a rig: a zenoh session that receives requests, replies, and publishes.
 
 zenoh calls back on a thread of its own for each queryable, which also serves the network: there,
 a request is only sorted by its key into the inbox of its lane. One thread per lane answers, so

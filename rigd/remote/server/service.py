@@ -1,4 +1,4 @@
-"""What stands behind a server: the rig, as far as the protocol knows it."""
+"""The interface that the daemon implements for the server."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Does a driver keep its promises? A suite that any author runs in one line of pytest.
+"""``check_driver``: the conformance suite of drivers, one line in an author's tests.
 
 ::
 

@@ -1,4 +1,4 @@
-"""Rules for block drivers: what the helper process around them relies on."""
+"""Rules for block drivers, on which the helper process depends."""
 
 from __future__ import annotations
 

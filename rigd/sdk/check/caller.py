@@ -1,4 +1,4 @@
-"""Calls into a driver from a thread, so that one that hangs is found and not waited for."""
+"""Calls a driver in a thread, so that a call that hangs is found."""
 
 from __future__ import annotations
 

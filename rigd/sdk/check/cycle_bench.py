@@ -1,4 +1,4 @@
-"""One fast driver before one simulated device, called as the cycle calls it."""
+"""Calls one fast driver as the cycle does, against one simulated device."""
 
 from __future__ import annotations
 

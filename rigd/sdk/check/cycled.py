@@ -1,4 +1,4 @@
-"""Rules for fast drivers: what the cycle relies on, with a device that works and one that fails."""
+"""Rules for fast drivers, on which the cycle depends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rules for what a driver declares, and for what it does before it is opened."""
+"""Rules for the declarations of a driver and for its behaviour before it is opened."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulated device that a driver is checked against, and the faults it can be told to show."""
+"""The simulated device that a driver is checked against, and its faults."""
 
 from __future__ import annotations
 

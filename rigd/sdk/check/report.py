@@ -1,4 +1,4 @@
-"""What the suite found: every breach, with what to do about it."""
+"""Result of the conformance suite: every violated rule with its remedy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with a row."""
+"""Checks a row against the channels of its stream."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rules for slow drivers: what the daemon's event loop relies on."""
+"""Rules for slow drivers, on which the daemon's event loop depends."""
 
 from __future__ import annotations
 

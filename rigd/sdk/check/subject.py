@@ -1,4 +1,4 @@
-"""The driver under examination: its class, its options, and the peers it is put before."""
+"""The driver under test: its class, its options and its simulated devices."""
 
 from __future__ import annotations
 

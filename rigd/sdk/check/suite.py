@@ -1,4 +1,4 @@
-"""Applies the rules to a driver."""
+"""Applies all rules to a driver."""
 
 from __future__ import annotations
 

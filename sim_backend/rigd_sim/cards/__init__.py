@@ -1,1 +1,1 @@
-"""Cards of the simulated rigs, register by register, and what is wired to them."""
+"""Simulated cards at register level, and their wiring."""

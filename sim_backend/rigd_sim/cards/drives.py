@@ -1,4 +1,4 @@
-"""Analogue drives and the one-shot that gates their enable lines, as they stand at the bench."""
+"""Analogue drives, and the one-shot that gates their enable lines."""
 
 from __future__ import annotations
 

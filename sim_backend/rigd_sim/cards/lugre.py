@@ -1,4 +1,4 @@
-"""The simulated LuGre rig wired to an MF624, pin by pin; ``configs/card_lugre.yaml`` says the same.
+"""Wiring of the simulated LuGre rig to an MF624, as in ``configs/card_lugre.yaml``.
 
 | pin | wired to |
 |---|---|

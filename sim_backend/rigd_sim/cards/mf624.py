@@ -1,4 +1,4 @@
-"""The Humusoft MF624 as its registers behave, read side effects and all.
+"""The registers of the Humusoft MF624, with their side effects on read.
 
 Written from the MF 624 User's Manual and the description of the registers in the Linux drivers of
 the card. What the sources leave open is modelled the unkind way: a FIFO keeps what nobody read,

@@ -1,4 +1,4 @@
-"""The wheel's amplifier in current mode, with the analogue current monitor it is read by."""
+"""The amplifier of the wheel in current mode, with its analogue current monitor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What only measures on the simulated LuGre rig: encoders, accelerometer, hidden truth."""
+"""Sensors of the simulated LuGre rig: encoders, accelerometer, hidden truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The last check of a setpoint before it becomes an input of the physics."""
+"""Checks a setpoint before it becomes an input of the physics."""
 
 from __future__ import annotations
 

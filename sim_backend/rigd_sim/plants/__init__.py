@@ -1,1 +1,1 @@
-"""Physics of the simulated rigs, one folder a rig."""
+"""Physics of the simulated rigs, one folder for each rig."""

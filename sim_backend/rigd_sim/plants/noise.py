@@ -1,4 +1,4 @@
-"""Noise that every plant draws, compiled into its kernel."""
+"""Noise generators that are compiled into the kernels of plants."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finding and reading the file of physical parameters of a plant, whichever plant."""
+"""Finds and reads the file of physical parameters of any plant."""
 
 from __future__ import annotations
 

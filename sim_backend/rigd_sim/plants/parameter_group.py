@@ -1,4 +1,4 @@
-"""What every group of physical parameters is: frozen, every key known, every field documented."""
+"""Base of groups of physical parameters: frozen, documented, unknown keys refused."""
 
 from __future__ import annotations
 

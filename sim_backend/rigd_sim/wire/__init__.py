@@ -1,1 +1,1 @@
-"""Devices simulated at the wire: protocol servers of their own, connected to a plant."""
+"""Devices simulated at the wire: their own protocol servers, connected to a plant."""

@@ -1,4 +1,4 @@
-"""The control socket of a simulation: one JSON object per line, asked and answered in turn."""
+"""The control socket of a simulation: one JSON object per line, request and reply."""
 
 from __future__ import annotations
 

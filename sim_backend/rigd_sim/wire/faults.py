@@ -1,4 +1,4 @@
-"""Faults as data: which part shows what, from when, for how long, by chance or on a condition."""
+"""Faults as data: part, kind, start, duration, probability or condition."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The folder of a simulation: one at a time serves there."""
+"""The folder of a simulation; one simulation at a time uses it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The CAN bus between processes, where the kernel has none.
+"""A CAN bus between processes, for kernels without CAN.
 
 Clients connect to an AF_UNIX SEQPACKET socket; each packet is one ``struct can_frame`` of Linux
 (16 bytes, linux/can.h). Nodes of this process attach without a socket. Every frame goes to

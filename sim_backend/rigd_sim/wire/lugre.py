@@ -1,4 +1,4 @@
-"""The devices of the LuGre rig at the wire: their options, and how each meets the plant."""
+"""The devices of the LuGre rig at the wire: options, and connection to the plant."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A simulated MF624 behind a socket: every register access of the master is one packet.
+"""A simulated MF624 behind a socket: one packet per register access.
 
 The socket is AF_UNIX, SEQPACKET. A request is eight bytes in the machine's order: what to do
 (uint8: 0 read 16 bits, 1 write 16, 2 read 32, 3 write 32), BAR (uint8), offset (uint16), value

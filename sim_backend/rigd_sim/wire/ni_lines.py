@@ -1,4 +1,4 @@
-"""The digital lines of a simulated NI USB-6009, and what hangs on them; no gRPC.
+"""Digital lines of a simulated NI USB-6009 and the circuits on them; no gRPC.
 
 Twelve static lines, port 0 with eight and port 1 with four, each an input or an output. A line
 that nobody has driven since the card got its power is an input, pulled up to 5 V by 4.7 kohm; one

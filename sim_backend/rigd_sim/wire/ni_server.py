@@ -1,4 +1,4 @@
-"""What NI's gRPC Device Server says on behalf of a simulated card.
+"""NI's gRPC Device Server for a simulated card.
 
 The published protocol (nidaqmx.proto of ni/grpc-device, as compiled in nidaqmx's own stubs), of
 which the calls in :attr:`DeviceServer.calls` are served; all others are UNIMPLEMENTED. Errors go

@@ -1,4 +1,4 @@
-"""Options of faults: taken out of what was given one by one, so that the rest is unknown."""
+"""Reads the options of a fault and refuses unknown ones."""
 
 from __future__ import annotations
 

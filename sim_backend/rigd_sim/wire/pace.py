@@ -1,4 +1,4 @@
-"""What lets simulated devices answer in time on a busy machine, as real ones do."""
+"""Scheduling of simulated devices, so that they reply in time on a busy machine."""
 
 from __future__ import annotations
 

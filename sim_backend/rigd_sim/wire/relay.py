@@ -1,4 +1,4 @@
-"""The relay of the approach-angle rig as an observer at the bench sees it."""
+"""The contact of the approach-angle rig's relay, observed from outside."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a simulated scale answers: MT-SICS with its sibling KERN KCP, and A&D.
+"""Replies of a simulated scale: MT-SICS, KERN KCP, A&D.
 
 Written from the manuals (Mettler-Toledo 11780711, KERN KCP-ZB-e-19137, A&D FX-i/FX-iN), without
 the driver in view.

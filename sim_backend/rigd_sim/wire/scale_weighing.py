@@ -1,4 +1,4 @@
-"""What happens inside a scale: a load cell that settles, a display that rounds, tare and zero."""
+"""The inside of a scale: load cell that settles, rounding display, tare and zero."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A simulation at the wire whatever it simulates: its parts served, faulted and asked about.
+"""Serves a simulation at the wire: its parts, their faults, and questions about them.
 
 All devices of a rig live in one process, on one asyncio loop, and look at one world in real time.
 """

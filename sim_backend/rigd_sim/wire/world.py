@@ -1,4 +1,4 @@
-"""The plant in real time: brought to CLOCK_MONOTONIC whenever a device looks at it."""
+"""The plant in real time: advanced to CLOCK_MONOTONIC whenever a device reads it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Blocks of samples from the plant's history, as a card hands them to its reader."""
+"""Blocks of samples from the history of the plant, as a card returns them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person answers at the bench, checked: numbers, choices, angles of the bearings."""
+"""Checks the answers that an operator gives at the rig: numbers, choices, bearing angles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What differs from rig to rig, from load to load and from run to run: drawn, then fixed."""
+"""Random draws that differ between rigs, loads and runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finding and reading the file of physical parameters."""
+"""Finds and reads the file of physical parameters."""
 
 from __future__ import annotations
 

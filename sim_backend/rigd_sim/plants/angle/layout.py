@@ -1,4 +1,4 @@
-"""What the plant of the approach-angle rig keeps and can be asked for, without loading physics."""
+"""Layout of inputs and outputs of the approach-angle plant; imports no physics."""
 
 from __future__ import annotations
 

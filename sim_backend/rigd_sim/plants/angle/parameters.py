@@ -1,4 +1,4 @@
-"""The physical parameters of the approach-angle rig: every quantity with unit, bounds, meaning.
+"""Physical parameters of the approach-angle rig with unit, bounds and meaning.
 
 All values are held in SI. A *spread* is a standard deviation: between individual rigs, or where
 it says so, from run to run.

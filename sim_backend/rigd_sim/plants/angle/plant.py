@@ -1,4 +1,4 @@
-"""The plant of the approach-angle rig: what is set up, its state, the history of its signals."""
+"""The plant of the approach-angle rig: set-up, state, history of signals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The memory the kernel works on: constants and state, one row each, all float64.
+"""Memory of the kernel: constants and state, one row each, float64.
 
 The field names are part of the kernel's compiled signature: changing them recompiles it.
 """

@@ -1,4 +1,4 @@
-"""The card: samples of the voltages that the physics left, with noise, skew and conversion.
+"""The card: samples of the plant's voltages with noise, skew and quantisation.
 
 A sample is a function of the history, the seed and its number alone, whenever it is taken.
 """

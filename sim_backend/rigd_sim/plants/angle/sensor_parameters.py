@@ -1,4 +1,4 @@
-"""The parameters of what measures on the approach-angle rig: every quantity with unit, bounds."""
+"""Parameters of the sensors of the approach-angle rig with unit and bounds."""
 
 from __future__ import annotations
 

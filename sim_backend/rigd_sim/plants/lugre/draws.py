@@ -1,4 +1,4 @@
-"""What differs from one LuGre rig to the next of the same drawing, and from start to start."""
+"""Random draws that differ between LuGre rigs and between starts."""
 
 from __future__ import annotations
 

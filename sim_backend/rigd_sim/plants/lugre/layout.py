@@ -1,4 +1,4 @@
-"""Where the plant keeps its commands and readings, shared with the devices on it.
+"""Layout of commands and readings that the plant shares with its devices.
 
 Plain integers, so that a rig file can be checked without loading the physics.
 """

@@ -1,4 +1,4 @@
-"""The memory the kernel works on: constants, state, commands and readings, one row each.
+"""Memory of the kernel: constants, state, commands and readings, one row each.
 
 All fields are float64 without padding, so that a C struct of doubles has the same layout. The
 field names are part of the kernel's compiled signature: changing them recompiles it.

@@ -1,4 +1,4 @@
-"""What can go wrong on a bus itself, whatever the nodes on it do."""
+"""Disturbances of a CAN bus, independent of its nodes."""
 
 from __future__ import annotations
 

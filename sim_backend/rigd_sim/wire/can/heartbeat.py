@@ -1,4 +1,4 @@
-"""Time-outs, and the heartbeats a node gives and expects (CiA 301, 7.2.8.3.2)."""
+"""Timeouts, and heartbeats that a node sends and expects (CiA 301, 7.2.8.3.2)."""
 
 from __future__ import annotations
 

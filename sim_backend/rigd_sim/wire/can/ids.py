@@ -1,4 +1,4 @@
-"""Numbers of CiA 301 that nodes share, and what a node says that it is."""
+"""Constants of CiA 301 that nodes share, and the identity of a node."""
 
 from __future__ import annotations
 

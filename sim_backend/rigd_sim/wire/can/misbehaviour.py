@@ -1,4 +1,4 @@
-"""What a node can be told to do wrong, and the options of each."""
+"""Faults of a node and the options of each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long frames occupy a bus, and which of those that wait is next."""
+"""Duration of frames on a bus, and arbitration between waiting frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Modbus devices at the wire: a responder of its own on TCP and on a paced serial line.
+"""Modbus devices at the wire: servers on TCP and on a paced serial line.
 
 ``frames`` and ``bank`` know the protocol, ``line`` serves it, ``part`` shows faults in it;
 ``transmitter`` and ``servo`` are the devices.

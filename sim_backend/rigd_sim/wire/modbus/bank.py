@@ -1,4 +1,4 @@
-"""The registers of a simulated device, and what it answers to a request for them."""
+"""The registers of a simulated Modbus device and its replies."""
 
 from __future__ import annotations
 

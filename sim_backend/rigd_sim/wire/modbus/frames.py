@@ -1,4 +1,4 @@
-"""The server's side of Modbus frames: requests off a stream of bytes, replies onto it.
+"""Decodes Modbus requests from a byte stream and encodes replies (server side).
 
 Sources: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, section 3.1.3; MODBUS over Serial
 Line V1.02, sections 2.5.1 and 6.2.2; MODBUS Application Protocol V1.1b3, section 6.

@@ -1,4 +1,4 @@
-"""What a simulated device is reached by: a TCP port, or a pty paced like a serial line."""
+"""Connection of a simulated device: a TCP port, or a pty paced like a serial line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A simulated Modbus device: its registers behind a line, and the faults a line can show."""
+"""A simulated Modbus device: registers, connection and its faults."""
 
 from __future__ import annotations
 
