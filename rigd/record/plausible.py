@@ -57,7 +57,7 @@ def begin_of_another(buffer: memoryview, start: int, end: int) -> int | None:
             return None
     except Malformed:
         pass
-    for match in _FILE.finditer(buffer, start, end):
+    for match in _FILE.finditer(buffer, max(start, 1), end):
         try:
             decode(Header, record_at(buffer, match.end() - 1).content)
         except Malformed:

@@ -48,8 +48,10 @@ def _scan(buffer: memoryview, trusted: int) -> Scan:
     ending = read_ending(buffer)
     limit = len(buffer) if ending.summary is None else ending.data_end
     reached = walk(buffer[: max(limit, found.data_end)], found)
-    if found.another is None:
-        found.another = begin_of_another(buffer, reached + DATA_END.size, len(buffer))
+    odd = [(one.start, one.end) for one in sorted(found.damages)]
+    for start, end in [*odd, (reached + DATA_END.size, len(buffer))]:
+        if found.another is None:
+            found.another = begin_of_another(buffer, start, end)
     if found.another is not None:
         return found
     if not found.pieces:

@@ -38,7 +38,6 @@ from rigd.record.chunks import (
 from rigd.record.contents import Contents, add_record
 from rigd.record.gaps import Gap, Span, find_gaps, gaps_from_json, silent_end
 from rigd.record.plausible import (
-    begin_of_another,
     check_index_end,
     check_record,
     ends_data,
@@ -182,9 +181,6 @@ def walk(buffer: memoryview, found: Scan, base: int = 0) -> int:
             at = _take(buffer, record, found, base)
         except Malformed as error:
             start, at = at, next_record(buffer, at)
-            if (another := begin_of_another(buffer, start, at)) is not None:
-                found.another = base + another
-                return found.another
             found.damages.append(Damage(base + start, base + at, str(error)))
             if not _take_torn(buffer[start:at], found) and at == len(buffer):
                 found.end_unknown = True

@@ -191,7 +191,9 @@ def test_a_second_recording_behind_the_end_is_kept(
     assert Recording.open(path).read("wheel_servo").tobytes() == given[:10].tobytes()
 
 
-@pytest.mark.parametrize("cut", ["within a chunk", "between records", "within its end", "not"])
+@pytest.mark.parametrize(
+    "cut", ["within a chunk", "within an index", "between records", "within its end", "not"]
+)
 def test_two_recordings_in_a_file_are_never_mixed(
     create: Create, rows: MakeRows, servo: Stream, start_ns: int, tmp_path: Path, cut: str
 ) -> None:
@@ -204,9 +206,11 @@ def test_two_recordings_in_a_file_are_never_mixed(
                 writer.event(start_ns + 10**10, "run_end", None, {"state": "complete"})
     first, second = (tmp_path / name for name in ("first.mcap", "second.mcap"))
     recording = Recording.open(first)
-    last = recording.contents.chunks[-1].chunk_start_offset
+    chunk = recording.contents.chunks[-1]
+    last = chunk.chunk_start_offset
     end = {
         "within a chunk": last + 100,
+        "within an index": last + chunk.chunk_length + 100,
         "between records": last,
         "within its end": recording.data_end + 40,
         "not": first.stat().st_size,
