@@ -53,6 +53,7 @@ DOCUMENTS = (
     "panel.md",
     "remote.md",
     "ci.md",
+    "glossary.md",
 )
 #: Documents whose commands need a daemon: that of lugre-1, which clients find by its name.
 SERVED = frozenset({"remote.md"})
@@ -68,6 +69,7 @@ UNCHECKED = {
     "faults.md": 1,
     "calibration.md": 0,
     "foxglove.md": 2,
+    "glossary.md": 0,
     "protocol.md": 1,
     "daemon.md": 3,
     "panel.md": 1,
