@@ -33,15 +33,20 @@ class Ended:
         return json.loads(self.out)
 
 
-def rigd(*arguments: str | Path, cwd: Path) -> Ended:
-    """Run a command to its end; in tests, without importing all anew."""
+def rigd(*arguments: str | Path, cwd: Path, state: Path | None = None) -> Ended:
+    """Run a command to its end; in tests, without importing all anew.
+
+    ``state`` is where the rings of its runs stand, if not where they usually do.
+    """
+    environment = os.environ | ({} if state is None else {"RIGD_STATE": str(state)})
     if warm.wanted:
-        ended = Ended(*warm.run([str(one) for one in arguments], cwd, TIMEOUT_S))
+        ended = Ended(*warm.run([str(one) for one in arguments], cwd, TIMEOUT_S, environment))
         assert "Traceback" not in ended.err, ended.err
         return ended
     done = subprocess.run(
         [sys.executable, "-m", "rigd", *map(str, arguments)],
         cwd=cwd,
+        env=environment,
         capture_output=True,
         text=True,
         timeout=TIMEOUT_S,

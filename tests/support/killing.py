@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from support.command import rigd
 from support.wire import ROOT, WireRig, alive
 
 from rigd.config.loader import load_rig
 from rigd.engine.shared import RunFolder, Word, state_folder
+from rigd.model.errors import Exit
 from rigd.record import Recording
 
 #: Who can be hit, and with what.
@@ -220,14 +222,17 @@ class Victim:
                 return alive(pid)
         return False
 
+    def _recover(self) -> None:
+        """Recover the recording; refused as long as a helper of the run still ends."""
+        place, name, deadline = self.recording.parent, self.recording.name, time.monotonic() + END_S
+        while (done := rigd("recover", name, cwd=place, state=self._state)).code == Exit.BLOCKED:
+            assert time.monotonic() < deadline, done.err
+            time.sleep(0.1)
+        assert done.code == 0, done.err
+
     def _examine(self, at_ns: int, safe_ns: int) -> Killed:
         """Recover the recording as an operator would, and look for what is missing."""
-        subprocess.run(
-            [sys.executable, "-m", "rigd", "recover", str(self.recording)],
-            env={**os.environ, "RIGD_STATE": str(self._state)},
-            check=True,
-            capture_output=True,
-        )
+        self._recover()
         recording = Recording.open(self.recording)
         servo = recording.read(self._movement.stream)
         unix_of_kill = at_ns + self._offset_ns  # on the clock of the run

@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -170,7 +170,9 @@ def _text(file: IO[bytes]) -> str:
     return file.read().decode().replace("\r\n", "\n")
 
 
-def run(arguments: list[str], cwd: Path, timeout_s: float) -> tuple[int, str, str]:
+def run(
+    arguments: list[str], cwd: Path, timeout_s: float, environment: Mapping[str, str]
+) -> tuple[int, str, str]:
     """Run ``rigd ARGUMENTS`` to its end; return exit code, output and errors.
 
     Raises:
@@ -178,7 +180,7 @@ def run(arguments: list[str], cwd: Path, timeout_s: float) -> tuple[int, str, st
 
     """
     global spent_s
-    request = {"arguments": arguments, "cwd": str(cwd.absolute()), "environment": dict(os.environ)}
+    request = {"arguments": arguments, "cwd": str(cwd.absolute()), "environment": dict(environment)}
     with (
         Path(os.devnull).open("rb") as nothing,
         tempfile.TemporaryFile() as out,

@@ -16,6 +16,7 @@ import pytest
 from playwright.sync_api import Page, expect
 from support.asking import ASKING
 from support.browser import Watched, chromium
+from support.command import rigd
 from support.killing import own_state
 from support.page import press, state
 from support.wire import ROOT, free_ports
@@ -49,11 +50,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ASKING.replace("default: 0.5 s", "default: 6 s")  # with 1 A the interlock trips
     )
     (made / "runs").mkdir()
-    subprocess.run(
-        [sys.executable, "-m", "rigd", "run", "constant_current", "--rig", "lugre-1",
-         "--output", str(made / "runs" / "before.mcap")],
-        cwd=ROOT, check=True, capture_output=True,
-    )  # fmt: skip
+    words = ("run", "constant_current", "--rig", "lugre-1", "--output", "before.mcap")
+    done = rigd(*words, cwd=made / "runs")
+    assert done.code == 0, done.err
     return made
 
 
