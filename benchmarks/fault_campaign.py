@@ -25,8 +25,9 @@ from typing import Any
 from figures import at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-from support.campaign import CALM, Campaign, Outcome, verdict
+from support.campaign import Campaign, Outcome, verdict
 from support.fault_table import BUSES, ENCODERS, SERVOS, Case, cases
+from support.killing import PATIENT
 from support.wire import wire_rig
 
 Row = dict[str, Any]
@@ -57,7 +58,7 @@ def play(missing: list[Case], table: Path | None) -> list[Row]:
     while left:
         with (
             tempfile.TemporaryDirectory() as folder,
-            wire_rig(Path(folder), "wire-faults", CALM) as rig,
+            wire_rig(Path(folder), "wire-faults", PATIENT) as rig,
         ):
             campaign = Campaign(rig, Path(folder), report)
             while left:

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from support.fault_table import SECOND, Case, Must
-from support.killing import END_S, PATIENT, SHAKING, Victim, own_state
+from support.killing import END_S, SHAKING, Victim, own_state
 from support.wire import ROOT, WireRig
 
 from rigd.engine.shared import Word
@@ -26,12 +26,6 @@ from rigd.model.channels import STALE, STATUS_FIELD
 from rigd.model.errors import Exit
 from rigd.record import Recording
 
-#: A host that stalls for 50 ms, as interlocks allow unless told otherwise, would end a run before
-#: its fault does.
-CALM = PATIENT | {
-    f"    {last}\n": f"    {last}\n    stale_after: 150 ms\n"
-    for last in ("high: 1.65 m", "low: -40 mm", "high: 620 mm", "deadband: 0.1 A")
-}
 #: Cases that share a run while it goes on.
 SHARED = 12
 #: After a fault is cleared, what it leaves behind shows within this time.

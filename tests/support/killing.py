@@ -30,8 +30,12 @@ START_S = 90.0
 #: Whatever happened, a run has ended this long after.
 END_S = 60.0
 
-#: A host that stalls for 20 ms would end a run before it is killed.
-PATIENT = {"stale_after: 20 ms": "stale_after: 150 ms"}
+#: A host that stalls for 20 ms, or 50 ms as interlocks allow unless told otherwise, would end a run
+#: before the test does.
+PATIENT = {"stale_after: 20 ms": "stale_after: 150 ms"} | {
+    f"    {last}\n": f"    {last}\n    stale_after: 150 ms\n"
+    for last in ("high: 1.65 m", "low: -40 mm", "high: 620 mm", "deadband: 0.1 A")
+}
 
 
 @dataclass(frozen=True)

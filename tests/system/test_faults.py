@@ -6,19 +6,17 @@ refused before anything moves.
 
 from __future__ import annotations
 
-import os
 import random
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from support.campaign import CALM, Campaign, Outcome, verdict
+from support.campaign import Campaign, Outcome, verdict
+from support.command import rigd
 from support.fault_table import Case, Must, cases
-from support.killing import own_state
-from support.wire import ROOT, WireRig, wire_rig
+from support.killing import PATIENT, own_state
+from support.wire import WireRig, wire_rig
 
 from rigd.model.errors import Exit
 from rigd.record import Recording
@@ -46,7 +44,7 @@ def sample() -> list[Case]:
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WireRig]:
-    with wire_rig(tmp_path_factory.mktemp("wire"), "wire-fails", CALM) as rig:
+    with wire_rig(tmp_path_factory.mktemp("wire"), "wire-fails", PATIENT) as rig:
         yield rig
 
 
@@ -114,15 +112,11 @@ trial:
 def test_a_procedure_shows_a_fault_itself(bench: WireRig, tmp_path: Path) -> None:
     (tmp_path / "fails.yaml").write_text(PROCEDURE)
     state = own_state(tmp_path)
-    done = subprocess.run(
-        [sys.executable, "-m", "rigd", "run", str(tmp_path / "fails.yaml"), "--rig",
-         str(bench.rig), "--output", str(tmp_path / "run.mcap")],
-        cwd=ROOT, env={**os.environ, "RIGD_STATE": str(state)},
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+    words = ("run", "fails.yaml", "--rig", bench.rig, "--output", "run.mcap")
+    done = rigd(*words, cwd=tmp_path, state=state)
     shutil.rmtree(state)
-    assert done.returncode == Exit.TRIPPED, done.stderr
-    assert "0x2310" in done.stdout
+    assert done.code == Exit.TRIPPED, done.err
+    assert "0x2310" in done.out
     events = list(Recording.open(tmp_path / "run.mcap").events())
     (shown,) = (one for one in events if one.kind == "fault_shown")
     assert (shown.data["part"], shown.data["options"]) == ("wheel_servo", {"code": 0x2310})
