@@ -158,29 +158,34 @@ def test_doctor_finds_proves_and_measures_everything(wire: WireRig, tmp_path: Pa
     assert not any(part["enabled"] for part in drives(wire).values())
 
 
-def test_doctor_names_a_wrong_node_and_finds_the_rest(wire: WireRig, tmp_path: Path) -> None:
+@pytest.fixture
+def in_pounds(wire: WireRig) -> Iterator[None]:
+    """The scale shows pounds."""
+    wire.ask(do="fault", part="scale", fault="unit")
+    yield
+    wire.ask(do="clear")
+
+
+@pytest.mark.usefixtures("in_pounds")
+def test_doctor_names_every_fault_and_finds_the_rest(wire: WireRig, tmp_path: Path) -> None:
+    """The node of the carriage is wrong in the file, the unit of the scale at the device."""
     rig = other(wire, tmp_path, node=("node: 12 ", "node: 13 "))
     found = checks(rigd("doctor", "--rig", rig, "--seconds", "0.5", "--json", cwd=tmp_path))
     assert found["carriage"]["verdict"] == "fail"
     assert "node 13" in found["carriage"]["found"]
     assert "11, 12" in found["carriage"]["found"]
     assert "`node`" in found["carriage"]["advice"]
+    assert found["scale"]["verdict"] == "fail"
+    assert "shows lb, the rig expects kg" in found["scale"]["found"]
+    assert "press UNIT" in found["scale"]["advice"]
     assert found["wheel_encoder"]["verdict"] == "ok"
     assert found["at rest"]["found"] == "not measured"
     assert not any(part["enabled"] for part in drives(wire).values())
 
 
-def test_doctor_and_read_name_a_scale_in_pounds(wire: WireRig, tmp_path: Path) -> None:
-    wire.ask(do="fault", part="scale", fault="unit")
-    try:
-        done = rigd("doctor", "--rig", wire.rig, "--seconds", "0.5", "--json", cwd=tmp_path)
-        read = rigd("read", "scale", "--rig", wire.rig, "--once", cwd=tmp_path)
-    finally:
-        wire.ask(do="clear")
-    scale = checks(done)["scale"]
-    assert scale["verdict"] == "fail"
-    assert "shows lb, the rig expects kg" in scale["found"]
-    assert "press UNIT" in scale["advice"]
+@pytest.mark.usefixtures("in_pounds")
+def test_read_refuses_a_scale_in_pounds(wire: WireRig, tmp_path: Path) -> None:
+    read = rigd("read", "scale", "--rig", wire.rig, "--once", cwd=tmp_path)
     assert read.code == Exit.BLOCKED
     assert "shows lb" in read.err
 
