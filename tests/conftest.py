@@ -48,10 +48,13 @@ def places(*names: str) -> tuple[Path, ...]:
 #: in real time, and want the machine for themselves.
 SIDE_BY_SIDE = places(
     "cli", "config", "daemon/live", "daemon/serve", "daemon/test_forms.py",
-    "daemon/test_virtual_time.py", "docs", "drivers", "evaluate", "identify", "model",
-    "packaging", "panel", "procedure", "record", "remote", "sdk", "sim",
+    "daemon/manual", "daemon/test_resume_point.py", "daemon/test_virtual_time.py", "docs",
+    "drivers", "engine/test_cycle.py", "engine/test_interlocks.py", "engine/test_limiter.py",
+    "engine/test_player.py", "engine/test_run.py", "engine/test_windows.py", "evaluate",
+    "identify", "model", "packaging", "panel", "procedure", "record", "remote", "sdk", "sim",
     "system/test_approach_angle.py", "system/test_bad_input.py", "system/test_calibrate.py",
-    "system/test_identify_campaign.py", "system/test_identify_command.py", "system/test_seeds.py",
+    "system/test_identify_campaign.py", "system/test_identify_command.py",
+    "system/test_replay.py", "system/test_run_command.py", "system/test_seeds.py",
 )  # fmt: skip
 #: Of these, tests whose driver or simulated device lives by the clock in the process of the test.
 #: rigd and `rigd sim` give both real-time priority; so does the suite, on a machine that allows it.

@@ -1,25 +1,17 @@
-"""`rigd run` as a user meets it: recordings, endings, resume, determinism."""
+"""`rigd run` as a user meets it, in virtual time: recordings, dry runs, refusals, determinism."""
 
 from __future__ import annotations
 
 import hashlib
-import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from support.command import rigd, start
+from support.command import rigd
 
 from rigd.record import Recording, run_info
-
-
-def states(path: Path) -> tuple[str, list[str]]:
-    """Return the ending of a recording and the names of the steps it played."""
-    recording = Recording.open(path)
-    steps = [str(e.data["name"]) for e in recording.events() if e.kind == "step"]
-    return run_info(recording).state, steps
 
 
 def test_a_quick_run_records_every_cycle_and_says_what_to_do_next(tmp_path: Path) -> None:
@@ -78,87 +70,6 @@ def test_the_dry_run_refuses_what_would_break_a_limit(tmp_path: Path) -> None:
     dry = rigd("run", "reckless.yaml", "--rig", "lugre-1", "--dry-run", cwd=tmp_path)
     assert dry.code == 3
     assert "refused" in dry.out
-
-
-@pytest.mark.parametrize(
-    ("name", "told"), [("SIGINT", "Ctrl-C"), ("SIGTERM", "SIGTERM"), ("SIGHUP", "SIGHUP")]
-)
-def test_a_signal_stops_the_run_safe_with_its_file_finished(
-    tmp_path: Path, name: str, told: str
-) -> None:
-    path = tmp_path / "stopped.mcap"
-    run = start(
-        ["run", "constant_current", "--rig", "lugre-1", "--pace", "2", "--output", path], tmp_path
-    )
-    run.wait_for("trial 2/10")
-    run.signal(signal.Signals[name])
-    ended = run.end()
-    assert ended.code == 5, ended.err
-    state, steps = states(path)
-    assert state == "stopped"
-    assert steps[-1] == "hold"  # `finish` of the procedure
-    recording = Recording.open(path)
-    assert recording.read("wheel_servo")["current_setpoint"][-1] == 0.0
-    assert f"stopped by {told}" in ended.out
-
-    resumed = rigd("run", "--resume", path, "--json", cwd=tmp_path)
-    assert resumed.code == 0, resumed.err
-    info = run_info(Recording.open(path))
-    assert (info.state, info.trials_done) == ("complete", 10)
-    # The first trial was complete and is not played again.
-    assert [trial.number for trial in info.trials] == [1, 2, *range(2, 11)]
-
-
-def test_a_second_ctrl_c_aborts_without_finish(tmp_path: Path) -> None:
-    path = tmp_path / "aborted.mcap"
-    run = start(
-        ["run", "constant_current", "--rig", "lugre-1", "--pace", "1", "--output", path], tmp_path
-    )
-    run.wait_for("trial 1/10")
-    run.signal(signal.SIGINT)
-    run.wait_for("Ctrl-C: stopping. Again: abort")
-    run.signal(signal.SIGINT)
-    ended = run.end()
-    assert ended.code == 5, ended.err
-    state, _ = states(path)
-    assert state == "aborted"
-    assert Recording.open(path).read("wheel_servo")["current_setpoint"][-1] == 0.0
-
-
-def test_pause_waits_between_trials_and_resume_goes_on(tmp_path: Path) -> None:
-    path = tmp_path / "paused.mcap"
-    run = start(
-        ["run", "constant_current", "--rig", "lugre-1", "--pace", "10", "--output", path], tmp_path
-    )
-    run.wait_for("trial 1/10")
-    run.signal(signal.SIGUSR1)
-    run.wait_for("paused; Ctrl-Z resumes")
-    run.signal(signal.SIGUSR1)
-    run.wait_for("trial 2/10")
-    run.signal(signal.SIGINT)
-    assert run.end().code == 5
-    info = run_info(Recording.open(path))
-    assert info.trials[0].complete
-
-
-def test_a_killed_run_is_resumed_from_its_torn_file(tmp_path: Path) -> None:
-    path = tmp_path / "killed.mcap"
-    run = start(
-        ["run", "constant_current", "--rig", "lugre-1", "--pace", "5", "--output", path], tmp_path
-    )
-    run.wait_for("trial 3/10")
-    run.signal(signal.SIGKILL)
-    run.end()
-    with path.open("r+b") as stream:  # and the disk lost its last bytes too
-        stream.truncate(path.stat().st_size - 100)
-    path.with_name(path.name + ".journal").unlink(missing_ok=True)
-    assert rigd("info", path, cwd=tmp_path).code == 0
-    resumed = rigd("run", "--resume", path, cwd=tmp_path)
-    assert resumed.code == 0, resumed.err
-    info = run_info(Recording.open(path))
-    assert (info.state, info.trials_done) == ("complete", 10)
-    times = Recording.open(path).read("carriage")["t_ns"]
-    assert np.all(np.diff(times) > 0)
 
 
 def test_resume_refuses_other_files_than_the_sweep_began_with(tmp_path: Path) -> None:
