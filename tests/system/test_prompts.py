@@ -65,11 +65,11 @@ trial:
       max: 1 m
       answer: 300 mm
       agrees: {with: carriage.position, within: 5 mm, for: 0.1 s}
-      timeout: 0.3 s
+      timeout: 1 s
     - prompt: let_go
       text: Have you let go?
       until: "|longitudinal_belt.speed| < 1 mm/s for 0.1 s"
-      timeout: 1 s
+      timeout: 5 s
     - step: rest
       for: 0.1 s
 record: {carriage: 1}
