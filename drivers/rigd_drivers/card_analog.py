@@ -6,17 +6,15 @@ from collections.abc import Sequence
 from typing import Annotated, ClassVar, Self
 
 from annotated_types import Ge, MinLen
-from pydantic import BaseModel, ConfigDict, StringConstraints, field_validator, model_validator
+from pydantic import StringConstraints, field_validator, model_validator
 
 from rigd.model.units import parse_quantity, parse_unit
-from rigd.sdk import Channel, Driver, DriverConfig, In
+from rigd.sdk import Channel, Documented, Driver, DriverConfig, In
 from rigd_drivers.card import Card
 
 
-class AnalogInput(BaseModel):
+class AnalogInput(Documented):
     """One analogue input and what its volts mean."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
     name: Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
     """Name of the channel; the volts are recorded as NAME_raw."""

@@ -15,6 +15,7 @@ from rigd.config.document import Data, Document, Path_
 from rigd.config.problems import Problems, suggest
 from rigd.model.units import format_quantity
 from rigd.sdk import In
+from rigd.sdk.documented import description
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -65,8 +66,7 @@ def _note(
     where, kind, context = spot.path, detail["type"], detail.get("ctx", {})
     if kind == "missing":
         wanted = detail["loc"][-1]
-        field = _field(spot.parent, wanted)
-        doc = None if field is None else _first_line(field.description)
+        doc = _first_line(_description(spot.parent, wanted))
         problems.add(document.place(where), f"key {wanted!r} is missing", doc)
         return
     if kind == "extra_forbidden":
@@ -135,7 +135,7 @@ def _locate(
         field = _field(parent, step)
         if field is not None:
             annotation, unit = field.annotation, _unit(field.metadata)
-            doc = _first_line(field.description)
+            doc = _first_line(_description(parent, step))
         else:
             annotation, unit = _item(annotation), None
         if (*path, step) in document.values or (*path, step) in document.keys:
@@ -181,12 +181,18 @@ def _is_model(annotation: Any) -> bool:
 
 
 def _field(model: type[BaseModel] | None, step: str | int) -> FieldInfo | None:
-    if model is None:
-        return None
-    for name, field in model.model_fields.items():
-        if step in (name, field.alias):
-            return field
-    return None
+    name = _name(model, step)
+    return None if model is None or name is None else model.model_fields[name]
+
+
+def _description(model: type[BaseModel] | None, step: str | int) -> str | None:
+    name = _name(model, step)
+    return None if model is None or name is None else description(model, name)
+
+
+def _name(model: type[BaseModel] | None, step: str | int) -> str | None:
+    fields = {} if model is None else model.model_fields
+    return next((name for name, field in fields.items() if step in (name, field.alias)), None)
 
 
 def _item(annotation: Any) -> Any:

@@ -8,7 +8,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
 
 from rigd.model.patterns import quantity_schema
-from rigd.sdk import In
+from rigd.sdk import Documented, In
 
 #: Names of rigs, devices, interlocks and constants.
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)]
@@ -28,12 +28,10 @@ def _nothing_is_empty(value: object) -> object:
     return {} if value is None else value
 
 
-class Source(BaseModel):
+class Source(Documented, BaseModel):  # both: ruff does not look into other modules
     """A part of a file: every key known, every field documented."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False
-    )
+    model_config = ConfigDict(allow_inf_nan=False)
 
 
 class LimitSource(Source):
@@ -143,19 +141,19 @@ class InterlockSource(Source):
     """What the operator reads when it trips."""
 
 
-class PlantSource(BaseModel):
+class PlantSource(Documented):
     """The physics behind a simulated rig, with the options of its model."""
 
-    model_config = ConfigDict(frozen=True, extra="allow", use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="allow")
 
     model: FileName
     """Name of the plant; its options stand beside it."""
 
 
-class SimulationSource(BaseModel):
+class SimulationSource(Documented):
     """The simulated devices that stand behind the links of this rig, with their options."""
 
-    model_config = ConfigDict(frozen=True, extra="allow", use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="allow")
 
     model: FileName
     """Name of the simulation; its options stand beside it."""

@@ -2,6 +2,7 @@
 
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
+from rigd.sdk.documented import Documented
 from rigd.sdk.driver import (
     AnyDriver,
     Block,
@@ -24,6 +25,7 @@ __all__ = [
     "Channel",
     "DeviceError",
     "DeviceSheet",
+    "Documented",
     "Driver",
     "DriverConfig",
     "EmitRow",

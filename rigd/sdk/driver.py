@@ -10,9 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict
-
 from rigd.model.channels import Channel
+from rigd.sdk.documented import Documented
 from rigd.sdk.link import LinkConfig
 
 if TYPE_CHECKING:  # a rig file is checked without numpy
@@ -20,13 +19,11 @@ if TYPE_CHECKING:  # a rig file is checked without numpy
     from numpy.typing import NDArray
 
 
-class DriverConfig(BaseModel):
+class DriverConfig(Documented):
     """The options of one driver in a rig file: frozen, every key known, every field documented.
 
     Declare quantities as ``Annotated[float, In("A")]``, so that the file must give a unit.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 class AnyDriver:

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict
+from rigd.sdk.documented import Documented
 
 
-class LinkConfig(BaseModel):
+class LinkConfig(Documented):
     """The options of one link in a rig file: frozen, every key known, every field documented."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 @dataclass(frozen=True)

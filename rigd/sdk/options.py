@@ -15,6 +15,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from rigd.model.units import format_quantity
+from rigd.sdk.documented import description
 from rigd.sdk.quantities import In
 
 _WORDS: Final = {
@@ -54,7 +55,7 @@ def _options(model: type[BaseModel], prefix: str, above: frozenset[Any]) -> Iter
             unit=unit,
             required=field.is_required(),
             default=_default(field, unit),
-            doc=inspect.cleandoc(field.description or ""),
+            doc=inspect.cleandoc(description(model, key) or ""),
             bare=_has_bare_float(annotation),
         )
         for part in _parts(annotation):

@@ -7,13 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict
+from rigd.sdk.documented import Documented
 
 
-class PlantConfig(BaseModel):
+class PlantConfig(Documented):
     """The options of one plant in a rig file: frozen, every key known, every field documented."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 class Plant(ABC):

@@ -7,13 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict
+from rigd.sdk.documented import Documented
 
 
-class SimulationConfig(BaseModel):
+class SimulationConfig(Documented):
     """The options of one simulation in a rig file: frozen, every key known and documented."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 class Simulation(ABC):

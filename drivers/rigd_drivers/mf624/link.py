@@ -9,9 +9,9 @@ from importlib.metadata import entry_points
 from typing import Annotated, ClassVar, Final, Literal
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel, ConfigDict, field_validator
+from pydantic import field_validator
 
-from rigd.sdk import DeviceError, In, LinkConfig, LinkError
+from rigd.sdk import DeviceError, Documented, In, LinkConfig, LinkError
 from rigd_drivers.card import Card
 from rigd_drivers.mf624 import registers as mf
 from rigd_drivers.mf624.access import BUILT_IN, PLUGINS, RegIO, open_registers
@@ -25,11 +25,7 @@ _EOLC_READS: Final = 100
 _TOGGLES_PER_TIME: Final = 5
 
 
-class _Options(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
-
-
-class ReferenceOptions(_Options):
+class ReferenceOptions(Documented):
     """An analogue input wired to a known voltage."""
 
     input: Annotated[int, Ge(0), Lt(mf.ANALOG_INPUTS)]
@@ -40,7 +36,7 @@ class ReferenceOptions(_Options):
     """How far it may be off."""
 
 
-class OneShotOptions(_Options):
+class OneShotOptions(Documented):
     """A retriggerable one-shot that gates the enable lines of the drives on this card."""
 
     output: Line

@@ -7,9 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Final, Literal, NamedTuple
 
 from annotated_types import Ge, Le
-from pydantic import BaseModel, ConfigDict
 
-from rigd.sdk import In
+from rigd.sdk import Documented, In
 from rigd_drivers.modbus import pdu
 from rigd_drivers.modbus.pdu import Request, read_registers, write_register, write_registers
 
@@ -20,10 +19,8 @@ WordOrder = Literal["high-first", "low-first"]
 _FORMATS: Final = {"int16": ">h", "uint16": ">H", "int32": ">i", "uint32": ">I", "float32": ">f"}
 
 
-class Described(BaseModel):
+class Described(Documented):
     """A part of a register map: frozen, every key known, every field documented."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 class Register(Described):

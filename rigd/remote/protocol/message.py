@@ -11,7 +11,7 @@ import math
 import re
 from typing import Annotated, Any, Final, Literal, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, StringConstraints, ValidationError
+from pydantic import BeforeValidator, ConfigDict, StringConstraints, ValidationError
 
 from rigd.remote.protocol.limits import (
     MAX_DEPTH,
@@ -22,6 +22,7 @@ from rigd.remote.protocol.limits import (
     VERSION,
 )
 from rigd.remote.protocol.refusal import Code, Refusal
+from rigd.sdk import Documented
 
 #: A part of a key: no character that zenoh, a shell or a path reads as anything but itself.
 Name = Annotated[str, StringConstraints(pattern=rf"^[A-Za-z0-9._-]{{1,{MAX_NAME}}}$")]
@@ -43,16 +44,10 @@ _MAX_TOLD: Final = 300
 _NO_VERSION: Final = 2**16
 
 
-class Message(BaseModel):
+class Message(Documented):
     """A message or a part of one."""
 
-    model_config = ConfigDict(
-        frozen=True,
-        extra="forbid",
-        strict=True,
-        allow_inf_nan=False,
-        use_attribute_docstrings=True,
-    )
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
 
 M = TypeVar("M", bound=Message)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from rigd.sdk import Documented
 
 
-class ParameterGroup(BaseModel):
+class ParameterGroup(Documented):
     """A section of a plant's parameter file; its fields are quantities with unit and bounds."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
 from annotated_types import Ge, Gt, Le
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import parse_quantity
-from rigd.sdk import In
+from rigd.sdk import Documented, In
 from rigd_sim.wire.part import Part, State
 
 #: Longer signs first, so that `<=` is not read as `<`.
@@ -32,10 +32,8 @@ _CONDITION: Final = re.compile(r"\s*(\w+)\.(\w+)\s*(<=|>=|==|!=|<|>)\s*(\S.*?)\s
 States = Mapping[str, Callable[[], State]]
 
 
-class FaultEntry(BaseModel):
+class FaultEntry(Documented, BaseModel):  # both: ruff does not look into other modules
     """One entry of a fault file; without `at`, `when` or `probability` it shows at once."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
     part: str
     """The device or bus that shows it."""

@@ -1,0 +1,71 @@
+"""Models whose fields are described by the strings beneath them, read only when one is asked for.
+
+Pydantic can read these strings itself, as a class is made (``use_attribute_docstrings``). It parses
+the source of every class for that, in every process, and few processes show a description.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from collections.abc import Mapping
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler
+from pydantic_core import CoreSchema
+
+
+class Documented(BaseModel):
+    """A part of a file or message: frozen, every key known, every field documented.
+
+    Its JSON Schema has the string beneath a field as the description of the field.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler, /
+    ) -> dict[str, Any]:
+        """Return the schema that pydantic makes, with the descriptions."""
+        schema = handler(core_schema)
+        properties = handler.resolve_ref_schema(schema).get("properties", {})
+        for name, field in cls.model_fields.items():
+            key = field.alias if field.alias in properties else name
+            text = description(cls, name)
+            if text is not None and key in properties:
+                described = properties[key]
+                title = {one: described.pop(one) for one in ("title",) if one in described}
+                described |= {"description": text, **title}
+        return schema
+
+
+def description(model: type[BaseModel], name: str) -> str | None:
+    """Return what the field ``name`` of ``model`` means; None if the model does not say it."""
+    told = model.model_fields[name].description
+    if told is not None or not issubclass(model, Documented):
+        return told
+    declaring = (one for one in model.__mro__ if name in inspect.get_annotations(one))
+    return next((_beneath(one).get(name) for one in declaring), None)
+
+
+@cache
+def _beneath(model: type) -> Mapping[str, str]:
+    """Return the string beneath each field that the body of ``model`` declares."""
+    try:
+        source = inspect.getsource(model)
+    except (OSError, TypeError):  # made at a prompt, or shipped without source
+        return {}
+    if source[0].isspace():
+        source = "if True:\n" + source
+    nodes = ast.walk(ast.parse(source))
+    body = next(node.body for node in nodes if isinstance(node, ast.ClassDef))
+    return {
+        field.target.id: inspect.cleandoc(text.value.value)
+        for field, text in pairwise(body)
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+        if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+        if isinstance(text.value.value, str)
+    }
