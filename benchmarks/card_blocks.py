@@ -25,7 +25,8 @@ from figures import at_least, at_most, noted
 from rigd.config.loader import parse_rig
 from rigd.config.rig import DeviceConfig
 from rigd.engine.shared import RowRing
-from rigd.engine.slow import BlockHelper, LatestTable, Slot
+from rigd.engine.slow.block_helper import BlockHelper
+from rigd.engine.slow.table import LatestTable, Slot
 
 RATE_HZ, INPUTS, BLOCK = 9600.0, 4, 96
 ROUNDS, SECONDS, SETTLE_S = 3, 8.0, 1.0

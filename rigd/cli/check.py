@@ -143,10 +143,6 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
     """
     from rigd.config.calibration import load_calibration
     from rigd.config.loader import load_rig
-    from rigd.config.shipped import titled
-    from rigd.evaluate.models import needs_of
-    from rigd.procedure.compile import compile_procedure
-    from rigd.procedure.loader import load_procedure
 
     if kind == "calibration":
         calibration = load_calibration(Path(given))
@@ -168,9 +164,19 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
                 return f"{', '.join(parts)}: {missing}"
             parts.append(f"calibration {held.name}")
         return ", ".join(parts) + ": right"
+    return _check_procedure(given, rig)
+
+
+def _check_procedure(given: str, rig: RigConfig | None) -> str:
+    from rigd.config.shipped import titled
+    from rigd.procedure.loader import load_procedure
+
     procedure = load_procedure(given)
     if rig is None:
         return "a procedure, right in itself; give --rig to check it against a rig"
+    from rigd.evaluate.models import needs_of
+    from rigd.procedure.compile import compile_procedure
+
     compiled = compile_procedure(procedure, rig, {})
     if compiled.identify is not None:
         needs_of(

@@ -1,19 +1,5 @@
-"""Rig files: YAML with positions to typed objects, errors as file:line:column."""
+"""Rig files: YAML with positions to typed objects, errors as file:line:column.
 
-from rigd.config.loader import load_rig, parse_rig
-from rigd.config.rig import DeviceConfig, PlantSetup, RigConfig, SourceFile
-from rigd.config.schema import rig_schema
-from rigd.config.shipped import find_file
-from rigd.sdk.shipped import shipped_folder
-
-__all__ = [
-    "DeviceConfig",
-    "PlantSetup",
-    "RigConfig",
-    "SourceFile",
-    "find_file",
-    "load_rig",
-    "parse_rig",
-    "rig_schema",
-    "shipped_folder",
-]
+Import :mod:`rigd.config.loader` to read one. This package itself imports nothing: each process of
+a run takes :mod:`rigd.config.rig` alone, and reads no file.
+"""

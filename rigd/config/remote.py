@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Final, Literal, Self
+from typing import TYPE_CHECKING, Final, Literal, Self
 
-from rigd.config.document import Document
-from rigd.config.problems import Problems
-from rigd.config.source import RemoteSource, TlsSource
+if TYPE_CHECKING:  # the processes of a run, and clients, read no rig file
+    from rigd.config.document import Document
+    from rigd.config.problems import Problems
+    from rigd.config.source import RemoteSource, TlsSource
 
 #: Where a daemon listens unless its rig file says otherwise: zenoh's own port, this machine only.
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"

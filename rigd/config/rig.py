@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rigd.config.calibration import CalibrationSetup
 from rigd.config.remote import RemoteSetup
 from rigd.model.channels import Channel, Stream
 from rigd.model.limits import Interlock, SetpointLimit
@@ -21,6 +21,9 @@ from rigd.sdk import (
     Simulation,
     SimulationConfig,
 )
+
+if TYPE_CHECKING:  # the processes of a run read no file
+    from rigd.config.calibration import CalibrationSetup
 
 
 @dataclass(frozen=True)

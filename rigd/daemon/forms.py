@@ -24,7 +24,7 @@ from rigd.engine.process_host import ProcessHost
 from rigd.engine.rates import most_rows_hz
 from rigd.engine.recorder import Health, RecorderProcess, drain_leftovers
 from rigd.engine.shared import Job, RunFolder, Word
-from rigd.engine.slow import Beside
+from rigd.engine.slow.beside import Beside
 from rigd.engine.wiring import in_cycle, streams_of, wire
 from rigd.model.channels import Stream
 from rigd.model.errors import LinkError

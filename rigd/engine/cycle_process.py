@@ -27,7 +27,7 @@ from rigd.engine.in_process import ARM_NS, close_devices, judge_devices, open_de
 from rigd.engine.player import Outcome
 from rigd.engine.realtime import RealTime
 from rigd.engine.shared import CycleState, RunFolder, Word
-from rigd.engine.slow import StandIns
+from rigd.engine.slow.stand_ins import StandIns
 from rigd.engine.wiring import in_cycle, wire
 from rigd.model.severity import Severity
 from rigd.record.events import NO_TRIAL

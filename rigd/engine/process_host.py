@@ -11,6 +11,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
 from typing import Final, Protocol, TypeVar
 
 from rigd.config.rig import RigConfig
@@ -24,7 +25,7 @@ from rigd.engine.player import Outcome
 from rigd.engine.question import Question
 from rigd.engine.rescue import Rescue, rescue
 from rigd.engine.shared import Phase, RunFolder, Word
-from rigd.engine.slow import Beside
+from rigd.engine.slow.beside import Beside
 from rigd.model.errors import RecordingError
 from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded
@@ -104,7 +105,8 @@ class ProcessHost:
         self._gone = False  #: whether the cycle process was fenced
         self._rescue_problems: Sequence[str] = ()
         self._shown_ns = board[Word.BEAT_DAEMON] = monotonic_ns()
-        job = m.CycleJob(rig, record, seed)
+        # Without what the cycle has no use for, and would load the code of.
+        job = m.CycleJob(replace(rig, simulation=None, calibration=None), record, seed)
         self._cycle = CycleLink(folder, job, rig.supervision.cycle_silence_s)
 
     @property

@@ -16,7 +16,7 @@ from rigd.config.rig import RigConfig
 from rigd.engine.control import Control
 from rigd.engine.process_host import ProcessHost
 from rigd.engine.shared import Job, RunFolder, Word
-from rigd.engine.slow import Beside
+from rigd.engine.slow.beside import Beside
 from rigd.engine.wiring import streams_of
 from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded, Segment

@@ -24,7 +24,7 @@ from rigd.engine.rates import most_rows_hz
 from rigd.engine.shared import EVENT_SOURCES, Job, RunFolder, Word, state_folder
 from rigd.engine.shared.folder import folder_name
 from rigd.engine.sink import Rows
-from rigd.engine.slow import Beside
+from rigd.engine.slow.beside import Beside
 from rigd.engine.wiring import streams_of
 from rigd.model.errors import DeviceError
 from rigd.model.severity import Severity

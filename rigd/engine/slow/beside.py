@@ -4,26 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from typing import Final
 
 import numpy as np
 
-from rigd.config.rig import DeviceConfig, RigConfig
+from rigd.config.rig import RigConfig
 from rigd.engine.cycle import DEVICE_ERRORS
 from rigd.engine.shared import Job, RowRing, RunFolder
 from rigd.engine.slow.block_helper import BlockHelper
 from rigd.engine.slow.devices import SlowDevices
-from rigd.engine.slow.latest import Latest
+from rigd.engine.slow.stand_ins import TABLE, beside
 from rigd.engine.slow.table import LatestTable
 from rigd.engine.windows import Windows
-from rigd.engine.wiring import in_cycle
-from rigd.model.channels import Stream
 from rigd.procedure.program import Recorded
-from rigd.sdk import BlockDriver, Driver, SlowDriver
-
-#: The table of latest values in the folder of a run.
-TABLE: Final = "latest"
+from rigd.sdk import BlockDriver, SlowDriver
 
 
 class Beside:
@@ -151,25 +144,3 @@ class SlowRows:
         self._count += 1
         if recorded and (self._windows is None or self._windows.covers(np.array([t_ns]))[0]):
             self._ring.push(t_ns, row)
-
-
-def beside(rig: RigConfig) -> list[Stream]:
-    """Return the streams of the devices of ``rig`` that run beside the cycle."""
-    return [device.stream for device in rig.devices.values() if not in_cycle(device)]
-
-
-class StandIns:
-    """What the cycle of the run in ``folder`` sees of the devices beside it, and tells them."""
-
-    def __init__(self, rig: RigConfig, folder: Path) -> None:
-        streams = beside(rig)
-        self._table = LatestTable.attach(folder / TABLE, streams) if streams else None
-        self.windows: Mapping[str, Windows] = {}  #: when their rows are recorded, by stream
-        if self._table is not None:
-            self.windows = {one.name: self._table.windows(one.name) for one in streams}
-
-    def of(self, device: DeviceConfig) -> Driver:
-        """Return what stands in the cycle for ``device``."""
-        if self._table is None:
-            raise TypeError(f"{device.name} does not run beside the cycle")
-        return Latest(device, self._table.slot(device.name))

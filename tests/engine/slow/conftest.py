@@ -11,7 +11,8 @@ from support.blocks import TESTS
 
 from rigd.config.rig import DeviceConfig
 from rigd.engine.shared.rowring import RowRing
-from rigd.engine.slow import BlockHelper, LatestTable, Slot
+from rigd.engine.slow.block_helper import BlockHelper
+from rigd.engine.slow.table import LatestTable, Slot
 
 START_NS, ORIGIN_NS = 1_700_000_000_000_000_000, 5_000_000_000
 

@@ -173,7 +173,7 @@ _DAEMON = """
 import sys, threading
 from pathlib import Path
 from support.blocks import Counter, CounterConfig, device_of
-from rigd.engine.slow import BlockHelper
+from rigd.engine.slow.block_helper import BlockHelper
 folder, lock_fd, fault = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
 device = device_of("daq", Counter, CounterConfig(fault=fault))
 helper = BlockHelper(device, ring=folder / "rows.ring", table=folder / "latest",

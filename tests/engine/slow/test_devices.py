@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 from support.blocks import until
 
-from rigd.engine.slow import LatestTable, SlowDevices
+from rigd.engine.slow.devices import SlowDevices
+from rigd.engine.slow.table import LatestTable
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.sdk import DriverConfig, EmitRow, SlowDriver

@@ -13,8 +13,9 @@ import pytest
 from support.blocks import Counter, CounterConfig, device_of, until
 
 from rigd.engine.shared import RowRing
-from rigd.engine.slow import Latest, LatestTable, Slot
 from rigd.engine.slow.beside import SlowRows
+from rigd.engine.slow.latest import Latest
+from rigd.engine.slow.table import LatestTable, Slot
 from rigd.engine.windows import Windows
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import RecordingError
@@ -72,7 +73,7 @@ def test_a_writer_killed_in_the_middle_leaves_no_torn_row(
 
 _WRITER = """
 import sys
-from rigd.engine.slow import LatestTable
+from rigd.engine.slow.table import LatestTable
 from rigd.model.channels import Channel, Stream
 stream = Stream("daq", tuple(Channel(f"c{index}") for index in range(20)), has_status=True)
 narrow = Stream("scale", (Channel("mass", "kg"),))

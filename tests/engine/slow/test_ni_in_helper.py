@@ -11,7 +11,7 @@ from support.blocks import device_of, until
 from support.served import served
 
 from rigd.config.rig import DeviceConfig
-from rigd.engine.slow import Latest
+from rigd.engine.slow.latest import Latest
 from rigd.model.errors import LinkError
 from rigd_drivers.ni_daq import NiDaq
 from rigd_drivers.ni_daq.config import NiDaqConfig
