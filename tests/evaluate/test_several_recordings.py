@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     return lambda name: folder / f"{name}.mcap"
 
 
+@cache
 def fitted(*paths: Path, by_recording: bool = False) -> ParameterEvaluation:
     found = evaluate(paths, Options(starts=2, by_recording=by_recording))
     assert isinstance(found, ParameterEvaluation)
@@ -42,9 +44,6 @@ def test_unlike_recordings_are_reported_and_disagree(
     recorded: Recorded, names: tuple[str, str]
 ) -> None:
     found = fitted(*map(recorded, names))
-    page = found.report()
-    for name in names:
-        assert f"{name}.mcap" in page
     result = found.sections[0].result
     assert len({one.label for one in result.trials}) == len(result.trials) == 6
     test = next(one for one in result.residual_tests if one.name == "agreement of recordings")
@@ -52,6 +51,12 @@ def test_unlike_recordings_are_reported_and_disagree(
     assert test.sentence in result.warnings
     assert "disagree" in str(found.shown())
     json.dumps(found.to_json(), allow_nan=False)
+
+
+def test_the_report_names_each_recording(recorded: Recorded) -> None:
+    page = fitted(recorded("before"), recorded("after")).report()
+    assert "before.mcap" in page
+    assert "after.mcap" in page
 
 
 def test_repeats_of_one_rig_agree(recorded: Recorded) -> None:

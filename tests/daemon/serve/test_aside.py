@@ -17,7 +17,7 @@ from rigd.daemon.serve.aside import Aside
 from rigd.daemon.serve.recordings import is_drawn
 from rigd.model.channels import Channel, Stream
 from rigd.procedure.compile import compile_procedure
-from rigd.procedure.loader import load_procedure
+from rigd.procedure.loader import parse_procedure
 from rigd.record import RecordingWriter
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.results import Check
@@ -86,10 +86,12 @@ def test_a_check_ends_with_its_client() -> None:
 
 def test_a_recording_is_identified_and_its_report_stands_beside_it(tmp_path: Path) -> None:
     rig = load_rig("lugre-1")
-    source = load_procedure("constant_current")
-    procedure = compile_procedure(source, rig)
+    text = (ROOT / "procedures" / "constant_current.yaml").read_text()
+    few = text.replace("step: 0.15 A", "step: 0.45 A")
+    assert few != text
+    procedure = compile_procedure(parse_procedure(few, tmp_path / "few.yaml"), rig)
     recording = tmp_path / "run.mcap"
-    execute(RunRequest(procedure, source.file.text, rig, seed=1, output=recording))
+    execute(RunRequest(procedure, few, rig, seed=1, output=recording))
     told = Aside().identify(recording)
     report = tmp_path / "run.html"
     assert (told.run, told.size) == ("run.mcap", report.stat().st_size)
