@@ -76,7 +76,7 @@ UNCHECKED = {
     "remote.md": 1,
     "ci.md": 0,
 }
-#: Documents whose commands are processes of their own from the start, as those of a reader.
+#: Documents whose commands and Python are processes of their own from the start, as a reader's.
 COLD = frozenset({"drivers.md", "rigs.md", "simulation.md", "faults.md", "ci.md"})
 TIMEOUT_S = 240
 
@@ -232,8 +232,11 @@ def check_blocks(name: str, folder: Path) -> None:
                         printed = ended_in_shell(block.body, folder, expected)
                 except AssertionError as error:
                     raise AssertionError(f"{where}\n{error}") from error
-            case "python":
+            case "python" if name in COLD:
                 ended([sys.executable, "-W", "error", "-c", block.body], folder, 0)
+            case "python":
+                code, _, errors = warm.run_python(block.body, folder, TIMEOUT_S)
+                assert code == 0, f"{where}\n{errors}"
             case "text output":
                 assert printed == block.body, where
             case "python file":

@@ -74,17 +74,18 @@ def fork(request, streams, answers, spent_s):
 
 
 def serve(requests):
-    "Fork a command for each request; return in it, or end with the tests."
+    "Fork a command for each request; return the request in it, or end with the tests."
     spent_s = time.process_time()
     while True:
         data, given, _, _ = socket.recv_fds(requests, 1 << 20, 4)
         if not data:
             os._exit(0)
         answers = socket.socket(fileno=given[3])
-        if fork(json.loads(data), given[:3], answers, spent_s):
+        request = json.loads(data)
+        if fork(request, given[:3], answers, spent_s):
             answers.close()
             requests.close()
-            return
+            return request
         for stream in given[:3]:
             os.close(stream)
         answers.close()
@@ -92,7 +93,12 @@ def serve(requests):
         spent_s = 0.0
 
 
-serve(socket.socket(fileno=int(sys.argv[1])))
+request = serve(socket.socket(fileno=int(sys.argv[1])))
+
+if "python" in request:
+    warnings.simplefilter("error")
+    exec(compile(request["python"], "<string>", "exec"), {"__name__": "__main__"})
+    sys.exit(0)
 
 from rigd.cli.main import main
 
@@ -179,8 +185,19 @@ def run(
         TimeoutError: it has not ended in time.
 
     """
+    asked = {"arguments": arguments, "environment": dict(environment)}
+    return _run(asked, cwd, timeout_s)
+
+
+def run_python(code: str, cwd: Path, timeout_s: float) -> tuple[int, str, str]:
+    """Do the same with ``python -W error -c CODE``."""
+    asked = {"arguments": [], "python": code, "environment": dict(os.environ)}
+    return _run(asked, cwd, timeout_s)
+
+
+def _run(asked: dict[str, Any], cwd: Path, timeout_s: float) -> tuple[int, str, str]:
     global spent_s
-    request = {"arguments": arguments, "cwd": str(cwd.absolute()), "environment": dict(environment)}
+    request = {**asked, "cwd": str(cwd.absolute())}
     with (
         Path(os.devnull).open("rb") as nothing,
         tempfile.TemporaryFile() as out,
