@@ -8,6 +8,7 @@ payloads above 3 KiB. All of that is off here.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
@@ -23,6 +24,10 @@ _LINK_LEASE_MS: Final = 2000
 _ACCEPT_MS: Final = 3000
 #: Connections at once: ten watchers, a panel, and some to spare.
 _MAX_SESSIONS: Final = 32
+#: zenoh reads connections in so many threads, by default 2. A thread waits while the queryable of a
+#: request has 256 waiting: with a thread for each connection, a flood delays no stop of others.
+_RECEIVERS: Final = f"(rx: (worker_threads: {_MAX_SESSIONS + 2}))"
+_RUNTIME: Final = "ZENOH_RUNTIME"
 #: How long a client tries to connect; it is told nothing but that nobody let it in.
 CONNECT_TIMEOUT_S: Final = 3.0
 #: What is larger never reaches Python. A request a little too large does, and is told why.
@@ -72,6 +77,23 @@ def server_config(keys: Keys, setup: RemoteSetup) -> zenoh.Config:
             "access_control": _access_control(keys, setup),
         }
     )
+
+
+def open_server(config: zenoh.Config) -> zenoh.Session:
+    """Return the session of a daemon, with a thread for each connection.
+
+    So it is in a process that has not used zenoh before: zenoh looks for its settings only once.
+
+    Raises:
+        zenoh.ZError: it cannot listen as configured.
+    """
+    given = os.environ.get(_RUNTIME)
+    os.environ[_RUNTIME] = given or _RECEIVERS
+    try:
+        return zenoh.open(config)
+    finally:
+        if given is None:  # what this process starts needs no such threads
+            del os.environ[_RUNTIME]
 
 
 def client_config(endpoints: Sequence[str], tls: TlsFiles | None = None) -> zenoh.Config:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import logging
 import random
+import threading
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 
 import pytest
 from support.served_rig import ARGUMENTS, RIG, Served, key, request
@@ -14,8 +17,21 @@ from support.stalls import witnessed
 from support.zenoh_client import ZenohClient
 
 from rigd.model import LinkError
-from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol import Code, Lane, Refusal
 from rigd.remote.protocol.limits import MAX_REQUEST_BYTES
+
+
+class HangingLog(logging.Handler):
+    """Writes nothing until it is let go."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.begun, self.let_go = threading.Event(), threading.Event()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Hang."""
+        self.begun.set()
+        self.let_go.wait(60)
 
 
 @pytest.fixture
@@ -192,6 +208,40 @@ def test_a_flood_keeps_nobody_else_waiting(on_loopback: Served, client: ZenohCli
             assert "result" in client.ask(key("ask", "eve", "latest"), request("latest"))
             assert "result" in client.ask(key("stop", "eve", "stop"), request("stop"))
         assert client.ask(f"rigd/{RIG}/status", b"")["rig"] == RIG
+
+
+def test_a_held_up_thread_delays_no_stop_of_others(
+    on_loopback: Served, client: ZenohClient
+) -> None:
+    """Three connections send what is refused, and the log of that hangs."""
+    hangs = HangingLog()
+    log = logging.getLogger("rigd.remote.server.refused")
+    with ExitStack() as opened:
+        floods = [opened.enter_context(on_loopback.client()) for _ in range(3)]
+        opened.callback(log.removeHandler, hangs)
+        opened.callback(hangs.let_go.set)
+        log.addHandler(hangs)
+        for flood in floods:
+            flood.flood(key("ask", "mallory", "nonsense"), b"{", seconds=2.0)
+        assert hangs.begun.wait(60)
+        time.sleep(2.0)  # of two threads none would be left
+        for _ in range(5):
+            assert "result" in client.ask(key("stop", "eve", "stop"), request("stop"))
+
+
+def test_a_flood_of_requests_gets_part_of_a_processor(on_loopback: Served) -> None:
+    name = f"remote-{Lane.ASK.value}"
+    (lane,) = (one for one in threading.enumerate() if one.name == name)
+    assert lane.ident is not None
+    computed = time.pthread_getcpuclockid(lane.ident)
+    with on_loopback.client() as flooding:
+        before_s, since_s = time.clock_gettime(computed), time.monotonic()
+        flooding.flood(key("ask", "mallory", "latest"), request("latest"), seconds=2.0)
+        on_loopback.rig.computes_s = 0.005
+        time.sleep(2.0)
+        on_loopback.rig.computes_s = 0.0
+        took_s = time.clock_gettime(computed) - before_s
+    assert 0 < took_s < 0.3 * (time.monotonic() - since_s)
 
 
 def test_one_name_alone_waits_when_it_floods(on_loopback: Served, client: ZenohClient) -> None:

@@ -28,6 +28,7 @@ class RecordedRig:
     begun: threading.Event = field(default_factory=threading.Event)  #: it hangs
     let_go: threading.Event = field(default_factory=threading.Event)
     huge: int = 0  #: characters that each reply to a question has too many
+    computes_s: float = 0.0  #: processor time that each reply to a question takes
 
     def hold_lease(self, identity: str) -> None:
         """Give the lease to ``identity``, whoever has it."""
@@ -60,8 +61,11 @@ class RecordedRig:
         )
 
     def ask(self, identity: str, role: Role, what: str, args: Message) -> Result:
-        """Say who asked."""
+        """Say who asked, after a calculation."""
         self._fail(what)
+        end_s = time.thread_time() + self.computes_s
+        while time.thread_time() < end_s:
+            pass
         return {"by": identity, "role": role.value, "huge": "x" * self.huge}
 
     def command(self, identity: str, role: Role, verb: str, args: Message, user: str) -> Result:

@@ -22,6 +22,11 @@ class Inbox(Generic[T]):
         self._waiting: OrderedDict[str, deque[T]] = OrderedDict()
         self._closed = False
 
+    @property
+    def has_items(self) -> bool:
+        """Whether an item waits to be taken."""
+        return bool(self._waiting)
+
     def put(self, sender: str, item: T) -> bool:
         """Add an item, and return whether there was room for it."""
         with self._changed:

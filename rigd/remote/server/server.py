@@ -24,7 +24,7 @@ import zenoh
 from rigd.config.remote import RemoteSetup
 from rigd.model.errors import LinkError
 from rigd.remote.certificates import check_usable
-from rigd.remote.network import server_config
+from rigd.remote.network import open_server, server_config
 from rigd.remote.protocol import Code, Keys, Kind, Lane, Refusal, encode_refusal
 from rigd.remote.protocol.limits import HEARTBEAT_S
 from rigd.remote.protocol.status import RefusedCounts
@@ -43,6 +43,13 @@ _log = logging.getLogger(__name__)
 #: A request that is answered within moments takes longer only where its thread hangs, in s.
 _STUCK_S: Final = 10.0
 _QUICK: Final = frozenset({Lane.STOP, Lane.LEASE, Lane.ASK})
+#: The lanes whose threads never rest.
+_NEVER_RESTING: Final = frozenset({Lane.STOP, Lane.LEASE})
+#: Any other thread that is behind rests so many times as long as it has computed, and at most so
+#: long, in s. All threads share the interpreter's lock: a thread that answers a flood without a
+#: rest keeps it from the thread of a stop.
+_REST: Final = 4.0
+_LONGEST_REST_S: Final = 0.1
 #: How long closing waits for a request under way; a dry run may take longer, and is left alone.
 _LAST_REQUEST_S: Final = 2.0
 
@@ -104,7 +111,7 @@ class Server:
         self._thread("remote-beat", partial(self._beat, service))
         self._answer(self._keys.status, self._show)
         for kind in Kind:
-            self._answer(self._keys.every_request(kind), partial(self._receive, desk))
+            self._answer(self._keys.every_request(kind), partial(self._receive, desk, kind))
         self.admission.watch()
         token = self._session.liveliness().declare_token(self._keys.alive)
         self._declared.callback(token.undeclare)
@@ -177,20 +184,28 @@ class Server:
         queryable = self._session.declare_queryable(key, callback, complete=True)
         self._declared.callback(queryable.undeclare)
 
-    def _receive(self, desk: Desk, query: zenoh.Query) -> None:
-        """Sort one request; on zenoh's thread, so it must be quick."""
+    def _receive(self, desk: Desk, kind: Kind, query: zenoh.Query) -> None:
+        """Sort one request; on a thread of zenoh's for each kind, so it must be quick."""
+        begun_s = time.thread_time()
+        if not self._sort(desk, query) and kind is not Kind.STOP:
+            _rest(begun_s)
+
+    def _sort(self, desk: Desk, query: zenoh.Query) -> bool:
+        """Put a request into its inbox; return False where it was refused."""
         key = str(query.key_expr)
         payload = b"" if query.payload is None else query.payload.to_bytes()
         try:
             letter = desk.sort(key, payload)
         except Refusal as refusal:
             _reply(query, key, desk.refuse(key, refusal))
-            return
+            return False
         self._note(letter.address.identity)
         if not self._inboxes[letter.verb.lane].put(
             letter.address.identity, _Waiting(letter, query)
         ):
             _reply(query, key, _BUSY)
+            return False
+        return True
 
     def _note(self, identity: str) -> None:
         self._heard.pop(identity, None)
@@ -203,12 +218,15 @@ class Server:
         _reply(query, self._keys.status, Answer(True, self.publisher.newest_status))
 
     def _work(self, desk: Desk, lane: Lane) -> None:
-        while (waiting := self._inboxes[lane].take()) is not None:
-            self._begun_s[lane] = time.monotonic()
+        inbox = self._inboxes[lane]
+        while (waiting := inbox.take()) is not None:
+            self._begun_s[lane], begun_s = time.monotonic(), time.thread_time()
             with working_for(partial(self._is_connected, waiting.query)):
                 answer = desk.answer(waiting.letter)
             _reply(waiting.query, waiting.letter.key, answer)
             del self._begun_s[lane]
+            if inbox.has_items and lane not in _NEVER_RESTING:
+                _rest(begun_s)
 
     def _is_connected(self, query: zenoh.Query) -> bool:
         """Return whether the session that asked is connected, as far as it said which it is."""
@@ -226,7 +244,7 @@ def _open(keys: Keys, setup: RemoteSetup) -> zenoh.Session:
     if setup.tls is not None:
         check_usable(setup.tls)  # zenoh would listen all the same, and every client turn away
     try:
-        return zenoh.open(server_config(keys, setup))
+        return open_server(server_config(keys, setup))
     except zenoh.ZError as error:
         addresses = ", ".join(setup.listen)
         if f"os error {errno.EADDRINUSE}" in str(error):
@@ -240,6 +258,11 @@ def _open(keys: Keys, setup: RemoteSetup) -> zenoh.Session:
             f"cannot listen on {addresses}: {_IN_SOURCE.sub('', str(error))}",
             hint="look at 'remote' in the rig file: the address, and the certificates",
         ) from error
+
+
+def _rest(begun_s: float) -> None:
+    """Let other threads compute, as this one did since ``begun_s`` on the clock of its own."""
+    time.sleep(min(_REST * (time.thread_time() - begun_s), _LONGEST_REST_S))
 
 
 def _reply(query: zenoh.Query, key: str, answer: Answer) -> None:

@@ -23,6 +23,17 @@ def test_who_sends_much_is_served_in_turn_with_who_sends_little() -> None:
     assert [inbox.take() for _ in range(4)] == ["flood 0", "alice", "bob", "flood 1"]
 
 
+def test_it_has_items_until_the_last_is_taken() -> None:
+    inbox = Inbox[int]()
+    assert not inbox.has_items
+    inbox.put("alice", 1)
+    inbox.put("bob", 2)
+    inbox.take()
+    assert inbox.has_items
+    inbox.take()
+    assert not inbox.has_items
+
+
 def test_each_sender_and_all_of_them_are_bounded() -> None:
     inbox = Inbox[int]()
     assert all(inbox.put("flood", 0) for _ in range(MAX_WAITING))
