@@ -17,6 +17,8 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final
 
+from rigd.engine.realtime import as_program
+
 _PR_SET_PDEATHSIG: Final = 1  # <linux/prctl.h>
 #: How much of its log is looked at for what a process printed last, in bytes.
 _LAST_WORDS: Final = 500
@@ -55,6 +57,7 @@ class Child:
             if log is not None:
                 file = stack.enter_context(log.open("ab"))
                 self._log_began, printed = file.tell(), file.fileno()
+            stack.enter_context(as_program())
             self._process = subprocess.Popen(
                 [*module(__name__, str(os.getpid())), *command] if tied else command,
                 stdin=subprocess.PIPE if stdin else subprocess.DEVNULL,

@@ -15,6 +15,8 @@ import gc
 import os
 import resource
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -24,6 +26,10 @@ PRIORITY: Final = 80
 HELPER_PRIORITY: Final = 60
 #: That of devices simulated at the wire: they stand for hardware, which does not wait for programs.
 SIMULATED_PRIORITY: Final = 70
+#: That of the daemon of a rig (SCHED_RR): before all ordinary programs, so that a stop does not
+#: wait for them. All its threads have it: they share the interpreter's lock, and the thread of a
+#: stop waits for the thread that holds it.
+DAEMON_PRIORITY: Final = 1
 _MCL_CURRENT: Final = 1  # <sys/mman.h>
 _MCL_FUTURE: Final = 2
 _PR_SET_TIMERSLACK: Final = 29  # <linux/prctl.h>
@@ -117,3 +123,33 @@ class RealTime:
             f"SCHED_FIFO {priority} was refused ({refused}), {instead}: under load 3 to 30 cycles "
             "of 1000 come late; set `ulimit -r 95` (LimitRTPRIO=95)"
         )
+
+
+@contextmanager
+def before_programs() -> Iterator[None]:
+    """Let this thread, and the threads that it starts inside, run before all ordinary programs.
+
+    Nothing changes where the kernel refuses it.
+    """
+    with _scheduled(os.SCHED_RR, DAEMON_PRIORITY):
+        yield
+
+
+@contextmanager
+def as_program() -> Iterator[None]:
+    """Let this thread, and what it starts inside, be ordinary, whatever it is outside."""
+    with _scheduled(os.SCHED_OTHER, 0):
+        yield
+
+
+@contextmanager
+def _scheduled(policy: int, priority: int) -> Iterator[None]:
+    """Schedule this thread by ``policy`` of sched(7), as far as the kernel allows it."""
+    before, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
+    try:
+        yield
+    finally:
+        with suppress(PermissionError):
+            os.sched_setscheduler(0, before, parameter)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
+
+from rigd.engine.realtime import as_program, before_programs
 
 ENTER_AND_LEAVE = """
 import json, os
@@ -29,3 +32,19 @@ def test_it_keeps_to_one_processor_until_it_leaves() -> None:
     assert set(within) <= set(before)
     assert after == before
     assert f"processor {within[0]}" in granted
+
+
+def policy_of_a_process() -> int:
+    """Return the scheduling policy of a process that this thread starts."""
+    code = "import os; print(os.sched_getscheduler(0))"
+    return int(subprocess.check_output([sys.executable, "-c", code], timeout=60))
+
+
+def test_a_program_started_by_the_daemon_is_ordinary() -> None:
+    before = os.sched_getscheduler(0)
+    with before_programs():
+        within = os.sched_getscheduler(0)
+        with as_program():
+            assert policy_of_a_process() == os.SCHED_OTHER
+        assert os.sched_getscheduler(0) == within
+    assert os.sched_getscheduler(0) == before

@@ -27,6 +27,7 @@ from rigd.daemon.serve.recovery import Interruptions
 from rigd.daemon.serve.service import Parts, RigService
 from rigd.daemon.serve.steering import Steering
 from rigd.daemon.serve.trips import TripMemory
+from rigd.engine.realtime import as_program, before_programs
 from rigd.engine.shared import RunFolder
 from rigd.engine.shared.folder import folder_name
 from rigd.engine.sink import Rows
@@ -160,10 +161,12 @@ def _compose(
         # On loopback every name may command: one that nobody has would end the run in 6 s.
         lambda name: _may_command(rig, name) and (name in rig.remote.roles or server.knows(name))
     )
+    stack.enter_context(before_programs())  # with every thread from here on, zenoh's too
     server = stack.enter_context(Server(rig.name, rig.remote, lease))
     raw: Callable[[str, Rows], None] = _nowhere
     if options.foxglove is not None:
-        foxglove = FoxgloveServer(rig, options.foxglove)
+        with as_program():  # whoever looks on there has not shown who it is
+            foxglove = FoxgloveServer(rig, options.foxglove)
         stack.callback(foxglove.stop)
         announce(f"Foxglove: {foxglove.address}")
         raw = foxglove.show
@@ -175,7 +178,8 @@ def _compose(
     name = folder_name(rig.name)
     trips = TripMemory(runs / f"{name}.trips.json")
     interruptions = Interruptions(rig.name, recordings, notices)
-    interruptions.recover(folder, trips)
+    with as_program():  # it computes for long
+        interruptions.recover(folder, trips)
     library = Library(rig, options.procedures)
     audit = AuditLog(runs / f"{name}.audit.jsonl")
     aside = Aside()
