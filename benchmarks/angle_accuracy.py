@@ -29,11 +29,11 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from support.angle_runs import LOADS_KG, SETS, TABLE_1, Trial, campaign, drawn_rig, trial
 from support.angle_truth import WINDOWS, slip_error, steady
 
-from rigd.identify.angle.better import BetterSettings
-from rigd.identify.angle.campaign import analyse_campaign
-from rigd.identify.angle.data import UNKNOWN_RISE, SetReference
-from rigd.identify.angle.paper import analyse_paper
-from rigd.identify.angle.result import CampaignResult
+from rigd_analyses.approach_angle.better import BetterSettings
+from rigd_analyses.approach_angle.campaign import analyse_campaign
+from rigd_analyses.approach_angle.data import UNKNOWN_RISE, SetReference
+from rigd_analyses.approach_angle.paper import analyse_paper
+from rigd_analyses.approach_angle.result import CampaignResult
 
 PUBLISHED = SetReference("Table 1 of the paper", TABLE_1)
 TRUE_RADIUS = 0.995  #: effective over nominal, of the simulated rig

@@ -21,12 +21,13 @@ from identify_coverage import study
 from identify_data import FLOORS, record
 from identify_peer import ATOL, DIFF_STEP, RTOL, fast_residual, peer_fit, slow_residual
 
-from rigd.evaluate.lugre import arrays
-from rigd.evaluate.source import open_sweep
-from rigd.identify.fit import Fit, fit
-from rigd.identify.lugre import LugreConstants, LugreTrial, Settings, identify_lugre
-from rigd.identify.lugre.model import LugreModel
-from rigd.identify.lugre.preprocess import process
+from rigd.analysis.fit import Fit, fit
+from rigd.analysis.source import open_sweep
+from rigd_analyses.lugre.identify import Settings, identify_lugre
+from rigd_analyses.lugre.model import LugreModel
+from rigd_analyses.lugre.preprocess import process
+from rigd_analyses.lugre.reading import arrays
+from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
 
 ROUNDS = 7
 STARTS = 8

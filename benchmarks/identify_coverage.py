@@ -28,9 +28,9 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from support.coverage import RIGHT_RATIO, TOO_LITTLE, Coverage, Found, coverage
 from support.random_rigs import FLOORS, RandomRig, random_rig
 
-from rigd.evaluate.evaluation import evaluate
-from rigd.evaluate.parameters import ParameterEvaluation
-from rigd.identify.result import IdentificationResult
+from rigd.analysis.evaluation import evaluate
+from rigd.analysis.parameters import ParameterEvaluation
+from rigd.analysis.result import IdentificationResult
 from rigd.model.errors import RigdError
 
 TARGET = 88.0  #: %, of the nominal 95

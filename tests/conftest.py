@@ -47,11 +47,11 @@ def places(*names: str) -> tuple[Path, ...]:
 #: Tests that compute, or wait for answers and not by the clock. All others run rigs or watchdogs
 #: in real time, and want the machine for themselves.
 SIDE_BY_SIDE = places(
-    "cli", "config", "daemon/live", "daemon/serve", "daemon/test_forms.py",
+    "analyses", "analysis", "cli", "config", "daemon/live", "daemon/serve", "daemon/test_forms.py",
     "daemon/manual", "daemon/test_resume_point.py", "daemon/test_virtual_time.py", "docs",
     "drivers", "engine/test_cycle.py", "engine/test_interlocks.py", "engine/test_limiter.py",
-    "engine/test_player.py", "engine/test_run.py", "engine/test_windows.py", "evaluate",
-    "identify", "model", "packaging", "panel", "procedure", "record", "remote", "sdk", "sim",
+    "engine/test_player.py", "engine/test_run.py", "engine/test_windows.py",
+    "model", "packaging", "panel", "procedure", "record", "remote", "sdk", "sim",
     "system/test_approach_angle.py", "system/test_bad_input.py", "system/test_calibrate.py",
     "system/test_identify_campaign.py", "system/test_identify_command.py",
     "system/test_replay.py", "system/test_run_command.py", "system/test_seeds.py",
@@ -64,7 +64,8 @@ WITH_PRIORITY = places(
 )  # fmt: skip
 #: `make quick`: computes only, in less than a minute. No browser, no node, nothing in real time.
 QUICK = places(
-    "config", "daemon/live/test_points.py", "daemon/serve/test_library.py",
+    "analysis/test_fit.py", "analysis/test_resample.py", "analysis/test_residuals.py", "config",
+    "daemon/live/test_points.py", "daemon/serve/test_library.py",
     "daemon/serve/test_recordings.py", "drivers/canopen/test_bus.py",
     "drivers/canopen/test_eds_on_bus.py", "drivers/canopen/test_servo_cycle.py",
     "drivers/canopen/test_servo_setup.py", "drivers/canopen/test_sheet.py",
@@ -74,8 +75,7 @@ QUICK = places(
     "drivers/test_card_encoder.py", "engine/test_cycle.py", "engine/test_interlocks.py",
     "engine/test_limiter.py", "engine/test_player.py", "engine/test_run.py",
     "engine/test_windows.py",
-    "evaluate/test_resample.py", "identify/test_fit.py", "identify/test_residuals.py", "model",
-    "procedure", "record/test_events.py", "record/test_values.py", "record/test_writer.py",
+    "model", "procedure", "record/test_events.py", "record/test_values.py", "record/test_writer.py",
     "remote/protocol", "remote/test_access.py", "remote/test_certificates.py",
     "sdk/test_options.py", "sim/test_parameters.py", "sim/wire/test_eds.py",
 )  # fmt: skip

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 from rigd.cli.about import add_about, read_about
 
 if TYPE_CHECKING:
+    from rigd.analysis.calibration.evaluation import CalibrationEvaluation
     from rigd.config.rig import RigConfig
     from rigd.daemon.calibrate import Renewal
-    from rigd.evaluate.calibration import CalibrationEvaluation
     from rigd.model.errors import Exit
 
 HELP = "calibrate a rig: run a procedure, evaluate it, renew the calibration file"
@@ -149,11 +149,11 @@ def _rig_of(args: argparse.Namespace) -> RigConfig:
 
 def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
     """Run the procedure; return the recording, and how it ended."""
+    from rigd.analysis.models import MODELS, needs_of
     from rigd.cli.assignments import read_assignments
     from rigd.cli.console import conclude
     from rigd.cli.playing import record
     from rigd.daemon.execute import RunRequest
-    from rigd.evaluate.models import MODELS, needs_of
     from rigd.model.errors import ConfigError
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import load_procedure
@@ -183,8 +183,8 @@ def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
 
 def _evaluate(recording: Path, known: Path | None) -> CalibrationEvaluation:
     """Return what the recording calibrates; ``known`` is the calibration as it stands now."""
-    from rigd.evaluate.calibration import CalibrationEvaluation
-    from rigd.evaluate.evaluation import Options, evaluate
+    from rigd.analysis.calibration.evaluation import CalibrationEvaluation
+    from rigd.analysis.evaluation import Options, evaluate
     from rigd.model.errors import DataError
 
     evaluation = evaluate(

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from rigd.analysis.calibration.evaluation import CalibrationEvaluation
+from rigd.analysis.report.rounding import number, percent, places_for
+from rigd.analysis.terminal import Column, Row, Table
 from rigd.cli.evaluation_view import print_shown
 from rigd.daemon.calibrate import Renewal
-from rigd.evaluate.calibration import CalibrationEvaluation
-from rigd.evaluate.shown import Column, Row, Table
-from rigd.identify.report.rounding import number, percent, places_for
 
 #: Beyond so many standard uncertainties a change is no chance: something has changed.
 _FAR: Final = 3.0

@@ -174,7 +174,7 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
     procedure = load_procedure(given)
     if rig is None:
         return "a procedure, right in itself; give --rig to check it against a rig"
-    from rigd.evaluate.models import needs_of
+    from rigd.analysis.models import needs_of
     from rigd.procedure.compile import compile_procedure
 
     compiled = compile_procedure(procedure, rig, {})

@@ -15,13 +15,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import TextColumn, TimeRemainingColumn
 
+from rigd.analysis.models import needs_of
 from rigd.cli.asking import ask
 from rigd.cli.trial_bar import TrialBar
 from rigd.daemon.execute import Recorded
 from rigd.daemon.provenance import trial_label
 from rigd.engine.answers import read_answer
 from rigd.engine.result import Progress as RunProgress
-from rigd.evaluate.models import needs_of
 from rigd.model.errors import Exit, ProcedureError
 from rigd.model.states import RunState
 from rigd.model.units import format_quantity

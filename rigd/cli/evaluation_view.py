@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as RichTable
 
+from rigd.analysis.terminal import Shown, Table
 from rigd.cli.screen import print_table, wrapped
-from rigd.evaluate.shown import Shown, Table
 
 #: Columns where the width of the terminal is not known.
 WIDTH = 120

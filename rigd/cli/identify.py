@@ -62,8 +62,8 @@ def execute(args: argparse.Namespace) -> int:
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
 
+    from rigd.analysis.evaluation import Options, evaluate
     from rigd.cli.evaluation_view import print_shown
-    from rigd.evaluate.evaluation import Options, evaluate
     from rigd.model.errors import ConfigError, RecordingError
 
     if not 1 <= args.starts <= 1000:

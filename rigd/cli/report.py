@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Write a page for each recording."""
-    from rigd.evaluate.run import parse_selection, run_report
+    from rigd.analysis.run_page import parse_selection, run_report
     from rigd.model.errors import ConfigError, Exit, RecordingError
     from rigd.model.pages import page_of
 

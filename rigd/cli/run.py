@@ -115,6 +115,7 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _execute(args: argparse.Namespace) -> int:
+    from rigd.analysis.models import needs_of
     from rigd.cli.assignments import read_assignments
     from rigd.cli.junit import suite_of_complete, write_junit
     from rigd.cli.playing import play
@@ -122,7 +123,6 @@ def _execute(args: argparse.Namespace) -> int:
     from rigd.daemon.calibration import needed, unusable
     from rigd.daemon.execute import RunRequest, day_of
     from rigd.daemon.resume import read_resume_point
-    from rigd.evaluate.models import needs_of
     from rigd.model.errors import ConfigError
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import load_procedure

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from datetime import date, timedelta
 from pathlib import Path
 
+from rigd.analysis.calibration.evaluation import CalibrationEvaluation
 from rigd.config.calibration import CalibratedValue, Calibration, load_calibration
 from rigd.config.calibration_file import renewed, write_calibration
 from rigd.config.rig import RigConfig
 from rigd.daemon.calibration import instrument_of
-from rigd.evaluate.calibration import CalibrationEvaluation
 from rigd.model.errors import ConfigError, DataError
 from rigd.sdk.shipped import shipped_folder
 

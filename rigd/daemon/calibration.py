@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import date
 
+from rigd.analysis.models import needs_of
 from rigd.config.calibration import Calibration
 from rigd.config.calibration_source import CALIBRATABLE
 from rigd.config.rig import RigConfig
 from rigd.config.shipped import find_file
-from rigd.evaluate.models import needs_of
 from rigd.model.errors import ConfigError
 from rigd.procedure.program import CompiledProcedure
 

@@ -212,7 +212,7 @@ NEVER: dict[str, str] = {
     "make check": "`.ci/run` does",
     "make bench": "takes an hour; each of its parts has a test of its own",
     "rigd identify before.mcap after.mcap --group-by recording": (
-        "15 s of CPU; tests/evaluate/test_several_recordings.py evaluates so, without the command"
+        "15 s of CPU; tests/analysis/test_several_recordings.py evaluates so, without the command"
     ),
     "python3 -m venv .venv": "the environment of this test",
     "pip install .": "changes this environment; tests/packaging builds and installs the package",

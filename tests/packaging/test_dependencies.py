@@ -15,8 +15,11 @@ import pytest
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[2]
-PRODUCT = [ROOT / part for part in ("rigd", "drivers/rigd_drivers", "sim_backend/rigd_sim")]
-OURS = {"rigd", "rigd_drivers", "rigd_sim", "support", "conftest"}
+PRODUCT = [
+    ROOT / part
+    for part in ("rigd", "analyses/rigd_analyses", "drivers/rigd_drivers", "sim_backend/rigd_sim")
+]
+OURS = {"rigd", "rigd_analyses", "rigd_drivers", "rigd_sim", "support", "conftest"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 #: What another library loads by its name, with the words of our code that make it do so.
 LOADED: Final = {

@@ -38,11 +38,11 @@ def test_the_wheel_holds_what_is_needed_and_no_more(wheel: Path) -> None:
         "rigd/_bundled/configs/plants/lugre.yaml",
         "rigd/_bundled/configs/eds/rigd_servo.eds",
         "rigd/_bundled/schemas/procedure.schema.json",
-        "rigd/identify/report/templates/report.css",
+        "rigd/analysis/report/templates/report.css",
     } <= names
     tops = {name.partition("/")[0] for name in names}
     assert {top for top in tops if not top.endswith(".dist-info")} == {
-        "rigd", "rigd_drivers", "rigd_sim",
+        "rigd", "rigd_analyses", "rigd_drivers", "rigd_sim",
     }  # fmt: skip
     assert any(name.endswith("licenses/LICENSE") for name in names)
 
@@ -64,5 +64,5 @@ def test_the_installed_wheel_runs_from_any_folder(wheel: Path, tmp_path: Path) -
 
 
 def test_no_package_file_makes_the_folders_importable_as_packages() -> None:
-    for folder in ("drivers", "sim_backend", "tests", "procedures", "configs"):
+    for folder in ("analyses", "drivers", "sim_backend", "tests", "procedures", "configs"):
         assert not (ROOT / folder / "__init__.py").exists(), folder

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rigd.identify.angle.data import AngleCalibration, AngleRig, AngleRun, Known, KnownRun
+from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, AngleRun, Known, KnownRun
 from rigd_sim.plants.angle.headless import SimulatedRun, simulate
 
 SETS = ("clean_0", "clean_15", "clean_30", "clean_45", "coated_0")

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from rigd.analysis.evaluation import evaluate
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
-from rigd.evaluate.angle import CampaignEvaluation
-from rigd.evaluate.evaluation import evaluate
-from rigd.identify.angle.data import Regime
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.sdk.shipped import shipped_folder
+from rigd_analyses.approach_angle.data import Regime
+from rigd_analyses.approach_angle.evaluation import CampaignEvaluation
 
 SHIPPED = shipped_folder("procedures") / "approach_angles.yaml"
 

@@ -212,14 +212,14 @@ def _dry_run(job: Mapping[str, Any]) -> DryRun:
 
 
 def _identify(job: Mapping[str, Any]) -> Reported:
-    from rigd.evaluate.evaluation import evaluate
+    from rigd.analysis.evaluation import evaluate
 
     recording = Path(job["recording"])
     return _write(recording, recording.with_suffix(".html"), evaluate([recording]).report())
 
 
 def _draw(job: Mapping[str, Any]) -> Reported:
-    from rigd.evaluate.run import run_report
+    from rigd.analysis.run_page import run_report
     from rigd.model.pages import page_of
 
     recording = Path(job["recording"])

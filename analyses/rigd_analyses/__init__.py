@@ -1,0 +1,1 @@
+"""Analyses of rig families that come with rigd: recordings in, friction with uncertainties out."""

@@ -1,0 +1,289 @@
+"""The uncertainty budget of F_r/N: 13 terms, by the law of propagation (JCGM 100:2008, 5.1).
+
+The model of one number, with rho = R_eff/R:
+
+    mu = [K_T dV - Z - X - I dw/dt - (b0 + b1 w + bN N) - C_rr N R]/(rho R N) + variation
+
+Z is the zero of the gauges, X the crosstalk of bending. With D = rho R N mu, the moment of the
+friction, the relative sensitivities c = (1/mu) dmu/dx are
+
+    K_T: T/(K_T D)    any torque (Z, X, noise, T_b): 1/D    I: (dw/dt)/D    C_rr: 1/(rho mu)
+    rho: 1/rho    N: (D + bN N + C_rr N R)/(N D)    what varies N or mu itself: 1
+
+The inputs are taken as independent (5.2 does not arise: each is measured by another experiment).
+The column of the paper's method holds what it leaves uncorrected as if it were an uncertainty of
+that size. The GUM wants a known bias corrected (3.2.4); the column is there to compare only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, Coefficient
+
+FORCE_TERMS = 8  #: torque and drags come first, then what concerns N, the surface last
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """One run, or the medians over the runs of a set."""
+
+    mu: float
+    torque_nm: float  #: at the gauges
+    normal_force_n: float
+    wheel_speed_rad_s: float
+    wheel_acceleration_rad_s2: float
+    travel_m: float  #: of the platform since the start, mean
+    turns: float  #: of the wheel, over the evaluated part
+    samples: float  #: at 9600 Hz, in the evaluated part
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Standard uncertainties (k = 1) that neither calibration nor rig hold.
+
+    ``zero_nm`` is what is left of the gauges' zero: the spread of the zeros before the triggers,
+    and ``tare_nm`` the noise of one such zero, which is all that is left where ``tared``.
+    ``crosstalk`` is the amplitude of N m per N of load (0: unknown), ``crosstalk_u`` what is left
+    of it after its removal. ``scatter`` is the relative spread between equal runs.
+    """
+
+    zero_nm: float
+    tare_nm: float
+    tared: bool
+    noise_nm: float  #: of one sample
+    crosstalk: float
+    crosstalk_u: float
+    scatter: float
+    scatter_kind: str  #: "A" where the campaign gave it
+    inertia: float  #: relative
+    load_reading_n: float
+    load_change: float  #: relative, of N in a run beside its rise with the travel
+    load_cell: bool  #: whether that one was used
+    vibration: float  #: relative
+
+
+@dataclass(frozen=True)
+class BudgetTerm:
+    """One source of uncertainty of F_r/N, k = 1, relative to mu.
+
+    ``paper`` is what it costs the paper's T/(R N), where a known bias that is left uncorrected
+    counts with its full size (for comparison only: GUM 6.3.1 note wants it corrected), ``better``
+    what remains of it here. ``input_u`` in ``unit`` and ``sensitivity`` = d(ln mu)/d(input) give
+    ``better`` = |sensitivity| input_u.
+    """
+
+    name: str
+    input_u: float
+    unit: str
+    sensitivity: float
+    paper: float
+    better: float
+    kind: (
+        str  #: "A" from the spread of the data, "B" from other knowledge (JCGM 100:2008, 4.2, 4.3)
+    )
+    systematic: bool  #: the same in all runs of a set: repeating does not lessen it
+    uncorrected: bool  #: the paper's column holds a bias that is not corrected
+    source: str  #: where the size comes from, one sentence
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The uncertainty budget of one set, or of one run, under the stated conditions."""
+
+    terms: tuple[BudgetTerm, ...]
+    at: Conditions
+    sizes: Sizes
+    runs: int
+    coefficient: Coefficient = Coefficient.ROLLING
+
+    @property
+    def mu(self) -> float:
+        """The F_r/N that the terms are relative to."""
+        return self.at.mu
+
+    @property
+    def load_n(self) -> float:
+        """Normal force in N under which they hold."""
+        return self.at.normal_force_n
+
+    @property
+    def wheel_speed_rad_s(self) -> float:
+        """Wheel speed under which they hold."""
+        return self.at.wheel_speed_rad_s
+
+    @property
+    def paper(self) -> float:
+        """Combined relative standard uncertainty (k = 1) of the paper's method."""
+        return math.sqrt(math.fsum(t.paper**2 for t in self.terms))
+
+    @property
+    def better(self) -> float:
+        """Combined relative standard uncertainty (k = 1) of one number by the better method."""
+        return math.sqrt(math.fsum(t.better**2 for t in self.terms))
+
+    @property
+    def measurement(self) -> float:
+        """``better`` of this one run: without the last term, what varies from run to run."""
+        return math.sqrt(math.fsum(t.better**2 for t in self.terms[:-1]))
+
+    @property
+    def force(self) -> float:
+        """Relative standard uncertainty of F_r alone, by the better method: all but N's terms."""
+        return math.sqrt(math.fsum(t.better**2 for t in self.terms[:FORCE_TERMS]))
+
+    @property
+    def systematic(self) -> float:
+        """That part of ``better`` which more runs do not lessen."""
+        return math.sqrt(math.fsum(t.better**2 for t in self.terms if t.systematic))
+
+
+def budget(
+    at: Conditions, calibration: AngleCalibration, rig: AngleRig, sizes: Sizes, runs: int = 1
+) -> Budget:
+    """Return the 13 terms of one number obtained under ``at``."""
+    return Budget(
+        terms=(
+            *_torque_terms(at, calibration, sizes, rig),
+            *_drag_terms(at, rig, sizes),
+            *_load_terms(at, calibration, rig, sizes),
+        ),
+        at=at,
+        sizes=sizes,
+        runs=runs,
+    )
+
+
+def set_budget(
+    runs: Sequence[Budget], calibration: AngleCalibration, rig: AngleRig, scatter: float | None
+) -> Budget:
+    """Return the budget of a set: the medians of the conditions and sizes of its runs.
+
+    ``scatter`` is the relative spread between runs that the set shows, None where it shows none.
+    """
+    at = Conditions(
+        **{f.name: _median([getattr(b.at, f.name) for b in runs]) for f in fields(Conditions)}
+    )
+    first = runs[0].sizes
+    sizes = replace(
+        first,
+        tare_nm=_median([b.sizes.tare_nm for b in runs]),
+        noise_nm=_median([b.sizes.noise_nm for b in runs]),
+        tared=all(b.sizes.tared for b in runs),
+        load_cell=all(b.sizes.load_cell for b in runs),
+        scatter=first.scatter if scatter is None else scatter,
+        scatter_kind="B" if scatter is None else "A",
+    )
+    return budget(at, calibration, rig, sizes, len(runs))
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(np.array(values)))
+
+
+def _moment(at: Conditions, rig: AngleRig) -> float:
+    """Return D = rho R N mu in N m."""
+    return rig.effective_radius.value * rig.wheel_radius_m * at.normal_force_n * at.mu
+
+
+def _term(
+    name: str,
+    input_u: float,
+    unit: str,
+    sensitivity: float,
+    source: str,
+    *,
+    paper: float | None = None,
+    kind: str = "B",
+    systematic: bool = True,
+    uncorrected: bool = False,
+) -> BudgetTerm:
+    """Return a term; the paper's column is the same as ours unless ``paper`` says otherwise."""
+    better = abs(sensitivity * input_u)
+    return BudgetTerm(
+        name, input_u, unit, sensitivity, better if paper is None else abs(paper), better,
+        kind, systematic, uncorrected, source,
+    )  # fmt: skip
+
+
+def _torque_terms(
+    at: Conditions, calibration: AngleCalibration, sizes: Sizes, rig: AngleRig
+) -> Sequence[BudgetTerm]:
+    per_nm = 1.0 / _moment(at, rig)
+    scale = calibration.torque
+    noise = sizes.noise_nm / np.sqrt(max(at.samples, 1))
+    # A mean over whole turns holds no crosstalk; over a part of one it holds up to its amplitude.
+    share = 1.0 / np.sqrt(2.0) / max(1.0, np.pi * at.turns)
+    crosstalk = sizes.crosstalk * at.normal_force_n * share
+    # What is wrong at the start's angle goes into the zero and stays, whatever the wheel turns.
+    left = sizes.crosstalk_u * at.normal_force_n * math.hypot(1.0, math.sqrt(2.0) * share)
+    return (
+        _term("torque calibration", scale.u, "N m/V", at.torque_nm * per_nm / scale.value,
+              "the calibration's own uncertainty: mass, arm, gravity, fit"),
+        _term("gauge zero", sizes.tare_nm if sizes.tared else sizes.zero_nm, "N m", per_nm,
+              "spread of the zeros before the triggers; tared: the noise of one zero",
+              paper=sizes.zero_nm * per_nm, kind="A", systematic=False),
+        _term("gauge noise and hum", noise, "N m", per_nm,
+              "spread of neighbouring samples, over the number of samples; blocks are whole "
+              "periods of the mains", kind="A", systematic=False),
+        _term("bending crosstalk", left if sizes.tared else crosstalk, "N m", per_nm,
+              "once-per-turn part of the torque in the campaign's sliding runs, over the turns "
+              "of a run", paper=crosstalk * per_nm, kind="A", uncorrected=True),
+    )  # fmt: skip
+
+
+def _drag_terms(at: Conditions, rig: AngleRig, sizes: Sizes) -> Sequence[BudgetTerm]:
+    per_nm = 1.0 / _moment(at, rig)
+    rho = rig.effective_radius
+    w, n = abs(at.wheel_speed_rad_s), at.normal_force_n
+    constant, viscous, load = rig.bearing_constant, rig.bearing_viscous, rig.bearing_load
+    bearing = constant.value + viscous.value * w + load.value * n
+    bearing_u = float(np.hypot(np.hypot(constant.u, viscous.u * w), load.u * n))
+    rolling = rig.rolling_resistance
+    inertia = rig.wheel_inertia * at.wheel_acceleration_rad_s2
+    return (
+        _term("wheel inertia", sizes.inertia * rig.wheel_inertia, "kg m^2",
+              at.wheel_acceleration_rad_s2 * per_nm, "drawing of wheel and shaft",
+              paper=inertia * per_nm, uncorrected=True),
+        _term("bearing friction", bearing_u, "N m", per_nm,
+              "calibration of b0, b1 and bN, at this speed and load",
+              paper=bearing * per_nm, uncorrected=True),
+        _term("rolling resistance", rolling.u, "1", 1.0 / (rho.value * at.mu),
+              "calibration", paper=rolling.value / (rho.value * at.mu), uncorrected=True),
+        _term("effective radius", rho.u, "1", 1.0 / rho.value, "calibration",
+              paper=float(np.hypot(1.0 - rho.value, rho.u)), uncorrected=True),
+    )  # fmt: skip
+
+
+def _load_terms(
+    at: Conditions, calibration: AngleCalibration, rig: AngleRig, sizes: Sizes
+) -> Sequence[BudgetTerm]:
+    by_load = rig.bearing_load.value + rig.rolling_resistance.value * rig.wheel_radius_m
+    to_load = (1.0 + by_load * at.normal_force_n / _moment(at, rig)) / at.normal_force_n
+    scale = calibration.load.u / calibration.load.value
+    cell = calibration.normal_force if sizes.load_cell else None
+    span = scale if cell is None else cell.u / cell.value
+    reading = 0.0 if cell else sizes.load_reading_n
+    unseen = math.hypot(sizes.load_change, rig.load_rise.u * at.travel_m)
+    change = 0.0 if cell else unseen
+    return (
+        _term("span of the normal force", span * at.normal_force_n, "N", to_load,
+              "calibration of the scale, or of the high-rate load cell where it was used",
+              paper=scale),
+        _term("reading of the scale", reading, "N", to_load, "resolution and noise",
+              paper=sizes.load_reading_n / at.normal_force_n, systematic=False),
+        _term("change of the normal force in a run", change, "1", 1.0,
+              "rise along the rails (calibration) and tilting, setting of the ground (assumed); "
+              "seen by the high-rate load cell where it was used",
+              paper=math.hypot(unseen, rig.load_rise.value * at.travel_m), uncorrected=True),
+        _term("roller vibration of the normal force", sizes.vibration, "1", 1.0,
+              "assumed: it averages out over a run", systematic=False),
+        _term("surface, and all that varies from run to run", sizes.scatter, "1", 1.0,
+              "robust spread of the runs about the pooled curve"
+              if sizes.scatter_kind == "A" else "assumed: too few runs to see it",
+              kind=sizes.scatter_kind, systematic=False),
+    )  # fmt: skip

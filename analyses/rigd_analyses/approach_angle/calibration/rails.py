@@ -1,0 +1,187 @@
+"""Friction of the rails, from how the platform coasts after a push, with the wheel lifted.
+
+The wheel being off the surface, only the rails brake: m dv/dt = -A - B v. A is what does not
+depend on speed: rail_constant and the share rail_load m g of the platform's own weight. These two
+cannot be told apart with one weight on the rails, so the share is taken from what is known before.
+
+Integrated twice, the equation is linear in what is sought, and nothing is differentiated:
+    x = x0 + c t - (A/m) t^2/2 - (B/m) integral of x
+with an x0 and c = v0 + (B/m) x0 for each push, and A/m and B/m for all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigd.analysis.calibration.result import CalibrationResult, Contribution, Measured, Series
+from rigd.analysis.result import FloatArray
+
+#: Pushes that the result must stand on: their scatter is its uncertainty.
+LEAST_PUSHES = 4
+#: From so long after the largest speed, when the hand has surely let go...
+LET_GO_S = 0.05
+#: ... to this share of it, before the friction at rest begins.
+LAST_SHARE = 0.2
+#: Slower than this nobody has pushed.
+LEAST_SPEED_M_S = 0.1
+#: A coast shorter than this tells nothing about its curvature.
+LEAST_COAST_S = 0.25
+#: Position that the straight answer may leave unexplained, rms. A potentiometer's error once per
+#: turn is 0.1 mm here.
+WORST_RMS_M = 1e-3
+#: Speeds are means over so long, in s: noise of a potentiometer, not of the platform.
+_SMOOTH_S = 0.04
+#: A value known to no better than half of itself is not known.
+KNOWN_AT = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Push:
+    """Travel (n,) in m at even times (n,) in s, from before the push to after the stop."""
+
+    t_s: FloatArray
+    x_m: FloatArray
+
+
+@dataclass(frozen=True)
+class RailBench:
+    """What is known beforehand, with standard uncertainties (k = 1)."""
+
+    mass_kg: float
+    u_mass: float  #: relative
+    gravity: float  #: m/s^2
+    u_platform_scale: float  #: of the travel, relative
+    rail_load: float  #: share of the load on the rails
+    u_rail_load: float
+
+
+def coast_of(push: Push) -> Push | None:
+    """Return the part of ``push`` in which the platform coasts, forwards; None where it does not.
+
+    Time and travel count from where it begins.
+    """
+    step_s = float(push.t_s[1] - push.t_s[0])
+    half = max(1, round(0.5 * _SMOOTH_S / step_s))
+    if len(push.t_s) <= 2 * half:
+        return None
+    speed = (push.x_m[2 * half :] - push.x_m[: -2 * half]) / (2 * half * step_s)
+    fastest = int(np.argmax(np.abs(speed)))
+    if abs(speed[fastest]) < LEAST_SPEED_M_S:
+        return None
+    speed = speed * np.sign(speed[fastest])
+    first = fastest + half + round(LET_GO_S / step_s)
+    slow = np.flatnonzero(speed[fastest:] < LAST_SHARE * speed[fastest])
+    last = fastest + half + (int(slow[0]) if len(slow) else len(speed) - fastest)
+    if (last - first) * step_s < LEAST_COAST_S:
+        return None
+    sign = np.sign(push.x_m[last - 1] - push.x_m[first])
+    part = slice(first, last)
+    return Push(push.t_s[part] - push.t_s[first], sign * (push.x_m[part] - push.x_m[first]))
+
+
+def calibrate_rails(pushes: Sequence[Push], bench: RailBench) -> CalibrationResult:
+    """Return what ``pushes`` tell of the rails."""
+    title = "Friction of the rails"
+    coasts = [coast for push in pushes if (coast := coast_of(push)) is not None]
+    if len(coasts) < LEAST_PUSHES:
+        reason = (
+            f"{LEAST_PUSHES} pushes are needed in which the platform coasts for at least "
+            f"{LEAST_COAST_S:g} s; there are {len(coasts)} of {len(pushes)}"
+        )
+        return CalibrationResult(title, {}, refusals=(reason,))
+    (a, b), residuals = _fitted(coasts)
+    rms_m = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
+    constant_n, viscous = bench.mass_kg * a, bench.mass_kg * b
+    u_constant, u_viscous = bench.mass_kg * _scatter(coasts)
+    load_n = bench.rail_load * bench.mass_kg * bench.gravity
+    refusals = []
+    if rms_m > WORST_RMS_M:
+        refusals.append(
+            f"the travel differs by {1e3 * rms_m:.1f} mm rms from that of a platform braked by "
+            "rails alone: it ran into something, or was not let go"
+        )
+    if constant_n - load_n <= 0.0:
+        refusals.append(
+            f"the rails brake with {constant_n:.3f} N at rest, less than the {load_n:.3f} N that "
+            "rail_load of the calibration gives for the platform's own weight: is the wheel lifted?"
+        )
+    series = tuple(
+        Series(
+            f"Coast {number}", "travel, m", "measured - fitted, mm",
+            one.x_m, 1e3 * residual, np.zeros_like(residual),
+        )
+        for number, (one, residual) in enumerate(zip(coasts, residuals, strict=True), 1)
+    )  # fmt: skip
+    if refusals:
+        return CalibrationResult(title, {}, series=series, refusals=tuple(refusals))
+    common = (  # a longer scale or a heavier platform makes every force larger
+        Contribution("mass of the platform", bench.u_mass),
+        Contribution("travel per volt", bench.u_platform_scale),
+    )
+    measured = {
+        "rail_constant": Measured(
+            constant_n - load_n,
+            "N",
+            (
+                *(Contribution(one.name, one.u * constant_n) for one in common),
+                Contribution("scatter between pushes", u_constant),
+                Contribution(
+                    "share of the load, as it is known",
+                    bench.u_rail_load * bench.mass_kg * bench.gravity,
+                ),
+            ),
+        )
+    }
+    kept = {
+        "rail_load": "one weight on the rails cannot tell it from rail_constant, which is what is "
+        f"left of {constant_n:.3f} N when {load_n:.3f} N are put down to it"
+    }
+    if viscous > KNOWN_AT * u_viscous:
+        budget = tuple(Contribution(one.name, one.u * viscous) for one in common[:1])
+        scatter = Contribution("scatter between pushes", u_viscous)
+        measured["rail_viscous"] = Measured(viscous, "N s/m", (*budget, scatter))
+    else:
+        kept["rail_viscous"] = (
+            f"{viscous:.2f} ± {u_viscous:.2f} N s/m: these pushes do not tell it from nothing"
+        )
+    facts = (
+        f"{len(coasts)} of {len(pushes)} pushes coast; travel explained to {1e3 * rms_m:.2f} mm "
+        f"rms; {constant_n:.3f} N and {viscous:.3f} N s/m brake a platform of {bench.mass_kg:g} kg",
+    )
+    return CalibrationResult(title, measured, facts, kept, series)
+
+
+def _fitted(coasts: Sequence[Push]) -> tuple[FloatArray, list[FloatArray]]:
+    """Return (A/m, B/m) and the residual of the travel of each coast, by least squares."""
+    # x0 and c of each coast are projected out of its rows, which leaves two unknowns for all.
+    rows, sides = [], []
+    for one in coasts:
+        t, x = one.t_s, one.x_m
+        own = np.column_stack([np.ones_like(t), t])
+        step_s = t[1] - t[0]
+        integral = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1])) * step_s])
+        block = np.column_stack([-0.5 * t**2, -integral, x])
+        free = block - own @ np.linalg.lstsq(own, block, rcond=None)[0]
+        rows.append(free[:, :2])
+        sides.append(free[:, 2])
+    both = np.linalg.lstsq(np.concatenate(rows), np.concatenate(sides), rcond=None)[0]
+    return both, [side - row @ both for row, side in zip(rows, sides, strict=True)]
+
+
+def _scatter(coasts: Sequence[Push]) -> FloatArray:
+    """Return the standard uncertainties of (A/m, B/m): jackknife over whole pushes.
+
+    Residuals within a push hang together (the potentiometer's error once per turn); those of
+    pushes of different speed, which end elsewhere on the turn, hardly do. Efron and Tibshirani, An
+    Introduction to the Bootstrap, Eq. 11.5. On simulated potentiometers it is 1 to 1.5 times the
+    true scatter for four speeds pushed four times.
+    """
+    without = np.array([_fitted([*coasts[:k], *coasts[k + 1 :]])[0] for k in range(len(coasts))])
+    count = len(coasts)
+    spread: FloatArray = np.sqrt(
+        (count - 1) * np.mean((without - without.mean(axis=0)) ** 2, axis=0)
+    )
+    return spread

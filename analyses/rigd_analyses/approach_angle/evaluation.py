@@ -1,0 +1,167 @@
+"""The recordings of one approach-angle campaign to its result, report, JSON and terminal table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from shlex import quote
+
+from rigd.analysis.evaluation import Evaluation, Options
+from rigd.analysis.provenance import provenance
+from rigd.analysis.report import Provenance
+from rigd.analysis.source import RecordedSweep
+from rigd.analysis.terminal import Shown
+from rigd.model.errors import ConfigError
+from rigd.record.info import COMPLETE
+from rigd_analyses.approach_angle.campaign import analyse_campaign
+from rigd_analyses.approach_angle.data import KnownRun, SetReference
+from rigd_analyses.approach_angle.known import (
+    Calibrated,
+    angle_calibration,
+    angle_rig,
+    calibration_of,
+)
+from rigd_analyses.approach_angle.report import render_campaign
+from rigd_analyses.approach_angle.result import CampaignResult
+from rigd_analyses.approach_angle.runs import find_signals, read_run, telling_attempts
+from rigd_analyses.approach_angle.terminal import campaign_shown
+
+
+@dataclass(frozen=True)
+class CampaignEvaluation(Evaluation):
+    """What the campaign says, under which calibration, and where it is from."""
+
+    title: str
+    result: CampaignResult
+    recordings: tuple[Path, ...]
+    calibrations: Mapping[Path, Calibrated]  #: of each recording
+    provenance: Provenance
+
+    def report(self) -> str:
+        """Return the report as a self-contained HTML page."""
+        return render_campaign(
+            self.result,
+            self.provenance,
+            title=self.title,
+            calibrations=self.calibrations_told,
+        )
+
+    def to_json(self) -> dict[str, object]:
+        """Return the results as an object for ``json.dumps``.
+
+        That of the campaign, with ``recordings`` and the calibration used for each.
+        """
+        return {
+            **self.result.to_json(),
+            "title": self.title,
+            "recordings": [str(path) for path in self.recordings],
+            "calibrations": [
+                {
+                    "recording": str(path),
+                    "name": one.used.name,
+                    "sha256": one.used.sha256,
+                    "replayed": one.replayed,
+                    "changes": list(one.changes),
+                }
+                for path, one in self.calibrations.items()
+            ],
+        }
+
+    def shown(self) -> Shown:
+        """Return Table 1, the trend, what was flagged, and the calibration."""
+        return campaign_shown(self.result, self.calibrations_told)
+
+    @property
+    def calibrations_told(self) -> tuple[str, ...]:
+        """Which calibration was used for which recordings, and what it changed, a line each."""
+        told: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+        for path, one in self.calibrations.items():
+            told.setdefault((one.told, one.changes), []).append(path.name)
+        several = len(told) > 1
+        lines = []
+        for (words, changes), names in told.items():
+            of = f" ({', '.join(names)})" if several else ""
+            changed = f": {'; '.join(changes)}" if changes else ""
+            lines.append(f"Calibration {words}{of}{changed}.")
+        return tuple(lines)
+
+
+def evaluate(
+    sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+) -> CampaignEvaluation:
+    """Return what ``sweeps``, the recordings of one campaign, say together.
+
+    Runs that are bad or not whole are flagged and shown, never dropped without a word.
+
+    Raises:
+        RecordingError: a recording is damaged.
+        ConfigError: a calibration is wrong, or recordings are to be told apart.
+        DataError: a recording carries no calibration and none is given, or lacks a signal,
+            parameter or constant.
+    """
+    if options.by_recording:
+        raise ConfigError(
+            "--group-by recording: model approach-angle makes one campaign of all recordings",
+            hint="identify each recording with a command of its own",
+        )
+    calibrations = {sweep.path: calibration_of(sweep, options.calibration) for sweep in sweeps}
+    known = _known_runs(sweeps, calibrations)
+    tell(f"{len(known)} runs of {', '.join(sweep.path.name for sweep in sweeps)}")
+    result = analyse_campaign(known, _reference(sweeps))
+    result = replace(result, warnings=(*_unfinished(sweeps), *result.warnings))
+    used = [
+        sum(not run.excluded for run in result.runs if run.run.recording == sweep.path.name)
+        for sweep in sweeps
+    ]
+    origin = provenance(
+        sweeps,
+        used,
+        {"paper's method": "angle.paper", "better method": "angle.better"},
+        [{"calibration": calibrations[sweep.path].told} for sweep in sweeps],
+    )
+    titles = dict.fromkeys(sweep.info.procedure.replace("_", " ") for sweep in sweeps)
+    rigs = dict.fromkeys(sweep.info.rig for sweep in sweeps)
+    title = f"{', '.join(titles).capitalize()} on {', '.join(rigs)}"
+    return CampaignEvaluation(
+        title, result, tuple(sweep.path for sweep in sweeps), calibrations, origin
+    )
+
+
+def _known_runs(
+    sweeps: Sequence[RecordedSweep], calibrations: Mapping[Path, Calibrated]
+) -> list[KnownRun]:
+    """Return the run of every trial, each with the calibration and rig of its recording."""
+    known = []
+    for sweep in sweeps:
+        used = calibrations[sweep.path].used
+        calibration, signals = angle_calibration(sweep, used), find_signals(sweep)
+        for trial in telling_attempts(sweep.info.trials):
+            run = read_run(sweep, trial, signals)
+            known.append(KnownRun(run, calibration, angle_rig(sweep, trial, used)))
+    return known
+
+
+def _reference(sweeps: Sequence[RecordedSweep]) -> SetReference | None:
+    """Return the published maximum of each set, None where the plans have none."""
+    values = {
+        name.rpartition(".")[0]: value
+        for sweep in sweeps
+        for name, value in sweep.plan.reference.items()
+        if "." in name
+    }
+    labels = [sweep.plan.reference_label for sweep in sweeps if sweep.plan.reference]
+    return SetReference(labels[0], values) if values else None
+
+
+def _unfinished(sweeps: Sequence[RecordedSweep]) -> list[str]:
+    """Return a warning for each recording whose run did not come to its end."""
+    return [
+        f"{sweep.path.name}: the run did not come to its end ({sweep.info.state}"
+        f"{f': {sweep.info.reason}' if sweep.info.reason else ''}); "
+        f"{sweep.info.trials_done} of {sweep.info.metadata['run'].get('trials', '?')} trials are "
+        "complete. "
+        f"`rigd run --resume {quote(sweep.path.name)}` plays the others."
+        for sweep in sweeps
+        if sweep.info.state != COMPLETE
+    ]

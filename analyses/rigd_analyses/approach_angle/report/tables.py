@@ -1,0 +1,290 @@
+"""The tables of a campaign as text ready to print, for a terminal and for a page.
+
+What the data do not give stands as a dash; nothing here turns it into a number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rigd.analysis.report.rounding import number, places_for
+from rigd_analyses.approach_angle.budget import BudgetTerm
+from rigd_analyses.approach_angle.data import Flag, Regime, Severity
+from rigd_analyses.approach_angle.result import (
+    CampaignResult,
+    Estimate,
+    RunResult,
+    SetResult,
+    Trend,
+)
+
+#: What stands where there is no number.
+NONE: Final = "–"
+#: Decimals of a coefficient that comes without an uncertainty, as in the paper's Table 1.
+PLACES: Final = 4
+#: The names of the sources of numbers, for people.
+SOURCES: Final = {
+    "published": "published",
+    "paper": "paper's method",
+    "better": "better method",
+}
+
+
+def label(one: SetResult) -> str:
+    """Return a set as a person calls it, such as ``clean, 15°``; the wheel where it is known."""
+    angle = f"{number(one.angle_deg, digits=3)}°"
+    return f"{one.wheel}, {angle}" if one.wheel else angle
+
+
+def coefficient(value: float | None) -> str:
+    """Return a coefficient to the digits of the paper's Table 1, or a dash."""
+    return NONE if value is None or not np.isfinite(value) else number(value, PLACES)
+
+
+def quantity(value: float, places: int) -> str:
+    """Return a number with so many decimals, or a dash where there is none."""
+    return number(value, places) if np.isfinite(value) else NONE
+
+
+def estimate(one: Estimate | None) -> str:
+    """Return ``0.1873 ± 0.0052`` with U = 2 u, or a dash."""
+    if one is None:
+        return NONE
+    places = places_for(one.expanded)
+    return f"{number(one.value, places)} ± {number(one.expanded, places)}"
+
+
+@dataclass(frozen=True)
+class SetRow:
+    """A row of Table 1; ``notes`` are what must be known before a number of it is used."""
+
+    name: str
+    label: str
+    published: str
+    paper: str
+    paper_regime: str  #: empty where the wheel slid in that run, as it must for a limit
+    counts: str
+    maximum: str
+    deviation: str  #: of the better value from the published one; empty without both
+    usable: str
+    resultant: str
+    coefficient: str
+    notes: tuple[str, ...]
+
+
+def set_rows(result: CampaignResult) -> tuple[SetRow, ...]:
+    """Return Table 1 of the paper for this campaign, beside the published one."""
+    return tuple(_set_row(one) for one in result.sets)
+
+
+def _set_row(one: SetResult) -> SetRow:
+    paper = one.paper
+    slid = paper.regime in (None, Regime.SLIDING)
+    return SetRow(
+        name=one.name,
+        label=label(one),
+        published=coefficient(one.published),
+        paper=_paper(one),
+        paper_regime="" if slid or paper.regime is None else paper.regime.value,
+        counts=f"{paper.used} used, {paper.flagged} left out",
+        maximum=estimate(one.maximum),
+        deviation=_deviation(one),
+        usable=estimate(one.usable),
+        resultant=estimate(one.resultant),
+        coefficient=paper.coefficient.value,
+        notes=one.warnings,
+    )
+
+
+def _paper(one: SetResult) -> str:
+    """Return the paper's maximum with the U of its budget, where there is one."""
+    value = one.paper.value
+    if value is None or one.budget is None:
+        return coefficient(value)
+    expanded = 2.0 * one.budget.paper * value
+    places = places_for(expanded)
+    return f"{number(value, places)} ± {number(expanded, places)}"
+
+
+def _deviation(one: SetResult) -> str:
+    if one.maximum is None or one.published is None or not one.maximum.u > 0.0:
+        return ""
+    return f"{number((one.maximum.value - one.published) / one.maximum.u, 1)} u"
+
+
+@dataclass(frozen=True)
+class TrendRow:
+    """The straight line over the angle by one source, and the demand form beside it."""
+
+    source: str
+    slope: str  #: per degree
+    slope_interval: str  #: 95 %, t distribution
+    intercept: str
+    r_squared: str
+    rms: str
+    demand: str
+    demand_rms: str
+    dof: int
+
+
+def trend_rows(result: CampaignResult) -> tuple[TrendRow, ...]:
+    """Return the trend over the angle by each source."""
+    return tuple(_trend_row(trend) for trend in result.trends.values())
+
+
+def trend_sentence(result: CampaignResult) -> str:
+    """Return what may be concluded from the best trend there is; empty without any."""
+    trends = [
+        result.trends[one] for one in ("better", "paper", "published") if one in result.trends
+    ]
+    return trends[0].sentence if trends else ""
+
+
+def _trend_row(trend: Trend) -> TrendRow:
+    line, demand = trend.line, trend.demand
+    known = np.isfinite(line.slope_u)
+    places = (places_for(line.slope_u) if known else None) or 6
+    return TrendRow(
+        source=SOURCES.get(trend.source, trend.source),
+        slope=f"{number(line.slope_per_deg, places)} ± {quantity(line.slope_u, places)}",
+        slope_interval=f"{quantity(line.slope_low, places)} … {quantity(line.slope_high, places)}",
+        intercept=quantity(line.intercept, PLACES),
+        r_squared=quantity(line.r_squared, 3),
+        rms=quantity(line.rms, 3),
+        demand=f"({number(demand.a, 3)} + {number(demand.b, 3)} sin α)/cos α",
+        demand_rms=quantity(demand.rms, 3),
+        dof=line.dof,
+    )
+
+
+@dataclass(frozen=True)
+class BudgetRow:
+    """One term of a budget: relative standard uncertainties (k = 1) in percent."""
+
+    name: str
+    input_u: str
+    unit: str
+    kind: str
+    paper: str
+    better: str
+    uncorrected: bool
+    systematic: bool
+    source: str
+
+
+def budget_rows(terms: Sequence[BudgetTerm]) -> tuple[BudgetRow, ...]:
+    """Return the terms of a budget, the largest of the better method first."""
+    ordered = sorted(terms, key=lambda term: -abs(term.better))
+    return tuple(
+        BudgetRow(
+            name=term.name,
+            input_u=number(term.input_u, digits=2),
+            unit=term.unit,
+            kind=term.kind,
+            paper=share(term.paper),
+            better=share(term.better),
+            uncorrected=term.uncorrected,
+            systematic=term.systematic,
+            source=term.source,
+        )
+        for term in ordered
+    )
+
+
+def share(value: float) -> str:
+    """Return a relative uncertainty in percent, to two decimals."""
+    return f"{number(100.0 * value, 2)} %"
+
+
+def trial_of(run: RunResult, result: CampaignResult) -> str:
+    """Return ``6``, or ``6 of second.mcap`` where the campaign stands in several recordings."""
+    several = len({one.run.recording for one in result.runs}) > 1
+    return f"{run.run.number} of {run.run.recording}" if several else str(run.run.number)
+
+
+@dataclass(frozen=True)
+class FlaggedRow:
+    """One reason, with the runs it was found in."""
+
+    code: str
+    excluded: bool
+    runs: tuple[RunResult, ...]
+    trials: tuple[str, ...]  #: number of each run, with its file where there are several
+    reasons: tuple[str, ...]  #: one for each run
+
+    @property
+    def count(self) -> int:
+        """How many runs have it."""
+        return len(self.runs)
+
+
+def flagged_rows(result: CampaignResult) -> tuple[FlaggedRow, ...]:
+    """Return every reason that a run was flagged for: excluding ones first, the most frequent."""
+    found: dict[tuple[str, Severity], list[tuple[RunResult, Flag]]] = {}
+    for run in result.runs:
+        for flag in run.flags:
+            found.setdefault((flag.code, flag.severity), []).append((run, flag))
+    rows = [
+        FlaggedRow(
+            code,
+            severity is Severity.EXCLUDED,
+            tuple(run for run, _ in of_code),
+            tuple(trial_of(run, result) for run, _ in of_code),
+            tuple(flag.reason for _, flag in of_code),
+        )
+        for (code, severity), of_code in found.items()
+    ]
+    return tuple(sorted(rows, key=lambda row: (not row.excluded, -row.count, row.code)))
+
+
+@dataclass(frozen=True)
+class RunRow:
+    """One run: what was set, what both methods say, and what speaks against it."""
+
+    label: str
+    trial: str
+    load: str
+    torque: str
+    regime: str
+    paper: str  #: only a friction coefficient where the wheel slid
+    slip: str
+    slip_corrected: str
+    better: str
+    demand: str
+    excluded: bool
+    flags: tuple[str, ...]
+
+
+def run_rows(name: str, result: CampaignResult) -> tuple[RunRow, ...]:
+    """Return a row for each run of the set ``name``, in their order."""
+    return tuple(
+        RunRow(
+            label=one.run.label,
+            trial=trial_of(one, result),
+            load=quantity(one.run.load_n, 1),
+            torque=quantity(one.paper.torque_nm, 3),
+            regime=NONE if one.paper.regime is None else one.paper.regime.value,
+            paper=quantity(one.paper.mu, PLACES),
+            slip=quantity(one.paper.slip, 3),
+            slip_corrected=quantity(one.better.slip_corrected, 3),
+            better=_with_u(one.better.mu, one.better.mu_u),
+            demand=quantity(one.better.demand, PLACES),
+            excluded=one.excluded,
+            flags=tuple(flag.reason for flag in one.flags),
+        )
+        for one in result.runs
+        if one.run.set_name == name
+    )
+
+
+def _with_u(value: float, u: float) -> str:
+    if not np.isfinite(value):
+        return NONE
+    if not np.isfinite(u):
+        return number(value, PLACES)
+    places = places_for(2.0 * u) or PLACES
+    return f"{number(value, places)} ± {number(2.0 * u, places)}"

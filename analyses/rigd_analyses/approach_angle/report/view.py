@@ -1,0 +1,279 @@
+"""What the page of a campaign shows: its tables as text, its figures as drawings.
+
+Importing this module imports matplotlib; :mod:`rigd_analyses.approach_angle.report` does so only
+when a report is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigd.analysis.report.rounding import number
+from rigd.analysis.report.svg import Drawing, draw
+from rigd_analyses.approach_angle.data import Coefficient, Regime
+from rigd_analyses.approach_angle.report import run_plots, set_plots
+from rigd_analyses.approach_angle.report.tables import (
+    BudgetRow,
+    FlaggedRow,
+    RunRow,
+    SetRow,
+    TrendRow,
+    budget_rows,
+    estimate,
+    flagged_rows,
+    label,
+    run_rows,
+    set_rows,
+    share,
+    trend_rows,
+    trend_sentence,
+    trial_of,
+)
+from rigd_analyses.approach_angle.result import CampaignResult, FrictionCurve, RunResult, SetResult
+
+
+@dataclass(frozen=True)
+class BudgetView:
+    """The budget of a set: its terms, and their sums in percent."""
+
+    rows: tuple[BudgetRow, ...]
+    conditions: str
+    paper: str
+    better: str
+    paper_expanded: str
+    better_expanded: str
+
+
+@dataclass(frozen=True)
+class SetChapter:
+    """All about one set."""
+
+    anchor: str
+    row: SetRow
+    facts: tuple[tuple[str, str], ...]
+    typical: Drawing | None
+    curve: Drawing | None
+    budget: BudgetView | None
+    runs: tuple[RunRow, ...]
+
+
+@dataclass(frozen=True)
+class CampaignView:
+    """The whole report."""
+
+    sets: tuple[SetRow, ...]
+    reference: str
+    coefficients: tuple[tuple[str, str], ...]
+    trends: tuple[TrendRow, ...]
+    trend_sentence: str
+    maximum: Drawing | None
+    friction: Drawing | None
+    coated: Drawing | None
+    curves: Drawing | None
+    flagged: tuple[FlaggedRow, ...]
+    excluded: int
+    runs: int
+    statements: tuple[str, ...]
+    warnings: tuple[str, ...]
+    calibrations: tuple[str, ...]
+    chapters: tuple[SetChapter, ...]
+
+
+#: What each coefficient is, for people.
+MEANING = {
+    Coefficient.ROLLING: (
+        "F_r/N, along the rolling direction: what the torque measures, and what Table 1 of the "
+        "paper shows. It is a limit of friction only while the wheel slides."
+    ),
+    Coefficient.USABLE: (
+        "(F_r cos α − F_a sin α)/N, the push along the travel: what is left for a vehicle, once "
+        "the drag F_a of the free rollers is taken off."
+    ),
+    Coefficient.RESULTANT: "√(F_r² + F_a²)/N, the whole force in the plane of the floor.",
+}
+
+
+def build_campaign_view(result: CampaignResult, calibrations: Sequence[str]) -> CampaignView:
+    """Return the view of ``result``; call within :func:`..svg.drawing_style`."""
+    rows = set_rows(result)
+    colours = {one.name: index for index, one in enumerate(result.sets)}
+    return CampaignView(
+        sets=rows,
+        reference=result.reference,
+        coefficients=tuple((one.value, MEANING[one]) for one in Coefficient),
+        trends=trend_rows(result),
+        trend_sentence=trend_sentence(result),
+        maximum=_maximum(result),
+        friction=_friction(result, colours),
+        coated=_coated(result, colours),
+        curves=_curves(result, colours),
+        flagged=flagged_rows(result),
+        excluded=sum(run.excluded for run in result.runs),
+        runs=len(result.runs),
+        statements=result.statements,
+        warnings=result.warnings,
+        calibrations=tuple(calibrations),
+        chapters=tuple(
+            _chapter(f"s{index}", one, row, result, index)
+            for index, (one, row) in enumerate(zip(result.sets, rows, strict=True))
+        ),
+    )
+
+
+def typical_run(one: SetResult, runs: Sequence[RunResult]) -> tuple[RunResult, str] | None:
+    """Return the run of a set to show at length, and why it: the median one of those that slid.
+
+    Of the runs that were used if none slid, of all that were evaluated if none was used; None
+    where not even that leaves one.
+    """
+    mine = [r for r in runs if r.run.set_name == one.name and r.paper.curves is not None]
+    mine = [run for run in mine if np.isfinite(run.paper.mu)]
+    used = [run for run in mine if not run.excluded]
+    slid = [run for run in used if run.paper.regime is Regime.SLIDING]
+    for chosen, what in ((slid, "used runs that slid"), (used, "used runs"), (mine, "runs")):
+        if chosen:
+            ordered = sorted(chosen, key=lambda run: run.paper.mu)
+            run = ordered[(len(ordered) - 1) // 2]
+            return run, f"the median in T/(R N) of the {len(chosen)} {what}"
+    return None
+
+
+def _maximum(result: CampaignResult) -> Drawing | None:
+    if not result.trends:
+        return None
+    said = "; ".join(f"{row.source}: {row.slope} per degree" for row in trend_rows(result))
+    caption = (
+        "Bars: ± U (k = 2). Full lines: straight line over the clean sets. Dotted: (a + b sin α)/"
+        "cos α, the force that mere rolling demands."
+    )
+    figure = set_plots.maximum_over_angle(result)
+    return draw(figure, "maximum", f"Maximum coefficient over the approach angle. {said}.", caption)
+
+
+def _friction(result: CampaignResult, colours: dict[str, int]) -> Drawing | None:
+    sets = [one for one in result.sets if not _is_second_of_angle(one, result.sets)]
+    if not sets:
+        return None
+    figure = set_plots.friction_over_slip(sets, result.runs, [colours[one.name] for one in sets])
+    names = ", ".join(label(one) for one in sets)
+    caption = (
+        "Each marker is a run by the paper's method. Dotted: slip (as the paper defines it) of a "
+        "wheel that rolls without any, cos α − 1. Dashed: the paper's maximum of the used runs."
+    )
+    return draw(figure, "friction", f"T/(R N) over the slip ratio for {names}.", caption)
+
+
+def _is_second_of_angle(one: SetResult, sets: Sequence[SetResult]) -> bool:
+    """Whether an earlier set has the same angle: it stands in the comparison of wheels."""
+    first = next(s for s in sets if abs(s.angle_deg - one.angle_deg) < 1e-6)
+    return first is not one
+
+
+def _coated(result: CampaignResult, colours: dict[str, int]) -> Drawing | None:
+    """Draw all wheels at the first angle that has several."""
+    for first in result.sets:
+        same = [s for s in result.sets if abs(s.angle_deg - first.angle_deg) < 1e-6]
+        if len(same) > 1:
+            figure = set_plots.coated_against_clean(
+                same, result.runs, [colours[one.name] for one in same]
+            )
+            alt = f"T/(R N) over the slip ratio for {' and '.join(label(one) for one in same)}."
+            return draw(figure, "coated", alt, alt)
+    return None
+
+
+def _curves(result: CampaignResult, colours: dict[str, int]) -> Drawing | None:
+    sets = [one for one in result.sets if one.curve is not None]
+    if not sets:
+        return None
+    caption = (
+        "Pooled from the blocks of all used runs in which the wheel slid, over the sliding speeds "
+        "that were reached. Bands: ± 2 u between runs; what all runs share (calibration, drags) "
+        "stands in the budget."
+    )
+    figure = set_plots.pooled_curves(sets, [colours[one.name] for one in sets])
+    alt = f"Friction limit F_r/N over the sliding speed for {', '.join(label(s) for s in sets)}."
+    return draw(figure, "curves", alt, caption)
+
+
+def _chapter(
+    anchor: str, one: SetResult, row: SetRow, result: CampaignResult, colour: int
+) -> SetChapter:
+    return SetChapter(
+        anchor=anchor,
+        row=row,
+        facts=_facts(one),
+        typical=_typical(anchor, one, result),
+        curve=None if one.curve is None else _pooled(anchor, one, one.curve, colour),
+        budget=_budget(one),
+        runs=run_rows(one.name, result),
+    )
+
+
+def _facts(one: SetResult) -> tuple[tuple[str, str], ...]:
+    paper = one.paper
+    facts = [
+        ("Better method: maximum of the pooled curve", estimate(one.maximum)),
+        ("Usable push along the travel", estimate(one.usable)),
+        ("Resultant", estimate(one.resultant)),
+        ("Paper's maximum, from", paper.run or "no run"),
+        ("Runs recorded", str(paper.raw)),
+        ("Left out", str(paper.flagged)),
+        ("Used", str(paper.used)),
+        ("Of these with sliding blocks", str(one.sliding_runs)),
+    ]
+    if paper.value_raw is not None and paper.value_raw != paper.value:
+        facts.insert(4, ("Paper's maximum, had nothing been left out", number(paper.value_raw, 4)))
+    if one.missing:
+        facts.append(("Missing", "; ".join(one.missing)))
+    if one.statistical_u is not None:
+        facts.append(("Standard uncertainty from the spread", number(one.statistical_u, digits=2)))
+    return tuple(facts)
+
+
+def _typical(anchor: str, one: SetResult, result: CampaignResult) -> Drawing | None:
+    found = typical_run(one, result.runs)
+    if found is None:
+        return None
+    run, why = found
+    figure = run_plots.one_run(run)
+    if figure is None:
+        return None
+    caption = (
+        f"Trial {trial_of(run, result)}, {run.run.label}: {why}. Times since the relay command."
+    )
+    alt = (
+        f"{run.run.label}: gauge signals with their Fourier fit, torque with Gaussian and steady "
+        "segment, positions and speeds as recorded and smoothed, friction by blocks, over time."
+    )
+    return draw(figure, f"{anchor}-run", alt, caption)
+
+
+def _pooled(anchor: str, one: SetResult, curve: FrictionCurve, colour: int) -> Drawing:
+    alt = (
+        f"{label(one)}: F_r/N of {curve.block_mu.size} blocks over the sliding speed, and the "
+        f"curve pooled from them, with its maximum at {number(curve.peak_speed_m_s, 2)} m/s."
+    )
+    figure = set_plots.pooled_blocks(one, curve, colour)
+    return draw(figure, f"{anchor}-curve", alt, f"{alt} Form: {curve.form}.")
+
+
+def _budget(one: SetResult) -> BudgetView | None:
+    budget = one.budget
+    if budget is None:
+        return None
+    conditions = (
+        f"For F_r/N = {number(budget.mu, 3)} at N = {number(budget.load_n, 1)} N and "
+        f"{number(budget.wheel_speed_rad_s, 1)} rad/s, the medians of {budget.runs} runs"
+    )
+    return BudgetView(
+        rows=budget_rows(budget.terms),
+        conditions=conditions,
+        paper=share(budget.paper),
+        better=share(budget.better),
+        paper_expanded=share(2.0 * budget.paper),
+        better_expanded=share(2.0 * budget.better),
+    )

@@ -1,0 +1,201 @@
+"""What the analysis of a campaign hands on: plain frozen data for the report and the JSON file.
+
+Every coefficient names which of the three it is. What the data do not give is ``None`` or, inside
+the result of one run, NaN; in JSON both are null.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rigd_analyses.approach_angle.better.result import BetterRun
+from rigd_analyses.approach_angle.budget import Budget
+from rigd_analyses.approach_angle.data import (
+    AngleRun,
+    Coefficient,
+    Flag,
+    FloatArray,
+    Regime,
+    Severity,
+)
+from rigd_analyses.approach_angle.paper.result import PaperRun
+from rigd_analyses.approach_angle.result_json import campaign_json
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """One run under both analyses; ``flags`` are those of the raw run and of both, each once."""
+
+    run: AngleRun
+    paper: PaperRun
+    better: BetterRun
+    flags: tuple[Flag, ...]
+
+    @property
+    def excluded(self) -> bool:
+        """Whether anything speaks against using the run at all."""
+        return any(flag.severity is Severity.EXCLUDED for flag in self.flags)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A coefficient with its standard uncertainty ``u`` (k = 1); dimensionless."""
+
+    value: float
+    u: float
+    coefficient: Coefficient
+
+    @property
+    def expanded(self) -> float:
+        """Expanded uncertainty U = 2 u, about 95 % (JCGM 100:2008, 6.2)."""
+        return 2.0 * self.u
+
+    @property
+    def low(self) -> float:
+        """Lower end of the interval value - U."""
+        return self.value - self.expanded
+
+    @property
+    def high(self) -> float:
+        """Upper end of the interval value + U."""
+        return self.value + self.expanded
+
+
+@dataclass(frozen=True)
+class PaperMaximum:
+    """The paper's number for a set: the largest T/(R N) of its runs, with all three counts.
+
+    ``value`` is the maximum over the used runs, ``value_raw`` over all that gave a number at all,
+    as the paper's own 0.5324 was before runs were taken out. ``None`` without such a run.
+    ``regime`` is what the wheel did in the run of ``value``: a limit only where it slid.
+    """
+
+    value: float | None
+    value_raw: float | None
+    run: str  #: label of the run with ``value``
+    regime: Regime | None
+    raw: int  #: runs recorded
+    flagged: int  #: runs left out for a reason
+    used: int
+    coefficient: Coefficient = Coefficient.ROLLING
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionCurve:
+    """The pooled friction limit over the sliding speed, on the range the data cover only.
+
+    ``speed_m_s``, ``mu``, ``low``, ``high``: (n,), the band +-2 u of the curve between runs (no
+    systematic part). ``block_*``: (m,) the block means that made it, ``weight`` 0 to 1 the robust
+    weight each got, ``block_run`` the number of its run in the campaign.
+    """
+
+    speed_m_s: FloatArray
+    mu: FloatArray
+    low: FloatArray
+    high: FloatArray
+    block_speed_m_s: FloatArray
+    block_mu: FloatArray
+    block_weight: FloatArray
+    block_run: tuple[int, ...]
+    peak_speed_m_s: float
+    form: str  #: the formula in words
+    coefficient: Coefficient = Coefficient.ROLLING
+
+
+@dataclass(frozen=True)
+class SetResult:
+    """One set of the campaign: wheel and angle.
+
+    ``maximum`` is the maximum of the pooled curve; its u holds the spread between runs and the
+    systematic terms of the budget. ``usable`` and ``resultant`` follow from it and the rollers'
+    drag. All three are ``None`` where the data do not determine them, and ``warnings`` says why.
+    """
+
+    name: str
+    alpha_rad: float
+    wheel: str
+    published: float | None  #: printed beside, never used
+    paper: PaperMaximum
+    curve: FrictionCurve | None
+    maximum: Estimate | None
+    usable: Estimate | None
+    resultant: Estimate | None
+    statistical_u: float | None  #: of ``maximum``, from the spread between runs
+    sliding_runs: int
+    budget: Budget | None
+    missing: tuple[str, ...] = ()  #: repeats that the campaign lacks, one sentence each
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def angle_deg(self) -> float:
+        """Approach angle in degrees, as tables print it."""
+        return math.degrees(self.alpha_rad)
+
+
+@dataclass(frozen=True)
+class LineFit:
+    """mu = intercept + slope angle over the clean sets; slope per degree, u of k = 1.
+
+    ``slope_low``, ``slope_high``: 95 % interval, of the scatter by the t-distribution with ``dof``
+    degrees, or of what the maxima are uncertain by where that is wider.
+    """
+
+    slope_per_deg: float
+    slope_u: float
+    slope_low: float
+    slope_high: float
+    intercept: float
+    intercept_u: float
+    r_squared: float
+    rms: float
+    dof: int
+
+
+@dataclass(frozen=True)
+class DemandFit:
+    """mu = (a + b sin(alpha))/cos(alpha): the force that mere rolling asks for, of the same data.
+
+    a stands for (m a + F_rail)/N, b for the rollers' drag.
+    """
+
+    a: float
+    b: float
+    rms: float
+
+
+@dataclass(frozen=True, eq=False)
+class Trend:
+    """Friction over the angle by one source: ``paper``, ``better`` or ``published``."""
+
+    source: str
+    sets: tuple[str, ...]
+    angle_deg: FloatArray
+    mu: FloatArray
+    u: FloatArray | None
+    line: LineFit
+    demand: DemandFit
+    sentence: str
+    coefficient: Coefficient = Coefficient.ROLLING
+
+
+@dataclass(frozen=True)
+class CampaignResult:
+    """The whole campaign. ``trends`` by source; one is missing with less than three clean sets."""
+
+    runs: tuple[RunResult, ...]
+    sets: tuple[SetResult, ...]
+    trends: Mapping[str, Trend]
+    reference: str  #: where the published values are from; empty without
+    statements: tuple[str, ...]  #: what was done to the data, in words
+    warnings: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, object]:
+        """Return an object ready for ``json.dump(..., allow_nan=False)``.
+
+        Every coefficient is dimensionless and stands beside the name of its kind under
+        ``coefficient``; other numbers carry their unit in the key. Signals are left out: they
+        stand in the recording.
+        """
+        return campaign_json(self)

@@ -1,0 +1,132 @@
+"""What a terminal shows of a campaign: Table 1, the trend, and what was flagged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from rigd.analysis.terminal import Column, Row, Shown, Table
+from rigd_analyses.approach_angle.data import Coefficient
+from rigd_analyses.approach_angle.report.tables import (
+    NONE,
+    FlaggedRow,
+    SetRow,
+    flagged_rows,
+    set_rows,
+    trend_rows,
+    trend_sentence,
+)
+from rigd_analyses.approach_angle.result import CampaignResult
+
+#: Runs of one reason that are named; the report names all.
+NAMED: Final = 3
+
+
+def campaign_shown(result: CampaignResult, calibrations: Sequence[str]) -> Shown:
+    """Return tables and paragraphs on ``result``; ``calibrations`` says which were used."""
+    rows = set_rows(result)
+    shown: list[Table | str] = [_table_1(rows), _legend(rows)]
+    if result.trends:
+        shown.append(_trends(result))
+        shown.append(trend_sentence(result))
+    if result.warnings:
+        shown.append("\n".join(["warnings:", *(f"  {warning}" for warning in result.warnings)]))
+    shown.append(_flagged(result))
+    if calibrations:
+        shown.append("\n".join(calibrations))
+    return tuple(shown)
+
+
+def _table_1(rows: Sequence[SetRow]) -> Table:
+    columns = (
+        Column("set"),
+        Column("published", right=True),
+        Column("paper's ± U", right=True),
+        Column("(runs)"),
+        Column("better ± U (k=2)", right=True),
+        Column("coefficient"),
+        Column("usable ± U", right=True),
+    )
+    return Table(
+        columns,
+        tuple(
+            Row(
+                (
+                    row.name,
+                    row.published,
+                    row.paper + (f" ({row.paper_regime})" if row.paper_regime else ""),
+                    row.counts,
+                    row.maximum,
+                    row.coefficient,
+                    row.usable,
+                ),
+                faint=row.paper == NONE and row.maximum == NONE,
+            )
+            for row in rows
+        ),
+    )
+
+
+def _legend(rows: Sequence[SetRow]) -> str:
+    lines = [
+        f"{Coefficient.ROLLING.value}: F_r/N, of the published values, the paper's method and the "
+        f"better one alike. {Coefficient.USABLE.value}: what is left of it along the travel, once "
+        "the drag of the free rollers is taken off."
+    ]
+    if any(row.paper_regime for row in rows):
+        lines.append(
+            "(mixed), (rolling): what the wheel did in the run of the paper's maximum; not a limit "
+            "of friction."
+        )
+    return "\n".join(lines)
+
+
+def _trends(result: CampaignResult) -> Table:
+    columns = (
+        Column("over the angle"),
+        Column("slope ± u per degree", right=True),
+        Column("95 % interval", right=True),
+        Column("intercept", right=True),
+        Column("r²", right=True),
+        Column("rms", right=True),
+        Column("rms of demand form", right=True),
+    )
+    return Table(
+        columns,
+        tuple(
+            Row(
+                (
+                    row.source,
+                    row.slope,
+                    row.slope_interval,
+                    row.intercept,
+                    row.r_squared,
+                    row.rms,
+                    row.demand_rms,
+                )
+            )
+            for row in trend_rows(result)
+        ),
+    )
+
+
+def _flagged(result: CampaignResult) -> str:
+    """Return the flagged runs counted by reason, the first few of each named."""
+    excluded = sum(run.excluded for run in result.runs)
+    head = f"{len(result.runs)} runs, {excluded or 'none'} of them left out"
+    rows = flagged_rows(result)
+    return "\n".join(
+        [f"{head}{'; flagged:' if rows else ''}", *(f"  {_reason(row)}" for row in rows)]
+    )
+
+
+def _reason(row: FlaggedRow) -> str:
+    """Return a reason with its first run at length and the next few by name."""
+    named = zip(row.trials[:NAMED], row.runs, strict=False)
+    names = [f"trial {trial} ({run.run.label})" for trial, run in named]
+    others = f"; also {', '.join(names[1:])}" if len(names) > 1 else ""
+    more = f" and {row.count - NAMED} more" if row.count > NAMED else ""
+    used = "" if row.excluded else ", used"
+    return (
+        f"{row.code} ({row.count}{used}): {names[0]}: {row.reasons[0].rstrip('.')}{others}{more}."
+    )

@@ -1,0 +1,103 @@
+"""The friction curve g(V_r) with its band, on the slip that the data visited and nowhere else."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rigd.analysis.result import BoolArray, Curve, FloatArray, Seen
+from rigd.model.errors import DataError
+from rigd_analyses.lugre.model import SIGMA_1, SIGMA_2, LugreModel, friction, friction_gradient
+from rigd_analyses.lugre.spread import Spread
+
+POINTS = 60
+SLIDING = 0.5  #: share of g at which the bristle counts as sliding
+#: The lowest and highest shares of the used samples are noise of the slip, not visited slip.
+TRIM = 0.01
+RANGES = 16  #: of slip, in which the data stand beside the curve
+LEAST_SEEN = 20  #: samples in one of them
+RESOLVED = 10.0  #: slip below this many standard deviations of its noise is not resolved
+
+
+def visited_range(model: LugreModel, theta: FloatArray, noise_m_s: float) -> tuple[float, float]:
+    """Return the slip range in m/s that the used samples cover while the bristle slides.
+
+    A bristle bent less than half way (|z| < g/2) feels its stiffness, hardly g. The range begins
+    where the slip stands out of ``noise_m_s``, its standard deviation.
+
+    Raises:
+        DataError: no trial slides, or none at a slip that the sensors resolve.
+    """
+    slip = np.concatenate([t.slip_m_s for t in model.trials])
+    used = np.abs(slip[_sliding(model, theta, slip)])
+    if used.size == 0:
+        raise DataError(
+            "no trial bends the bristle half way to sliding: nothing is known about friction",
+            hint="record trials with more current",
+        )
+    low, high = (float(x) for x in np.quantile(used, [TRIM, 1.0 - TRIM]))
+    if high <= RESOLVED * noise_m_s:
+        raise DataError(
+            f"the slip reaches {1e3 * high:.2g} mm/s while the sensors resolve "
+            f"{1e3 * RESOLVED * noise_m_s:.2g} mm/s: nothing is known about friction",
+            hint="record trials with more current, or encoders with finer counts",
+        )
+    return max(low, RESOLVED * noise_m_s), high
+
+
+def _sliding(model: LugreModel, theta: FloatArray, slip: FloatArray) -> BoolArray:
+    """Return (n,) whether a sample counts and its bristle is bent half way to sliding."""
+    bristle_only = theta.copy()
+    bristle_only[[SIGMA_1, SIGMA_2]] = 0.0
+    bent = np.abs(model.predict(bristle_only)) >= SLIDING * friction(theta, slip)
+    return (model.mask > 0.0) & bent
+
+
+def seen(model: LugreModel, theta: FloatArray, visited: tuple[float, float]) -> tuple[Seen, ...]:
+    """Return what the samples show of g in ranges of slip: component plus residual.
+
+    Of each measured force the fitted parts besides g are taken off (W. A. Larsen and S. J.
+    McCleary, Technometrics 14, 1972): what is left is g plus the residual. Ranges with fewer than
+    ``LEAST_SEEN`` samples are left out.
+    """
+    slip = np.concatenate([t.slip_m_s for t in model.trials])
+    inside = _sliding(model, theta, slip)
+    away = np.sign(slip) * -model.residuals(theta)
+    size, shown = np.abs(slip[inside]), (friction(theta, np.abs(slip)) + away)[inside]
+    place = np.digitize(size, np.geomspace(visited[0], visited[1], RANGES + 1)) - 1
+    found = []
+    for index in range(RANGES):
+        part = place == index
+        if np.count_nonzero(part) < LEAST_SEEN:
+            continue
+        low, median, high = (float(q) for q in np.quantile(shown[part], [0.25, 0.5, 0.75]))
+        middle = float(np.median(size[part]))
+        found.append(Seen(middle, median, low, high, int(np.count_nonzero(part))))
+    return tuple(found)
+
+
+def friction_curve(
+    spread: Spread, visited: tuple[float, float], data: tuple[Seen, ...] = ()
+) -> Curve:
+    """Return g on ``visited`` with its 95 % band (pointwise), and what the ``data`` show of it."""
+    slip = np.geomspace(visited[0], visited[1], POINTS)
+
+    def log_g(theta: FloatArray) -> FloatArray:
+        return np.asarray(np.log(friction(theta, slip)))
+
+    centre = friction(spread.theta, slip)
+    gradient = friction_gradient(spread.theta, slip) / centre[:, None]
+    low, high, _ = spread.interval(log_g, gradient)
+    return Curve(
+        seen=data,
+        name="friction_curve",
+        x_name="V_r",
+        x_unit="m/s",
+        y_name="g",
+        y_unit="1",
+        x=slip,
+        y=centre,
+        low=np.exp(low),
+        high=np.exp(high),
+        note=f"Visited slip: {1e3 * visited[0]:.1f} to {1e3 * visited[1]:.1f} mm/s; beyond it the "
+        "curve would be extrapolation and is not drawn. Band: 95 %, pointwise.",
+    )

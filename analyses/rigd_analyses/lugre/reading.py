@@ -1,0 +1,173 @@
+"""Recordings of the omni-wheel rig to the arrays of the LuGre identification."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rigd.analysis.evaluation import Options
+from rigd.analysis.fit import Loss
+from rigd.analysis.models import MODELS
+from rigd.analysis.parameters import ParameterEvaluation, evaluate_groups
+from rigd.analysis.report import ReferenceCurve
+from rigd.analysis.result import IdentificationResult, TrialRejection
+from rigd.analysis.source import RecordedSweep, Unusable
+from rigd.model.errors import DataError
+from rigd.record import TrialInfo
+from rigd_analyses.lugre.identify import Settings, identify_lugre
+from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
+
+CONSTANTS = MODELS["lugre"].constants
+#: Carriage mass in kg at which the guide's friction was measured; that of the trials by default.
+FRICTION_MASS = "guide_friction_mass"
+
+
+def evaluate(
+    sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+) -> ParameterEvaluation:
+    """Return the LuGre parameters of each group of trials.
+
+    Raises:
+        ConfigError: an option is not for this model.
+        DataError: a recording has no complete trial, or the data cannot answer.
+    """
+    return evaluate_groups(sweeps, options, tell, identify=identify, draw_reference=reference_curve)
+
+
+def identify(
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]], *, starts: int, seed: int, robust: bool
+) -> IdentificationResult:
+    """Return the LuGre parameters of trials recorded under the same conditions.
+
+    Raises:
+        DataError: a signal or constant is missing, constants differ between recordings, or the
+            data cannot answer the question.
+    """
+    settings = Settings(starts=starts, seed=seed, loss=Loss.HUBER if robust else Loss.SQUARES)
+    usable, unusable = sort_out(trials)
+    result = identify_lugre(*arrays(usable), settings)
+    account = result.preprocessing
+    whole = replace(account, rejected=(*unusable, *account.rejected))
+    return replace(result, preprocessing=whole)
+
+
+def sort_out(
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]],
+) -> tuple[list[tuple[RecordedSweep, TrialInfo]], list[TrialRejection]]:
+    """Return the trials whose samples are there, and the others with what they lack.
+
+    Raises:
+        DataError: a signal is missing, or no trial is usable: with what the first one lacks.
+    """
+    usable: list[tuple[RecordedSweep, TrialInfo]] = []
+    rejected: list[TrialRejection] = []
+    lacking: list[Unusable] = []
+    several = _several(trials)
+    for sweep, trial in trials:
+        try:
+            sweep.signals(trial)
+        except Unusable as error:
+            lacking.append(error)
+            label = _label(sweep, trial, several=several)
+            rejected.append(TrialRejection(label, error.message))
+        else:
+            usable.append((sweep, trial))
+    if not usable and lacking:
+        raise lacking[0]
+    return usable, rejected
+
+
+def arrays(
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]],
+) -> tuple[list[LugreTrial], LugreConstants]:
+    """Return what the identification takes, one object per trial and what they have in common.
+
+    Raises:
+        DataError: a signal or constant is missing, or a constant differs between trials.
+    """
+    several = _several(trials)
+    found = [_trial(sweep, one, _label(sweep, one, several=several)) for sweep, one in trials]
+    return found, _constants(trials)
+
+
+def _label(sweep: RecordedSweep, trial: TrialInfo, *, several: bool) -> str:
+    """Return what a person calls ``trial``, by its file where there are ``several``."""
+    label = sweep.parameter(trial, "current")
+    repeat = "" if (trial.repeat or 1) == 1 else f", repeat {trial.repeat}"
+    return f"{label}{repeat} of {sweep.path}" if several else f"{label}{repeat}"
+
+
+def _several(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> bool:
+    return len({sweep.path for sweep, _ in trials}) > 1
+
+
+def reference_curve(
+    label: str, values: Mapping[str, float], result: IdentificationResult
+) -> ReferenceCurve | None:
+    """Return g(V_r) of the reference values over the range the result visited (corrected Eq. 6)."""
+    if not {"V_s", "mu_c", "mu_s"} <= values.keys():
+        return None
+    slip = result.curve.x
+    decay = np.exp(-np.sqrt(np.abs(slip) / values["V_s"]))
+    return ReferenceCurve(label, slip, values["mu_c"] + (values["mu_s"] - values["mu_c"]) * decay)
+
+
+def _trial(sweep: RecordedSweep, trial: TrialInfo, label: str) -> LugreTrial:
+    t_s, signals = sweep.signals(trial)
+    current = trial.parameters.get("current")
+    if not isinstance(current, int | float):
+        raise DataError(
+            f"{sweep.path}: trial {trial.number} has no parameter 'current'",
+            hint="method A needs tests with one constant current each",
+        )
+    return LugreTrial(
+        label=label,
+        recording=str(sweep.path),
+        current_a=float(current),
+        t_s=t_s,
+        wheel_angle_rad=signals["wheel_angle"],
+        carriage_position_m=signals["carriage_position"],
+        acceleration_m_s2=signals["acceleration"],
+        motor_current_a=signals["motor_current"],
+    )
+
+
+def _constants(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> LugreConstants:
+    """Return what all ``trials`` have in common; the guide's friction is that at their mass.
+
+    The guide carries its load at a lever, so that its friction is proportional to the mass
+    (Eqs. 20 and 21 of the paper); the plan may say at which mass it was measured.
+
+    Raises:
+        DataError: a constant is missing, not possible, or differs between trials.
+    """
+    first_sweep, first_trial = trials[0]
+    given = [name for name in (*CONSTANTS, FRICTION_MASS) if _gives(trials, name)]
+    values = {name: first_sweep.constant(first_trial, name) for name in given}
+    for sweep, trial in trials:
+        for name, value in values.items():
+            other = sweep.constant(trial, name)
+            if other != value:
+                raise DataError(
+                    f"{name} is {value:g} in trial {first_trial.number} of {first_sweep.path} and "
+                    f"{other:g} in trial {trial.number} of {sweep.path}",
+                    hint="they cannot be fitted together: add what changed to `group_by`",
+                )
+    mass = values["mass"]
+    friction_mass = values.get(FRICTION_MASS, mass)
+    if not friction_mass > 0.0:
+        raise DataError(f"{FRICTION_MASS} is {friction_mass:g} kg, must be above 0 kg")
+    return LugreConstants(
+        mass_kg=mass,
+        wheel_radius_m=values["wheel_radius"],
+        guide_friction_n=values["guide_friction"] * mass / friction_mass,
+        rolling_resistance=values["rolling_resistance"],
+        gravity_m_s2=values["gravity"],
+    )
+
+
+def _gives(trials: Sequence[tuple[RecordedSweep, TrialInfo]], name: str) -> bool:
+    """Whether a constant must be looked up: it is not optional, or some plan gives it."""
+    return name in CONSTANTS or any(name in sweep.plan.constants for sweep, _ in trials)

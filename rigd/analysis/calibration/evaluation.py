@@ -1,0 +1,113 @@
+"""The recording of a calibration to its values, as a terminal, a program and a report show them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime
+from pathlib import Path
+from shlex import quote
+
+from rigd.analysis.calibration.reading import Steps
+from rigd.analysis.calibration.result import CalibrationResult, Measured
+from rigd.analysis.evaluation import Evaluation
+from rigd.analysis.provenance import provenance
+from rigd.analysis.report import Provenance
+from rigd.analysis.report.calibration import render_calibration
+from rigd.analysis.report.rounding import number, places_for
+from rigd.analysis.terminal import Column, Row, Shown, Table
+from rigd.record.moment import is_virtual
+
+
+@dataclass(frozen=True)
+class CalibrationEvaluation(Evaluation):
+    """What one recording calibrates: nothing is written; ``rigd calibrate`` does."""
+
+    title: str
+    result: CalibrationResult
+    recording: Path
+    rig: str
+    instruments: Mapping[str, str]  #: what each device that was used said it is
+    made: date | None  #: the day it was recorded; None where that was in virtual time
+    provenance: Provenance
+
+    def report(self) -> str:
+        """Return the report as a self-contained HTML page."""
+        return render_calibration(self.result, self.provenance, title=self.title)
+
+    def to_json(self) -> dict[str, object]:
+        """Return values in SI with their uncertainty (k = 1) and its terms, or the refusals."""
+        result = self.result
+        return {
+            "title": self.title,
+            "recording": str(self.recording),
+            "rig": self.rig,
+            "instruments": dict(self.instruments),
+            "refusals": list(result.refusals),
+            "values": {
+                name: {
+                    "value": one.value,
+                    "u": one.u,
+                    "unit": one.unit,
+                    "budget": {term.name: term.u for term in one.budget},
+                }
+                for name, one in result.measured.items()
+            },
+            "kept": dict(result.kept),
+            "facts": list(result.facts),
+        }
+
+    def shown(self) -> Shown:
+        """Return what was found, and how it is put into the calibration."""
+        command = f"rigd calibrate --from {quote(str(self.recording))} --operator NAME"
+        write = "" if self.result.refusals else f"Nothing is written yet: {command}"
+        return (*self.findings(), *([write] if write else []))
+
+    def findings(self) -> Shown:
+        """Return the values with their budgets, what stays as it was, and the facts."""
+        result = self.result
+        if result.refusals:
+            refused = [f"{result.title}: this is no calibration", *_listed(result.refusals)]
+            return ("\n".join(refused), *_paragraph("what was seen:", result.facts))
+        return (
+            _values(result.measured),
+            *_paragraph("", result.facts),
+            *_paragraph("not measured:", [f"{k}: {why}" for k, why in result.kept.items()]),
+        )
+
+
+def evaluated(steps: Steps, result: CalibrationResult) -> CalibrationEvaluation:
+    """Return ``result``, found in the recording of ``steps``, with where it is from."""
+    sweep = steps.sweep
+    run = sweep.info.metadata["run"]
+    return CalibrationEvaluation(
+        title=f"{result.title} of {sweep.info.rig}",
+        result=result,
+        recording=sweep.path,
+        rig=sweep.info.rig,
+        instruments=steps.instruments(),
+        made=None
+        if is_virtual(sweep.info)  # its dates are not the operator's
+        else datetime.fromisoformat(run["started"]).date(),
+        provenance=provenance([sweep], [len(sweep.trials)], {"method": sweep.plan.model}),
+    )
+
+
+def _values(measured: Mapping[str, Measured]) -> Table:
+    rows = []
+    for name, one in measured.items():
+        places = places_for(one.u)
+        rows.append(
+            Row((name, f"{number(one.value, places)} ± {number(one.u, places)}", one.unit, ""))
+        )
+        rows += [Row(("", number(term.u, places), "", term.name), True) for term in one.budget]
+    columns = (Column("value"), Column("± u (k=1)", right=True), Column("unit"), Column("from"))
+    return Table(columns, tuple(rows))
+
+
+def _paragraph(title: str, lines: Sequence[str]) -> list[str]:
+    return ["\n".join([*([title] if title else []), *_listed(lines)])] if lines else []
+
+
+def _listed(lines: Sequence[str]) -> list[str]:
+    return [f"  {line}" for line in lines]

@@ -1,0 +1,173 @@
+"""What a calibration reads of its recording: means over named steps, and what was announced."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from rigd.analysis.result import FloatArray
+from rigd.analysis.source import RecordedSweep
+from rigd.config.calibration import (
+    ATTACHMENT,
+    CalibratedValue,
+    Calibration,
+    load_calibration,
+    parse_calibration,
+)
+from rigd.model.channels import STALE, STATUS_FIELD
+from rigd.model.errors import DataError
+from rigd.model.rows import TIME_FIELD
+from rigd.record import Event, TrialInfo
+
+#: Means are taken over a whole number of these: 5 periods of 50 Hz, 6 of 60 Hz.
+HUM_NS: Final = 100_000_000
+
+
+@dataclass(frozen=True)
+class Steps:
+    """One recording of a calibration, read by the names of its steps.
+
+    ``given`` is what was known before, instead of the calibration that the recording carries.
+    """
+
+    sweep: RecordedSweep
+    given: Calibration | None = None
+
+    @cached_property
+    def _events(self) -> list[Event]:
+        return list(self.sweep.recording.events())
+
+    def span(self, trial: TrialInfo, step: str) -> tuple[int, int]:
+        """Return when ``step`` of ``trial`` began and ended, in ns.
+
+        Raises:
+            DataError: the trial has no such step.
+        """
+        entered = self._of(trial, "step")
+        for event, following in zip(entered, [*entered[1:], None], strict=True):
+            if event.data.get("name") == step:
+                end = trial.end_ns if following is None else following.t_ns
+                return event.t_ns, self.sweep.recording.end_ns if end is None else end
+        raise DataError(
+            f"{self.sweep.path}: trial {trial.number} has no step {step!r}",
+            hint="the shipped procedures calibrate_*.yaml show what a calibration needs",
+        )
+
+    def signal(self, name: str, span: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+        """Return times (n,) in s since ``span`` began, and the fresh samples (n,) of a signal, SI.
+
+        Raises:
+            DataError: it was not recorded, or has no sample there.
+        """
+        stream, field = self.sweep.field(name)
+        rows = self.sweep.recording.read(stream.name, *span)
+        if stream.has_status:
+            rows = rows[rows[STATUS_FIELD] & STALE == 0]
+        if not len(rows):
+            raise DataError(f"{self.sweep.path}: {stream.name} gave no sample in a step")
+        times = (rows[TIME_FIELD] - span[0]) * 1e-9
+        return np.asarray(times), np.asarray(rows[field], dtype=np.float64)
+
+    def mean(self, name: str, span: tuple[int, int]) -> float:
+        """Return the mean of a signal over whole periods of the mains at the end of ``span``.
+
+        Raises:
+            DataError: the span holds no whole period, or no sample.
+        """
+        whole = (span[1] - span[0]) // HUM_NS * HUM_NS
+        if not whole:
+            raise DataError(
+                f"{self.sweep.path}: a step of {1e-6 * (span[1] - span[0]):.0f} ms is too short "
+                f"for a mean; it needs {1e-6 * HUM_NS:.0f} ms"
+            )
+        return float(np.mean(self.signal(name, (span[1] - whole, span[1]))[1]))
+
+    def announced(self, trial: TrialInfo, quantity: str, parameter: str) -> float:
+        """Return what was announced of ``quantity`` in ``trial``, else its ``parameter``, SI.
+
+        Raises:
+            DataError: neither is there.
+        """
+        for event in reversed(self._of(trial, "answer")):
+            given = event.data.get("answer")
+            if event.data.get("changes") == quantity and isinstance(given, int | float):
+                return float(given)
+        value = trial.parameters.get(parameter)
+        if not isinstance(value, int | float):
+            raise DataError(f"{self.sweep.path}: trial {trial.number} has no {parameter!r}")
+        return float(value)
+
+    def constant(self, name: str) -> float:
+        """Return a known quantity of the plan, the same in every trial, in SI.
+
+        Raises:
+            DataError: the plan does not have it.
+        """
+        return self.sweep.constant(self.sweep.trials[0], name)
+
+    def known(self, name: str) -> CalibratedValue:
+        """Return a value that was calibrated before.
+
+        Raises:
+            ConfigError: the calibration that the recording carries is wrong.
+            DataError: there is no such value.
+        """
+        calibration = self._calibration
+        if calibration is None or name not in calibration.values:
+            where = "the recording" if calibration is None else f"calibration {calibration.name}"
+            raise DataError(
+                f"{self.sweep.path}: {name} is needed, and {where} has none",
+                hint="calibrate it first, or give --calibration FILE",
+            )
+        return calibration.values[name]
+
+    @cached_property
+    def _calibration(self) -> Calibration | None:
+        if self.given is not None:
+            return self.given
+        attached = self.sweep.recording.attachments.get(ATTACHMENT)
+        if attached is None:
+            return None
+        text = attached.data.decode(errors="replace")
+        return parse_calibration(text, f"{self.sweep.path}:{ATTACHMENT}")
+
+    def instruments(self) -> dict[str, str]:
+        """Return what each device that gave a signal said it was, where it said so."""
+        said = {
+            name: str(identity)
+            for event in self._events
+            if event.kind == "devices"
+            for name, identity in event.data.items()
+        }
+        used = dict.fromkeys(self.sweep.field(name)[0].name for name in self.sweep.plan.signals)
+        return {name: said[name] for name in used if said.get(name)}
+
+    def _of(self, trial: TrialInfo, kind: str) -> list[Event]:
+        """Return the events of a kind in this attempt; the next trial may begin as it ends."""
+        end = self.sweep.recording.end_ns if trial.end_ns is None else trial.end_ns
+        return [
+            event
+            for event in self._events
+            if (event.kind, event.trial) == (kind, trial.number)
+            and trial.start_ns <= event.t_ns <= end
+        ]
+
+
+def steps_of(sweeps: Sequence[RecordedSweep], known: Path | None) -> Steps:
+    """Return the one recording of a calibration; ``known`` is a file of what was known before.
+
+    Raises:
+        ConfigError: the file is wrong.
+        DataError: there are several recordings.
+    """
+    if len(sweeps) > 1:
+        raise DataError(
+            f"{len(sweeps)} recordings of calibrations", hint="evaluate them one at a time"
+        )
+    (sweep,) = sweeps
+    return Steps(sweep, None if known is None else load_calibration(known))

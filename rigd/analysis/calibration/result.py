@@ -1,0 +1,72 @@
+"""What a calibration found: values, what they rest on, what is unknown, why it is refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from rigd.analysis.result import FloatArray
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """One term of an uncertainty: ``u`` is its share (k = 1), in the unit of the value."""
+
+    name: str
+    u: float
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A value in SI with the terms of its standard uncertainty (GUM, JCGM 100:2008, 5.1.2)."""
+
+    value: float
+    unit: str
+    budget: tuple[Contribution, ...]
+
+    @property
+    def u(self) -> float:
+        """Standard uncertainty (k = 1): the terms are independent."""
+        return math.hypot(*(one.u for one in self.budget))
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Points with their fit, for a person to look at: (n,) each, and what the axes are."""
+
+    title: str
+    x_label: str  #: with its unit
+    y_label: str
+    x: FloatArray
+    y: FloatArray
+    fitted: FloatArray
+
+
+@dataclass(frozen=True)
+class CalibrationResult:
+    """The outcome of one calibration.
+
+    ``refusals`` say why it is no calibration: then nothing may be taken from it. ``kept`` says of
+    values that the data do not tell, why; ``facts`` are what a person will want to read beside.
+    """
+
+    title: str
+    measured: Mapping[str, Measured]
+    facts: tuple[str, ...] = ()
+    kept: Mapping[str, str] = field(default_factory=dict)
+    series: tuple[Series, ...] = ()
+    refusals: tuple[str, ...] = ()
+
+
+def together(title: str, results: Sequence[CalibrationResult]) -> CalibrationResult:
+    """Return several results as one, which is refused where one of them is."""
+    refused = tuple(f"{one.title}: {why}" for one in results for why in one.refusals)
+    return CalibrationResult(
+        title,
+        {} if refused else {name: v for one in results for name, v in one.measured.items()},
+        tuple(fact for one in results for fact in one.facts),
+        {name: why for one in results for name, why in one.kept.items()},
+        tuple(series for one in results for series in one.series),
+        refused,
+    )

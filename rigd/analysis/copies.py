@@ -1,0 +1,86 @@
+"""The same samples twice are no new evidence: copies are refused, whatever they are called."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from rigd.analysis.source import RecordedSweep
+from rigd.model.errors import DataError
+from rigd.model.rows import TIME_FIELD
+from rigd.record import TrialInfo
+
+#: Trials that share so much of the shorter one, and differ nowhere, are one. A copy that lost a
+#: part to a power cut shares the rest; two simulations with one seed rest alike and then differ.
+SHARED: Final = 0.5
+
+
+def refuse_same_file(paths: Sequence[Path]) -> None:
+    """Refuse a file that is given twice, by whatever path.
+
+    Raises:
+        DataError: it is.
+    """
+    seen: dict[Path, Path] = {}
+    for path in paths:
+        first = seen.setdefault(path.resolve(), path)
+        if first is not path:
+            said = f"{path} is given twice" if path == first else f"{path} and {first} are one file"
+            raise DataError(said, hint="give it once: the same samples twice are no new evidence")
+
+
+def refuse_copies(sweeps: Sequence[RecordedSweep]) -> None:
+    """Refuse recordings that hold a trial in common: no two trials have the same noise.
+
+    Raises:
+        DataError: one is a copy of another, whole or in part, or an earlier state of it.
+        RecordingError: a recording is damaged.
+    """
+    for one, other in combinations(sweeps, 2):
+        for first, second in _at_the_same_time(one, other):
+            if _alike(one, first, other, second):
+                raise DataError(
+                    f"trial {second.number} of {other.path} is sample for sample trial "
+                    f"{first.number} of {one.path}",
+                    hint="one is a copy of the other, or both were simulated with the same seed: "
+                    "give one of them",
+                )
+
+
+def _at_the_same_time(
+    one: RecordedSweep, other: RecordedSweep
+) -> Iterator[tuple[TrialInfo, TrialInfo]]:
+    for first in one.info.trials:
+        for second in other.info.trials:
+            if first.start_ns < _end_ns(second) and second.start_ns < _end_ns(first):
+                yield first, second
+
+
+def _end_ns(trial: TrialInfo) -> float:
+    """Return when ``trial`` ended; one that a power cut ended is not over."""
+    return math.inf if trial.end_ns is None else trial.end_ns
+
+
+def _alike(one: RecordedSweep, first: TrialInfo, other: RecordedSweep, second: TrialInfo) -> bool:
+    """Whether all rows that both trials have at the same time are the same, and they are many."""
+    streams = {channel.partition(".")[0] for channel in one.plan.signals.values()}
+    shared = 0
+    shorter = 0
+    for name in sorted(streams & one.recording.streams.keys() & other.recording.streams.keys()):
+        rows = one.recording.read(name, first.start_ns, first.end_ns)
+        others = other.recording.read(name, second.start_ns, second.end_ns)
+        if rows.dtype != others.dtype:
+            return False
+        _, mine, theirs = np.intersect1d(
+            rows[TIME_FIELD], others[TIME_FIELD], assume_unique=True, return_indices=True
+        )
+        if rows[mine].tobytes() != others[theirs].tobytes():
+            return False
+        shared += len(mine)
+        shorter += min(len(rows), len(others))
+    return shared > SHARED * shorter

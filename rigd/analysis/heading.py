@@ -1,0 +1,101 @@
+"""The first lines of every report: what was measured on, when, by whom, and whether it is real."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from rigd.analysis.report import Heading
+from rigd.record import RunInfo
+from rigd.record.moment import VIRTUAL, Moment, is_virtual, recorded_at
+
+_DATE: Final = "%Y-%m-%d %H:%M UTC"
+_OF: Final = {"run": "", "file name": " (by its file name)", "file": " (date of the file)"}
+#: What a heading says of itself: a name of `--meta` that is one of these is marked as such.
+_OWN: Final = frozenset({"rig", "procedure", "recording", "recordings", "recorded", "operator"})
+#: So many recordings are named; of more, how many there are.
+_NAMED: Final = 6
+#: So many losses are named.
+_LOSSES: Final = 12
+
+
+def heading(infos: Sequence[RunInfo], made: datetime | None = None) -> Heading:
+    """Return the heading of a report on the recordings ``infos``, made at ``made`` (now)."""
+    return Heading(_badge(infos), tuple(_entries(infos, made)), _notes(infos), _losses(infos))
+
+
+def _badge(infos: Sequence[RunInfo]) -> str:
+    """Return in words that data are simulated; nothing where real devices gave all of them."""
+    simulated = [info for info in infos if info.mode.startswith("simulated")]
+    if not simulated:
+        return ""
+    if len(simulated) < len(infos):
+        return f"{len(simulated)} of {len(infos)} recordings SIMULATED"
+    modes = ", ".join(dict.fromkeys(info.mode for info in simulated))
+    return modes.replace("simulated", "SIMULATED")
+
+
+def _entries(infos: Sequence[RunInfo], made: datetime | None) -> Iterable[tuple[str, str]]:
+    named = [info.path.name for info in infos]
+    files = ", ".join(named) if len(named) <= _NAMED else f"{len(named)}, named under Provenance"
+    several = len(infos) > 1
+    yield from _said("Rig", (info.rig for info in infos))
+    yield from _said("Procedure", (info.procedure for info in infos))
+    yield ("Recordings" if several else "Recording", files)
+    yield from _said("Recorded", (_recorded(info) for info in infos))
+    yield from _said("Operator", (_operator(info) for info in infos))
+    keys = dict.fromkeys(key for info in infos for key in info.metadata.get("meta", {}))
+    for key in keys:
+        name = f"{key} (--meta)" if key.casefold() in _OWN else key
+        yield from _said(name, (info.metadata.get("meta", {}).get(key, "") for info in infos))
+    yield "Report made", (made or datetime.now(UTC)).astimezone(UTC).strftime(_DATE)
+
+
+def _said(name: str, texts: Iterable[str]) -> Iterable[tuple[str, str]]:
+    """Yield what the recordings say, each text once; nothing where none says anything."""
+    found = [text for text in dict.fromkeys(texts) if text]
+    if found:
+        shown = "; ".join(found) if len(found) <= _NAMED else f"{found[0]} … {found[-1]}"
+        yield name, shown
+
+
+def _recorded(info: RunInfo) -> str:
+    try:
+        moment: Moment = recorded_at(info)
+    except OSError:
+        return ""
+    text = f"{moment.at.astimezone(UTC).strftime(_DATE)}{_OF[moment.of]}"
+    if not is_virtual(info):
+        return text
+    return f"{text}; {VIRTUAL} from {info.started[:10]}"
+
+
+def _operator(info: RunInfo) -> str:
+    first = info.metadata.get("run", {}).get("operator", "")
+    second = info.metadata.get("resumed", {}).get("operator", "")
+    if second and second != first:
+        return f"{first or 'not named'}, resumed by {second}"
+    return first
+
+
+def _losses(infos: Sequence[RunInfo]) -> tuple[str, ...]:
+    """Return what is lost, without folders: a page may be sent to others."""
+    named = [replace(info, path=Path(info.path.name)) for info in infos]
+    losses = [text for info in named for text in info.losses]
+    if len(losses) > _LOSSES:
+        more = f"and {len(losses) - _LOSSES} more: `rigd verify` lists them"
+        return (*losses[:_LOSSES], more)
+    return tuple(losses)
+
+
+def _notes(infos: Sequence[RunInfo]) -> tuple[str, ...]:
+    notes = []
+    for info in infos:
+        for part in ("run", "resumed"):
+            text = info.metadata.get(part, {}).get("note", "")
+            if text:
+                notes.append(f"{info.path.name}: {text}" if len(infos) > 1 else text)
+    return tuple(notes)

@@ -1,0 +1,71 @@
+"""Where the numbers of a report come from: the files, what they say of themselves, the software."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from shlex import quote
+
+from rigd import __version__
+from rigd.analysis.heading import heading
+from rigd.analysis.report import Attachment, Facts, Provenance
+from rigd.analysis.source import RecordedSweep
+from rigd.record import Recording, RunInfo
+
+
+def provenance(
+    sweeps: Sequence[RecordedSweep],
+    trials_used: Sequence[int],
+    identification: Mapping[str, str],
+    further: Sequence[Mapping[str, str]] = (),
+) -> Provenance:
+    """Return the provenance of what was identified from ``sweeps``.
+
+    ``trials_used`` counts those of each recording, ``further`` has more to say of each;
+    ``identification`` is how it was done.
+    """
+    more = further or [{} for _ in sweeps]
+    facts = [
+        facts_of(
+            sweep.info,
+            {
+                "trials used": str(used),
+                **extra,
+                "what was recorded": f"rigd report {quote(sweep.path.name)} draws it",
+            },
+        )
+        for sweep, used, extra in zip(sweeps, trials_used, more, strict=True)
+    ]
+    facts.append(Facts("Identification", {"rigd": __version__, **identification}))
+    recordings = [sweep.recording for sweep in sweeps]
+    top = heading([sweep.info for sweep in sweeps])
+    return Provenance(tuple(facts), attachments_of(recordings), top)
+
+
+def facts_of(info: RunInfo, further: Mapping[str, str]) -> Facts:
+    """Return what a recording says of itself, with the digest of its file."""
+    return Facts(
+        info.path.name,
+        {
+            "sha256": _sha256(info.path),
+            **{name: value for name, value in info.metadata.get("run", {}).items() if value},
+            **{f"parameter {name}": value for name, value in info.parameters.items()},
+            "state": info.state,
+            **further,
+        },
+    )
+
+
+def attachments_of(recordings: Sequence[Recording]) -> tuple[Attachment, ...]:
+    """Return each attached file once, however many recordings have it."""
+    texts: dict[bytes, str] = {}
+    for recording in recordings:
+        for name, one in recording.attachments.items():
+            texts.setdefault(one.data, name)
+    return tuple(Attachment(name, data.decode(errors="replace")) for data, name in texts.items())
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

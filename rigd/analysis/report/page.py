@@ -1,0 +1,65 @@
+"""The page around the view: templates, style sheet, and the filters they use."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from shlex import quote
+from typing import Final
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from rigd.analysis.report.palette import style_sheet_variables
+from rigd.analysis.report.plots.axes import unit_text, words
+from rigd.analysis.report.rounding import number, probability
+from rigd.analysis.report.section import Provenance
+from rigd.model.about import visible
+
+_TEMPLATES: Final = Path(__file__).parent / "templates"
+_SUBSCRIPT: Final = re.compile(r"_(\w+)")
+
+
+def fill_template(
+    name: str, view: object, provenance: Provenance, title: str, folder: Path | None = None
+) -> str:
+    """Return the HTML page that template ``name`` makes of ``view``.
+
+    ``folder`` has the templates of an analysis; they may use the shared ones here.
+    Every text of the user's is escaped.
+    """
+    environment = Environment(
+        loader=FileSystemLoader([_TEMPLATES] if folder is None else [folder, _TEMPLATES]),
+        autoescape=True,
+        finalize=_visible,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters.update(
+        unit=unit_text,
+        words=words,
+        subscripts=subscripts,
+        number=number,
+        probability=probability,
+        quoted=quote,
+    )
+    # The style sheet is ours and holds quotation marks: it must not be escaped.
+    style = (_TEMPLATES / "report.css").read_text(encoding="utf-8")
+    return environment.get_template(name).render(
+        title=title,
+        view=view,
+        provenance=provenance,
+        style=Markup(style_sheet_variables() + style),
+    )
+
+
+def _visible(value: object) -> object:
+    """Return what stands on the page for a value: a text turns no line, whoever wrote it."""
+    return visible(value) if type(value) is str else value
+
+
+def subscripts(symbol: str) -> Markup:
+    """Return a symbol such as ``σ_1 + σ_2`` with what follows an underscore set low."""
+    return Markup(_SUBSCRIPT.sub(r"<sub>\1</sub>", str(escape(symbol))))

@@ -1,0 +1,181 @@
+"""What the template shows: the results turned into rows, sentences and drawings.
+
+Importing this module imports matplotlib; :mod:`rigd.analysis.report.render` does so only when a
+report is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from rigd.analysis.report.comparison import Comparison, comparison
+from rigd.analysis.report.layout import Panel, featured, names_condition, panels
+from rigd.analysis.report.plots import correlation, profile, residual, trial
+from rigd.analysis.report.plots.axes import words
+from rigd.analysis.report.rounding import count, interval, number
+from rigd.analysis.report.section import ReportSection
+from rigd.analysis.report.starts import StartTable, start_table
+from rigd.analysis.report.summary import SummaryRow, summary_rows
+from rigd.analysis.report.svg import Drawing, draw
+from rigd.analysis.result import IdentificationResult, Profile, TrialFit
+
+
+@dataclass(frozen=True)
+class TrialView:
+    """One trial: a line for its closed state, a drawing for its open one."""
+
+    label: str
+    quality: str
+    drawing: Drawing
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """All about one section."""
+
+    anchor: str
+    label: str
+    reference_label: str
+    result: IdentificationResult
+    rows: tuple[SummaryRow, ...]
+    facts: tuple[tuple[str, str], ...]
+    small_multiples: Drawing | None
+    featured: TrialView | None
+    trials: tuple[TrialView, ...]
+    residuals: tuple[Drawing, ...]
+    profiles: Drawing | None
+    correlation: Drawing | None
+    starts: StartTable | None
+
+
+@dataclass(frozen=True)
+class View:
+    """The whole report."""
+
+    comparison: Comparison
+    chapters: tuple[Chapter, ...]
+
+
+def build_view(sections: Sequence[ReportSection]) -> View:
+    """Return the view of ``sections``; call within :func:`..svg.drawing_style`."""
+    chapters = tuple(_chapter(f"s{i}", section) for i, section in enumerate(sections, start=1))
+    return View(comparison(sections), chapters)
+
+
+def _chapter(anchor: str, section: ReportSection) -> Chapter:
+    result = section.result
+    shared = panels(result.trials)
+    views = tuple(
+        _trial_view(f"{anchor}-t{i}", one, shared) for i, one in enumerate(result.trials, start=1)
+    )
+    large = featured(result.trials) if result.trials else None
+    chosen = next((i for i, one in enumerate(result.trials) if one is large), None)
+    return Chapter(
+        anchor=anchor,
+        label=section.label,
+        reference_label=section.reference_label,
+        result=result,
+        rows=summary_rows([section]),
+        facts=_facts(result),
+        small_multiples=_small_multiples(anchor, result),
+        featured=None if chosen is None else views[chosen],
+        trials=tuple(view for i, view in enumerate(views) if i != chosen),
+        residuals=_residuals(anchor, result),
+        profiles=_profiles(anchor, result.profiles, _symbols(result)),
+        correlation=_correlation(anchor, result),
+        starts=start_table(result),
+    )
+
+
+def _facts(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
+    return (
+        ("Model", result.model),
+        ("Method", result.method),
+        ("Confidence of all intervals", f"{100 * result.confidence:g} %"),
+        ("Samples in the fit", count(result.samples)),
+        ("Worth as many independent samples", count(result.effective_samples)),
+        ("Widening of errors by coloured residuals", f"× {number(result.inflation)}"),
+        ("Cost at the minimum", number(result.cost)),
+        ("Range visited", result.visited),
+    )
+
+
+def _trial_view(name: str, one: TrialFit, shared: Sequence[Panel]) -> TrialView:
+    used = int(one.used.sum())
+    condition = "" if names_condition(one) else f"{one.condition}: "
+    quality = (
+        f"{condition}RMS {number(one.rms, digits=3)} {one.unit}, R² {number(one.r_squared, 3)}, "
+        f"{used} of {one.used.size} samples used"
+    )
+    signals = ", ".join(words(signal) for panel in shared for signal in panel.names)
+    alt = (
+        f"Trial {one.label}: {signals or 'no signals'}; measured and fitted {words(one.output)} "
+        f"and their difference over time; {quality}."
+    )
+    drawing = draw(trial.one_trial(one, shared), name, alt)
+    return TrialView(one.label, quality, drawing)
+
+
+def _symbols(result: IdentificationResult) -> dict[str, str]:
+    return {p.name: p.symbol for p in (*result.parameters, *result.derived)}
+
+
+def _small_multiples(anchor: str, result: IdentificationResult) -> Drawing | None:
+    if not result.trials:
+        return None
+    output = words(result.trials[0].output)
+    alt = f"Measured and fitted {output} over time for each of {len(result.trials)} trials."
+    caption = "Shaded: samples that did not enter the fit. All axes have the same scale."
+    return draw(trial.small_multiples(result.trials), f"{anchor}-all", alt, caption)
+
+
+def _residuals(anchor: str, result: IdentificationResult) -> tuple[Drawing, ...]:
+    if not result.trials:
+        return ()
+    failed = [test.name for test in result.residual_tests if not test.passed]
+    words_of_tests = f"Tests not passed: {', '.join(failed)}." if failed else "All tests passed."
+    return (
+        draw(
+            residual.over_time(result.trials),
+            f"{anchor}-residual",
+            f"Residuals of all {len(result.trials)} trials over time, end to end.",
+            "Dotted lines separate trials; gaps are samples that did not enter the fit.",
+        ),
+        draw(
+            residual.distribution(result.trials, result.autocorrelation),
+            f"{anchor}-distribution",
+            f"Histogram, normal quantile plot and autocorrelation of the residuals. "
+            f"{words_of_tests}",
+        ),
+    )
+
+
+def _profiles(anchor: str, found: Sequence[Profile], symbols: Mapping[str, str]) -> Drawing | None:
+    if not found:
+        return None
+    said = "; ".join(f"{p.name} {interval(p.low, p.high)} {p.unit}" for p in found)
+    caption = (
+        "Each parameter is held while the others are refitted. Dashed: threshold of the "
+        "confidence. Shaded: interval; it runs to the end of the grid where the profile never "
+        "crosses the threshold, and the data then leave that side open."
+    )
+    figure = profile.profiles(found, symbols)
+    return draw(figure, f"{anchor}-profile", f"Profile likelihoods: {said}.", caption)
+
+
+def _correlation(anchor: str, result: IdentificationResult) -> Drawing | None:
+    symbols = _symbols(result)
+    names = [symbols.get(name, name) for name in result.correlation_names]
+    if len(names) < 2:
+        return None
+    strongest = max(
+        ((i, j) for i in range(len(names)) for j in range(i)),
+        key=lambda pair: abs(result.correlation[pair]),
+    )
+    alt = (
+        f"Correlation matrix of {', '.join(names)}; the strongest is "
+        f"{number(float(result.correlation[strongest]), 2)} between {names[strongest[1]]} and "
+        f"{names[strongest[0]]}."
+    )
+    return draw(correlation.correlation(names, result.correlation), f"{anchor}-rho", alt, alt)

@@ -1,0 +1,241 @@
+"""The samples of a run, thinned attempt by attempt: memory holds one piece of one stream."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd.analysis.report.trace import COLUMNS, thin
+from rigd.analysis.resample import stale_rows
+from rigd.model.channels import STATUS_FIELD, Stream
+from rigd.model.rows import TIME_FIELD
+from rigd.record import Recording, Step
+
+FloatArray = NDArray[np.float64]
+
+#: Rows of a stream that are in memory at once: 100 MB of 12 channels.
+PIECE_ROWS: Final = 1_000_000
+#: A stream of the engine about its own cycle, no device: what it says stands in words.
+CYCLE: Final = "cycle"
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One attempt at a trial, or the whole recording where no trial began; ns since 1970."""
+
+    index: int
+    start_ns: int
+    end_ns: int
+
+    @property
+    def seconds(self) -> float:
+        """How long it took."""
+        return (self.end_ns - self.start_ns) * 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """A channel in one attempt: (n,) s since it began, (n,) values in the channel's unit."""
+
+    t_s: FloatArray
+    values: FloatArray
+
+
+@dataclass(eq=False)
+class Band:
+    """Least and greatest value of a channel in each column of time, over several attempts."""
+
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def empty(cls) -> Band:
+        """Return a band that nothing has entered."""
+        return cls(np.full(COLUMNS, math.nan), np.full(COLUMNS, math.nan))
+
+    def enter(self, columns: NDArray[np.intp], values: FloatArray) -> None:
+        """Take in ``values`` (n,) that stand in ``columns`` (n,), ascending."""
+        first = np.flatnonzero(np.diff(columns, prepend=-1))
+        at = columns[first]
+        self.low[at] = np.fmin(self.low[at], np.fmin.reduceat(values, first))
+        self.high[at] = np.fmax(self.high[at], np.fmax.reduceat(values, first))
+
+
+@dataclass(frozen=True)
+class SharedTime:
+    """The time that all attempts have in common: it begins ``since`` something in each of them.
+
+    ``origins_s`` is when, in s after the attempt began; ``seconds`` is how long it lasts at most.
+    """
+
+    since: str
+    origins_s: Mapping[int, float]
+    seconds: float
+
+    @property
+    def column_s(self) -> float:
+        """The width of a band's column in s."""
+        return self.seconds / COLUMNS
+
+
+@dataclass
+class Samples:
+    """What was gathered: traces of the attempts to draw, bands by group, extremes, stale rows.
+
+    Channels are named ``device.channel``. Traces count from the beginning of their attempt, bands
+    from that of the shared time.
+    """
+
+    time: SharedTime
+    traces: dict[int, dict[str, Trace]] = field(default_factory=dict)
+    bands: dict[int, dict[str, Band]] = field(default_factory=dict)
+    extremes: dict[str, tuple[float, float]] = field(default_factory=dict)
+    stale: dict[int, int] = field(default_factory=dict)
+
+
+def shared_time(
+    attempts: Sequence[Attempt], played: Sequence[Step], during: Collection[str]
+) -> SharedTime:
+    """Return the shared time of ``attempts``.
+
+    Where a stream was recorded during named steps only (``during``), what matters happens in them:
+    the time is that from the first of them to the end of the last. Before them a person may have
+    taken any time.
+    """
+    longest = max((one.seconds for one in attempts), default=0.0) or 1.0
+    origins: dict[int, float] = {}
+    seconds, name = 0.0, ""
+    for one in attempts:
+        inside = [
+            step
+            for step in played
+            if step.name in during and one.start_ns <= step.start_ns < one.end_ns
+        ]
+        if not inside:
+            continue
+        name = name or inside[0].name
+        origins[one.index] = (inside[0].start_ns - one.start_ns) * 1e-9
+        last_ns = min(inside[-1].end_ns or one.end_ns, one.end_ns)
+        seconds = max(seconds, (last_ns - inside[0].start_ns) * 1e-9)
+    if seconds <= 0.0:
+        return SharedTime("the trial began", {one.index: 0.0 for one in attempts}, longest)
+    return SharedTime(f"{name!r} began", origins, seconds)
+
+
+def gather(
+    recording: Recording,
+    attempts: Sequence[Attempt],
+    time: SharedTime,
+    groups: Mapping[int, int],
+    draw: Mapping[int, int],
+) -> Samples:
+    """Return the samples of ``attempts``.
+
+    Args:
+        recording: where they stand.
+        attempts: in the order they began.
+        time: what the bands count from.
+        groups: attempt to the group whose band it enters; attempts that are not in it enter none.
+        draw: attempt to the number of columns that its traces have.
+
+    Raises:
+        RecordingError: a chunk cannot be read.
+    """
+    samples = Samples(time)
+    lost: dict[str, list[int]] = {}
+    for gap in recording.gaps:
+        lost.setdefault(gap.stream, []).append(gap.start_ns)
+    for attempt in attempts:
+        for stream in shown_streams(recording):
+            for rows, share in _pieces(recording, stream.name, attempt):
+                columns = share * draw.get(attempt.index, 0)
+                _take(samples, attempt, stream, rows, groups, columns, lost.get(stream.name, []))
+    return samples
+
+
+def shown_streams(recording: Recording) -> list[Stream]:
+    """Return the streams of the devices, as they stand in the recording."""
+    return [one for one in recording.streams.values() if one.name != CYCLE]
+
+
+def _pieces(
+    recording: Recording, stream: str, attempt: Attempt
+) -> Iterator[tuple[NDArray[np.void], float]]:
+    """Yield the rows of a stream in an attempt, and which share of its time each piece is."""
+    span = recording.span_ns(stream)
+    if span is None or attempt.end_ns <= attempt.start_ns:
+        return
+    dense = recording.count(stream) / max(span[1] - span[0], 1)
+    # Streams that are recorded during named steps only are denser there than on the whole.
+    rows = min(2.0 * dense * (attempt.end_ns - attempt.start_ns), recording.count(stream))
+    pieces = max(1, math.ceil(rows / PIECE_ROWS))
+    edges = np.linspace(attempt.start_ns, attempt.end_ns, pieces + 1).astype(np.int64)
+    for first, last in itertools.pairwise(edges.tolist()):
+        found = recording.read(stream, first, last)
+        if len(found):
+            yield found, 1.0 / pieces
+
+
+def _take(
+    samples: Samples,
+    attempt: Attempt,
+    stream: Stream,
+    rows: NDArray[np.void],
+    groups: Mapping[int, int],
+    columns: float,
+    lost_ns: Sequence[int],
+) -> None:
+    if stream.has_status:
+        late = int(np.count_nonzero(stale_rows(rows[STATUS_FIELD])))
+        samples.stale[attempt.index] = samples.stale.get(attempt.index, 0) + late
+    since_ns = rows[TIME_FIELD].astype(np.int64) - attempt.start_ns
+    t_s: FloatArray = since_ns.astype(np.float64) * 1e-9
+    origin_s = samples.time.origins_s.get(attempt.index)
+    grouped = attempt.index in groups and origin_s is not None
+    place = np.floor((t_s - (origin_s or 0.0)) / samples.time.column_s).astype(np.intp)
+    # Times ascend within a stream, also over a device that sends a block late.
+    inside = slice(*np.searchsorted(place, (0, COLUMNS)))
+    for channel in stream.channels:
+        if channel.raw_of is not None:
+            continue
+        name, values = f"{stream.name}.{channel.name}", np.ascontiguousarray(rows[channel.name])
+        _widen(samples.extremes, name, values)
+        if grouped and place[inside].size:
+            band = samples.bands.setdefault(groups[attempt.index], {})
+            band.setdefault(name, Band.empty()).enter(place[inside], values[inside])
+        if columns:
+            trace = Trace(*thin(t_s, values, max(1, math.ceil(columns))))
+            trace = _broken(trace, [(ns - attempt.start_ns) * 1e-9 for ns in lost_ns])
+            traces = samples.traces.setdefault(attempt.index, {})
+            traces[name] = _joined(traces.get(name), trace)
+
+
+def _widen(extremes: dict[str, tuple[float, float]], name: str, values: FloatArray) -> None:
+    finite = values[np.isfinite(values)]
+    if finite.size:
+        low, high = extremes.get(name, (math.inf, -math.inf))
+        extremes[name] = (min(low, float(finite.min())), max(high, float(finite.max())))
+
+
+def _broken(trace: Trace, gaps_s: Sequence[float]) -> Trace:
+    """Return the trace with a break where rows are lost: no line is drawn over what is unknown."""
+    inside = [at for at in gaps_s if trace.t_s[0] <= at <= trace.t_s[-1]]
+    if not inside:
+        return trace
+    places = np.searchsorted(trace.t_s, inside, side="right")
+    t_s = np.insert(trace.t_s, places, inside)
+    return Trace(t_s, np.insert(trace.values, places, math.nan))
+
+
+def _joined(before: Trace | None, trace: Trace) -> Trace:
+    if before is None:
+        return trace
+    return Trace(
+        np.concatenate([before.t_s, trace.t_s]), np.concatenate([before.values, trace.values])
+    )

@@ -1,0 +1,228 @@
+"""Recordings as an identification needs them: a plan, and trials with aligned signals."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from shlex import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd.analysis.resample import bridge, grid, means_around, on_grid, period_ns, stale_rows
+from rigd.model.channels import STATUS_FIELD, Stream
+from rigd.model.errors import DataError
+from rigd.model.rows import TIME_FIELD
+from rigd.model.units import Quantity, parse_unit
+from rigd.procedure.program import IdentifyPlan
+from rigd.record import Recording, RunInfo, TrialInfo, run_info
+
+FloatArray = NDArray[np.float64]
+
+
+class Unusable(DataError):
+    """Too many samples of one trial are missing or late; others may be well."""
+
+
+@dataclass(frozen=True)
+class RecordedSweep:
+    """One recording with what it says about its own identification."""
+
+    recording: Recording
+    info: RunInfo
+    plan: IdentifyPlan
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.recording.path
+
+    @property
+    def trials(self) -> tuple[TrialInfo, ...]:
+        """The trials that were completed, in the order of the sweep."""
+        complete = [trial for trial in self.info.trials if trial.complete]
+        return tuple(sorted(complete, key=lambda trial: trial.number))
+
+    def parameter(self, trial: TrialInfo, name: str) -> str:
+        """Return a parameter of ``trial`` as a person writes it.
+
+        Raises:
+            DataError: neither the trial nor the run has it.
+        """
+        if name in trial.parameters:
+            value, unit = trial.parameters[name], trial.units.get(name)
+            if isinstance(value, str | bool) or unit is None:
+                return str(value)
+            return str(Quantity(float(value), parse_unit(unit)))
+        if name in self.info.parameters:
+            return self.info.parameters[name]
+        raise DataError(f"{self.path}: there is no parameter {name!r} to group by")
+
+    def constant(self, trial: TrialInfo, name: str) -> float:
+        """Return a known quantity of the model in SI, as it was in ``trial``.
+
+        Raises:
+            DataError: the plan does not have it, or it follows a parameter the trial lacks.
+        """
+        value = self.plan.constants.get(name)
+        if isinstance(value, str):  # it follows a swept parameter
+            value = trial.parameters.get(value)
+        if not isinstance(value, int | float):
+            raise DataError(
+                f"{self.path}: the constant {name!r} is not known",
+                hint="give it under `identify: constants:` in the procedure",
+            )
+        return float(value)
+
+    def reference(self, trial: TrialInfo) -> dict[str, float]:
+        """Return the published values of the model's parameters that belong to ``trial``."""
+        choices = {value for value in trial.parameters.values() if isinstance(value, str)}
+        return {
+            name.rpartition(".")[2]: value
+            for name, value in self.plan.reference.items()
+            if "." not in name or name.rpartition(".")[0] in choices
+        }
+
+    def signals(self, trial: TrialInfo) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """Return time in s since the trial began (n,) and every signal of the plan (n,), SI.
+
+        All stand at regular times, those of the slowest stream. One with other times must be
+        sampled at least twice as fast: it is brought there by the mean of its samples within half
+        a period around each. A few samples that are missing, or repeat an earlier one as the
+        device was late, are bridged by straight lines (see :meth:`bridged`).
+
+        Raises:
+            DataError: a stream or channel that the plan names is not in the recording.
+            Unusable: too many samples of this trial are missing or late.
+        """
+        plan = {name: self.field(name) for name in self.plan.signals}
+        if not plan:
+            raise DataError(f"{self.path}: its plan of identification names no signals")
+        rows = {stream.name: self._rows(stream.name, trial) for stream, _ in plan.values()}
+        slowest = min(rows, key=lambda name: len(rows[name]))
+        with self._telling(slowest, trial):
+            times = grid(rows[slowest][TIME_FIELD])
+        columns: dict[str, FloatArray] = {}
+        for signal, (stream, field) in plan.items():
+            fresh = rows[stream.name][~_stale(stream, rows[stream.name])]
+            with self._telling(stream.name, trial):
+                if on_grid(times, fresh[TIME_FIELD]):
+                    columns[signal] = bridge(times, fresh[TIME_FIELD], fresh[field])
+                else:
+                    columns[signal] = self._means(stream, field, times)
+        return (times - times[0]) * 1e-9, columns
+
+    def _rows(self, stream: str, trial: TrialInfo) -> NDArray[np.void]:
+        rows: NDArray[np.void] = self.recording.read(stream, trial.start_ns, trial.end_ns)
+        if not len(rows):
+            raise DataError(f"{self.path}: stream {stream!r} has no sample in trial {trial.number}")
+        return rows
+
+    def bridged(self, trial: TrialInfo) -> int:
+        """Return how many rows of the plan's streams are missing or late in ``trial``."""
+        count = 0
+        for name in {self.field(signal)[0].name for signal in self.plan.signals}:
+            rows = self._rows(name, trial)
+            late = int(np.count_nonzero(_stale(self.recording.streams[name], rows)))
+            count += late + len(grid(rows[TIME_FIELD])) - len(rows)
+        return count
+
+    def _means(self, stream: Stream, field: str, times: NDArray[np.int64]) -> FloatArray:
+        """Return the means of a faster stream around ``times``."""
+        around = round(period_ns(times))
+        rows = self.recording.read(stream.name, int(times[0]) - around, int(times[-1]) + around)
+        fresh = rows[~_stale(stream, rows)]
+        return means_around(times, fresh[TIME_FIELD], np.ascontiguousarray(fresh[field]))
+
+    @contextmanager
+    def _telling(self, stream: str, trial: TrialInfo) -> Iterator[None]:
+        """Say of which stream and trial an error is."""
+        try:
+            yield
+        except DataError as error:
+            raise Unusable(
+                f"{self.path}: in trial {trial.number}, stream {stream!r} does not fit the others: "
+                f"{error.message}",
+                hint="samples are missing or decimated: record all streams of the model whole; "
+                "repeat the trial where a device was late",
+            ) from error
+
+    def field(self, signal: str) -> tuple[Stream, str]:
+        """Return the stream and the channel of it that give a signal of the plan.
+
+        Raises:
+            DataError: the plan does not name it, or it was not recorded.
+        """
+        channel = self.plan.signals.get(signal)
+        if channel is None:
+            raise DataError(
+                f"{self.path}: its plan of identification names no signal {signal!r}",
+                hint="give it under `identify: signals:` in the procedure",
+            )
+        device, _, field = channel.partition(".")
+        stream = self.recording.streams.get(device)
+        if stream is None:
+            raise DataError(
+                f"{self.path}: signal {signal!r} needs the stream {device!r}, "
+                f"which was not recorded (there are: {', '.join(self.recording.streams)})",
+                hint=f"add {device} to `record` in the procedure and run it again",
+            )
+        if field not in {one.name for one in stream.channels}:
+            raise DataError(f"{self.path}: stream {device!r} has no channel {field!r}")
+        return stream, field
+
+
+def _stale(stream: Stream, rows: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Return which rows repeat an earlier one; none of a stream without a status word."""
+    return stale_rows(rows[STATUS_FIELD]) if stream.has_status else np.zeros(len(rows), np.bool_)
+
+
+def _damaged(recording: Recording) -> str:
+    if not recording.problem:
+        return ""
+    path = quote(str(recording.path))
+    return f"; it is damaged ({recording.problem}): see `rigd verify {path}`, `rigd recover {path}`"
+
+
+def open_sweep(path: Path) -> RecordedSweep:
+    """Return the recording at ``path`` with its plan of identification.
+
+    What is damaged is passed over: ``info.losses`` says what, and a trial that lost rows of a
+    stream with a signal of the plan is not complete.
+
+    Raises:
+        RecordingError: the file cannot be read; the message says what to do.
+        DataError: it is no recording of a procedure that identifies anything, or no trial of it
+            began.
+    """
+    recording = Recording.open(path, partial=True)
+    plan = recording.metadata.get("identify")
+    if plan is None:
+        raise DataError(
+            f"{path} does not say what to identify" + _damaged(recording),
+            hint="the procedure needs an `identify` block; `rigd info` shows what the file holds",
+        )
+    signals: dict[str, str] = json.loads(plan["signals"])
+    needed = {channel.partition(".")[0] for channel in signals.values()}
+    trials = tuple(trial.info for trial in recording.trials_for(needed))
+    sweep = RecordedSweep(
+        recording,
+        replace(run_info(recording), trials=trials),
+        IdentifyPlan(
+            model=plan["model"],
+            signals=signals,
+            constants=json.loads(plan["constants"]),
+            group_by=tuple(json.loads(plan["group_by"])),
+            reference=json.loads(plan.get("reference", "{}")),
+            reference_label=plan.get("reference_label", ""),
+        ),
+    )
+    if not sweep.info.trials:
+        raise DataError(
+            f"{path} has no trial" + _damaged(recording),
+            hint=f"`rigd run --resume {quote(str(path))}` plays the missing ones",
+        )
+    return sweep

@@ -1,5 +1,0 @@
-"""Recordings to arrays to an identification to a report.
-
-Import :mod:`rigd.evaluate.evaluation` to evaluate, :mod:`rigd.evaluate.models` for what each model
-needs; this package itself imports nothing, so that checking a plan stays fast.
-"""

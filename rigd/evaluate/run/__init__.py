@@ -1,5 +1,0 @@
-"""What a recording shows by itself: the report of a run, with or without an identification."""
-
-from rigd.evaluate.run.report import Selection, parse_selection, run_report
-
-__all__ = ["Selection", "parse_selection", "run_report"]

@@ -1,1 +1,0 @@
-"""Arrays in, parameters with uncertainties out."""

@@ -1,1 +1,0 @@
-"""Calibration measurements to calibrated values with standard uncertainties, or to a refusal."""

@@ -1,0 +1,180 @@
+"""Friction of rails and bearings: recovered with its interval; what is not known is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rigd.analysis.calibration.result import together
+from rigd_analyses.approach_angle.calibration.bearings import (
+    BearingBench,
+    Spin,
+    calibrate_bearings,
+    steady_turning,
+)
+from rigd_analyses.approach_angle.calibration.rails import (
+    Push,
+    RailBench,
+    calibrate_rails,
+    coast_of,
+)
+
+RAILS = RailBench(
+    mass_kg=3.0, u_mass=0.003, gravity=9.81, u_platform_scale=0.002, rail_load=0.01,
+    u_rail_load=0.003,
+)  # fmt: skip
+BEARINGS = BearingBench(torque_scale=2.04, u_torque_scale=0.0027, inertia=4e-4)
+SPEEDS = (0.25, 0.3, 0.35, 0.4, 0.45)
+#: Of the rails: constant, per load, per speed.
+CONSTANT, LOAD, VISCOUS = 0.6, 0.01, 0.3
+BRAKE = CONSTANT + LOAD * 3.0 * 9.81
+
+
+def push(speed: float, random: np.random.Generator, phase: float = 1.0) -> Push:
+    """Return 0.3 s at rest, then the exact answer of m dv/dt = -A - B v, as a pot sees it."""
+    step, rate = 0.01, VISCOUS / 3.0
+    t = step * np.arange(300, dtype=np.float64)
+    end = np.log1p(speed * VISCOUS / BRAKE) / rate
+    since = np.clip(t - 0.3, 0.0, end)
+    limit = BRAKE / VISCOUS
+    x = (speed + limit) * -np.expm1(-rate * since) / rate - limit * since
+    turned = (x + 0.09 + 5e-4 * random.normal()) / 0.015
+    seen = 0.015 * (turned + 8e-3 * np.sin(turned + phase)) + 3e-5 * random.normal(size=len(t))
+    return Push(t, np.asarray(seen, np.float64))
+
+
+def pushes(seed: int, sign: float = 1.0) -> list[Push]:
+    random = np.random.default_rng(seed)
+    phase = float(random.uniform(0.0, 2 * np.pi))
+    found = [push(speed, random, phase) for speed in SPEEDS * 2]
+    return [Push(one.t_s, sign * one.x_m) for one in found]
+
+
+def test_rails_are_recovered_with_their_interval() -> None:
+    scores = []
+    for seed in range(40):
+        measured = calibrate_rails(pushes(seed), replace(RAILS, u_rail_load=0.0)).measured
+        constant, viscous = measured["rail_constant"], measured["rail_viscous"]
+        scores.append(
+            [(constant.value - CONSTANT) / constant.u, (viscous.value - VISCOUS) / viscous.u]
+        )
+        assert constant.u < 0.02
+        assert viscous.u < 0.06
+    assert np.all(np.mean(np.abs(scores) < 2.0, axis=0) >= 0.9)
+
+
+def test_a_push_the_other_way_gives_the_same() -> None:
+    there, back = (calibrate_rails(pushes(5, sign), RAILS).measured for sign in (1.0, -1.0))
+    for name in there:
+        assert back[name].value == pytest.approx(there[name].value, rel=1e-9)
+
+
+def test_the_share_of_the_load_is_taken_out_and_said_to_be_unmeasured() -> None:
+    result = calibrate_rails(pushes(1), RAILS)
+    other = calibrate_rails(pushes(1), replace(RAILS, rail_load=0.0))
+    difference = other.measured["rail_constant"].value - result.measured["rail_constant"].value
+    assert difference == pytest.approx(0.01 * 3.0 * 9.81)
+    assert result.measured["rail_constant"].u == pytest.approx(0.003 * 3.0 * 9.81, rel=0.02)
+    assert "cannot tell it from rail_constant" in result.kept["rail_load"]
+
+
+def test_a_coast_begins_when_the_hand_lets_go_and_ends_before_the_stop() -> None:
+    coast = coast_of(push(0.4, np.random.default_rng(2)))
+    assert coast is not None
+    assert coast.t_s[0] == 0.0
+    assert 0.7 < coast.t_s[-1] < 1.1
+    still = Push(np.linspace(0, 1, 101), np.zeros(101))
+    assert coast_of(still) is None
+
+
+def test_too_few_pushes_and_a_bumper_are_refused() -> None:
+    (reason,) = calibrate_rails(pushes(1)[:3], RAILS).refusals
+    assert "4 pushes are needed" in reason
+    hit = [
+        Push(one.t_s, np.minimum(one.x_m, 0.6 * one.x_m.max()) + 0.02 * (one.t_s > 1.0))
+        for one in pushes(1)
+    ]
+    assert calibrate_rails(hit, RAILS).refusals
+
+
+def test_rails_lighter_than_their_known_share_are_refused() -> None:
+    (reason,) = calibrate_rails(pushes(1), replace(RAILS, rail_load=0.05)).refusals
+    assert "is the wheel lifted" in reason
+
+
+def spins(seed: int, constant: float = 0.012, viscous: float = 2e-4) -> list[Spin]:
+    random = np.random.default_rng(seed)
+    found = []
+    for speed in (6.0, 10.0, 17.0, 24.0) * 4:
+        acceleration = 0.1 * random.normal()
+        torque = constant + viscous * speed + BEARINGS.inertia * acceleration
+        volts = torque / BEARINGS.torque_scale + 2.4e-4 * random.normal()
+        found.append(Spin(volts, speed, acceleration, 1.4))
+    return found
+
+
+def test_bearings_are_recovered_with_their_interval() -> None:
+    scores = []
+    for seed in range(60):
+        measured = calibrate_bearings(spins(seed), BEARINGS).measured
+        constant, viscous = measured["bearing_constant"], measured["bearing_viscous"]
+        scores.append([(constant.value - 0.012) / constant.u, (viscous.value - 2e-4) / viscous.u])
+    assert np.all(np.mean(np.abs(scores) < 2.0, axis=0) >= 0.9)
+
+
+def test_torque_that_still_accelerates_the_wheel_is_not_put_down_to_its_bearings() -> None:
+    steady, gaining = (
+        [
+            Spin((0.012 + 2e-4 * w + 4e-4 * dw) / 2.04 + 1e-6 * (-1) ** n, w, dw, 1.4)
+            for n, w in enumerate((6.0, 10.0, 17.0, 24.0) * 2)
+        ]
+        for dw in (0.0, 0.4)
+    )
+    for spinning in (steady, gaining):
+        measured = calibrate_bearings(spinning, BEARINGS).measured
+        assert measured["bearing_constant"].value == pytest.approx(0.012, rel=1e-3)
+
+
+def test_a_viscosity_that_is_not_seen_is_kept_and_said() -> None:
+    result = calibrate_bearings(spins(1, viscous=0.0), BEARINGS)
+    assert "bearing_constant" in result.measured
+    assert "bearing_viscous" not in result.measured
+    assert "do not tell it from nothing" in result.kept["bearing_viscous"]
+    assert "carries no load" in result.kept["bearing_load"]
+
+
+def test_bad_spins_are_refused() -> None:
+    good = spins(1)
+    swapped = [replace(one, difference_v=-one.difference_v) for one in good]
+    backwards = [replace(one, speed_rad_s=-one.speed_rad_s) for one in good]
+    alike = [replace(one, speed_rad_s=10.0 + 0.1 * n) for n, one in enumerate(good)]
+    unsteady = [replace(good[0], acceleration_rad_s2=5.0), *good[1:]]
+    touched = [replace(good[3], difference_v=good[3].difference_v + 0.05), *good[:3], *good[4:]]
+    for bad, part in (
+        (swapped, "are the gauges swapped"),
+        (backwards, "wired the wrong way round"),
+        (alike, "voltages further apart"),
+        (unsteady, "wait longer"),
+        (touched, "touched something"),
+        (good[:5], "6 spins"),
+    ):
+        result = calibrate_bearings(bad, BEARINGS)
+        assert not result.measured
+        assert part in result.refusals[0]
+
+
+def test_speed_and_acceleration_are_those_of_the_middle() -> None:
+    t = np.linspace(2.0, 3.0, 200)
+    speed, acceleration = steady_turning(t, 1.0 + 20.0 * (t - 2.5) + 0.75 * (t - 2.5) ** 2)
+    assert speed == pytest.approx(20.0)
+    assert acceleration == pytest.approx(1.5)
+
+
+def test_one_refusal_refuses_the_whole() -> None:
+    good, bad = calibrate_rails(pushes(1), RAILS), calibrate_bearings(spins(1)[:3], BEARINGS)
+    result = together("both", [good, bad])
+    assert not result.measured
+    assert result.refusals == (f"{bad.title}: {bad.refusals[0]}",)
+    assert not together("one", [good]).refusals

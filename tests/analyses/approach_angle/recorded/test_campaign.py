@@ -1,0 +1,287 @@
+"""Recordings to the campaign: as one, under which calibration, and every bad run told."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support.angle_recording import Recorded, calibration_text, write_campaign
+from support.command import rigd
+from support.markup import outline
+
+from rigd.analysis.evaluation import Options, evaluate
+from rigd.analysis.terminal import Shown, Table
+from rigd.model.errors import ConfigError, DataError
+from rigd_analyses.approach_angle.evaluation import CampaignEvaluation
+from rigd_sim.plants.angle.headless import SimulatedRun, simulate
+
+Evaluate = Callable[..., CampaignEvaluation]
+Record = Callable[..., Path]
+
+
+def texts(shown: Shown) -> str:
+    """Return all that a terminal shows."""
+    lines = []
+    for one in shown:
+        rows = [row.cells for row in one.rows] if isinstance(one, Table) else [(one,)]
+        lines += [" ".join(cells) for cells in rows]
+    return "\n".join(lines)
+
+
+def changed(one: Recorded, **signals: Any) -> Recorded:
+    """Return ``one`` with other signals."""
+    return replace(one, run=replace(one.run, **signals))
+
+
+def before_the_trigger_removed(one: Recorded) -> Recorded:
+    run = one.run
+    kept = run.t_s >= 0.0
+    names = ("t_s", "gauge_a_v", "gauge_b_v", "wheel_v", "platform_v")
+    return changed(one, **{name: getattr(run, name)[kept] for name in names})
+
+
+def watchdog(one: Recorded) -> Recorded:
+    run = simulate("clean_0", 8.0, 4.0, seed=1, fault="platform_pot_dead")
+    reason = "drive: not within 1.5 s: daq.platform_position is 0.00 m"
+    return replace(one, run=as_run(run, one.run), complete=False, reason=reason)
+
+
+def pot_at_end(one: Recorded) -> Recorded:
+    end = simulate("clean_0", 4.0, 10.0, seed=3, fault="wheel_pot_at_end")
+    return replace(one, run=as_run(end, one.run))
+
+
+def as_run(run: SimulatedRun, other: SimulatedRun) -> SimulatedRun:
+    """Return ``run`` as if it had been played where ``other`` was planned."""
+    return replace(
+        run,
+        announced_load_kg=other.announced_load_kg,
+        voltage_v=other.voltage_v,
+        scale_kg=other.scale_kg,
+    )
+
+
+#: Each bad input: how it is made, the code of its flag, and words of its reason.
+BAD: Mapping[str, tuple[Callable[[Recorded], Recorded], str, str]] = {
+    "no pre-trigger": (before_the_trigger_removed, "no_pre_trigger", "before the relay command"),
+    "swapped gauges": (
+        lambda one: changed(one, gauge_a_v=one.run.gauge_b_v, gauge_b_v=one.run.gauge_a_v),
+        "negative_torque", "",
+    ),
+    "swapped leads": (
+        lambda one: changed(one, wheel_v=5.0 - one.run.wheel_v), "negative_speed", "",
+    ),
+    "pot at its end": (pot_at_end, "pot_at_end", ""),
+    "scale never stable": (
+        lambda one: replace(one, stable=False), "scale_unsteady", "not come to rest",
+    ),
+    "stopped by the watchdog": (watchdog, "watchdog", "stopped by time"),
+    "ended early": (
+        lambda one: replace(one, complete=False, reason="stopped by hand"),
+        "incomplete", "stopped by hand",
+    ),
+    "never driven": (lambda one: replace(one, driven=False), "not_driven", "never told to close"),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def good(
+    campaign: Sequence[Recorded], calibration: str, tmp_path_factory: pytest.TempPathFactory
+) -> CampaignEvaluation:
+    """The good campaign, evaluated once."""
+    path = tmp_path_factory.mktemp("good") / "campaign.mcap"
+    write_campaign(path, campaign, calibration=calibration)
+    found = evaluate([path])
+    assert isinstance(found, CampaignEvaluation)
+    return found
+
+
+def test_a_good_campaign_has_no_flag_that_excludes(good: CampaignEvaluation) -> None:
+    assert [run.run.label for run in good.result.runs if run.excluded] == []
+    assert [s.name for s in good.result.sets] == ["clean_0", "clean_15", "clean_45", "coated_0"]
+    assert good.result.sets[1].published == 0.2475
+    assert set(good.result.trends) == {"paper", "better", "published"}
+    assert "24 runs, none of them left out" in texts(good.shown())
+
+
+def test_the_first_table_names_the_coefficient_of_every_number(good: CampaignEvaluation) -> None:
+    table = good.shown()[0]
+    assert isinstance(table, Table)
+    assert [column.title for column in table.columns] == [
+        "set", "published", "paper's ± U", "(runs)", "better ± U (k=2)", "coefficient",
+        "usable ± U",
+    ]  # fmt: skip
+    for row, one in zip(table.rows, good.result.sets, strict=True):
+        assert row.cells[0] == one.name
+        assert row.cells[1] == f"{one.published:.4f}"
+        assert row.cells[3] == "6 used, 0 left out"
+        assert row.cells[5] == "rolling-direction"
+        assert one.maximum is not None
+        value, _, expanded = row.cells[4].partition(" ± ")
+        assert float(value) == pytest.approx(one.maximum.value, abs=1e-3)
+        assert float(expanded) == pytest.approx(2 * one.maximum.u, rel=0.05)
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_run_is_told_in_json_terminal_and_report(
+    campaign: Sequence[Recorded], record: Record, analyse: Evaluate, name: str
+) -> None:
+    spoil, code, words = BAD[name]
+    found = analyse(record([*campaign[:5], spoil(campaign[5])]))
+    told = found.to_json()
+    runs = told["runs"]
+    assert isinstance(runs, list)
+    bad = runs[5]
+    flag = next(flag for flag in bad["flags"] if flag["code"] == code)
+    assert words in flag["reason"]
+    assert bad["excluded"]
+    assert bad["paper"]["mu"] is None
+    assert bad["better"]["mu"] is None
+    assert not any(run["excluded"] for run in runs[:5])
+    json.dumps(told, allow_nan=False)
+    assert f"{code} (1): trial 6 (clean_0, 4 kg, 10 V, repeat 2): " in texts(found.shown())
+    assert flag["reason"].rstrip(".") in texts(found.shown())
+    page = unescape(found.report())
+    assert flag["reason"] in page
+    assert "Trial 6, clean_0, 4 kg, 10 V, repeat 2" in page
+    assert outline(found.report()).faults == []
+
+
+def test_a_missing_repeat_is_told(
+    campaign: Sequence[Recorded], record: Record, analyse: Evaluate
+) -> None:
+    found = analyse(record(campaign[1:6], numbers=range(2, 7)))
+    assert found.result.sets[0].missing == ("4 kg at 7 V: 1 of 2 repeats recorded",)
+    for told in (texts(found.shown()), found.report(), json.dumps(found.to_json())):
+        assert "4 kg at 7 V: 1 of 2 repeats recorded" in told
+
+
+def test_recordings_of_one_campaign_are_one(
+    campaign: Sequence[Recorded], record: Record, analyse: Evaluate, good: CampaignEvaluation
+) -> None:
+    first = record(campaign[:10], "first.mcap", state="stopped")
+    second = record(campaign[10:], "second.mcap", numbers=range(11, 25))
+    found = analyse(first, second)
+    assert found.recordings == (first, second)
+    for one, other in zip(found.result.sets, good.result.sets, strict=True):
+        assert one.maximum == other.maximum
+        assert one.paper == other.paper
+    assert "first.mcap: the run did not come to its end (stopped" in found.result.warnings[0]
+    assert "10 of 200 trials" in found.result.warnings[0]
+
+
+def test_an_interrupted_run_is_evaluated_and_told(
+    campaign: Sequence[Recorded], record: Record, analyse: Evaluate
+) -> None:
+    found = analyse(record(campaign[:6], state=""))
+    assert "(interrupted)" in found.result.warnings[0]
+    assert "(interrupted)" in texts(found.shown())
+    assert found.result.sets[0].paper.used == 6
+
+
+def test_another_calibration_replays_the_raw_volts(
+    campaign: Sequence[Recorded], record: Record, analyse: Evaluate, tmp_path: Path
+) -> None:
+    other = tmp_path / "other.yaml"
+    other.write_text(calibration_text(campaign[0].run, torque=1.02))
+    path = record(campaign[:6])
+    before, after = analyse(path), analyse(path, calibration=other)
+    for one, two in zip(before.result.runs, after.result.runs, strict=True):
+        assert two.paper.mu / one.paper.mu == pytest.approx(1.02, rel=1e-6)
+        assert np.array_equal(one.run.gauge_a_v, two.run.gauge_a_v)
+    (line,) = after.calibrations_told
+    assert re.search(r"torque_scale: 2\.0\d{3} ± 0\.00\d\d N m/V -> 2\.0\d{3} ± ", line)
+    assert "(+2.0 %)" in line
+    for told in (texts(after.shown()), unescape(after.report())):
+        assert line in told
+    assert "as recorded" in before.calibrations_told[0]
+    told_json = after.to_json()["calibrations"]
+    assert isinstance(told_json, list)
+    assert told_json[0]["replayed"]
+    assert "torque_scale" in told_json[0]["changes"][0]
+
+
+def test_each_recording_has_its_own_calibration(
+    campaign: Sequence[Recorded], record: Record, analyse: Evaluate, good: CampaignEvaluation
+) -> None:
+    wrong = calibration_text(campaign[0].run, torque=1.02)
+    first = record(campaign[:6], "first.mcap")
+    second = record(campaign[6:12], "second.mcap", calibration=wrong)
+    found = analyse(first, second)
+    pairs = zip(good.result.runs, found.result.runs, strict=False)
+    ratios = [two.paper.mu / one.paper.mu for one, two in pairs]
+    assert ratios == pytest.approx([1.0] * 6 + [1.02] * 6, rel=1e-6)
+    assert len(found.calibrations_told) == 2
+
+
+def test_a_recording_beside_its_copy_is_refused(
+    campaign: Sequence[Recorded], record: Record, analyse: Evaluate
+) -> None:
+    earlier = record(campaign[:2], "earlier.mcap", state="stopped")
+    whole = record(campaign[:4], "whole.mcap")
+    with pytest.raises(DataError, match=r"trial 1 of .*whole\.mcap .* trial 1 of .*earlier\.mcap"):
+        analyse(earlier, whole)
+
+
+def test_a_campaign_is_not_taken_apart_by_recording(
+    campaign: Sequence[Recorded], record: Record
+) -> None:
+    paths = [record(campaign[:2], "first.mcap"), record(campaign[2:4], "second.mcap")]
+    with pytest.raises(ConfigError, match="--group-by recording: model approach-angle"):
+        evaluate(paths, Options(by_recording=True))
+
+
+def test_of_several_recordings_a_flagged_run_is_named_with_its_own(
+    campaign: Sequence[Recorded], record: Record, analyse: Evaluate
+) -> None:
+    first = record(campaign[:6], "first.mcap")
+    second = record([*campaign[6:11], BAD["swapped gauges"][0](campaign[11])], "second.mcap")
+    found = analyse(first, second)
+    label = found.result.runs[11].run.label
+    assert f"negative_torque (1): trial 6 of second.mcap ({label}): " in texts(found.shown())
+    assert f"Trial 6 of second.mcap, {label}: " in unescape(found.report())
+
+
+def test_without_a_calibration_there_is_no_number(
+    campaign: Sequence[Recorded], record: Record, analyse: Evaluate, tmp_path: Path
+) -> None:
+    path = record(campaign[:2], calibration=None)
+    with pytest.raises(DataError, match="carries no calibration") as caught:
+        analyse(path)
+    assert "--calibration FILE" in str(caught.value.hint)
+    other = tmp_path / "other.yaml"
+    other.write_text(calibration_text(campaign[0].run))
+    assert "the recording carries none" in analyse(path, calibration=other).calibrations_told[0]
+    other.write_text(calibration_text(campaign[0].run).replace("rail_load", "rail_lode"))
+    with pytest.raises(ConfigError, match="rail_lode"):
+        analyse(path, calibration=other)
+
+
+def test_a_calibration_that_lacks_a_value_is_refused(
+    campaign: Sequence[Recorded], record: Record, analyse: Evaluate, calibration: str
+) -> None:
+    head, _, rest = calibration.partition("  rail_load:")
+    short = head + rest[rest.index("  rail_viscous:") :]
+    with pytest.raises(DataError, match="calibration bench has no rail_load"):
+        analyse(record(campaign[:2], calibration=short))
+
+
+def test_the_command_prints_and_writes(campaign: Sequence[Recorded], record: Record) -> None:
+    path = record([*campaign[:5], BAD["swapped gauges"][0](campaign[5])])
+    done = rigd("identify", path.name, cwd=path.parent)
+    assert done.code == 0, done.err
+    for words in ("clean_0", "0.1868", "5 used, 1 left out", "negative_torque (1)", "as recorded"):
+        assert words in done.out
+    page = (path.parent / "campaign.html").read_text()
+    assert "campaign.html" in done.out
+    assert "negative torque" in page
+    told = rigd("identify", path.name, "--json", "--no-report", cwd=path.parent).json
+    assert told["model"] == "approach-angle"
+    assert told["sets"]["clean_0"]["paper"]["runs_flagged"] == 1

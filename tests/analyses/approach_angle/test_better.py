@@ -1,0 +1,272 @@
+"""The better analysis of one run: golden runs, simulated runs, and runs spoilt on purpose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from support.angle_runs import drawn_rig, trial
+
+from rigd_analyses.approach_angle.better import Bending, BetterRun, BetterSettings, analyse_better
+from rigd_analyses.approach_angle.data import (
+    AngleCalibration,
+    AngleRig,
+    AngleRun,
+    FloatArray,
+    Known,
+    Regime,
+    Severity,
+)
+
+Golden = Callable[[str], Any]
+FILE = Path(__file__).with_name("data") / "angle_golden.npz"
+TORQUE_PER_V = 2.029  #: of the golden runs, N m
+
+
+def cut(run: AngleRun, at: NDArray[np.bool_]) -> AngleRun:
+    return replace(
+        run, t_s=run.t_s[at], gauge_a_v=run.gauge_a_v[at], gauge_b_v=run.gauge_b_v[at],
+        wheel_v=run.wheel_v[at], platform_v=run.platform_v[at],
+    )  # fmt: skip
+
+
+def to_stop(one: Any) -> AngleRun:
+    """Return a golden run up to its stop: what stands behind it there did not happen."""
+    run: AngleRun = one.whole
+    return cut(run, run.t_s <= run.stop_s)
+
+
+@cache
+def true_mu(name: str) -> float:
+    with np.load(FILE) as data:
+        return float(data[f"{name}_true_mu"])
+
+
+def codes(found: BetterRun) -> set[str]:
+    return {flag.code for flag in found.flags}
+
+
+@pytest.mark.parametrize("name", ["r0", "r2"])
+def test_a_sliding_golden_run_comes_nearer_to_the_truth_than_the_papers_mu(
+    name: str, golden: Golden, calibration: AngleCalibration, rig: AngleRig
+) -> None:
+    one = golden(name)
+    found = analyse_better(to_stop(one), calibration, rig)
+    true = true_mu(name)
+    assert found.regime is Regime.SLIDING
+    assert found.mu == pytest.approx(true, rel=0.03)
+    assert abs(found.mu - true) < 2.0 * found.mu_u
+    assert abs(found.mu - true) < 0.3 * abs(one.expected["mu"] - true)
+
+
+@pytest.mark.parametrize("name", ["r3", "r5"])
+def test_a_golden_run_that_hardly_slides_has_a_demand_and_no_coefficient(
+    name: str, golden: Golden, calibration: AngleCalibration, rig: AngleRig
+) -> None:
+    one = golden(name)
+    found = analyse_better(to_stop(one), calibration, rig)
+    assert math.isnan(found.mu) and math.isnan(found.mu_u) and found.budget is None
+    assert codes(found) == {"no_sliding"} and not found.excluded
+    assert found.demand == pytest.approx(true_mu(name), rel=0.06)
+    assert found.regime is not Regime.SLIDING
+
+
+@pytest.mark.parametrize("set_name", ["clean_0", "clean_30", "clean_45"])
+def test_torque_lost_behind_the_gauges_is_found_by_the_force_balance(set_name: str) -> None:
+    rubbing, good = (
+        trial(set_name, 4.0, 10.0, 1, 1, rig=drawn_rig(0), seed=3, rubbing_nm=rub).known
+        for rub in (0.15, 0.0)
+    )
+    found = analyse_better(rubbing.run, rubbing.calibration, rubbing.rig)
+    assert "rubbing" in codes(found) and found.excluded
+    assert found.force_residual > found.force_residual_limit
+    assert np.isnan([found.mu, found.mu_u, found.demand]).all()
+    well = analyse_better(good.run, good.calibration, good.rig)
+    assert not well.excluded
+    assert well.force_residual < 0.5 * well.force_residual_limit
+
+
+def swapped(run: AngleRun) -> AngleRun:
+    return replace(run, gauge_a_v=run.gauge_b_v, gauge_b_v=run.gauge_a_v)
+
+
+def late(run: AngleRun) -> AngleRun:
+    return cut(run, run.t_s >= 0.0)
+
+
+def spotted(run: AngleRun) -> AngleRun:
+    volts = run.wheel_v.copy()
+    volts[run.t_s.searchsorted(0.2)] = np.nan
+    return replace(run, wheel_v=volts)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "code"),
+    [
+        (swapped, "negative_torque"),
+        (late, "no_pre_trigger"),
+        (spotted, "nan_samples"),
+        (lambda run: replace(run, load_stable=False), "scale_unsteady"),
+        (lambda run: replace(run, load_n=math.nan), "load_missing"),
+        (lambda run: replace(run, load_n=1.3 * run.load_n), "load_disagrees"),
+        (lambda run: replace(run, platform_v=np.full_like(run.platform_v, 0.5)), "pot_dead"),
+        (lambda run: replace(run, stop_s=0.09), "too_short"),
+        (lambda run: replace(run, t_s=np.empty(0), gauge_a_v=np.empty(0), gauge_b_v=np.empty(0),
+                             wheel_v=np.empty(0), platform_v=np.empty(0)), "too_short"),
+    ],
+)  # fmt: skip
+def test_a_bad_run_gives_its_reason_and_not_a_single_number(
+    spoil: Callable[[AngleRun], AngleRun], code: str,
+    golden: Golden, calibration: AngleCalibration, rig: AngleRig,
+) -> None:  # fmt: skip
+    found = analyse_better(spoil(golden("r0").whole), calibration, rig)
+    assert code in codes(found) and found.excluded
+    assert np.isnan(
+        [found.mu, found.mu_u, found.demand, found.slip, found.slip_corrected, found.torque_nm]
+    ).all()
+    assert found.regime is None and found.blocks.mu.size == 0
+
+
+def test_no_limits_at_all_still_give_no_exception(
+    golden: Golden, calibration: AngleCalibration, rig: AngleRig
+) -> None:
+    """Limits are a setting; a run too short for a single block must not raise."""
+    loose = BetterSettings()
+    loose = replace(loose, limits=replace(loose.limits, shortest_s=0.0))
+    run = replace(golden("r0").whole, stop_s=0.09)
+    assert math.isnan(analyse_better(run, calibration, rig, loose).mu)
+
+
+def test_unreadable_samples_behind_the_stop_change_next_to_nothing(
+    golden: Golden, calibration: AngleCalibration, rig: AngleRig
+) -> None:
+    run = golden("r0").whole
+    volts = run.platform_v.copy()
+    volts[run.t_s > run.stop_s + 0.02] = np.nan
+    whole = analyse_better(run, calibration, rig)
+    found = analyse_better(replace(run, platform_v=volts), calibration, rig)
+    assert found.mu == pytest.approx(whole.mu, rel=0.005)
+
+
+def with_zero(run: AngleRun, volts: float) -> AngleRun:
+    return replace(run, gauge_a_v=run.gauge_a_v + volts)
+
+
+def test_a_zero_is_taken_off_only_where_the_crosstalk_is_known(
+    golden: Golden, calibration: AngleCalibration, rig: AngleRig
+) -> None:
+    run, drift_v = golden("r0").whole, 0.005
+    none = Bending(c=0.0, s=0.0, u=1e-5, runs=90, zero_u_nm=0.013)
+
+    def mu(run: AngleRun, bending: Bending | None) -> float:
+        return analyse_better(run, calibration, rig, bending=bending).mu
+
+    moved = TORQUE_PER_V * drift_v / (0.995 * 0.05 * run.load_n)
+    assert mu(with_zero(run, drift_v), none) == pytest.approx(mu(run, none), rel=1e-9)
+    assert mu(with_zero(run, drift_v), None) - mu(run, None) == pytest.approx(moved, rel=0.01)
+    assert analyse_better(run, calibration, rig, bending=none).tare_v == pytest.approx(
+        analyse_better(with_zero(run, drift_v), calibration, rig).tare_v - drift_v
+    )
+
+
+def test_the_crosstalk_is_taken_off_where_the_wheel_is_and_where_it_started(
+    golden: Golden, calibration: AngleCalibration, rig: AngleRig
+) -> None:
+    run, c, s = golden("r0").whole, 4e-4, -3e-4
+    angle = calibration.wheel.value * run.wheel_v
+    volts = run.load_n * (c * np.cos(angle) + s * np.sin(angle)) / calibration.torque.value
+    bent = replace(run, gauge_a_v=run.gauge_a_v + volts)
+    straight = Bending(0.0, 0.0, 1e-5, 90, 0.013)
+    known = replace(straight, c=c, s=s)
+    plain = analyse_better(run, calibration, rig, bending=straight).mu
+    assert analyse_better(bent, calibration, rig, bending=known).mu == pytest.approx(
+        plain, rel=0.002
+    )
+    assert abs(analyse_better(bent, calibration, rig, bending=straight).mu / plain - 1) > 0.01
+
+
+def cell(run: AngleRun, newton: FloatArray | float) -> AngleRun:
+    return replace(run, normal_force_v=np.broadcast_to(newton, run.t_s.shape) / 20.0)
+
+
+def test_the_load_cell_gives_the_normal_force_where_there_is_one(
+    golden: Golden, calibration: AngleCalibration, rig: AngleRig
+) -> None:
+    run = golden("r0").whole
+    loaded = replace(calibration, normal_force=Known(20.0, 0.06))
+    rising = run.load_n * (1.0 + 0.05 * np.clip(run.t_s, 0.0, None) / run.stop_s)
+    found = analyse_better(cell(run, rising), loaded, rig)
+    plain = analyse_better(run, calibration, rig)
+    assert found.normal_force_n == pytest.approx(1.03 * run.load_n, rel=0.005)
+    assert found.mu == pytest.approx(plain.mu / 1.03, rel=0.01)
+    assert found.mu_u < plain.mu_u
+
+
+def test_a_block_lost_behind_the_stop_changes_nothing() -> None:
+    known = trial("clean_0", 4.0, 10.0, 1, 1, rig=drawn_rig(0), seed=3).known
+    whole, stop = known.run, known.run.stop_s
+    lost = cut(whole, (whole.t_s < stop + 0.01) | (whole.t_s > stop + 0.03))
+    ends = cut(whole, whole.t_s < stop + 0.01)
+    found, expected = (analyse_better(run, known.calibration, known.rig) for run in (lost, ends))
+    assert math.isfinite(expected.mu)
+    assert (found.mu, found.slip, found.flags) == (expected.mu, expected.slip, expected.flags)
+
+
+@pytest.mark.parametrize("newton", [0.0, 1.3, math.nan])
+def test_a_load_cell_that_contradicts_the_scale_excludes_the_run(
+    newton: float, golden: Golden, calibration: AngleCalibration, rig: AngleRig
+) -> None:
+    run = golden("r0").whole
+    loaded = replace(calibration, normal_force=Known(20.0, 0.06))
+    found = analyse_better(cell(run, newton * run.load_n), loaded, rig)
+    assert "load_cell_disagrees" in codes(found) and math.isnan(found.mu)
+
+
+def test_a_known_rise_of_the_load_is_used_without_a_load_cell(
+    golden: Golden, calibration: AngleCalibration, rig: AngleRig
+) -> None:
+    run = golden("r0").whole
+    plain = analyse_better(run, calibration, rig)
+    found = analyse_better(run, calibration, replace(rig, load_rise=Known(0.1, 0.01)))
+    travel = 0.1 * 0.13  # 0.1 1/m over the mean travel of the sliding blocks
+    assert found.normal_force_n / plain.normal_force_n - 1.0 == pytest.approx(travel, rel=0.25)
+    assert found.mu_u < plain.mu_u
+
+
+@pytest.mark.parametrize("voltage_v", [4.0, 10.0])
+@pytest.mark.parametrize("set_name", ["clean_0", "clean_45"])
+def test_slip_is_that_of_the_contact_and_its_uncertainty_holds(
+    set_name: str, voltage_v: float
+) -> None:
+    one = trial(set_name, 5.0, voltage_v, 1, 1, rig=drawn_rig(0), seed=5, individual=9)
+    run, truth = one.simulated, one.simulated.truth
+    found = analyse_better(one.known.run, one.known.calibration, one.known.rig)
+    at = run.window(BetterSettings().start_s, run.stop_s)
+    rim = 0.995 * 0.05 * np.mean(truth["wheel_speed"][at])
+    true = rim / (np.mean(truth["platform_speed"][at]) * math.cos(run.alpha_rad)) - 1.0
+    assert abs(found.slip_corrected - true) / (1.0 + true) < 0.015
+    assert abs(found.slip_corrected - true) < 3.0 * found.slip_corrected_u
+
+
+@pytest.mark.parametrize("set_name", ["clean_0", "clean_15", "clean_30", "clean_45"])
+def test_on_an_ideal_rig_mu_is_the_truth(set_name: str) -> None:
+    """Without noise and drag, and with drags of 0 in the calibration: only F_r/N is left."""
+    rig = replace(
+        drawn_rig(0), effective_radius=Known(1.0), bearing_constant=Known(0.0),
+        bearing_viscous=Known(0.0), bearing_load=Known(0.0), rolling_resistance=Known(0.0),
+        roller_drag=Known(0.0), rail_constant=Known(0.0), rail_load=Known(0.0),
+        rail_viscous=Known(0.0), load_rise=Known(0.0),
+    )  # fmt: skip
+    one = trial(set_name, 4.0, 10.0, 1, 1, rig=rig, seed=1, noise=False, drag=False)
+    found = analyse_better(one.known.run, one.known.calibration, rig)
+    times = found.blocks.t_s[found.blocks.sliding]
+    truth = one.simulated.true_mu(times[0] - 0.01, times[-1] + 0.01)
+    assert found.mu == pytest.approx(truth, rel=1e-3)
+    assert all(flag.severity is not Severity.EXCLUDED for flag in found.flags)

@@ -1,0 +1,123 @@
+"""The paper's method on the simulated rig: as wrong as it must be there, and no more."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from support.angle_runs import SETS, TABLE_1, Trial, campaign, drawn_rig, trial
+from support.angle_truth import WINDOWS, Steady, slip_error, steady
+
+from rigd_analyses.approach_angle.data import Regime
+from rigd_analyses.approach_angle.paper import PaperRun, analyse_paper
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run of the campaign: what was found, what was true."""
+
+    set_name: str
+    found: PaperRun
+    true: Steady
+    at_limit: float  #: share of the steady segment with F_r/N at the limit of the surface
+
+
+def analysed(one: Trial) -> PaperRun:
+    return analyse_paper(one.known.run, one.known.calibration, one.known.rig)
+
+
+def row(one: Trial) -> Row:
+    found, run = analysed(one), one.simulated
+    at = run.window(found.t_steady_s, run.stop_s)
+    truth = {name: signal[at] for name, signal in run.truth.items()}
+    share = truth["rolling_force"] / (truth["normal_force"] * truth["friction_limit"])
+    return Row(
+        run.set_name,
+        replace(found, curves=None),
+        steady(run, found.t_steady_s),
+        float(np.mean(share > 0.95)),
+    )
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[Row]:
+    """Return the campaign of the paper, 200 runs, on one rig; some seconds."""
+    return [row(one) for one in campaign(seed=4, individual=11)]
+
+
+def test_no_good_run_is_excluded(rows: list[Row]) -> None:
+    assert len(rows) == 200
+    assert [one.found.flags for one in rows if one.found.excluded] == []
+    assert {f.code for one in rows for f in one.found.flags} == {"no_sliding", "partly_sliding"}
+
+
+def test_the_maximum_of_each_set_is_too_large_as_in_the_reference(rows: list[Row]) -> None:
+    largest: dict[str, float] = defaultdict(float)
+    for one in rows:
+        largest[one.set_name] = max(largest[one.set_name], one.found.mu)
+    assert set(largest) == set(TABLE_1)
+    for name, (low, high) in WINDOWS.items():
+        assert low <= largest[name] / TABLE_1[name] - 1.0 <= high, name
+
+
+def test_the_papers_slip_is_within_4_per_cent(rows: list[Row]) -> None:
+    errors = [slip_error(one.found.slip, one.true.slip) for one in rows]
+    assert max(np.abs(errors)) < 0.04
+    assert 0.0 < np.median(errors) < 0.02  # the speeds end 16 ms before the torque
+
+
+def test_the_regime_is_that_of_the_contact(rows: list[Row]) -> None:
+    """It slides where F_r/N is at the limit all through, and rolls where it hardly ever is."""
+    regimes = Counter(one.found.regime for one in rows)
+    assert min(regimes[regime] for regime in Regime) > 20
+    for one in rows:
+        sliding = one.found.regime is Regime.SLIDING
+        assert math.isfinite(one.found.friction_coefficient) == sliding
+        assert one.at_limit > 0.95 or not sliding
+        assert one.at_limit < 0.5 or one.found.regime is not Regime.ROLLING
+
+
+@pytest.mark.parametrize("set_name", SETS)
+@pytest.mark.parametrize(("load_kg", "voltage_v"), [(4.0, 10.0), (8.0, 4.0), (8.0, 10.0)])
+def test_on_an_ideal_rig_only_the_inertia_is_missing(
+    set_name: str, load_kg: float, voltage_v: float
+) -> None:
+    one = trial(
+        set_name, load_kg, voltage_v, 1, 1, rig=drawn_rig(0), seed=1, noise=False, drag=False
+    )
+    found = analysed(one)
+    true = steady(one.simulated, found.t_steady_s)
+    assert found.torque_nm == pytest.approx(true.torque_nm, rel=0.005)
+    assert found.mu - true.mu == pytest.approx(true.inertia, abs=0.002)
+    assert found.mu - true.mu > 0.5 * true.inertia > 0.0005
+
+
+@pytest.mark.parametrize("voltage_v", [4.0, 10.0])
+@pytest.mark.parametrize(
+    ("fault", "codes"),
+    [
+        ("gauges_swapped", {"negative_torque"}),
+        ("platform_pot_dead", {"pot_dead"}),
+        ("wheel_pot_dead", {"pot_dead"}),
+        ("wheel_pot_at_end", {"pot_at_end"}),
+        ("scale_unsteady", {"scale_unsteady"}),
+    ],
+)
+def test_what_is_spoilt_on_the_rig_is_told(fault: str, codes: set[str], voltage_v: float) -> None:
+    one = trial("clean_15", 5.0, voltage_v, 1, 1, rig=drawn_rig(0), seed=7, fault=fault)
+    found = analysed(one)
+    assert codes <= {flag.code for flag in found.flags}
+    assert ("watchdog" in {flag.code for flag in found.flags}) == one.simulated.watchdog
+    assert np.isnan([found.mu, found.torque_nm, found.slip, found.slip_corrected]).all()
+
+
+def test_a_wheel_that_cannot_slide_has_no_friction_coefficient() -> None:
+    one = trial("clean_30", 5.0, 10.0, 1, 1, rig=drawn_rig(0), seed=7, fault="no_sliding")
+    found = analysed(one)
+    assert found.regime is Regime.ROLLING
+    assert [flag.code for flag in found.flags] == ["no_sliding"]
+    assert "not a friction coefficient" in found.flags[0].reason
+    assert math.isnan(found.friction_coefficient)

@@ -1,0 +1,42 @@
+"""What the data show beside the friction curve: measured, not fitted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rigd_analyses.lugre.curve import LEAST_SEEN, seen
+from rigd_analyses.lugre.model import LugreModel, SlipForce, friction
+
+THETA = np.array([0.05, 0.12, 0.2, 50.0, 0.3, 2.5])
+VISITED = (2e-3, 0.08)
+PERIOD_S = 1e-3
+
+
+def model_of(offset: float, sign: float) -> LugreModel:
+    """Return a slide through ``VISITED`` whose force is ``offset`` beyond the model."""
+    slip = sign * np.geomspace(1e-3, 0.1, 8000)
+    blank = SlipForce("slide", PERIOD_S, slip, np.zeros_like(slip), np.ones_like(slip))
+    force = LugreModel([blank]).predict(THETA) + sign * offset
+    return LugreModel([replace(blank, force=force)])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("offset", [0.0, 0.02, -0.01])
+def test_points_follow_the_measurement_not_the_fit(offset: float, sign: float) -> None:
+    points = seen(model_of(offset, sign), THETA, VISITED)
+    assert len(points) > 10
+    for one in points:
+        assert VISITED[0] <= one.x <= VISITED[1]
+        assert one.count >= LEAST_SEEN
+        expected = float(friction(THETA, np.array([one.x]))[0]) + offset
+        assert one.median == pytest.approx(expected, abs=1e-4)
+        assert one.low <= one.median <= one.high
+
+
+def test_ranges_without_samples_have_no_point() -> None:
+    points = seen(model_of(0.0, 1.0), THETA, (0.05, 10.0))
+    assert points
+    assert max(one.x for one in points) <= 0.1

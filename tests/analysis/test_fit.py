@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rigd.analysis.fit import Affine, Loss, fit, multi_start, robust_fit, robust_weights
+from rigd.analysis.model import Model, Parameter
+from rigd.model.errors import DataError
+
+T = np.linspace(0.0, 3.0, 200)
+TRUTH = np.array([5.0, 2.5])
+CLEAN = TRUTH[0] * np.exp(-TRUTH[1] * T)
+
+
+def test_recovers_a_known_nonlinear_model_exactly(decay: Callable[..., Model]) -> None:
+    found = fit(decay(CLEAN, T))
+    assert found.converged
+    np.testing.assert_allclose(found.theta, TRUTH, rtol=1e-8)
+    assert found.cost < 1e-14
+
+
+@pytest.mark.parametrize("start", [[1e-3, 1e-3], [900.0, 0.01], [0.01, 20.0]])
+def test_converges_from_far_away(decay: Callable[..., Model], start: list[float]) -> None:
+    np.testing.assert_allclose(fit(decay(CLEAN, T), np.array(start)).theta, TRUTH, rtol=1e-6)
+
+
+def test_a_linear_model_takes_the_least_squares_solution(line: Callable[..., Model]) -> None:
+    noisy = 2.0 - 3.0 * T + 0.1 * np.random.default_rng(4).standard_normal(len(T))
+    expected = np.linalg.lstsq(np.stack([np.ones_like(T), T], axis=1), noisy, rcond=None)[0]
+    np.testing.assert_allclose(fit(line(noisy, T)).theta, expected, rtol=1e-6)
+
+
+def test_the_box_holds_and_the_rest_goes_on(decay: Callable[..., Model]) -> None:
+    model = decay(CLEAN, T)
+    held = replace(model, parameters=(model.parameters[0], Parameter("k", "1/s", 1e-3, 2.0, 1.0)))  # type: ignore[type-var]
+    found = fit(held)
+    assert found.theta[1] == pytest.approx(2.0, rel=1e-12)
+    shape = np.exp(-2.0 * T)
+    assert found.theta[0] == pytest.approx(float(CLEAN @ shape / (shape @ shape)), rel=1e-6)
+
+
+def test_a_held_combination_is_kept(decay: Callable[..., Model]) -> None:
+    direction = np.array([1.0, 1.0])
+    found = fit(decay(CLEAN, T), affine=Affine.holding(direction, 1.0))
+    assert float(direction @ found.scaled) == pytest.approx(1.0, abs=1e-12)
+    free = fit(decay(CLEAN, T))
+    kept = Affine.holding(direction, float(direction @ free.scaled))
+    np.testing.assert_allclose(fit(decay(CLEAN, T), affine=kept).theta, TRUTH, rtol=1e-6)
+
+
+def test_more_starts_are_repeatable_and_sorted(decay: Callable[..., Model]) -> None:
+    first = multi_start(decay(CLEAN, T), starts=6, seed=3)
+    again = multi_start(decay(CLEAN, T), starts=6, seed=3)
+    assert [f.cost for f in first] == sorted(f.cost for f in first)
+    for a, b in zip(first, again, strict=True):
+        np.testing.assert_array_equal(a.theta, b.theta)
+    assert not np.array_equal(
+        first[1].start, multi_start(decay(CLEAN, T), starts=6, seed=4)[1].start
+    )
+
+
+@pytest.mark.parametrize("loss", [Loss.HUBER, Loss.SOFT_L1])
+def test_a_robust_loss_beats_squares_under_outliers(
+    decay: Callable[..., Model], loss: Loss
+) -> None:
+    rng = np.random.default_rng(11)
+    spoiled = CLEAN + 0.02 * rng.standard_normal(len(T))
+    spoiled[rng.choice(len(T), 20, replace=False)] += 3.0
+    model = decay(spoiled, T)
+    plain = fit(model)
+    robust = robust_fit(model, plain, loss)
+    plain_error = float(np.max(np.abs(plain.theta / TRUTH - 1.0)))
+    robust_error = float(np.max(np.abs(robust.theta / TRUTH - 1.0)))
+    assert robust_error < 0.02
+    assert robust_error < 0.2 * plain_error
+
+
+def test_robust_weights_leave_the_bulk_alone() -> None:
+    residuals = np.concatenate([np.random.default_rng(2).standard_normal(1000), [50.0]])
+    weights = robust_weights(residuals, np.ones(1001), Loss.HUBER)
+    assert np.mean(weights[:-1] == 1.0) > 0.75
+    assert weights[-1] < 0.05
+    np.testing.assert_array_equal(
+        robust_weights(residuals, np.ones(1001), Loss.SQUARES), np.ones(1001)
+    )
+
+
+def test_a_cost_that_is_not_finite_is_refused(decay: Callable[..., Model]) -> None:
+    broken = CLEAN.copy()
+    broken[3] = np.nan
+    with pytest.raises(DataError, match="not finite"):
+        fit(decay(broken, T))

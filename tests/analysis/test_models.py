@@ -1,0 +1,71 @@
+"""What a plan of identification must give, by model; and options that a model has no use for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from support.angle_recording import CONSTANTS, SIGNALS
+
+from rigd.analysis.evaluation import Options, evaluate
+from rigd.analysis.models import needs_of
+from rigd.config.loader import load_rig
+from rigd.daemon.execute import RunRequest, execute
+from rigd.model.errors import ConfigError
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import load_procedure
+from rigd.procedure.program import IdentifyPlan
+
+PLAN = IdentifyPlan(
+    model="approach-angle",
+    signals=SIGNALS,
+    constants=CONSTANTS,
+    group_by=("set",),
+    reference={"clean_0.maximum": 0.1868},
+)
+
+
+def test_the_approach_angle_plan_may_have_the_fast_load_cell() -> None:
+    assert "normal_force_scale" not in needs_of(PLAN).calibration(PLAN)
+    loaded = replace(PLAN, signals={**SIGNALS, "normal_force": "daq.normal_force_raw"})
+    assert {"torque_scale", "normal_force_scale"} <= set(needs_of(loaded).calibration(loaded))
+
+
+@pytest.mark.parametrize(
+    ("plan", "words"),
+    [
+        (replace(PLAN, signals={k: v for k, v in SIGNALS.items() if k != "relay"}),
+         "needs the signal relay"),
+        (replace(PLAN, signals={**SIGNALS, "normal_forse": "daq.x"}), "no signal 'normal_forse'"),
+        (replace(PLAN, constants={"angle": "angle"}), "needs the constant wheel_radius"),
+        (replace(PLAN, reference={"clean_0.maximun": 0.2}), "no reference 'maximun'"),
+    ],
+)  # fmt: skip
+def test_a_plan_that_lacks_something_is_refused(plan: IdentifyPlan, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        needs_of(plan)
+
+
+def test_trials_need_the_parameters_that_the_campaign_varies() -> None:
+    needs_of(PLAN, trial_parameters=("set", "load", "voltage"))
+    with pytest.raises(ConfigError, match="with a parameter 'voltage'"):
+        needs_of(PLAN, trial_parameters=("set", "load"))
+
+
+def test_signals_are_of_the_kind_that_the_model_works_from() -> None:
+    rig = load_rig("angle-1")
+    needs_of(PLAN, rig=rig)
+    converted = replace(PLAN, signals={**SIGNALS, "gauge_b": "daq.gauge_b"})
+    with pytest.raises(ConfigError, match=r"gauge_b is daq\.gauge_b, in 1; .* from V") as caught:
+        needs_of(converted, rig=rig)
+    assert caught.value.hint == "did you mean 'daq.gauge_b_raw'?"
+
+
+def test_a_model_of_converted_values_takes_no_calibration(tmp_path: Path) -> None:
+    rig, source = load_rig("lugre-1"), load_procedure("constant_current")
+    procedure = compile_procedure(source, rig, {"current": "1.5 A"})
+    path = tmp_path / "one.mcap"
+    execute(RunRequest(procedure, source.file.text, rig, 1, output=path))
+    with pytest.raises(ConfigError, match="model lugre is identified from converted values"):
+        evaluate([path], Options(calibration=tmp_path / "other.yaml"))

@@ -1,0 +1,110 @@
+"""Several recordings of one condition: fitted together, told apart, never counted twice."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import pytest
+from support.random_rigs import random_rig
+
+from rigd.analysis.evaluation import Options, evaluate
+from rigd.analysis.parameters import ParameterEvaluation
+from rigd.model.errors import DataError
+from rigd.record import recover
+
+FEW = "{from: 0.15 A, to: 1.5 A, step: 0.45 A}"  # the first does not move: nine of ten are used
+Recorded = Callable[[str], Path]
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    """Recordings of one rig: `before`, `again` with other noise, and `after` its floor changed."""
+    folder = tmp_path_factory.mktemp("recorded")
+    changed = {"after": {"mu_static": 0.2}}
+    for seed, name in enumerate(("before", "again", "after"), start=1):
+        (folder / name).mkdir()
+        rig = random_rig(0, "pvc", folder / name, friction=changed.get(name), currents=FEW)
+        rig.record(folder / f"{name}.mcap", seed=seed)
+    return lambda name: folder / f"{name}.mcap"
+
+
+@cache
+def fitted(*paths: Path, by_recording: bool = False) -> ParameterEvaluation:
+    found = evaluate(paths, Options(starts=2, by_recording=by_recording))
+    assert isinstance(found, ParameterEvaluation)
+    return found
+
+
+@pytest.mark.parametrize("names", [("before", "after"), ("after", "before")])
+def test_unlike_recordings_are_reported_and_disagree(
+    recorded: Recorded, names: tuple[str, str]
+) -> None:
+    found = fitted(*map(recorded, names))
+    result = found.sections[0].result
+    assert len({one.label for one in result.trials}) == len(result.trials) == 6
+    test = next(one for one in result.residual_tests if one.name == "agreement of recordings")
+    assert not test.passed
+    assert test.sentence in result.warnings
+    assert "disagree" in str(found.shown())
+    json.dumps(found.to_json(), allow_nan=False)
+
+
+def test_the_report_names_each_recording(recorded: Recorded) -> None:
+    page = fitted(recorded("before"), recorded("after")).report()
+    assert "before.mcap" in page
+    assert "after.mcap" in page
+
+
+def test_repeats_of_one_rig_agree(recorded: Recorded) -> None:
+    result = fitted(recorded("before"), recorded("again")).sections[0].result
+    test = next(one for one in result.residual_tests if one.name == "agreement of recordings")
+    assert test.passed, test.sentence
+    assert not any("disagree" in warning for warning in result.warnings)
+
+
+def test_recordings_can_be_identified_each_by_itself(recorded: Recorded) -> None:
+    paths = [recorded("before"), recorded("after")]
+    found = fitted(*paths, by_recording=True)
+    assert [section.label for section in found.sections] == [f"pvc, {path}" for path in paths]
+    assert found.recordings == tuple((path,) for path in paths)
+
+
+def test_only_trials_that_entered_the_fit_count(recorded: Recorded) -> None:
+    """The one at 0.15 A barely moves, and is left out."""
+    found = fitted(recorded("before"))
+    facts = {one.title: one.entries for one in found.provenance.facts}
+    assert facts["before.mcap"]["trials used"] == "3"
+    assert "3 of 4 trials used" in str(found.shown())
+    result = found.sections[0].result
+    assert (len(result.trials), len(result.preprocessing.rejected)) == (3, 1)
+
+
+def test_a_copy_beside_its_original_is_refused(recorded: Recorded, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.mcap"
+    shutil.copyfile(recorded("before"), copy)
+    with pytest.raises(DataError, match="sample for sample") as error:
+        fitted(recorded("before"), copy)
+    assert str(copy) in error.value.message
+    assert str(recorded("before")) in error.value.message
+
+
+def test_a_copy_of_which_a_part_is_left_is_refused(recorded: Recorded, tmp_path: Path) -> None:
+    torn = tmp_path / "torn.mcap"
+    whole = recorded("before").read_bytes()
+    torn.write_bytes(whole[: len(whole) * 3 // 4])
+    recover(torn)
+    with pytest.raises(DataError, match="sample for sample"):
+        fitted(recorded("before"), torn)
+
+
+def test_one_file_by_two_paths_is_refused(recorded: Recorded, tmp_path: Path) -> None:
+    link = tmp_path / "link.mcap"
+    link.symlink_to(recorded("before"))
+    with pytest.raises(DataError, match=r"link\.mcap and .*before\.mcap are one file"):
+        fitted(recorded("before"), link)
+    with pytest.raises(DataError, match=r"before\.mcap is given twice"):
+        fitted(recorded("before"), recorded("before"))
