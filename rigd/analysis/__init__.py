@@ -1,5 +1,23 @@
-"""Recordings to arrays to an identification to a report.
+"""All that the author of an analysis begins with; imports nothing heavy.
 
-Import :mod:`rigd.analysis.evaluation` to evaluate, :mod:`rigd.analysis.models` for what each model
-needs; this package itself imports nothing, so that checking a plan stays fast.
+Recordings: :mod:`.source`, :mod:`.resample`. Estimators: :mod:`.model`, :mod:`.fit`,
+:mod:`.uncertainty`, :mod:`.profile`, :mod:`.identifiability`, :mod:`.residuals`. Results and pages:
+:mod:`.result`, :mod:`.parameters`, :mod:`.report`. Calibrations: :mod:`.calibration`.
 """
+
+from rigd.analysis.analysis import Analysis, Evaluation, Options
+from rigd.model.errors import ConfigError, DataError
+from rigd.model.units import format_quantity, parse_unit
+from rigd.sdk.analysis import Calibratable, Needs
+
+__all__ = [
+    "Analysis",
+    "Calibratable",
+    "ConfigError",
+    "DataError",
+    "Evaluation",
+    "Needs",
+    "Options",
+    "format_quantity",
+    "parse_unit",
+]

@@ -1,59 +1,32 @@
-"""Recordings in; what their model makes of them out, with report, JSON and terminal table."""
+"""Recordings in; what their analysis makes of them out, with report, JSON and terminal table."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
+from typing import Final
 
+from rigd.analysis.analysis import Analysis, Evaluation, Options
 from rigd.analysis.copies import refuse_copies, refuse_same_file
-from rigd.analysis.models import needs_of
+from rigd.analysis.plan import analysis_of
 from rigd.analysis.source import RecordedSweep, open_sweep
-from rigd.analysis.terminal import Shown
-from rigd.model.errors import DataError
+from rigd.model.errors import ConfigError, DataError
+from rigd.sdk.analysis import OptionName
 
-
-@dataclass(frozen=True)
-class Options:
-    """How to identify.
-
-    ``starts``, ``seed`` and ``robust`` are for models that are fitted: number of starts, their
-    seed, robust loss instead of least squares. ``calibration`` is for models that work from raw
-    volts: a file to use instead of the calibration that a recording carries. ``by_recording`` gives
-    each recording groups of its own, so that they can be compared.
-    """
-
-    starts: int = 8
-    seed: int = 1
-    robust: bool = False
-    calibration: Path | None = None
-    by_recording: bool = False
-
-
-class Evaluation(ABC):
-    """What was found in the recordings."""
-
-    title: str
-
-    @abstractmethod
-    def report(self) -> str:
-        """Return the report as a self-contained HTML page."""
-
-    @abstractmethod
-    def to_json(self) -> dict[str, object]:
-        """Return the results as an object for ``json.dumps(..., allow_nan=False)``."""
-
-    @abstractmethod
-    def shown(self) -> Shown:
-        """Return what a terminal shows."""
-
-
-#: What the module of a model offers as ``evaluate``: recordings of one campaign, in the order they
-#: were given, to its evaluation. It tells a line before each step that takes long, and raises
-#: DataError where the data cannot answer.
-Evaluator = Callable[[Sequence[RecordedSweep], Options, Callable[[str], None]], Evaluation]
+#: Why an analysis that does not take an option refuses it, and what to do.
+_REFUSED: Final[dict[OptionName, tuple[str, str]]] = {
+    "starts": ("--starts: model {} is not fitted from starts", "leave it out"),
+    "seed": ("--seed: model {} is not fitted from random starts", "leave it out"),
+    "robust": ("--robust: model {} has no robust loss", "leave it out"),
+    "calibration": (
+        "--calibration: model {} is identified from converted values",
+        "leave it out; docs/recordings.md shows how to replay raw counts",
+    ),
+    "by_recording": (
+        "--group-by recording: model {} evaluates all recordings as one",
+        "identify each recording with a command of its own",
+    ),
+}
 
 
 def evaluate(
@@ -70,7 +43,7 @@ def evaluate(
 
     Raises:
         RecordingError: a file cannot be read.
-        ConfigError: an option does not fit the model, or a calibration is wrong.
+        ConfigError: an option does not fit the analysis, or a calibration is wrong.
         DataError: a file holds nothing to identify, is there twice or beside a copy of itself, or
             the data cannot answer.
     """
@@ -82,5 +55,27 @@ def evaluate(
     if len(models) > 1:
         raise DataError(f"the recordings identify different models: {', '.join(sorted(models))}")
     refuse_copies(sweeps)
-    evaluator: Evaluator = import_module(needs_of(sweeps[0].plan).module).evaluate
-    return evaluator(sweeps, options or Options(), tell)
+    return evaluate_sweeps(analysis_of(sweeps[0].plan), sweeps, options or Options(), tell)
+
+
+def evaluate_sweeps(
+    analysis: type[Analysis],
+    sweeps: Sequence[RecordedSweep],
+    options: Options,
+    tell: Callable[[str], None],
+) -> Evaluation:
+    """Return what ``analysis`` makes of ``sweeps``; raises as :func:`evaluate` does."""
+    _check_options(sweeps[0].plan.model, analysis, options)
+    return analysis().evaluate(sweeps, options, tell)
+
+
+def _check_options(model: str, analysis: type[Analysis], options: Options) -> None:
+    """Refuse an option that the analysis would not heed.
+
+    Raises:
+        ConfigError: there is one.
+    """
+    for name, (message, hint) in _REFUSED.items():
+        given = getattr(options, name) != getattr(Options, name)
+        if given and name not in analysis.options:
+            raise ConfigError(message.format(model), hint=hint)

@@ -1,14 +1,14 @@
-"""Evaluation by a model that is fitted: parameters with intervals, one set of them per group."""
+"""Evaluation by fitting: parameters with intervals, one set of them per group."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
-from typing import Final, Protocol
+from typing import Final
 
-from rigd.analysis.evaluation import Evaluation, Options
+from rigd.analysis.analysis import Evaluation, Options
 from rigd.analysis.provenance import provenance
 from rigd.analysis.report import (
     Provenance,
@@ -20,8 +20,8 @@ from rigd.analysis.report import (
 )
 from rigd.analysis.result import IdentificationResult, Verdict
 from rigd.analysis.source import RecordedSweep
-from rigd.analysis.terminal import Column, Row, Shown, Table
-from rigd.model.errors import ConfigError, DataError
+from rigd.analysis.terminal import Column, Row, Table, TerminalReport
+from rigd.model.errors import DataError
 from rigd.record import TrialInfo
 
 #: What the verdict adds, said once below the table instead of in every row.
@@ -30,18 +30,47 @@ FROM_HERE: Final = " from this excitation"
 Trials = Sequence[tuple[RecordedSweep, TrialInfo]]
 
 
-class Identify(Protocol):
-    """Trials recorded under the same conditions to the parameters of a model."""
+@dataclass(frozen=True)
+class Group:
+    """Trials that are fitted together, under the label that `group_by` gives them."""
 
-    def __call__(
-        self, trials: Trials, *, starts: int, seed: int, robust: bool
-    ) -> IdentificationResult:
-        """Return them; raise DataError where the data cannot answer."""
-        ...
+    label: str
+    trials: Trials
+
+    @property
+    def recordings(self) -> tuple[Path, ...]:
+        """The files that the trials are from, in the order given."""
+        return tuple(dict.fromkeys(sweep.path for sweep, _ in self.trials))
+
+    @property
+    def reference(self) -> dict[str, float]:
+        """The published values that belong to the first trial; empty if the plan has none."""
+        sweep, first = self.trials[0]
+        return sweep.reference(first)
+
+    @property
+    def reference_label(self) -> str:
+        """Where the published values are from."""
+        return self.trials[0][0].plan.reference_label
 
 
-#: Curve of published parameters, over the range that a result visited; None if they do not do.
-DrawReference = Callable[[str, Mapping[str, float], IdentificationResult], ReferenceCurve | None]
+@dataclass(frozen=True)
+class Fitted:
+    """A group with its result, and the curve of its published values if they give one."""
+
+    group: Group
+    result: IdentificationResult
+    reference_curve: ReferenceCurve | None = None
+
+    @property
+    def section(self) -> ReportSection:
+        """The part of the report on this group."""
+        group = self.group
+        if not group.reference:
+            return ReportSection(group.label, self.result)
+        return ReportSection(
+            group.label, self.result, group.reference, group.reference_label, self.reference_curve
+        )
 
 
 @dataclass(frozen=True)
@@ -52,6 +81,23 @@ class ParameterEvaluation(Evaluation):
     sections: tuple[ReportSection, ...]
     recordings: tuple[tuple[Path, ...], ...]  #: those of each section
     provenance: Provenance
+
+    @classmethod
+    def of(
+        cls, sweeps: Sequence[RecordedSweep], fitted: Sequence[Fitted], options: Options
+    ) -> ParameterEvaluation:
+        """Return the evaluation of ``sweeps`` from the results of all their groups."""
+        sections = tuple(one.section for one in fitted)
+        loss = "Huber" if options.robust else "least squares"
+        origin = provenance(
+            sweeps,
+            [_used(sweep, sections) for sweep in sweeps],
+            {"starts": str(options.starts), "seed": str(options.seed), "loss": loss},
+            [_bridged_facts(sweep) for sweep in sweeps],
+        )
+        titles = dict.fromkeys(one.result.title for one in fitted)
+        recordings = tuple(one.group.recordings for one in fitted)
+        return cls(", ".join(titles), sections, recordings, origin)
 
     def report(self) -> str:
         """Return the report as a self-contained HTML page."""
@@ -73,7 +119,7 @@ class ParameterEvaluation(Evaluation):
         ]
         return groups[0] if len(groups) == 1 else {"groups": groups}
 
-    def shown(self) -> Shown:
+    def terminal_report(self) -> TerminalReport:
         """Return one table of all groups, and the advice below it."""
         rows = summary_rows(self.sections)
         paragraphs = []
@@ -125,54 +171,23 @@ class ParameterEvaluation(Evaluation):
         return Table(tuple(columns), tuple(found))
 
 
-def evaluate_groups(
-    sweeps: Sequence[RecordedSweep],
-    options: Options,
-    tell: Callable[[str], None],
-    *,
-    identify: Identify,
-    draw_reference: DrawReference,
-) -> ParameterEvaluation:
-    """Return the parameters of each group of complete trials.
+def complete_groups(
+    sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+) -> Iterator[Group]:
+    """Yield the complete trials, group by group; ``tell`` gets a line on each as it is yielded.
 
     Raises:
-        ConfigError: a calibration is given: what is fitted here are the recorded values.
-        DataError: a recording has no complete trial, or the data cannot answer.
+        DataError: a recording has no complete trial.
     """
-    model = sweeps[0].plan.model
-    if options.calibration is not None:
-        raise ConfigError(
-            f"--calibration: model {model} is identified from converted values",
-            hint="leave it out; docs/recordings.md shows how to replay raw counts",
-        )
     for sweep in sweeps:
         if not sweep.trials:
             raise DataError(
                 f"{sweep.path} has no complete trial",
                 hint=f"`rigd run --resume {quote(str(sweep.path))}` plays the missing ones",
             )
-    sections = []
-    recordings = []
     for label, trials in groups(sweeps, by_recording=options.by_recording).items():
         tell(f"{label}: {len(trials)} complete {'trial' if len(trials) == 1 else 'trials'}")
-        result = identify(trials, starts=options.starts, seed=options.seed, robust=options.robust)
-        recordings.append(tuple(dict.fromkeys(sweep.path for sweep, _ in trials)))
-        sweep, first = trials[0]
-        reference, source = sweep.reference(first), sweep.plan.reference_label
-        if not reference:
-            sections.append(ReportSection(label, result))
-            continue
-        curve = draw_reference(source, reference, result)
-        sections.append(ReportSection(label, result, reference, source, curve))
-    titles = dict.fromkeys(section.result.title for section in sections)
-    loss = "Huber" if options.robust else "least squares"
-    origin = provenance(
-        sweeps,
-        [_used(sweep, sections) for sweep in sweeps],
-        {"starts": str(options.starts), "seed": str(options.seed), "loss": loss},
-        [_bridged_facts(sweep) for sweep in sweeps],
-    )
-    return ParameterEvaluation(", ".join(titles), tuple(sections), tuple(recordings), origin)
+        yield Group(label, trials)
 
 
 def _used(sweep: RecordedSweep, sections: Sequence[ReportSection]) -> int:

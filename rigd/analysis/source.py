@@ -13,12 +13,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.analysis.resample import bridge, grid, means_around, on_grid, period_ns, stale_rows
-from rigd.model.channels import STATUS_FIELD, Stream
+from rigd.model.channels import STALE, STATUS_FIELD, Stream
 from rigd.model.errors import DataError
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import Quantity, parse_unit
 from rigd.procedure.program import IdentifyPlan
-from rigd.record import Recording, RunInfo, TrialInfo, run_info
+from rigd.record import Event, Recording, RunInfo, TrialInfo, run_info
+from rigd.record.info import COMPLETE
+
+#: Here also what the author of an analysis needs of recordings as such.
+__all__ = [
+    "COMPLETE",
+    "STALE",
+    "STATUS_FIELD",
+    "TIME_FIELD",
+    "Event",
+    "FloatArray",
+    "RecordedSweep",
+    "Recording",
+    "RunInfo",
+    "Stream",
+    "TrialInfo",
+    "Unusable",
+    "open_sweep",
+]
 
 FloatArray = NDArray[np.float64]
 

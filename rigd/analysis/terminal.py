@@ -31,4 +31,4 @@ class Table:
 
 
 #: Tables and paragraphs, from top to bottom. A paragraph may have several lines.
-Shown = tuple[Table | str, ...]
+TerminalReport = tuple[Table | str, ...]

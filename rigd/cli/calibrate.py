@@ -149,7 +149,7 @@ def _rig_of(args: argparse.Namespace) -> RigConfig:
 
 def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
     """Run the procedure; return the recording, and how it ended."""
-    from rigd.analysis.models import MODELS, needs_of
+    from rigd.analysis.plan import analysis_of, calibrating
     from rigd.cli.assignments import read_assignments
     from rigd.cli.console import conclude
     from rigd.cli.playing import record
@@ -162,12 +162,11 @@ def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
     overrides = read_assignments(args.set)
     procedure = compile_procedure(source, rig, overrides)
     plan, place = procedure.identify, source.document.key_place(("identify",))
-    if plan is None or not needs_of(plan, place, procedure.trials[0].parameters, rig).measures:
-        known = ", ".join(name for name, model in MODELS.items() if model.measures)
+    if plan is None or not analysis_of(plan, place, procedure.trials[0].parameters, rig).measures:
         raise ConfigError(
             f"procedure {procedure.name} calibrates nothing",
             place=place,
-            hint=f"its `identify:` names no model that does: {known}",
+            hint=f"its `identify:` names no model that does: {', '.join(calibrating())}",
         )
     request = RunRequest(
         procedure, source.file.text, rig, args.seed, folder=args.runs, overrides=overrides,
@@ -183,8 +182,9 @@ def _run(args: argparse.Namespace, rig: RigConfig) -> tuple[Path, Exit]:
 
 def _evaluate(recording: Path, known: Path | None) -> CalibrationEvaluation:
     """Return what the recording calibrates; ``known`` is the calibration as it stands now."""
+    from rigd.analysis.analysis import Options
     from rigd.analysis.calibration.evaluation import CalibrationEvaluation
-    from rigd.analysis.evaluation import Options, evaluate
+    from rigd.analysis.evaluation import evaluate
     from rigd.model.errors import DataError
 
     evaluation = evaluate(

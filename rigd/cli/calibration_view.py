@@ -8,7 +8,7 @@ from typing import Final
 from rigd.analysis.calibration.evaluation import CalibrationEvaluation
 from rigd.analysis.report.rounding import number, percent, places_for
 from rigd.analysis.terminal import Column, Row, Table
-from rigd.cli.evaluation_view import print_shown
+from rigd.cli.evaluation_view import print_terminal_report
 from rigd.daemon.calibrate import Renewal
 
 #: Beyond so many standard uncertainties a change is no chance: something has changed.
@@ -17,7 +17,7 @@ _FAR: Final = 3.0
 
 def print_renewal(evaluation: CalibrationEvaluation, planned: Renewal) -> None:
     """Print what was measured and its budget, then new beside old."""
-    print_shown((*evaluation.findings(), _table(planned), *_remarks(planned)))
+    print_terminal_report((*evaluation.findings(), _table(planned), *_remarks(planned)))
 
 
 def renewal_json(

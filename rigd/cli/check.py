@@ -174,12 +174,12 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
     procedure = load_procedure(given)
     if rig is None:
         return "a procedure, right in itself; give --rig to check it against a rig"
-    from rigd.analysis.models import needs_of
+    from rigd.analysis.plan import analysis_of
     from rigd.procedure.compile import compile_procedure
 
     compiled = compile_procedure(procedure, rig, {})
     if compiled.identify is not None:
-        needs_of(
+        analysis_of(
             compiled.identify,
             procedure.document.key_place(("identify",)),
             compiled.trials[0].parameters,

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import TextColumn, TimeRemainingColumn
 
-from rigd.analysis.models import needs_of
+from rigd.analysis.plan import analysis_of
 from rigd.cli.asking import ask
 from rigd.cli.trial_bar import TrialBar
 from rigd.daemon.execute import Recorded
@@ -88,7 +88,7 @@ def conclude(procedure: CompiledProcedure, recorded: Recorded) -> None:
     if result.trials_done < result.trials_total:
         console.print(f"go on with:  rigd run --resume {path}", soft_wrap=True)
     elif result.exit_code is Exit.OK and procedure.identify is not None:
-        if needs_of(procedure.identify).measures:
+        if analysis_of(procedure.identify).measures:
             console.print(
                 f"calibrate:   rigd calibrate --from {path} --operator NAME", soft_wrap=True
             )

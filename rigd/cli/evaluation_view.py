@@ -8,14 +8,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from rigd.analysis.terminal import Shown, Table
+from rigd.analysis.terminal import Table, TerminalReport
 from rigd.cli.screen import print_table, wrapped
 
 #: Columns where the width of the terminal is not known.
 WIDTH = 120
 
 
-def print_shown(shown: Shown) -> None:
+def print_terminal_report(shown: TerminalReport) -> None:
     """Print tables and paragraphs, an empty line between any two."""
     console = Console(highlight=False, width=None if sys.stdout.isatty() else WIDTH)
     for index, one in enumerate(shown):

@@ -62,8 +62,9 @@ def execute(args: argparse.Namespace) -> int:
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
 
-    from rigd.analysis.evaluation import Options, evaluate
-    from rigd.cli.evaluation_view import print_shown
+    from rigd.analysis.analysis import Options
+    from rigd.analysis.evaluation import evaluate
+    from rigd.cli.evaluation_view import print_terminal_report
     from rigd.model.errors import ConfigError, RecordingError
 
     if not 1 <= args.starts <= 1000:
@@ -91,7 +92,7 @@ def execute(args: argparse.Namespace) -> int:
     else:
         for loss in losses:
             print(f"warning: {loss}")
-        print_shown(evaluation.shown())
+        print_terminal_report(evaluation.terminal_report())
         if report is not None:
             print(f"report: {report}")
     return 0

@@ -82,11 +82,9 @@ def look_at(group: str, point: EntryPoint, *, in_full: bool) -> Installed:
 
 
 def _described(loaded: Any, kind: Kind, name: str, *, in_full: bool) -> dict[str, Any]:
-    if not (isinstance(loaded, type) and issubclass(loaded, kind.base)):
-        raise TypeError(f"{loaded!r} is no {kind.base.__name__} of rigd.sdk")
-    doc = _plain(inspect.cleandoc(loaded.__doc__ or ""))
+    title, doc = introduction(loaded, kind.base)
     facts: dict[str, Any] = {
-        "title": getattr(loaded, "title", "") or doc.partition("\n")[0],
+        "title": title,
         "doc": doc,
         "link_kind": getattr(loaded, "link_kind", "") or getattr(loaded, "kind", ""),
     }
@@ -95,6 +93,19 @@ def _described(loaded: Any, kind: Kind, name: str, *, in_full: bool) -> dict[str
         if kind.base is AnyDriver:
             facts |= _channels(loaded, name)
     return facts
+
+
+def introduction(loaded: Any, base: type) -> tuple[str, str]:
+    """Return the title of a class and its documentation.
+
+    Raises:
+        TypeError: it is no class derived from ``base``.
+    """
+    if not (isinstance(loaded, type) and issubclass(loaded, base)):
+        package = base.__module__.rpartition(".")[0]
+        raise TypeError(f"{loaded!r} is no {base.__name__} of {package}")
+    doc = _plain(inspect.cleandoc(loaded.__doc__ or ""))
+    return getattr(loaded, "title", "") or doc.partition("\n")[0], doc
 
 
 def _plain(doc: str) -> str:

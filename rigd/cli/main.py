@@ -13,6 +13,7 @@ from typing import Final, NoReturn
 
 from rigd import __version__
 from rigd.cli import (
+    analyses,
     calibrate,
     can,
     check,
@@ -61,6 +62,7 @@ COMMANDS: tuple[ModuleType, ...] = (
     panel,
     sim,
     drivers,
+    analyses,
     can,
     new,
     schema,

@@ -115,7 +115,7 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _execute(args: argparse.Namespace) -> int:
-    from rigd.analysis.models import needs_of
+    from rigd.analysis.plan import analysis_of
     from rigd.cli.assignments import read_assignments
     from rigd.cli.junit import suite_of_complete, write_junit
     from rigd.cli.playing import play
@@ -162,7 +162,7 @@ def _execute(args: argparse.Namespace) -> int:
             write_junit(args.junit, suite_of_complete(procedure, rig.name, resume.path))
         return 0
     if procedure.identify is not None:
-        needs_of(
+        analysis_of(
             procedure.identify,
             source.document.key_place(("identify",)),
             procedure.trials[0].parameters,

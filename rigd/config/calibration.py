@@ -14,19 +14,19 @@ from pathlib import Path
 from typing import Final
 
 from rigd.config.binding import bind
+from rigd.config.calibratable import calibratable, unknown
 from rigd.config.calibration_source import (
-    CALIBRATABLE,
-    Calibratable,
     CalibrationSource,
     Origin,
     ReplacedSource,
     ValueSource,
 )
 from rigd.config.document import Document, Path_, parse_document, read_document
-from rigd.config.problems import Problems, suggest
+from rigd.config.problems import Problems
 from rigd.config.quantities import read_quantity
 from rigd.model.errors import ConfigError, Place
 from rigd.model.units import format_quantity
+from rigd.sdk.analysis import Calibratable
 from rigd.sdk.shipped import shipped_folder
 
 #: No value of a rig is beyond this in SI, and no scale below its inverse: it is a slip of the pen.
@@ -184,10 +184,10 @@ def _build(document: Document) -> Calibration:
 
 
 def _known(place: Place, name: str, problems: Problems) -> Calibratable | None:
-    known = CALIBRATABLE.get(name)
+    known = calibratable().get(name)
     if known is None:
         message = f"there is no calibrated value {name!r}"
-        problems.add(place, message, suggest(name, CALIBRATABLE))
+        problems.add(place, message, unknown(name))
     return known
 
 

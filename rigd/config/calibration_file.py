@@ -17,8 +17,8 @@ from typing import Any, Final
 
 from ruamel.yaml import YAML
 
+from rigd.config.calibratable import calibratable
 from rigd.config.calibration import CalibratedValue, Calibration, parse_calibration
-from rigd.config.calibration_source import CALIBRATABLE
 from rigd.config.document import parse_document
 from rigd.model.errors import ConfigError
 from rigd.model.units import parse_unit
@@ -62,7 +62,7 @@ def renewed(
     ]
     data["history"] = [*history, *data["history"]]
     merged = data["values"] | {one: _block(value) for one, value in values.items()}
-    data["values"] = {one: merged[one] for one in CALIBRATABLE if one in merged}
+    data["values"] = {one: merged[one] for one in calibratable() if one in merged}
     if not data["history"]:
         del data["history"]
     text = StringIO()

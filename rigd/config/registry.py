@@ -10,6 +10,7 @@ from rigd.config.problems import suggest
 from rigd.model.errors import ConfigError
 from rigd.sdk import AnyDriver, Link, Plant, Simulation
 
+ANALYSES: Final = "rigd.analyses"
 DRIVERS: Final = "rigd.drivers"
 LINKS: Final = "rigd.links"
 PLANTS: Final = "rigd.plants"
@@ -30,25 +31,30 @@ def find_driver(name: str) -> type[AnyDriver]:
     Raises:
         ConfigError: no such driver is installed, or it cannot be loaded.
     """
-    return _find(DRIVERS, AnyDriver, "driver", name)
+    return find(DRIVERS, AnyDriver, "driver", name)
 
 
 def find_link(name: str) -> type[Link]:
     """Return the link class called ``name``; raises as :func:`find_driver`."""
-    return _find(LINKS, Link, "link", name)  # type: ignore[type-abstract]
+    return find(LINKS, Link, "link", name)  # type: ignore[type-abstract]
 
 
 def find_plant(name: str) -> type[Plant]:
     """Return the plant class called ``name``; raises as :func:`find_driver`."""
-    return _find(PLANTS, Plant, "plant", name)  # type: ignore[type-abstract]
+    return find(PLANTS, Plant, "plant", name)  # type: ignore[type-abstract]
 
 
 def find_simulation(name: str) -> type[Simulation]:
     """Return the simulation class called ``name``; raises as :func:`find_driver`."""
-    return _find(SIMULATIONS, Simulation, "simulation", name)  # type: ignore[type-abstract]
+    return find(SIMULATIONS, Simulation, "simulation", name)  # type: ignore[type-abstract]
 
 
-def _find(group: str, base: type[T], kind: str, name: str) -> type[T]:
+def find(group: str, base: type[T], kind: str, name: str) -> type[T]:
+    """Return the class called ``name`` of ``group``, derived from ``base``.
+
+    Raises:
+        ConfigError: none is installed, or it cannot be loaded; ``kind`` is what errors call it.
+    """
     known = installed(group)
     if name not in known:
         raise ConfigError(f"no {kind} {name!r} is installed", hint=suggest(name, known))
@@ -62,6 +68,7 @@ def _find(group: str, base: type[T], kind: str, name: str) -> type[T]:
     if isinstance(found, type) and issubclass(found, base):
         return found
     raise ConfigError(
-        f"{name!r} ({known[name].value}) is not a rigd.sdk.{base.__name__}",
+        f"{name!r} ({known[name].value}) is not a {base.__module__.rpartition('.')[0]}."
+        f"{base.__name__}",
         hint="correct the entry point of the package that provides it",
     )

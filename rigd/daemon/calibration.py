@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import date
 
-from rigd.analysis.models import needs_of
+from rigd.analysis.plan import analysis_of
+from rigd.config.calibratable import calibratable
 from rigd.config.calibration import Calibration
-from rigd.config.calibration_source import CALIBRATABLE
 from rigd.config.rig import RigConfig
 from rigd.config.shipped import find_file
 from rigd.model.errors import ConfigError
@@ -23,10 +23,10 @@ def needed(procedure: CompiledProcedure, rig: RigConfig) -> tuple[str, ...]:
     plan = procedure.identify
     if plan is None:
         return ()
-    needs, setup = needs_of(plan), rig.calibration
+    needs, setup = analysis_of(plan).needs, rig.calibration
     held = {} if setup is None or setup.held is None else setup.held.values
     known = (name for name in needs.calibrated_if_known if name in held)
-    return (*needs.calibration(plan), *known)
+    return (*needs.calibration(plan.signals), *known)
 
 
 def unusable(rig: RigConfig, names: Sequence[str], on: date) -> list[str]:
@@ -123,10 +123,9 @@ def _values(rig: RigConfig, held: Calibration, names: Sequence[str], on: date) -
 
 def _remedy(rig: RigConfig, names: Iterable[str]) -> str:
     """Return what gives ``names`` anew: the procedures that measure them, or a person."""
-    procedures = dict.fromkeys(
-        one.procedure for name in names if (one := CALIBRATABLE[name]).procedure
-    )
-    by_hand = [name for name in names if not CALIBRATABLE[name].procedure]
+    measured_by = {name: calibratable()[name].procedure for name in names}
+    procedures = dict.fromkeys(one for one in measured_by.values() if one)
+    by_hand = [name for name, procedure in measured_by.items() if not procedure]
     parts = [command_for(rig, one) for one in procedures]
     if by_hand:
         parts.append(f"write {_list(by_hand)} into the file, with where it is from")

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 from support.random_rigs import random_rig
 
-from rigd.analysis.evaluation import Options, evaluate
+from rigd.analysis import Options
+from rigd.analysis.evaluation import evaluate
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.model.errors import DataError
 from rigd.record import recover
@@ -49,7 +50,7 @@ def test_unlike_recordings_are_reported_and_disagree(
     test = next(one for one in result.residual_tests if one.name == "agreement of recordings")
     assert not test.passed
     assert test.sentence in result.warnings
-    assert "disagree" in str(found.shown())
+    assert "disagree" in str(found.terminal_report())
     json.dumps(found.to_json(), allow_nan=False)
 
 
@@ -78,7 +79,7 @@ def test_only_trials_that_entered_the_fit_count(recorded: Recorded) -> None:
     found = fitted(recorded("before"))
     facts = {one.title: one.entries for one in found.provenance.facts}
     assert facts["before.mcap"]["trials used"] == "3"
-    assert "3 of 4 trials used" in str(found.shown())
+    assert "3 of 4 trials used" in str(found.terminal_report())
     result = found.sections[0].result
     assert (len(result.trials), len(result.preprocessing.rejected)) == (3, 1)
 

@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from shlex import quote
 
-from rigd.analysis.evaluation import Evaluation, Options
+from rigd.analysis import Evaluation, Options
 from rigd.analysis.provenance import provenance
 from rigd.analysis.report import Provenance
-from rigd.analysis.source import RecordedSweep
-from rigd.analysis.terminal import Shown
-from rigd.model.errors import ConfigError
-from rigd.record.info import COMPLETE
+from rigd.analysis.source import COMPLETE, RecordedSweep
+from rigd.analysis.terminal import TerminalReport
 from rigd_analyses.approach_angle.campaign import analyse_campaign
 from rigd_analyses.approach_angle.data import KnownRun, SetReference
 from rigd_analyses.approach_angle.known import (
@@ -25,7 +23,7 @@ from rigd_analyses.approach_angle.known import (
 from rigd_analyses.approach_angle.report import render_campaign
 from rigd_analyses.approach_angle.result import CampaignResult
 from rigd_analyses.approach_angle.runs import find_signals, read_run, telling_attempts
-from rigd_analyses.approach_angle.terminal import campaign_shown
+from rigd_analyses.approach_angle.terminal import campaign_terminal_report
 
 
 @dataclass(frozen=True)
@@ -68,9 +66,9 @@ class CampaignEvaluation(Evaluation):
             ],
         }
 
-    def shown(self) -> Shown:
+    def terminal_report(self) -> TerminalReport:
         """Return Table 1, the trend, what was flagged, and the calibration."""
-        return campaign_shown(self.result, self.calibrations_told)
+        return campaign_terminal_report(self.result, self.calibrations_told)
 
     @property
     def calibrations_told(self) -> tuple[str, ...]:
@@ -96,15 +94,10 @@ def evaluate(
 
     Raises:
         RecordingError: a recording is damaged.
-        ConfigError: a calibration is wrong, or recordings are to be told apart.
+        ConfigError: a calibration is wrong.
         DataError: a recording carries no calibration and none is given, or lacks a signal,
             parameter or constant.
     """
-    if options.by_recording:
-        raise ConfigError(
-            "--group-by recording: model approach-angle makes one campaign of all recordings",
-            hint="identify each recording with a command of its own",
-        )
     calibrations = {sweep.path: calibration_of(sweep, options.calibration) for sweep in sweeps}
     known = _known_runs(sweeps, calibrations)
     tell(f"{len(known)} runs of {', '.join(sweep.path.name for sweep in sweeps)}")

@@ -6,19 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from rigd.analysis.models import needs_of
-from rigd.analysis.report.rounding import number, percent, places_for
-from rigd.analysis.source import RecordedSweep
-from rigd.config.calibration import (
+from rigd.analysis import DataError, parse_unit
+from rigd.analysis.calibration import (
     ATTACHMENT,
     CalibratedValue,
     Calibration,
     load_calibration,
     parse_calibration,
 )
-from rigd.model.errors import DataError
-from rigd.model.units import parse_unit
-from rigd.record import TrialInfo
+from rigd.analysis.report.rounding import number, percent, places_for
+from rigd.analysis.source import RecordedSweep, TrialInfo
+from rigd_analyses.approach_angle.analysis import ApproachAngleAnalysis
 from rigd_analyses.approach_angle.data import UNKNOWN_RISE, AngleCalibration, AngleRig, Known
 
 
@@ -139,7 +137,7 @@ def _optional(calibration: Calibration, name: str, default: Known) -> Known:
 
 def _needed(sweep: RecordedSweep, calibration: Calibration) -> dict[str, Known]:
     """Return the values that evaluating ``sweep`` rests on; they have the units of the model."""
-    needed = needs_of(sweep.plan).calibration(sweep.plan)
+    needed = ApproachAngleAnalysis.needs.calibration(sweep.plan.signals)
     missing = [name for name in needed if name not in calibration.values]
     if missing:
         raise DataError(

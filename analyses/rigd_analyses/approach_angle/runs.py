@@ -14,12 +14,8 @@ from typing import Final, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.analysis.source import RecordedSweep
-from rigd.model.channels import STALE, STATUS_FIELD, Stream
-from rigd.model.errors import DataError
-from rigd.model.rows import TIME_FIELD
-from rigd.model.units import format_quantity
-from rigd.record import TrialInfo
+from rigd.analysis import DataError, format_quantity
+from rigd.analysis.source import STALE, STATUS_FIELD, TIME_FIELD, RecordedSweep, Stream, TrialInfo
 from rigd_analyses.approach_angle.data import AngleRun, Flag, FloatArray, Severity
 
 #: Samples of the card from so long before the relay command to so long after the stop are taken,

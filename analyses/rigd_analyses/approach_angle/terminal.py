@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from rigd.analysis.terminal import Column, Row, Shown, Table
+from rigd.analysis.terminal import Column, Row, Table, TerminalReport
 from rigd_analyses.approach_angle.data import Coefficient
 from rigd_analyses.approach_angle.report.tables import (
     NONE,
@@ -22,7 +22,7 @@ from rigd_analyses.approach_angle.result import CampaignResult
 NAMED: Final = 3
 
 
-def campaign_shown(result: CampaignResult, calibrations: Sequence[str]) -> Shown:
+def campaign_terminal_report(result: CampaignResult, calibrations: Sequence[str]) -> TerminalReport:
     """Return tables and paragraphs on ``result``; ``calibrations`` says which were used."""
     rows = set_rows(result)
     shown: list[Table | str] = [_table_1(rows), _legend(rows)]

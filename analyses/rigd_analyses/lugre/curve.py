@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rigd.analysis import DataError
 from rigd.analysis.result import BoolArray, Curve, FloatArray, Seen
-from rigd.model.errors import DataError
 from rigd_analyses.lugre.model import SIGMA_1, SIGMA_2, LugreModel, friction, friction_gradient
 from rigd_analyses.lugre.spread import Spread
 

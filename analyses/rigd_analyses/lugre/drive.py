@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rigd.analysis import DataError
 from rigd.analysis.result import FloatArray
-from rigd.model.errors import DataError
 from rigd_analyses.lugre.trial import LugreTrial
 
 MIN_REST_S = 0.1  #: shortest rest from which the accelerometer's zero is taken

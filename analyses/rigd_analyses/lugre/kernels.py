@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rigd.analysis.kernel import kernel
 from rigd.analysis.result import FloatArray
-from rigd.model.kernel import kernel
 
 COUNT = 6
 

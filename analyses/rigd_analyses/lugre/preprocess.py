@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
+from rigd.analysis import DataError
 from rigd.analysis.result import FloatArray, Preprocessing, TrialRejection
-from rigd.model.errors import DataError
 from rigd_analyses.lugre.drive import MIN_REST_S, Drive, find_drive
 from rigd_analyses.lugre.model import SlipForce
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial, sampling_period_s

@@ -2,38 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from rigd.analysis.evaluation import Options
+from rigd.analysis import DataError
 from rigd.analysis.fit import Loss
-from rigd.analysis.models import MODELS
-from rigd.analysis.parameters import ParameterEvaluation, evaluate_groups
-from rigd.analysis.report import ReferenceCurve
 from rigd.analysis.result import IdentificationResult, TrialRejection
-from rigd.analysis.source import RecordedSweep, Unusable
-from rigd.model.errors import DataError
-from rigd.record import TrialInfo
+from rigd.analysis.source import RecordedSweep, TrialInfo, Unusable
+from rigd_analyses.lugre.analysis import LugreAnalysis
 from rigd_analyses.lugre.identify import Settings, identify_lugre
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
 
-CONSTANTS = MODELS["lugre"].constants
+CONSTANTS = LugreAnalysis.needs.constants
 #: Carriage mass in kg at which the guide's friction was measured; that of the trials by default.
 FRICTION_MASS = "guide_friction_mass"
-
-
-def evaluate(
-    sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
-) -> ParameterEvaluation:
-    """Return the LuGre parameters of each group of trials.
-
-    Raises:
-        ConfigError: an option is not for this model.
-        DataError: a recording has no complete trial, or the data cannot answer.
-    """
-    return evaluate_groups(sweeps, options, tell, identify=identify, draw_reference=reference_curve)
 
 
 def identify(
@@ -101,17 +83,6 @@ def _label(sweep: RecordedSweep, trial: TrialInfo, *, several: bool) -> str:
 
 def _several(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> bool:
     return len({sweep.path for sweep, _ in trials}) > 1
-
-
-def reference_curve(
-    label: str, values: Mapping[str, float], result: IdentificationResult
-) -> ReferenceCurve | None:
-    """Return g(V_r) of the reference values over the range the result visited (corrected Eq. 6)."""
-    if not {"V_s", "mu_c", "mu_s"} <= values.keys():
-        return None
-    slip = result.curve.x
-    decay = np.exp(-np.sqrt(np.abs(slip) / values["V_s"]))
-    return ReferenceCurve(label, slip, values["mu_c"] + (values["mu_s"] - values["mu_c"]) * decay)
 
 
 def _trial(sweep: RecordedSweep, trial: TrialInfo, label: str) -> LugreTrial:

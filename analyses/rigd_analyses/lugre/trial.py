@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rigd.analysis import DataError
 from rigd.analysis.result import FloatArray
-from rigd.model.errors import DataError
 
 #: Uniform sampling may jitter by this share of the period before the filters stop being right.
 MAX_JITTER = 0.5

@@ -1,1 +1,17 @@
 """What the calibration of any rig needs: a recording by its steps, values with their budgets."""
+
+from rigd.config.calibration import (
+    ATTACHMENT,
+    CalibratedValue,
+    Calibration,
+    load_calibration,
+    parse_calibration,
+)
+
+__all__ = [
+    "ATTACHMENT",
+    "CalibratedValue",
+    "Calibration",
+    "load_calibration",
+    "parse_calibration",
+]

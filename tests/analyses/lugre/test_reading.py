@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from rigd.analysis.models import needs_of
+from rigd.analysis.plan import analysis_of
 from rigd.analysis.source import FloatArray, RecordedSweep, Unusable, open_sweep
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
@@ -58,10 +58,10 @@ def test_a_mass_that_cannot_be_is_refused(light: Trials) -> None:
 def test_the_plan_may_give_it_but_no_name_like_it(light: Trials) -> None:
     plan = light[0][0].plan
     assert "guide_friction_mass" in plan.constants
-    assert needs_of(plan).optional == ("guide_friction_mass",)
+    assert analysis_of(plan).needs.optional_constants == ("guide_friction_mass",)
     wrong = replace(plan, constants={**plan.constants, "guide_friction_mas": 1.0})
     with pytest.raises(ConfigError, match="no constant 'guide_friction_mas'") as caught:
-        needs_of(wrong)
+        analysis_of(wrong)
     assert "guide_friction_mass" in str(caught.value.hint)
 
 

@@ -58,7 +58,7 @@ def test_no_open_parameter_has_a_number_in_the_terminal(
         for name, verdict in verdicts.items()
     )
     section = replace(section, result=replace(section.result, parameters=found, derived=()))
-    table: Any = ParameterEvaluation("t", (section,), ((),), provenance).shown()[0]
+    table: Any = ParameterEvaluation("t", (section,), ((),), provenance).terminal_report()[0]
     for row in table.rows:
         shown = " ".join(row.cells[2:4])
         assert any(c.isdigit() for c in shown) == (verdicts[row.cells[1]] not in OPEN), row

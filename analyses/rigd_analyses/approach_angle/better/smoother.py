@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rigd.model.kernel import kernel
+from rigd.analysis.kernel import kernel
 from rigd_analyses.approach_angle.data import FloatArray
 
 #: Start of the filter: this many times the variance that its first steps leave means "unknown".

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from rigd.analysis import DataError
 from rigd.analysis.calibration.reading import Steps
 from rigd.analysis.calibration.result import CalibrationResult, together
-from rigd.model.errors import DataError
-from rigd.record import TrialInfo
+from rigd.analysis.source import TrialInfo
 from rigd_analyses.approach_angle.calibration import rails, rise
 from rigd_analyses.approach_angle.calibration.bearings import (
     BearingBench,

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from support.angle_recording import Recorded, calibration_text, small_campaign, write_campaign
 
-from rigd.analysis.evaluation import Options, evaluate
+from rigd.analysis import Options
+from rigd.analysis.evaluation import evaluate
 from rigd_analyses.approach_angle.evaluation import CampaignEvaluation
 
 Evaluate = Callable[..., CampaignEvaluation]

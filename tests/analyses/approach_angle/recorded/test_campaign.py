@@ -16,8 +16,9 @@ from support.angle_recording import Recorded, calibration_text, write_campaign
 from support.command import rigd
 from support.markup import outline
 
-from rigd.analysis.evaluation import Options, evaluate
-from rigd.analysis.terminal import Shown, Table
+from rigd.analysis import Options
+from rigd.analysis.evaluation import evaluate
+from rigd.analysis.terminal import Table, TerminalReport
 from rigd.model.errors import ConfigError, DataError
 from rigd_analyses.approach_angle.evaluation import CampaignEvaluation
 from rigd_sim.plants.angle.headless import SimulatedRun, simulate
@@ -26,7 +27,7 @@ Evaluate = Callable[..., CampaignEvaluation]
 Record = Callable[..., Path]
 
 
-def texts(shown: Shown) -> str:
+def texts(shown: TerminalReport) -> str:
     """Return all that a terminal shows."""
     lines = []
     for one in shown:
@@ -108,11 +109,11 @@ def test_a_good_campaign_has_no_flag_that_excludes(good: CampaignEvaluation) -> 
     assert [s.name for s in good.result.sets] == ["clean_0", "clean_15", "clean_45", "coated_0"]
     assert good.result.sets[1].published == 0.2475
     assert set(good.result.trends) == {"paper", "better", "published"}
-    assert "24 runs, none of them left out" in texts(good.shown())
+    assert "24 runs, none of them left out" in texts(good.terminal_report())
 
 
 def test_the_first_table_names_the_coefficient_of_every_number(good: CampaignEvaluation) -> None:
-    table = good.shown()[0]
+    table = good.terminal_report()[0]
     assert isinstance(table, Table)
     assert [column.title for column in table.columns] == [
         "set", "published", "paper's ± U", "(runs)", "better ± U (k=2)", "coefficient",
@@ -146,8 +147,10 @@ def test_a_bad_run_is_told_in_json_terminal_and_report(
     assert bad["better"]["mu"] is None
     assert not any(run["excluded"] for run in runs[:5])
     json.dumps(told, allow_nan=False)
-    assert f"{code} (1): trial 6 (clean_0, 4 kg, 10 V, repeat 2): " in texts(found.shown())
-    assert flag["reason"].rstrip(".") in texts(found.shown())
+    assert f"{code} (1): trial 6 (clean_0, 4 kg, 10 V, repeat 2): " in texts(
+        found.terminal_report()
+    )
+    assert flag["reason"].rstrip(".") in texts(found.terminal_report())
     page = unescape(found.report())
     assert flag["reason"] in page
     assert "Trial 6, clean_0, 4 kg, 10 V, repeat 2" in page
@@ -159,7 +162,7 @@ def test_a_missing_repeat_is_told(
 ) -> None:
     found = analyse(record(campaign[1:6], numbers=range(2, 7)))
     assert found.result.sets[0].missing == ("4 kg at 7 V: 1 of 2 repeats recorded",)
-    for told in (texts(found.shown()), found.report(), json.dumps(found.to_json())):
+    for told in (texts(found.terminal_report()), found.report(), json.dumps(found.to_json())):
         assert "4 kg at 7 V: 1 of 2 repeats recorded" in told
 
 
@@ -182,7 +185,7 @@ def test_an_interrupted_run_is_evaluated_and_told(
 ) -> None:
     found = analyse(record(campaign[:6], state=""))
     assert "(interrupted)" in found.result.warnings[0]
-    assert "(interrupted)" in texts(found.shown())
+    assert "(interrupted)" in texts(found.terminal_report())
     assert found.result.sets[0].paper.used == 6
 
 
@@ -199,7 +202,7 @@ def test_another_calibration_replays_the_raw_volts(
     (line,) = after.calibrations_told
     assert re.search(r"torque_scale: 2\.0\d{3} ± 0\.00\d\d N m/V -> 2\.0\d{3} ± ", line)
     assert "(+2.0 %)" in line
-    for told in (texts(after.shown()), unescape(after.report())):
+    for told in (texts(after.terminal_report()), unescape(after.report())):
         assert line in told
     assert "as recorded" in before.calibrations_told[0]
     told_json = after.to_json()["calibrations"]
@@ -245,7 +248,9 @@ def test_of_several_recordings_a_flagged_run_is_named_with_its_own(
     second = record([*campaign[6:11], BAD["swapped gauges"][0](campaign[11])], "second.mcap")
     found = analyse(first, second)
     label = found.result.runs[11].run.label
-    assert f"negative_torque (1): trial 6 of second.mcap ({label}): " in texts(found.shown())
+    assert f"negative_torque (1): trial 6 of second.mcap ({label}): " in texts(
+        found.terminal_report()
+    )
     assert f"Trial 6 of second.mcap, {label}: " in unescape(found.report())
 
 

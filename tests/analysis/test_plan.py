@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from support.angle_recording import CONSTANTS, SIGNALS
 
-from rigd.analysis.evaluation import Options, evaluate
-from rigd.analysis.models import needs_of
+from rigd.analysis import Options
+from rigd.analysis.evaluation import evaluate
+from rigd.analysis.plan import analysis_of
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
 from rigd.model.errors import ConfigError
@@ -27,9 +28,11 @@ PLAN = IdentifyPlan(
 
 
 def test_the_approach_angle_plan_may_have_the_fast_load_cell() -> None:
-    assert "normal_force_scale" not in needs_of(PLAN).calibration(PLAN)
+    assert "normal_force_scale" not in analysis_of(PLAN).needs.calibration(PLAN.signals)
     loaded = replace(PLAN, signals={**SIGNALS, "normal_force": "daq.normal_force_raw"})
-    assert {"torque_scale", "normal_force_scale"} <= set(needs_of(loaded).calibration(loaded))
+    assert {"torque_scale", "normal_force_scale"} <= set(
+        analysis_of(loaded).needs.calibration(loaded.signals)
+    )
 
 
 @pytest.mark.parametrize(
@@ -44,21 +47,21 @@ def test_the_approach_angle_plan_may_have_the_fast_load_cell() -> None:
 )  # fmt: skip
 def test_a_plan_that_lacks_something_is_refused(plan: IdentifyPlan, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
-        needs_of(plan)
+        analysis_of(plan)
 
 
 def test_trials_need_the_parameters_that_the_campaign_varies() -> None:
-    needs_of(PLAN, trial_parameters=("set", "load", "voltage"))
+    analysis_of(PLAN, trial_parameters=("set", "load", "voltage"))
     with pytest.raises(ConfigError, match="with a parameter 'voltage'"):
-        needs_of(PLAN, trial_parameters=("set", "load"))
+        analysis_of(PLAN, trial_parameters=("set", "load"))
 
 
 def test_signals_are_of_the_kind_that_the_model_works_from() -> None:
     rig = load_rig("angle-1")
-    needs_of(PLAN, rig=rig)
+    analysis_of(PLAN, rig=rig)
     converted = replace(PLAN, signals={**SIGNALS, "gauge_b": "daq.gauge_b"})
     with pytest.raises(ConfigError, match=r"gauge_b is daq\.gauge_b, in 1; .* from V") as caught:
-        needs_of(converted, rig=rig)
+        analysis_of(converted, rig=rig)
     assert caught.value.hint == "did you mean 'daq.gauge_b_raw'?"
 
 

@@ -1,0 +1,61 @@
+"""The analysis of an approach-angle campaign as rigd finds it: what it needs, and the way to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from rigd.analysis import Analysis, Evaluation, Needs, Options
+from rigd_analyses.approach_angle.values import CALIBRATABLE
+
+if TYPE_CHECKING:
+    from rigd.analysis.source import RecordedSweep
+
+
+class ApproachAngleAnalysis(Analysis):
+    """Friction of a wheel over its approach angle: the paper's method and a better one (angle.md).
+
+    All recordings are one campaign.
+    """
+
+    needs = Needs(
+        signals={
+            "gauge_a": "V",
+            "gauge_b": "V",
+            "wheel_angle": "V",
+            "platform_position": "V",
+            "relay": "1",
+            "load": "kg",
+        },
+        optional_signals={"normal_force": "V"},
+        constants=("angle", "wheel_radius", "wheel_inertia", "platform_mass", "gravity"),
+        references=("maximum",),
+        trial_parameters=("set", "load", "voltage"),
+        calibrated=(
+            "torque_scale",
+            "wheel_scale",
+            "platform_scale",
+            "load_scale",
+            "effective_radius",
+            "bearing_constant",
+            "bearing_viscous",
+            "bearing_load",
+            "rolling_resistance",
+            "roller_drag",
+            "rail_constant",
+            "rail_load",
+            "rail_viscous",
+        ),
+        calibrated_with={"normal_force": ("normal_force_scale", "normal_force_zero")},
+        calibrated_if_known=("load_rise",),
+    )
+    calibratable = CALIBRATABLE
+    options = ("calibration",)
+
+    def evaluate(
+        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+    ) -> Evaluation:
+        """Return what the recordings of one campaign say together."""
+        from rigd_analyses.approach_angle.evaluation import evaluate
+
+        return evaluate(sweeps, options, tell)

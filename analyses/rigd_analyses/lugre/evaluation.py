@@ -1,0 +1,43 @@
+"""The LuGre parameters of each group of recorded trials, with their published curves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from rigd.analysis import Options
+from rigd.analysis.parameters import Fitted, ParameterEvaluation, complete_groups
+from rigd.analysis.report import ReferenceCurve
+from rigd.analysis.result import IdentificationResult
+from rigd.analysis.source import RecordedSweep
+from rigd_analyses.lugre.reading import identify
+
+
+def evaluate(
+    sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+) -> ParameterEvaluation:
+    """Return the LuGre parameters of each group of trials.
+
+    Raises:
+        DataError: a recording has no complete trial, or the data cannot answer.
+    """
+    fitted = []
+    for group in complete_groups(sweeps, options, tell):
+        result = identify(
+            group.trials, starts=options.starts, seed=options.seed, robust=options.robust
+        )
+        curve = reference_curve(group.reference_label, group.reference, result)
+        fitted.append(Fitted(group, result, curve))
+    return ParameterEvaluation.of(sweeps, fitted, options)
+
+
+def reference_curve(
+    label: str, values: Mapping[str, float], result: IdentificationResult
+) -> ReferenceCurve | None:
+    """Return g(V_r) of the reference values over the range the result visited (corrected Eq. 6)."""
+    if not {"V_s", "mu_c", "mu_s"} <= values.keys():
+        return None
+    slip = result.curve.x
+    decay = np.exp(-np.sqrt(np.abs(slip) / values["V_s"]))
+    return ReferenceCurve(label, slip, values["mu_c"] + (values["mu_s"] - values["mu_c"]) * decay)

@@ -1,0 +1,135 @@
+"""Does a plan of identification give its analysis what that needs? Imports nothing heavy."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from rigd.analysis.analysis import Analysis
+from rigd.config.registry import ANALYSES, find, installed
+from rigd.model.errors import ConfigError, Place
+from rigd.model.units import parse_unit
+from rigd.procedure.program import IdentifyPlan
+
+if TYPE_CHECKING:
+    from rigd.config.rig import RigConfig
+
+
+def analysis_of(
+    plan: IdentifyPlan,
+    place: Place | None = None,
+    trial_parameters: Collection[str] | None = None,
+    rig: RigConfig | None = None,
+) -> type[Analysis]:
+    """Return the analysis of ``plan``, once the plan gives all that it needs and nothing else.
+
+    ``place`` is where the plan stands in its file, for the error; ``trial_parameters`` are those
+    that the trials have, ``rig`` the one whose channels are the signals, if that is known.
+
+    Raises:
+        ConfigError: no such analysis is installed, or it cannot be loaded; a signal, constant or
+            reference is missing or unknown; or a signal is of another kind than is needed.
+    """
+    analysis = _installed_analysis(plan.model, place)
+    check_plan(plan, analysis, place, trial_parameters, rig)
+    return analysis
+
+
+def check_plan(
+    plan: IdentifyPlan,
+    analysis: type[Analysis],
+    place: Place | None = None,
+    trial_parameters: Collection[str] | None = None,
+    rig: RigConfig | None = None,
+) -> None:
+    """Refuse a plan that does not give ``analysis`` what it needs, or more; see `analysis_of`.
+
+    Raises:
+        ConfigError: a signal, constant or reference is missing, unknown or of another kind.
+    """
+    for message, hint in _mistakes(plan, analysis, trial_parameters):
+        raise ConfigError(f"identify: {message}", hint=hint, place=place)
+    if rig is not None:
+        needs = analysis.needs
+        for name, unit in {**needs.signals, **needs.optional_signals}.items():
+            _check_unit(name, unit, plan.signals.get(name, ""), rig, place)
+
+
+def calibrating() -> list[str]:
+    """Return the names of the installed analyses that measure calibrated values."""
+    return [name for name in sorted(installed(ANALYSES)) if find_analysis(name).measures]
+
+
+def find_analysis(name: str) -> type[Analysis]:
+    """Return the analysis called ``name``.
+
+    Raises:
+        ConfigError: no such analysis is installed, or it cannot be loaded.
+    """
+    return find(ANALYSES, Analysis, "analysis", name)  # type: ignore[type-abstract]
+
+
+def _installed_analysis(name: str, place: Place | None) -> type[Analysis]:
+    known = installed(ANALYSES)
+    if name not in known:
+        raise ConfigError(
+            f"identify: there is no model {name!r}", hint=_nearest(name, sorted(known)), place=place
+        )
+    try:
+        return find_analysis(name)
+    except ConfigError as error:
+        raise ConfigError(f"identify: {error.message}", hint=error.hint, place=place) from error
+
+
+def _mistakes(
+    plan: IdentifyPlan, analysis: type[Analysis], trial_parameters: Collection[str] | None
+) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with the names of ``plan``, each with what to do."""
+    needs, model = analysis.needs, plan.model
+    wanted: tuple[tuple[str, Iterable[str], Collection[str]], ...] = (
+        ("signal", needs.signals, plan.signals),
+        ("constant", needs.constants, plan.constants),
+    )
+    for kind, names, given in wanted:
+        if missing := [name for name in names if name not in given]:
+            yield (
+                f"model {model} needs the {kind} {', '.join(missing)}",
+                f"give it under `identify: {kind}s:` in the procedure",
+            )
+    for kind, known, names in (
+        ("signal", [*needs.signals, *needs.optional_signals], plan.signals),
+        ("constant", [*needs.constants, *needs.optional_constants], plan.constants),
+        ("reference", needs.references, _references(plan.reference)),
+    ):
+        for name in names:
+            if name not in known:
+                yield f"model {model} has no {kind} {name!r}", _nearest(name, known)
+    for name in needs.trial_parameters:
+        if trial_parameters is not None and name not in trial_parameters:
+            message = f"model {model} needs trials with a parameter {name!r}"
+            yield message, _nearest(name, trial_parameters)
+
+
+def _references(reference: Mapping[str, float]) -> list[str]:
+    """Return which results are given, without the group that each belongs to."""
+    return [name.rpartition(".")[2] for name in reference]
+
+
+def _check_unit(signal: str, unit: str, written: str, rig: RigConfig, place: Place | None) -> None:
+    channel = rig.channel(written)
+    if channel is None or parse_unit(channel.unit).same_kind(parse_unit(unit)):
+        return
+    raw = rig.channel(f"{written}_raw")
+    raise ConfigError(
+        f"identify: the signal {signal} is {written}, in {channel.unit}; the model works from "
+        f"{unit}",
+        hint="" if raw is None else f"did you mean '{written}_raw'?",
+        place=place,
+    )
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    names = list(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    return f"did you mean {close[0]!r}?" if close else "there are: " + ", ".join(names)

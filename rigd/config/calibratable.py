@@ -1,0 +1,51 @@
+"""The values that a calibration may hold: what the installed analyses declare."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+from rigd.config.problems import suggest
+from rigd.config.registry import ANALYSES, find, installed
+from rigd.model.errors import ConfigError
+from rigd.sdk.analysis import Calibratable, DeclaredAnalysis
+
+
+def calibratable() -> Mapping[str, Calibratable]:
+    """Return every value that a calibration may hold, by name.
+
+    Analyses that cannot be loaded declare nothing: a rig needs only those of its own family.
+
+    Raises:
+        ConfigError: two analyses declare the same name with different meanings.
+    """
+    return _declared()[0]
+
+
+def unknown(name: str) -> str:
+    """Return what to do about a value called ``name`` that no analysis declares."""
+    known, broken = _declared()
+    hint = suggest(name, known)
+    lacking = "".join(f"; the analysis {one!r} cannot be loaded: rigd analyses" for one in broken)
+    return hint + lacking
+
+
+@cache
+def _declared() -> tuple[dict[str, Calibratable], tuple[str, ...]]:
+    """Return the values by name, and the analyses that cannot be loaded."""
+    found: dict[str, Calibratable] = {}
+    broken = []
+    for analysis in sorted(installed(ANALYSES)):
+        try:
+            declared = find(ANALYSES, DeclaredAnalysis, "analysis", analysis).calibratable
+        except ConfigError:
+            broken.append(analysis)
+            continue
+        for name, one in declared.items():
+            if found.setdefault(name, one) != one:
+                raise ConfigError(
+                    f"the calibrated value {name!r} of analysis {analysis!r} is another value of "
+                    "another analysis",
+                    hint="give it a name that says which rigs it is of",
+                )
+    return found, tuple(broken)

@@ -1,0 +1,59 @@
+"""What an analysis declares, readable without its numerics: `rigd check` asks no more."""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import ClassVar, Literal
+
+#: The options of ``rigd identify`` that an analysis may take. ``calibration``: a file instead of
+#: the calibration that a recording carries; ``by_recording``: each recording for itself;
+#: ``starts``, ``seed`` and ``robust``: how something is fitted.
+OptionName = Literal["starts", "seed", "robust", "calibration", "by_recording"]
+
+
+@dataclass(frozen=True)
+class Calibratable:
+    """A value that a calibration may hold: its unit, what it is, and what measures it."""
+
+    unit: str
+    doc: str
+    procedure: str = ""  #: the shipped procedure that measures it; "" if none does
+    sign: Literal["positive", "not negative", "any"] = "not negative"
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What the plan of a procedure must give, and may.
+
+    ``signals`` and ``optional_signals`` map names to units; a channel must have a unit of the same
+    kind. ``references`` are results that a plan may give published values of.
+    """
+
+    signals: Mapping[str, str]
+    constants: tuple[str, ...] = ()
+    trial_parameters: tuple[str, ...] = ()
+    references: tuple[str, ...] = ()
+    optional_signals: Mapping[str, str] = field(default_factory=dict)
+    optional_constants: tuple[str, ...] = ()
+    calibrated: tuple[str, ...] = ()  #: values that the rig's calibration must have
+    calibrated_with: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  #: of a signal
+    calibrated_if_known: tuple[str, ...] = ()  #: values that are used if they are known
+
+    def calibration(self, signals: Mapping[str, str]) -> tuple[str, ...]:
+        """Return the calibrated values that an evaluation of ``signals`` rests on."""
+        further = (self.calibrated_with.get(signal, ()) for signal in signals)
+        return (*self.calibrated, *(name for names in further for name in names))
+
+
+class DeclaredAnalysis(ABC):
+    """What :class:`rigd.analysis.Analysis` declares; its author derives from that."""
+
+    needs: ClassVar[Needs]
+    #: Values that calibrations may hold, by name; analyses of one family declare the same ones.
+    calibratable: ClassVar[Mapping[str, Calibratable]] = MappingProxyType({})
+    #: Calibrated values that a recording of this kind measures.
+    measures: ClassVar[tuple[str, ...]] = ()
+    options: ClassVar[tuple[OptionName, ...]] = ()
