@@ -6,13 +6,14 @@ interval that the data leave open is ``None``, never a large number.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rigd.analysis.plain import plain_object
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -69,6 +70,24 @@ class ParameterEstimate:
             return None
         return self.estimate if self.low is not None or self.high is not None else None
 
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object; no number where none may be quoted."""
+        known = self.quoted is not None
+        return {
+            "estimate": self.quoted,
+            "low": self.low if known else None,
+            "high": self.high if known else None,
+            "unit": self.unit,
+            "identifiable": self.identifiable,
+            "standard_error": self.standard_error if known else None,
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "advice": self.advice,
+            "flags": self.flags,
+            "interval_source": self.source,
+            "meaning": self.meaning,
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class Seen:
@@ -103,6 +122,11 @@ class Curve:
     note: str = ""
     seen: tuple[Seen, ...] = ()
 
+    def points(self) -> list[dict[str, float]]:
+        """Return the points, each with its band."""
+        rows = zip(self.x, self.y, self.low, self.high, strict=True)
+        return [{self.x_name: x, self.y_name: y, "low": a, "high": b} for x, y, a, b in rows]
+
 
 @dataclass(frozen=True, eq=False)
 class Signal:
@@ -133,6 +157,18 @@ class TrialFit:
     recording: str = ""  #: the file it is from
     signals: Mapping[str, Signal] = field(default_factory=dict)
 
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object: samples stand in the recording."""
+        return {
+            "label": self.label,
+            "recording": self.recording,
+            "condition": self.condition,
+            "rms": self.rms,
+            "unit": self.unit,
+            "r_squared": self.r_squared,
+            "samples_used": np.count_nonzero(self.used),
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class Profile:
@@ -151,6 +187,18 @@ class Profile:
     low: float | None
     high: float | None
     log_axis: bool = True
+
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
+        return {
+            "parameter": self.name,
+            "unit": self.unit,
+            "values": self.values,
+            "cost": self.cost,
+            "threshold": self.threshold,
+            "low": self.low,
+            "high": self.high,
+        }
 
 
 @dataclass(frozen=True)
@@ -246,109 +294,30 @@ class IdentificationResult:
 
         Sample arrays of the trials are left out: they stand in the recording.
         """
+        return plain_object(self)
+
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
         return {
             "model": self.model,
             "method": self.method,
             "title": self.title,
             "confidence": self.confidence,
-            "parameters": {p.name: _parameter_json(p) for p in self.parameters},
-            "derived": {p.name: _parameter_json(p) for p in self.derived},
-            self.curve.name: _curve_json(self.curve),
+            "parameters": {one.name: one for one in self.parameters},
+            "derived": {one.name: one for one in self.derived},
+            self.curve.name: self.curve.points(),
             "visited": self.visited,
-            "correlation": {
-                "names": list(self.correlation_names),
-                "matrix": [[_finite(v) for v in row] for row in self.correlation],
-            },
+            "correlation": {"names": self.correlation_names, "matrix": self.correlation},
             "fit": {
-                "cost": _finite(self.cost),
+                "cost": self.cost,
                 "samples": self.samples,
-                "effective_samples": _finite(self.effective_samples),
-                "inflation": _finite(self.inflation),
+                "effective_samples": self.effective_samples,
+                "inflation": self.inflation,
             },
-            "starts": [_start_json(s) for s in self.starts],
-            "trials": [
-                {
-                    "label": t.label,
-                    "recording": t.recording,
-                    "condition": t.condition,
-                    "rms": _finite(t.rms),
-                    "unit": t.unit,
-                    "r_squared": _finite(t.r_squared),
-                    "samples_used": int(np.count_nonzero(t.used)),
-                }
-                for t in self.trials
-            ],
-            "profiles": [_profile_json(p) for p in self.profiles],
-            "residual_tests": [
-                {
-                    "name": t.name,
-                    "statistic": _finite(t.statistic),
-                    "p_value": None if t.p_value is None else _finite(t.p_value),
-                    "passed": t.passed,
-                    "sentence": t.sentence,
-                }
-                for t in self.residual_tests
-            ],
-            "preprocessing": {
-                "statements": list(self.preprocessing.statements),
-                "settings": dict(self.preprocessing.settings),
-                "per_trial": {k: dict(v) for k, v in self.preprocessing.per_trial.items()},
-                "rejected": [
-                    {"label": r.label, "reason": r.reason} for r in self.preprocessing.rejected
-                ],
-            },
-            "warnings": list(self.warnings),
+            "starts": self.starts,
+            "trials": self.trials,
+            "profiles": self.profiles,
+            "residual_tests": self.residual_tests,
+            "preprocessing": self.preprocessing,
+            "warnings": self.warnings,
         }
-
-
-def _finite(value: float) -> float | None:
-    """Return ``value`` as a float that JSON can hold, or None for NaN and infinities."""
-    return float(value) if math.isfinite(value) else None
-
-
-def _parameter_json(p: ParameterEstimate) -> dict[str, object]:
-    known = p.quoted is not None
-    return {
-        "estimate": _finite(p.estimate) if known else None,
-        "low": p.low if known else None,
-        "high": p.high if known else None,
-        "unit": p.unit,
-        "identifiable": p.identifiable,
-        "standard_error": p.standard_error if known else None,
-        "verdict": p.verdict.value,
-        "sentence": p.sentence,
-        "advice": p.advice,
-        "flags": list(p.flags),
-        "interval_source": p.source,
-        "meaning": p.meaning,
-    }
-
-
-def _curve_json(curve: Curve) -> list[dict[str, float | None]]:
-    rows = zip(curve.x, curve.y, curve.low, curve.high, strict=True)
-    return [
-        {curve.x_name: _finite(x), curve.y_name: _finite(y), "low": _finite(a), "high": _finite(b)}
-        for x, y, a, b in rows
-    ]
-
-
-def _profile_json(p: Profile) -> dict[str, object]:
-    return {
-        "parameter": p.name,
-        "unit": p.unit,
-        "values": [_finite(v) for v in p.values],
-        "cost": [_finite(v) for v in p.cost],
-        "threshold": p.threshold,
-        "low": p.low,
-        "high": p.high,
-    }
-
-
-def _start_json(s: StartOutcome) -> dict[str, object]:
-    return {
-        "start": {k: _finite(v) for k, v in s.start.items()},
-        "end": {k: _finite(v) for k, v in s.end.items()},
-        "cost": _finite(s.cost),
-        "iterations": s.iterations,
-        "converged": s.converged,
-    }

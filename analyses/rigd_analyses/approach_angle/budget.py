@@ -90,6 +90,20 @@ class BudgetTerm:
     uncorrected: bool  #: the paper's column holds a bias that is not corrected
     source: str  #: where the size comes from, one sentence
 
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
+        return {
+            "name": self.name,
+            "input_u": self.input_u,
+            "input_unit": self.unit,
+            "relative_sensitivity_per_unit": self.sensitivity,
+            "relative_u_k1": {"paper": self.paper, "better": self.better},
+            "type": self.kind,
+            "systematic": self.systematic,
+            "paper_uncorrected": self.uncorrected,
+            "source": self.source,
+        }
+
 
 @dataclass(frozen=True)
 class Budget:
@@ -100,6 +114,19 @@ class Budget:
     sizes: Sizes
     runs: int
     coefficient: Coefficient = Coefficient.ROLLING
+
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
+        return {
+            "coefficient": self.coefficient,
+            "mu": self.mu,
+            "load_N": self.load_n,
+            "wheel_speed_rad_per_s": self.wheel_speed_rad_s,
+            "runs": self.runs,
+            "relative_u_k1": {"paper": self.paper, "better": self.better},
+            "relative_U_k2": {"paper": 2 * self.paper, "better": 2 * self.better},
+            "terms": self.terms,
+        }
 
     @property
     def mu(self) -> float:

@@ -90,6 +90,15 @@ class Flag:
     reason: str
     severity: Severity = Severity.EXCLUDED
 
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
+        return {
+            "code": self.code,
+            "reason": self.reason,
+            "severity": self.severity,
+            "excluded": self.severity is Severity.EXCLUDED,
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class AngleRun:

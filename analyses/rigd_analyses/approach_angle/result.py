@@ -9,7 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
+from rigd.analysis.plain import plain_object
 from rigd_analyses.approach_angle.better.result import BetterRun
 from rigd_analyses.approach_angle.budget import Budget
 from rigd_analyses.approach_angle.data import (
@@ -21,7 +23,13 @@ from rigd_analyses.approach_angle.data import (
     Severity,
 )
 from rigd_analyses.approach_angle.paper.result import PaperRun
-from rigd_analyses.approach_angle.result_json import campaign_json
+
+#: What each coefficient is, for who reads the JSON object alone.
+_MEANING: Final = {
+    Coefficient.ROLLING: "F_r/N, along the rolling direction: what the torque measures",
+    Coefficient.USABLE: "(F_r cos(alpha) - F_a sin(alpha))/N, the push along the travel",
+    Coefficient.RESULTANT: "sqrt(F_r^2 + F_a^2)/N",
+}
 
 
 @dataclass(frozen=True)
@@ -37,6 +45,25 @@ class RunResult:
     def excluded(self) -> bool:
         """Whether anything speaks against using the run at all."""
         return any(flag.severity is Severity.EXCLUDED for flag in self.flags)
+
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object; the signals stand in the recording."""
+        run = self.run
+        return {
+            "label": run.label,
+            "trial": run.number,
+            "recording": run.recording,
+            "set": run.set_name,
+            "angle_deg": math.degrees(run.alpha_rad),
+            "announced_load_kg": run.announced_load_kg,
+            "load_N": run.load_n,
+            "motor_voltage_V": run.voltage_v,
+            "repeat": run.repeat,
+            "excluded": self.excluded,
+            "paper": self.paper,
+            "better": self.better,
+            "flags": self.flags,
+        }
 
 
 @dataclass(frozen=True)
@@ -62,6 +89,17 @@ class Estimate:
         """Upper end of the interval value + U."""
         return self.value + self.expanded
 
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
+        return {
+            "coefficient": self.coefficient,
+            "value": self.value,
+            "u_k1": self.u,
+            "U_k2": self.expanded,
+            "low_k2": self.low,
+            "high_k2": self.high,
+        }
+
 
 @dataclass(frozen=True)
 class PaperMaximum:
@@ -80,6 +118,19 @@ class PaperMaximum:
     flagged: int  #: runs left out for a reason
     used: int
     coefficient: Coefficient = Coefficient.ROLLING
+
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
+        return {
+            "coefficient": self.coefficient,
+            "maximum": self.value,
+            "maximum_of_all_runs": self.value_raw,
+            "run": self.run,
+            "regime": self.regime,
+            "runs_raw": self.raw,
+            "runs_flagged": self.flagged,
+            "runs_used": self.used,
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +153,18 @@ class FrictionCurve:
     peak_speed_m_s: float
     form: str  #: the formula in words
     coefficient: Coefficient = Coefficient.ROLLING
+
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object; the blocks are left out."""
+        return {
+            "coefficient": self.coefficient,
+            "form": self.form,
+            "peak_sliding_speed_m_per_s": self.peak_speed_m_s,
+            "sliding_speed_m_per_s": self.speed_m_s,
+            "mu": self.mu,
+            "mu_low_k2": self.low,
+            "mu_high_k2": self.high,
+        }
 
 
 @dataclass(frozen=True)
@@ -128,6 +191,25 @@ class SetResult:
     missing: tuple[str, ...] = ()  #: repeats that the campaign lacks, one sentence each
     warnings: tuple[str, ...] = ()
 
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object; the name is the key of the whole."""
+        published = {"coefficient": Coefficient.ROLLING, "value": self.published}
+        return {
+            "angle_deg": self.angle_deg,
+            "wheel": self.wheel,
+            "published": None if self.published is None else published,
+            "paper": self.paper,
+            "maximum": self.maximum,
+            "usable": self.usable,
+            "resultant": self.resultant,
+            "statistical_u_k1": self.statistical_u,
+            "sliding_runs": self.sliding_runs,
+            "curve": self.curve,
+            "budget": self.budget,
+            "missing": self.missing,
+            "warnings": self.warnings,
+        }
+
     @property
     def angle_deg(self) -> float:
         """Approach angle in degrees, as tables print it."""
@@ -151,6 +233,19 @@ class LineFit:
     r_squared: float
     rms: float
     dof: int
+
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
+        return {
+            "slope_per_deg": self.slope_per_deg,
+            "slope_u_k1_per_deg": self.slope_u,
+            "slope_95_per_deg": [self.slope_low, self.slope_high],
+            "intercept": self.intercept,
+            "intercept_u_k1": self.intercept_u,
+            "r_squared": self.r_squared,
+            "rms": self.rms,
+            "degrees_of_freedom": self.dof,
+        }
 
 
 @dataclass(frozen=True)
@@ -179,6 +274,19 @@ class Trend:
     sentence: str
     coefficient: Coefficient = Coefficient.ROLLING
 
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object; the source is the key of the whole."""
+        return {
+            "coefficient": self.coefficient,
+            "sets": self.sets,
+            "angle_deg": self.angle_deg,
+            "mu": self.mu,
+            "mu_u_k1": self.u,
+            "line": self.line,
+            "demand": self.demand,
+            "sentence": self.sentence,
+        }
+
 
 @dataclass(frozen=True)
 class CampaignResult:
@@ -198,4 +306,17 @@ class CampaignResult:
         ``coefficient``; other numbers carry their unit in the key. Signals are left out: they
         stand in the recording.
         """
-        return campaign_json(self)
+        return plain_object(self)
+
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
+        return {
+            "model": "approach-angle",
+            "coefficients": {one.value: meaning for one, meaning in _MEANING.items()},
+            "sets": {one.name: one for one in self.sets},
+            "trends": self.trends,
+            "runs": self.runs,
+            "reference": self.reference,
+            "statements": self.statements,
+            "warnings": self.warnings,
+        }

@@ -8,14 +8,15 @@ from datetime import date, datetime
 from pathlib import Path
 from shlex import quote
 
+from rigd.analysis.analysis import Evaluation
 from rigd.analysis.calibration.reading import Steps
 from rigd.analysis.calibration.result import CalibrationResult, Measured
-from rigd.analysis.evaluation import Evaluation
+from rigd.analysis.plain import plain_object
 from rigd.analysis.provenance import provenance
 from rigd.analysis.report import Provenance
 from rigd.analysis.report.calibration import render_calibration
 from rigd.analysis.report.rounding import number, places_for
-from rigd.analysis.terminal import Column, Row, Shown, Table
+from rigd.analysis.terminal import Column, Row, Table, TerminalReport
 from rigd.record.moment import is_virtual
 
 
@@ -38,32 +39,26 @@ class CalibrationEvaluation(Evaluation):
     def to_json(self) -> dict[str, object]:
         """Return values in SI with their uncertainty (k = 1) and its terms, or the refusals."""
         result = self.result
-        return {
-            "title": self.title,
-            "recording": str(self.recording),
-            "rig": self.rig,
-            "instruments": dict(self.instruments),
-            "refusals": list(result.refusals),
-            "values": {
-                name: {
-                    "value": one.value,
-                    "u": one.u,
-                    "unit": one.unit,
-                    "budget": {term.name: term.u for term in one.budget},
-                }
-                for name, one in result.measured.items()
-            },
-            "kept": dict(result.kept),
-            "facts": list(result.facts),
-        }
+        return plain_object(
+            {
+                "title": self.title,
+                "recording": self.recording,
+                "rig": self.rig,
+                "instruments": self.instruments,
+                "refusals": result.refusals,
+                "values": result.measured,
+                "kept": result.kept,
+                "facts": result.facts,
+            }
+        )
 
-    def shown(self) -> Shown:
+    def terminal_report(self) -> TerminalReport:
         """Return what was found, and how it is put into the calibration."""
         command = f"rigd calibrate --from {quote(str(self.recording))} --operator NAME"
         write = "" if self.result.refusals else f"Nothing is written yet: {command}"
         return (*self.findings(), *([write] if write else []))
 
-    def findings(self) -> Shown:
+    def findings(self) -> TerminalReport:
         """Return the values with their budgets, what stays as it was, and the facts."""
         result = self.result
         if result.refusals:

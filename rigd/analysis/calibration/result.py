@@ -30,6 +30,11 @@ class Measured:
         """Standard uncertainty (k = 1): the terms are independent."""
         return math.hypot(*(one.u for one in self.budget))
 
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
+        budget = {term.name: term.u for term in self.budget}
+        return {"value": self.value, "u": self.u, "unit": self.unit, "budget": budget}
+
 
 @dataclass(frozen=True, eq=False)
 class Series:

@@ -79,6 +79,28 @@ class BetterRun:
     curves: Smoothed | None = None
     budget: Budget | None = None  #: of ``mu``
 
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object; the curves stand in the recording."""
+        return {
+            "coefficient": self.coefficient,
+            "mu": self.mu,
+            "mu_u_k1": self.mu_u,
+            "demand": self.demand,
+            "torque_Nm": self.torque_nm,
+            "normal_force_N": self.normal_force_n,
+            "sliding_speed_m_per_s": self.sliding_speed_m_s,
+            "slip": self.slip,
+            "slip_corrected": self.slip_corrected,
+            "slip_corrected_u_k1": self.slip_corrected_u,
+            "relative_speed_m_per_s": self.relative_speed_m_s,
+            "regime": self.regime,
+            "sliding_blocks": np.count_nonzero(self.blocks.sliding),
+            "blocks": self.blocks.sliding.size,
+            "force_residual": self.force_residual,
+            "force_residual_limit": self.force_residual_limit,
+            "tare_V": self.tare_v,
+        }
+
     @property
     def excluded(self) -> bool:
         """Whether this run enters no maximum, no curve, and no trend."""

@@ -59,6 +59,22 @@ class PaperRun:
     flags: tuple[Flag, ...] = ()
     curves: PaperCurves | None = None
 
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object; the curves stand in the recording."""
+        return {
+            "coefficient": self.coefficient,
+            "mu": self.mu,
+            "torque_Nm": self.torque_nm,
+            "slip": self.slip,
+            "slip_corrected": self.slip_corrected,
+            "relative_speed_m_per_s": self.relative_speed,
+            "sigma_s": self.sigma_s,
+            "peak_torque_Nm": self.h,
+            "peak_time_s": self.p,
+            "steady_from_s": self.t_steady_s,
+            "regime": self.regime,
+        }
+
     @property
     def excluded(self) -> bool:
         """Whether anything speaks against using this run at all."""
