@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-HELP = "make a package of your own: a driver, with a simulated device and tests"
+HELP = "make a package of your own: a driver or an analysis, with simulated data and tests"
 EXAMPLES = """\
 examples:
   rigd new driver acme-scale --kind slow     a device that is asked now and then
@@ -15,11 +15,15 @@ examples:
   rigd new driver acme-daq --kind block      a card whose library hands over many rows at once
   pip install -e 'acme-scale[test]' && pytest acme-scale && rigd drivers acme-scale
 
-  What is made passes check_driver() as it is, on a simulated device with an invented protocol;
-  docs/drivers.md shows how to make it yours.
+  rigd new analysis acme-coast               recordings to parameters with a report
+
+  What is made passes check_driver() or check_analysis() as it is; docs/drivers.md and
+  docs/analyses.md show how to make it yours.
 """
 
 KINDS: Final = ("fast", "slow", "block")
+_ARTICLES: Final = {"driver": "a", "analysis": "an"}
+_PLURALS: Final = {"driver": "drivers", "analysis": "analyses"}
 _TEMPLATES: Final = Path(__file__).parent / "templates"
 #: Longest name, in characters: it becomes names of folders, modules and classes.
 _MAX_NAME: Final = 40
@@ -27,11 +31,9 @@ _MAX_NAME: Final = 40
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("what", choices=("driver",), help="what to make")
-    parser.add_argument("name", metavar="NAME", help="name in rig files, such as acme-scale")
-    parser.add_argument(
-        "--kind", choices=KINDS, default="fast", help="kind of driver (default: fast)"
-    )
+    parser.add_argument("what", choices=("driver", "analysis"), help="what to make")
+    parser.add_argument("name", metavar="NAME", help="name in files, such as acme-scale")
+    parser.add_argument("--kind", choices=KINDS, help=f"kind of driver (default: {KINDS[0]})")
     parser.add_argument(
         "--folder", type=Path, default=Path(), metavar="DIR",
         help="where to make the folder NAME (default: here)",
@@ -44,11 +46,14 @@ def execute(args: argparse.Namespace) -> int:
 
     if not args.folder.is_dir():
         raise ConfigError(f"there is no folder {args.folder}", hint="make it first")
-    check_name(args.name)
+    if args.what != "driver" and args.kind is not None:
+        raise ConfigError("--kind is of drivers only", hint="leave it out")
+    check_name(args.name, args.what)
     target: Path = args.folder / args.name
     if target.exists() or target.is_symlink():
         raise ConfigError(f"{target} is there already", hint="choose another name or --folder")
-    files = rendered(args.name, args.kind)
+    kind = (args.kind or KINDS[0]) if args.what == "driver" else args.what
+    files = rendered(args.name, kind)
     try:
         for name, text in files.items():
             path = target / name
@@ -56,18 +61,19 @@ def execute(args: argparse.Namespace) -> int:
             path.write_text(text, "utf-8")
     except OSError as error:
         raise ConfigError(f"{error.filename} cannot be written: {error.strerror}") from error
+    made = f"a {kind} driver" if args.what == "driver" else f"{_ARTICLES[kind]} {kind}"
     print(
-        f"made {target}, a {args.kind} driver that passes its tests as it is:\n"
+        f"made {target}, {made} that passes its tests as it is:\n"
         f"  pip install -e '{target}[test]'\n"
         f"  pytest {target}\n"
-        f"  rigd drivers {args.name}\n"
+        f"  rigd {_PLURALS[args.what]} {args.name}\n"
         f"now make it yours: {target / 'README.md'} says how"
     )
     return 0
 
 
-def check_name(name: str) -> None:
-    """Refuse names that cannot be a package, or would hide another.
+def check_name(name: str, what: str = "driver") -> None:
+    """Refuse names that cannot be a package, or would hide another; ``what`` is to be made.
 
     Raises:
         ConfigError: the name will not do; says why.
@@ -89,16 +95,18 @@ def check_name(name: str) -> None:
             "characters, such as acme-scale",
         )
     if keyword.iskeyword(module):
-        raise ConfigError(f"{name!r} is a word of Python", hint=f"such as {name}-driver")
-    if entry_points(group="rigd.drivers", name=name):
+        raise ConfigError(f"{name!r} is a word of Python", hint=f"such as {name}-{what}")
+    plural = _PLURALS[what]
+    if entry_points(group=f"rigd.{plural}", name=name):
         raise ConfigError(
-            f"a driver {name!r} is installed", hint="`rigd drivers` lists the names that are taken"
+            f"{_ARTICLES[what]} {what} {name!r} is installed",
+            hint=f"`rigd {plural}` lists the names that are taken",
         )
     spec = importlib.util.find_spec(module)
     if module == "tests" or (spec is not None and spec.origin):  # a mere folder has no origin
         raise ConfigError(
             f"a package {module!r} exists already, and would be hidden",
-            hint=f"choose another name, such as {name}-driver",
+            hint=f"choose another name, such as {name}-{what}",
         )
 
 
@@ -108,7 +116,10 @@ def module_name(name: str) -> str:
 
 
 def rendered(name: str, kind: str) -> Mapping[str, str]:
-    """Return the files of a driver package by path, below its folder."""
+    """Return the files of a package by path, below its folder.
+
+    ``kind`` is one of :data:`KINDS` of drivers, or ``analysis``.
+    """
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)
@@ -121,7 +132,9 @@ def rendered(name: str, kind: str) -> Mapping[str, str]:
         "port": 7000,
     }
     files = {}
-    for folder in (_TEMPLATES / "driver" / "common", _TEMPLATES / "driver" / kind):
+    drivers = _TEMPLATES / "driver"
+    folders = (drivers / "common", drivers / kind) if kind in KINDS else (_TEMPLATES / kind,)
+    for folder in folders:
         for path in sorted(folder.rglob("*.jinja")):
             where = path.relative_to(folder).with_suffix("").as_posix()
             template = environment.from_string(path.read_text("utf-8"))

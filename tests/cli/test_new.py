@@ -1,4 +1,4 @@
-"""``rigd new driver``: what it makes installs, conforms and passes its own tests as made."""
+"""``rigd new``: what it makes installs, conforms and passes its own tests as made."""
 
 from __future__ import annotations
 
@@ -48,6 +48,18 @@ def run(*command: str | Path, cwd: Path, site: Path | None = None) -> str:
     return done.stdout
 
 
+def installed(package: Path, folder: Path) -> Path:
+    """Return a folder below ``folder`` into which the package is installed, as pip does it."""
+    run(
+        "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation",
+        "--disable-pip-version-check", "--wheel-dir", folder, package, cwd=folder,
+    )  # fmt: skip
+    (wheel,) = folder.glob("*.whl")
+    site = folder / "site"
+    zipfile.ZipFile(wheel).extractall(site)
+    return site
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_made_installs_and_passes_its_own_tests(kind: str, tmp_path: Path) -> None:
     name = f"acme-{kind}"
@@ -55,13 +67,7 @@ def test_what_is_made_installs_and_passes_its_own_tests(kind: str, tmp_path: Pat
     assert made.code == 0, made.err
     assert f"pytest {tmp_path / name}" in made.out
 
-    run(
-        "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation",
-        "--disable-pip-version-check", "--wheel-dir", tmp_path, tmp_path / name, cwd=tmp_path,
-    )  # fmt: skip
-    (wheel,) = tmp_path.glob("*.whl")
-    site = tmp_path / "site"
-    zipfile.ZipFile(wheel).extractall(site)
+    site = installed(tmp_path / name, tmp_path)
     assert (site / f"acme_{kind}" / "py.typed").is_file()
 
     elsewhere = tmp_path / "elsewhere"
@@ -80,19 +86,37 @@ def test_what_is_made_installs_and_passes_its_own_tests(kind: str, tmp_path: Pat
     assert "1 devices" in run("rigd", "check", "rig.yaml", cwd=elsewhere, site=site)
 
 
+def test_an_analysis_that_is_made_passes_its_tests(tmp_path: Path) -> None:
+    made = rigd("new", "analysis", "acme-coast", "--folder", tmp_path, cwd=tmp_path)
+    assert made.code == 0, made.err
+    assert f"pytest {tmp_path / 'acme-coast'}" in made.out
+    site = installed(tmp_path / "acme-coast", tmp_path)
+    assert (site / "acme_coast" / "py.typed").is_file()
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    tested = run(
+        "pytest", "-q", "-p", "no:cacheprovider", tmp_path / "acme-coast" / "tests",
+        cwd=elsewhere, site=site,
+    )  # fmt: skip
+    assert "passed" in tested
+    shown = run("rigd", "analyses", "acme-coast", cwd=elsewhere, site=site)
+    assert "analysis of acme-coast 0.1.0" in shown
+    assert "speed (m/s)" in shown
+
+
 def test_what_is_made_is_typed_and_formatted_as_rigd_is(
     tmp_path: Path, pytestconfig: pytest.Config
 ) -> None:
-    for kind in KINDS:
+    for kind in (*KINDS, "analysis"):
         for path, text in rendered(f"acme-{kind}", kind).items():
             file = tmp_path / f"acme-{kind}" / path
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text)
     config = ROOT / "pyproject.toml"
     run("ruff", "format", "--check", "--config", config, ".", cwd=tmp_path)
-    for kind in KINDS:  # in its folder, as its author would: imports of its own stand apart
+    for kind in (*KINDS, "analysis"):  # in its folder, as its author would: its imports stand apart
         run("ruff", "check", "--config", config, ".", cwd=tmp_path / f"acme-{kind}")
-    packages = [tmp_path / f"acme-{kind}" / f"acme_{kind}" for kind in KINDS]
+    packages = [tmp_path / f"acme-{kind}" / f"acme_{kind}" for kind in (*KINDS, "analysis")]
     cache = pytestconfig.cache
     assert cache is not None
     kept = cache.mkdir("mypy")  # what rigd imports takes 10 s; mypy itself sees what has changed

@@ -1,0 +1,255 @@
+"""The rules that every analysis keeps, checked on cases that its author simulated."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from rigd.analysis.analysis import Analysis, Evaluation, Options
+from rigd.analysis.calibration.evaluation import CalibrationEvaluation
+from rigd.analysis.check.case import Case, SimulatedTrial, write_case
+from rigd.analysis.evaluation import evaluate_sweeps
+from rigd.analysis.parameters import ParameterEvaluation
+from rigd.analysis.plan import check_plan
+from rigd.analysis.source import open_sweep
+from rigd.analysis.terminal import Table
+from rigd.model.errors import RigdError
+from rigd.model.units import parse_unit
+from rigd.sdk.check import Finding, NonConforming, Report
+
+#: Lower and upper end of a 95 % interval; None: the data leave the value open.
+Interval = tuple[float, float] | None
+Read = Callable[[Evaluation], Mapping[str, Interval]]
+
+#: A truth may lie so many half widths from the middle of its interval: one in 20 lies beyond 1,
+#: one in 10 000 beyond 2.
+_SURPRISE: Final = 2.0
+#: Half the interval over the truth: a wider one recovers nothing.
+_WIDEST: Final = 1.0
+#: What checking a plan must not wait for.
+_HEAVY: Final = ("matplotlib", "numba", "scipy")
+#: When a report was made is all that may differ between two of them.
+_MADE: Final = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d UTC")
+
+
+def check_analysis(
+    analysis: type[Analysis], cases: Sequence[Case], folder: Path, *, read: Read | None = None
+) -> Report:
+    """Check ``analysis`` on ``cases``; recordings are written to ``folder``, which is empty.
+
+    ``read`` returns the intervals in an evaluation by name; :func:`intervals_of` unless given.
+
+    Raises:
+        NonConforming: a rule is broken; its report names each with what is asked for.
+    """
+    report = examine_analysis(analysis, cases, folder, read=read)
+    if report.findings:
+        raise NonConforming(report)
+    return report
+
+
+def examine_analysis(
+    analysis: type[Analysis], cases: Sequence[Case], folder: Path, *, read: Read | None = None
+) -> Report:
+    """Return what :func:`check_analysis` finds, without raising."""
+    bench = _Bench(analysis, folder, read or intervals_of)
+    rules: list[tuple[str, Callable[[], Iterator[tuple[str, str]]]]] = [
+        ("declares what it needs", bench.declared),
+        ("is checked without its numerics", bench.light),
+    ]
+    for index, case in enumerate(cases, start=1):
+        rules += [
+            (f"{rule} (case {index})", lambda check=check, case=case: check(case))
+            for rule, check in (
+                ("recovers the truth", bench.truth),
+                ("gives the same bytes for the same input", bench.repeatable),
+                ("refuses what it cannot read", bench.refusals),
+            )
+        ]
+    findings = [
+        Finding(rule, problem, demand) for rule, check in rules for problem, demand in check()
+    ]
+    return Report(analysis.__name__, tuple(findings), tuple(rule for rule, _ in rules))
+
+
+def intervals_of(evaluation: Evaluation) -> Mapping[str, Interval]:
+    """Return the intervals in an evaluation by fitting, or of a calibration, by name.
+
+    Raises:
+        TypeError: it is another kind of evaluation: give ``read``.
+    """
+    found: dict[str, Interval] = {}
+    if isinstance(evaluation, ParameterEvaluation):
+        for section in evaluation.sections:
+            for one in (*section.result.parameters, *section.result.derived):
+                known = one.quoted is not None and one.identifiable
+                ends = (one.low, one.high)
+                found[one.name] = (
+                    (ends[0], ends[1])
+                    if known and ends[0] is not None and ends[1] is not None
+                    else None
+                )
+        return found
+    if isinstance(evaluation, CalibrationEvaluation):
+        for name, value in evaluation.result.measured.items():
+            found[name] = (value.value - 2.0 * value.u, value.value + 2.0 * value.u)
+        return found
+    raise TypeError(f"give `read`: {type(evaluation).__name__} has no intervals of its own")
+
+
+class _Bench:
+    """Writes recordings of a case, whole and spoilt, and evaluates them."""
+
+    def __init__(self, analysis: type[Analysis], folder: Path, read: Read) -> None:
+        self._analysis = analysis
+        self._folder = folder
+        self._read = read
+        self._written = 0
+
+    def evaluate(self, case: Case, *, complete: bool = True) -> Evaluation:
+        """Return the evaluation of a recording of ``case``; raises as the analysis does."""
+        self._written += 1
+        path = self._folder / f"case{self._written}.mcap"
+        sweep = open_sweep(write_case(path, self._analysis, case, complete=complete))
+        check_plan(sweep.plan, self._analysis)
+        return evaluate_sweeps(self._analysis, [sweep], Options(), lambda _: None)
+
+    def declared(self) -> Iterator[tuple[str, str]]:
+        needs = self._analysis.needs
+        for name, unit in {**needs.signals, **needs.optional_signals}.items():
+            try:
+                parse_unit(unit)
+            except ValueError as error:
+                yield f"signal {name}: {error}", "give a unit that rigd knows, such as N m/V"
+        if not needs.signals:
+            yield "it needs no signal", "name the signals that it works from in `needs`"
+        used = (*needs.calibrated, *needs.calibrated_if_known, *self._analysis.measures)
+        for name in used:
+            if name not in self._analysis.calibratable:
+                yield (
+                    f"the calibrated value {name} has no meaning",
+                    "declare it in `calibratable`, with its unit",
+                )
+        if not (self._analysis.__doc__ or "").strip():
+            yield "the class has no docstring", "its first line stands in `rigd analyses`"
+
+    def light(self) -> Iterator[tuple[str, str]]:
+        code = (
+            f"import sys, {self._analysis.__module__}\n"
+            f"print(*[name for name in {_HEAVY!r} if name in sys.modules])"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=False
+        )
+        found = done.stdout.split() if done.returncode == 0 else []
+        if found:
+            yield (
+                f"its module imports {', '.join(found)}",
+                "import numerics in `evaluate`: every check of a plan imports the module",
+            )
+
+    def truth(self, case: Case) -> Iterator[tuple[str, str]]:
+        try:
+            found = self._read(self.evaluate(case))
+        except RigdError as error:
+            yield f"it refuses the case: {error}", "evaluate what the case simulates"
+            return
+        for name, value in case.truth.items():
+            interval = found.get(name)
+            if interval is None:
+                yield f"{name} is not found, the truth is {value:g}", "find it, or call it unknown"
+                continue
+            middle, half = 0.5 * (interval[0] + interval[1]), 0.5 * (interval[1] - interval[0])
+            if not abs(value - middle) <= _SURPRISE * half:
+                shown = f"{interval[0]:g} to {interval[1]:g}"
+                yield (
+                    f"{name} is {shown}, the truth is {value:g}",
+                    "mend the estimate, or widen its interval by what it does not know",
+                )
+            elif value and half > _WIDEST * abs(value):
+                yield f"{name} is known to ±{half:g} only", "simulate data that hold it"
+        for name in case.unknown:
+            interval = found.get(name)
+            if interval is not None:
+                yield (
+                    f"{name} is {interval[0]:g} to {interval[1]:g}, which these data cannot hold",
+                    "say that it is not identifiable, and give no number",
+                )
+
+    def repeatable(self, case: Case) -> Iterator[tuple[str, str]]:
+        try:
+            first, second = self.evaluate(case), self.evaluate(case)
+        except RigdError:
+            return  # told by the rule on the truth
+        name = f"case{self._written - 1}", f"case{self._written}"
+        texts = [
+            json.dumps(one.to_json(), allow_nan=False).replace(path, "case")
+            for one, path in zip((first, second), name, strict=True)
+        ]
+        if texts[0] != texts[1]:
+            yield "two evaluations give two JSON objects", "seed what is drawn from `options.seed`"
+        yield from _ragged(first)
+        page = first.report()
+        if first.title not in page or "<html" not in page:
+            yield "the report is no page with its title", "draw it with rigd.analysis.report"
+        if _MADE.sub("", page) != _MADE.sub("", first.report()):
+            yield "two reports on one evaluation differ", "draw nothing at random"
+
+    def refusals(self, case: Case) -> Iterator[tuple[str, str]]:
+        for name in self._analysis.needs.signals:
+            yield from self._refused(_without(case, name), f"without the signal {name}")
+        for name in self._analysis.needs.constants:
+            left = {key: value for key, value in case.constants.items() if key != name}
+            yield from self._refused(replace(case, constants=left), f"without the constant {name}")
+        spoilt = replace(case, trials=[_not_numbers(trial) for trial in case.trials])
+        yield from self._refused(spoilt, "of samples that are no numbers")
+        yield from self._refused(case, "of trials that did not come to their end", complete=False)
+
+    def _refused(
+        self, case: Case, which: str, *, complete: bool = True
+    ) -> Iterator[tuple[str, str]]:
+        """Yield what is wrong if a recording is neither refused nor found to hold nothing."""
+        demand = "raise DataError with a sentence and a hint"
+        if not case.trials[0].signals:
+            return  # a recording without any stream is refused before the analysis sees it
+        try:
+            found = self._read(self.evaluate(case, complete=complete))
+        except RigdError as error:
+            if len(error.message.split()) < 3:
+                yield f"a recording {which} is refused with {error.message!r}", demand
+        except Exception as error:  # noqa: BLE001  # what it raises is what is reported
+            yield f"a recording {which} raises {type(error).__name__}: {error}", demand
+        else:
+            numbers = [name for name, interval in found.items() if interval is not None]
+            if numbers:
+                yield f"a recording {which} gives {', '.join(numbers)}", demand
+
+
+def _ragged(evaluation: Evaluation) -> Iterator[tuple[str, str]]:
+    for part in evaluation.terminal_report():
+        if isinstance(part, Table) and any(
+            len(row.cells) != len(part.columns) for row in part.rows
+        ):
+            yield "a table has rows of another length than its head", "give every column a cell"
+
+
+def _without(case: Case, name: str) -> Case:
+    trials = [
+        replace(one, signals={key: value for key, value in one.signals.items() if key != name})
+        for one in case.trials
+    ]
+    return replace(case, trials=trials)
+
+
+def _not_numbers(trial: SimulatedTrial) -> SimulatedTrial:
+    nothing = np.full(len(trial.t_s), math.nan)
+    return replace(trial, signals=dict.fromkeys(trial.signals, nothing))
