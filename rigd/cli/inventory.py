@@ -89,7 +89,7 @@ def _described(loaded: Any, kind: Kind, name: str, *, in_full: bool) -> dict[str
         "link_kind": getattr(loaded, "link_kind", "") or getattr(loaded, "kind", ""),
     }
     if in_full:
-        facts["options"] = options_of(loaded.Config)  # type: ignore[attr-defined]
+        facts["options"] = options_of(loaded.Config)
         if kind.base is AnyDriver:
             facts |= _channels(loaded, name)
     return facts

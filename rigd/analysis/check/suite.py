@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -68,7 +69,7 @@ def examine_analysis(
     ]
     for index, case in enumerate(cases, start=1):
         rules += [
-            (f"{rule} (case {index})", lambda check=check, case=case: check(case))
+            (f"{rule} (case {index})", partial(check, case))
             for rule, check in (
                 ("recovers the truth", bench.truth),
                 ("gives the same bytes for the same input", bench.repeatable),
