@@ -55,6 +55,7 @@ SIDE_BY_SIDE = places(
     "system/test_approach_angle.py", "system/test_bad_input.py", "system/test_calibrate.py",
     "system/test_identify_campaign.py", "system/test_identify_command.py",
     "system/test_replay.py", "system/test_run_command.py", "system/test_seeds.py",
+    "system/test_third_family.py",
 )  # fmt: skip
 #: Of these, tests whose driver or simulated device lives by the clock in the process of the test.
 #: rigd and `rigd sim` give both real-time priority; so does the suite, on a machine that allows it.

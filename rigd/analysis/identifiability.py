@@ -16,7 +16,7 @@ from rigd.analysis.result import FloatArray, Verdict
 from rigd.analysis.uncertainty import scaled_pinv
 
 Z_95 = 1.959964
-UNIDENTIFIABLE_LOG_SD = 0.35  #: lugre.md section 5: a 95 % factor of two either way
+UNIDENTIFIABLE_LOG_SD = 0.35  #: a 95 % factor of two either way
 WEAK_LOG_SD = 0.10
 WORTHWHILE_SHRINK = 1.5  #: advice that shrinks a standard error by less is not worth a test
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import rigd
 
 ROOT = Path(rigd.__file__).parents[1]
-FOLDERS = ("rigd", "drivers/rigd_drivers", "sim_backend/rigd_sim")
+FOLDERS = ("rigd", "analyses/rigd_analyses", "drivers/rigd_drivers", "sim_backend/rigd_sim")
 ARRAY = re.compile(r"\b(NDArray|FloatArray|BoolArray|IntArray|ndarray|Rows)\b")
 #: A field that is a function of arrays, or belongs to the class, is no array.
 NO_FIELD = re.compile(r"\b(Callable|ClassVar)\b")

@@ -34,10 +34,10 @@ import gc, importlib, json, os, pkgutil, signal, socket, sys, time, warnings
 
 os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # whatever the test has that asks first
 
-import rigd, rigd_drivers, rigd_sim
+import rigd, rigd_analyses, rigd_drivers, rigd_sim
 
 with warnings.catch_warnings(action="ignore"):
-    for package in (rigd, rigd_drivers, rigd_sim):
+    for package in (rigd, rigd_analyses, rigd_drivers, rigd_sim):
         for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             if not module.name.endswith("__main__"):
                 importlib.import_module(module.name)

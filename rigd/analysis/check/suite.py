@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import math
 import re
@@ -38,6 +39,8 @@ _SURPRISE: Final = 2.0
 _WIDEST: Final = 1.0
 #: What checking a plan must not wait for.
 _HEAVY: Final = ("matplotlib", "numba", "scipy")
+_DECLARED: Final = "declares what it needs"
+_LIGHT: Final = "is checked without its numerics"
 #: When a report was made is all that may differ between two of them.
 _MADE: Final = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d UTC")
 
@@ -63,10 +66,8 @@ def examine_analysis(
 ) -> Report:
     """Return what :func:`check_analysis` finds, without raising."""
     bench = _Bench(analysis, folder, read or intervals_of)
-    rules: list[tuple[str, Callable[[], Iterator[tuple[str, str]]]]] = [
-        ("declares what it needs", bench.declared),
-        ("is checked without its numerics", bench.light),
-    ]
+    wrong = [Finding(_DECLARED, *one) for one in bench.declared()]
+    rules: list[tuple[str, Callable[[], Iterator[tuple[str, str]]]]] = [(_LIGHT, bench.light)]
     for index, case in enumerate(cases, start=1):
         rules += [
             (f"{rule} (case {index})", partial(check, case))
@@ -76,10 +77,15 @@ def examine_analysis(
                 ("refuses what it cannot read", bench.refusals),
             )
         ]
-    findings = [
-        Finding(rule, problem, demand) for rule, check in rules for problem, demand in check()
-    ]
-    return Report(analysis.__name__, tuple(findings), tuple(rule for rule, _ in rules))
+    if wrong:  # no recording can be made for it
+        skipped = {rule: "right declarations" for rule, _ in rules}
+        return Report(analysis.__name__, tuple(wrong), (_DECLARED,), skipped)
+    skipped = {} if bench.importable else {_LIGHT: "a module that can be imported by its name"}
+    played = [(rule, check) for rule, check in rules if rule not in skipped]
+    findings = [Finding(rule, *one) for rule, check in played for one in check()]
+    return Report(
+        analysis.__name__, tuple(findings), (_DECLARED, *(rule for rule, _ in played)), skipped
+    )
 
 
 def intervals_of(evaluation: Evaluation) -> Mapping[str, Interval]:
@@ -124,6 +130,14 @@ class _Bench:
         check_plan(sweep.plan, self._analysis)
         return evaluate_sweeps(self._analysis, [sweep], Options(), lambda _: None)
 
+    @property
+    def importable(self) -> bool:
+        """Whether another process can import the module of the analysis."""
+        try:
+            return importlib.util.find_spec(self._analysis.__module__) is not None
+        except (ImportError, ValueError):
+            return False
+
     def declared(self) -> Iterator[tuple[str, str]]:
         needs = self._analysis.needs
         for name, unit in {**needs.signals, **needs.optional_signals}.items():
@@ -149,10 +163,9 @@ class _Bench:
             f"print(*[name for name in {_HEAVY!r} if name in sys.modules])"
         )
         done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=False
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
         )
-        found = done.stdout.split() if done.returncode == 0 else []
-        if found:
+        if found := done.stdout.split():
             yield (
                 f"its module imports {', '.join(found)}",
                 "import numerics in `evaluate`: every check of a plan imports the module",

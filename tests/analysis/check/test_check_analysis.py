@@ -1,0 +1,201 @@
+"""`check_analysis` finds what an analysis promises and does not keep: one broken one per rule."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rigd.analysis import Analysis, DataError, Evaluation, Needs, Options
+from rigd.analysis.check import Case, SimulatedTrial, check_analysis, examine_analysis, write_case
+from rigd.analysis.source import RecordedSweep, open_sweep
+from rigd.analysis.terminal import Column, Row, Table, TerminalReport
+from rigd.sdk.check import NonConforming
+
+TRUTH = 3.0
+Interval = tuple[float, float] | None
+
+
+class MeanEvaluation(Evaluation):
+    """The mean of a signal and its noise, each with an interval."""
+
+    title = "mean of x"
+
+    def __init__(self, found: Mapping[str, Interval]) -> None:
+        self.found = found
+
+    def report(self) -> str:
+        return f"<html>{self.title}: {dict(self.found)}</html>"
+
+    def to_json(self) -> dict[str, object]:
+        return dict(self.found)
+
+    def terminal_report(self) -> TerminalReport:
+        rows = tuple(Row((name, str(interval))) for name, interval in self.found.items())
+        return (Table((Column("name"), Column("interval")), rows),)
+
+
+class Mean(Analysis):
+    """The mean of a signal beyond an offset, and how much it is scattered."""
+
+    needs = Needs(signals={"x": "m"}, constants=("offset",))
+
+    def evaluate(
+        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+    ) -> Evaluation:
+        (sweep,) = sweeps
+        if not sweep.trials:
+            raise DataError("no trial came to its end", hint="run it again")
+        values = np.concatenate([sweep.signals(trial)[1]["x"] for trial in sweep.trials])
+        if not np.all(np.isfinite(values)):
+            raise DataError("samples are no numbers", hint="look at them")
+        offset = sweep.constant(sweep.trials[0], "offset")
+        return MeanEvaluation(self.found(values - offset))
+
+    def found(self, values: np.ndarray) -> dict[str, Interval]:
+        middle, sd = float(values.mean()), float(values.std())
+        far = 2.0 * sd / np.sqrt(len(values))
+        scatter = (0.9 * sd, 1.1 * sd) if sd else None
+        return {"mean": (middle - far, middle + far), "scatter": scatter}
+
+
+class WithoutWords(Mean):
+    needs = Needs(signals={"x": "parsec per week"}, constants=("offset",), calibrated=("scale",))
+
+
+WithoutWords.__doc__ = None
+
+
+class Wrong(Mean):
+    """Forgets the offset."""
+
+    def found(self, values: np.ndarray) -> dict[str, Interval]:
+        return super().found(values + 1.0)
+
+
+class Vague(Mean):
+    """Says that anything may be."""
+
+    def found(self, values: np.ndarray) -> dict[str, Interval]:
+        return {**super().found(values), "mean": (-100.0, 106.0)}
+
+
+class Missing(Mean):
+    """Finds no mean."""
+
+    def found(self, values: np.ndarray) -> dict[str, Interval]:
+        return {**super().found(values), "mean": None}
+
+
+class Boastful(Mean):
+    """Gives a number for what the data cannot hold."""
+
+    def found(self, values: np.ndarray) -> dict[str, Interval]:
+        return {**super().found(values), "skewness": (0.1, 0.2)}
+
+
+class Fickle(Mean):
+    """Draws at random without a seed."""
+
+    draws = itertools.count()
+
+    def found(self, values: np.ndarray) -> dict[str, Interval]:
+        shift = 1e-6 * next(self.draws)
+        low, high = super().found(values)["mean"] or (0.0, 0.0)
+        return {"mean": (low + shift, high + shift)}
+
+
+class Trusting(Mean):
+    """Takes whatever it gets."""
+
+    def evaluate(
+        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+    ) -> Evaluation:
+        return MeanEvaluation({"mean": (2.9, 3.1), "scatter": None})
+
+
+class Crashing(Mean):
+    """Divides by what is not there."""
+
+    def found(self, values: np.ndarray) -> dict[str, Interval]:
+        return super().found(values)
+
+    def evaluate(
+        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+    ) -> Evaluation:
+        if not sweeps[0].trials:
+            raise IndexError("list index out of range")
+        return super().evaluate(sweeps, options, tell)
+
+
+class Curt(Mean):
+    """Refuses without a sentence."""
+
+    def evaluate(
+        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+    ) -> Evaluation:
+        if not sweeps[0].trials:
+            raise DataError("no")
+        return super().evaluate(sweeps, options, tell)
+
+
+def read(evaluation: Evaluation) -> Mapping[str, Interval]:
+    assert isinstance(evaluation, MeanEvaluation)
+    return evaluation.found
+
+
+def case() -> Case:
+    noise = np.random.default_rng(1).standard_normal((2, 400))
+    trials = [
+        SimulatedTrial(np.arange(400) / 1000.0, {"x": TRUTH + 5.0 + 0.1 * one}) for one in noise
+    ]
+    return Case(trials, {"offset": 5.0}, {"mean": TRUTH, "scatter": 0.1}, unknown=("skewness",))
+
+
+def test_a_good_analysis_keeps_every_rule(tmp_path: Path) -> None:
+    report = check_analysis(Mean, [case(), case()], tmp_path, read=read)
+    assert len(report.checked) == 1 + 2 * 3
+    assert not report.findings
+    assert "a module that can be imported" in str(report)  # this one is of a test
+
+
+@pytest.mark.parametrize(
+    ("broken", "rule", "words"),
+    [
+        (WithoutWords, "declares what it needs", "parsec"),
+        (WithoutWords, "declares what it needs", "calibrated value scale"),
+        (WithoutWords, "declares what it needs", "no docstring"),
+        (Wrong, "recovers the truth (case 1)", "the truth is 3"),
+        (Vague, "recovers the truth (case 1)", "only"),
+        (Missing, "recovers the truth (case 1)", "mean is not found"),
+        (Boastful, "recovers the truth (case 1)", "which these data cannot hold"),
+        (Fickle, "gives the same bytes for the same input (case 1)", "two JSON objects"),
+        (Trusting, "refuses what it cannot read (case 1)", "no numbers gives mean"),
+        (Crashing, "refuses what it cannot read (case 1)", "raises IndexError"),
+        (Curt, "refuses what it cannot read (case 1)", "refused with 'no'"),
+    ],
+)
+def test_each_broken_promise_is_found(
+    broken: type[Analysis], rule: str, words: str, tmp_path: Path
+) -> None:
+    report = examine_analysis(broken, [case()], tmp_path, read=read)
+    assert any(one.rule == rule and words in one.problem for one in report.findings), str(report)
+    with pytest.raises(NonConforming):
+        (tmp_path / "again").mkdir()
+        check_analysis(broken, [case()], tmp_path / "again", read=read)
+
+
+def test_a_case_is_recorded_as_it_is(tmp_path: Path) -> None:
+    whole = case()
+    sweep = open_sweep(write_case(tmp_path / "a.mcap", Mean, whole))
+    for trial, simulated in zip(sweep.trials, whole.trials, strict=True):
+        t_s, signals = sweep.signals(trial)
+        assert np.array_equal(signals["x"], simulated.signals["x"])
+        assert t_s == pytest.approx(simulated.t_s)
+    unequal = [whole.trials[0], replace(whole.trials[1], signals={})]
+    with pytest.raises(ValueError, match="the same signals"):
+        write_case(tmp_path / "b.mcap", Mean, replace(whole, trials=unequal))

@@ -1,0 +1,44 @@
+"""rigd knows no family of rigs: their words stand in their analyses and in examples of the help."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+RIGD = Path(__file__).parents[2] / "rigd"
+#: Words that only a family has.
+WORDS = re.compile(r"lugre|\bomni.?wheel|gauge|\brails?\b|rail_|\broller|approach.?angle", re.I)
+#: Names of shipped rigs, which examples and hints use.
+RIGS = re.compile(r"lugre-\d|(sim|wire)_lugre")
+SUFFIXES = {".py", ".jinja", ".html", ".css", ".js", ".service"}
+
+
+def examples(path: Path, text: str) -> set[int]:
+    """Return the lines of a command's examples, which its help shows."""
+    found: set[int] = set()
+    if path.parent.name != "cli" and path.parent.parent.name != "cli":
+        return found
+    for node in ast.parse(text).body:
+        targets = node.targets if isinstance(node, ast.Assign) else []
+        names = {one.id for one in targets if isinstance(one, ast.Name)}
+        if names & {"EXAMPLES", "EPILOG"}:
+            found |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    return found
+
+
+def told() -> Iterator[str]:
+    for path in sorted(RIGD.rglob("*")):
+        inside = path.relative_to(RIGD)
+        if path.suffix not in SUFFIXES or inside.parts[0] == "_bundled":
+            continue
+        text = path.read_text("utf-8")
+        passed_over = examples(path, text) if path.suffix == ".py" else set()
+        for number, line in enumerate(text.splitlines(), start=1):
+            if number not in passed_over and WORDS.search(RIGS.sub("", line)):
+                yield f"{inside}:{number}: {line.strip()}"
+
+
+def test_no_word_of_a_family_stands_in_rigd() -> None:
+    assert list(told()) == []
