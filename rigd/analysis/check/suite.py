@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import math
 import re
@@ -10,7 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Final
 
@@ -80,7 +79,7 @@ def examine_analysis(
     if wrong:  # no recording can be made for it
         skipped = {rule: "right declarations" for rule, _ in rules}
         return Report(analysis.__name__, tuple(wrong), (_DECLARED,), skipped)
-    skipped = {} if bench.importable else {_LIGHT: "a module that can be imported by its name"}
+    skipped = {_LIGHT: "a module that another process can import"} if bench.heavy is None else {}
     played = [(rule, check) for rule, check in rules if rule not in skipped]
     findings = [Finding(rule, *one) for rule, check in played for one in check()]
     return Report(
@@ -130,14 +129,6 @@ class _Bench:
         check_plan(sweep.plan, self._analysis)
         return evaluate_sweeps(self._analysis, [sweep], Options(), lambda _: None)
 
-    @property
-    def importable(self) -> bool:
-        """Whether another process can import the module of the analysis."""
-        try:
-            return importlib.util.find_spec(self._analysis.__module__) is not None
-        except (ImportError, ValueError):
-            return False
-
     def declared(self) -> Iterator[tuple[str, str]]:
         needs = self._analysis.needs
         for name, unit in {**needs.signals, **needs.optional_signals}.items():
@@ -157,17 +148,22 @@ class _Bench:
         if not (self._analysis.__doc__ or "").strip():
             yield "the class has no docstring", "its first line stands in `rigd analyses`"
 
-    def light(self) -> Iterator[tuple[str, str]]:
+    @cached_property
+    def heavy(self) -> list[str] | None:
+        """What importing the module of the analysis imports; None: it is of no package."""
         code = (
-            f"import sys, {self._analysis.__module__}\n"
+            f"import sys\nsys.path[:] = {sys.path!r}\nimport {self._analysis.__module__}\n"
             f"print(*[name for name in {_HEAVY!r} if name in sys.modules])"
         )
         done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+            [sys.executable, "-c", code], capture_output=True, text=True, check=False
         )
-        if found := done.stdout.split():
+        return done.stdout.split() if done.returncode == 0 else None
+
+    def light(self) -> Iterator[tuple[str, str]]:
+        if self.heavy:
             yield (
-                f"its module imports {', '.join(found)}",
+                f"its module imports {', '.join(self.heavy)}",
                 "import numerics in `evaluate`: every check of a plan imports the module",
             )
 
