@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 #: What reads files, plans, draws, analyses, serves or waits for events: nothing a run at work does.
 NOT_AT_WORK = {
     "asyncio", "canopen", "jinja2", "matplotlib", "numba", "pyarrow", "pymodbus", "rich",
-    "rigd.config.document", "rigd.config.loader", "rigd.config.source", "rigd.evaluate",
+    "rigd.analysis", "rigd.config.document", "rigd.config.loader", "rigd.config.source",
     "rigd.procedure.compile", "rigd.procedure.source", "ruamel.yaml", "scipy", "starlette",
     "uvicorn", "zenoh",
 }  # fmt: skip
