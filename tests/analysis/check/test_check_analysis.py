@@ -176,7 +176,8 @@ def test_an_analysis_that_is_slow_to_import_is_found(
         "    def evaluate(self, sweeps, options, tell): ...\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    slow = import_module("slow_analysis").Slow
+    (module,) = (file.stem for file in tmp_path.glob("*.py"))
+    slow = import_module(module).Slow
     (finding,) = examine_analysis(slow, [], tmp_path, read=read).findings
     assert "its module imports scipy" in finding.problem
 
