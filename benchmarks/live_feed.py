@@ -137,7 +137,6 @@ def pushed(rig: RigConfig) -> Iterator[tuple[RunFolder, list[float]]]:
         job = Job(rig.name, Path(path) / "none.mcap", tuple(streams), time.time_ns())
         folder.prepare(job, {name: round(rate * 5) + 1000 for name, rate in rates.items()})
         board = folder.board()
-        board[Word.START_NS], board[Word.ORIGIN_NS] = time.time_ns(), time.monotonic_ns()
         writer = subprocess.Popen(
             [sys.executable, "-c", WRITER, path, json.dumps(rates)], stdout=subprocess.PIPE
         )

@@ -6,7 +6,6 @@ links, the cycle and the recorder are processes of their own. The run itself kno
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -20,13 +19,10 @@ from rigd.engine.control import Control
 from rigd.engine.faults import Ask, ShownFaults
 from rigd.engine.host import Host
 from rigd.engine.in_process import InProcessHost
-from rigd.engine.process_host import ProcessHost
-from rigd.engine.rates import most_rows_hz
+from rigd.engine.launch import launch, prepare
 from rigd.engine.recorder import Health, RecorderProcess, drain_leftovers
-from rigd.engine.shared import Job, RunFolder, Word
-from rigd.engine.slow.beside import Beside
-from rigd.engine.wiring import in_cycle, streams_of, wire
-from rigd.model.channels import Stream
+from rigd.engine.shared import Job, RunFolder
+from rigd.engine.wiring import streams_of, wire
 from rigd.model.errors import LinkError
 from rigd.procedure.program import Recorded
 from rigd.record import Attachment, RecordingWriter
@@ -34,8 +30,6 @@ from rigd.record.compression import Compression
 
 #: Rings hold this much of a recorder that is gone.
 RING_S = 60.0
-#: Rows beyond what RING_S asks for, so that even a slow stream has room for a burst.
-SPARE_ROWS = 1000
 
 
 @dataclass(frozen=True)
@@ -127,26 +121,17 @@ def processes(
             kept.compression,
             kept.resume,
         )
-        folder.prepare(
-            job, {one.name: ring_rows(rig, one, kept.record[one.name].every) for one in streams}
-        )
-        board = folder.board()
-        # Making the rings took a while, saving an earlier run's samples perhaps minutes: slot 0 was
-        # due at start_ns by then, else every time stamp would lag the clock on the wall by that.
-        since_start_ns = max(time.time_ns() - start_ns, 0)  # a resumed run may begin later than now
-        origin_ns = time.monotonic_ns() - since_start_ns
-        board[Word.START_NS], board[Word.ORIGIN_NS] = start_ns, origin_ns
-        beside = Beside(rig, folder, job, origin_ns=origin_ns, record=kept.record)
+        prepare(rig, folder, job, record=kept.record, ring_s=RING_S)
         recorder = RecorderProcess(folder)
         recorder.start()
-        host = ProcessHost(
+        host = launch(
             rig,
+            folder,
+            job,
+            control,
             record=kept.record,
             seed=seed,
-            folder=folder,
-            control=control,
             watched=(_KeptAlive(recorder, control),),
-            beside=beside,
             finish=recorder.finish,
         )
         try:
@@ -193,13 +178,6 @@ class _KeptAlive:
             )
             self._recorder.restart()
         return None
-
-
-def ring_rows(rig: RigConfig, stream: Stream, every: int = 1) -> int:
-    """Return how many rows the ring of ``stream`` holds, where one of ``every`` is recorded."""
-    in_this_cycle = stream.name not in rig.devices or in_cycle(rig.devices[stream.name])
-    rate_hz = most_rows_hz(rig, stream) / (every if in_this_cycle else 1)
-    return round(RING_S * rate_hz) + SPARE_ROWS
 
 
 def _change(ask: Ask) -> ChangePlant:

@@ -6,7 +6,7 @@ import pickle
 import select
 import socket
 from collections import deque
-from typing import Final
+from typing import Final, TypeVar, cast
 
 from rigd.engine import messages as m
 from rigd.engine.child import Child, module
@@ -14,6 +14,8 @@ from rigd.engine.clock import monotonic_ns
 from rigd.engine.cycle_process import JOB
 from rigd.engine.player import Outcome
 from rigd.engine.shared import CycleState, RunFolder, Word
+
+T = TypeVar("T")
 
 #: What the cycle process writes where a person would look, kept in the run's folder.
 LOG: Final = "cycle.log"
@@ -36,9 +38,8 @@ class CycleLink:
     def __init__(self, folder: RunFolder, job: m.CycleJob, silence_s: float) -> None:
         self.heard = 0  #: serial of the last outcome that :meth:`ending` gave
         self._ended: dict[int, Outcome] = {}
-        self.said: dict[int, tuple[str, ...]] = {}
-        self.acted: dict[int, m.Acted] = {}
-        self.news: deque[object] = deque()  #: what was told without being asked
+        self._answers: dict[int, object] = {}
+        self.news: deque[m.News] = deque()  #: what was reported without being asked
         self._board = folder.board()
         self._silence_ns = {
             CycleState.TICKING: round(silence_s * 1e9),
@@ -81,6 +82,14 @@ class CycleLink:
             self._ended.clear()  # whatever else is there, the cycle has told again by this
         return outcome
 
+    def answered(self, question: m.Question[T]) -> bool:
+        """Return whether the answer to ``question`` is there."""
+        return question.serial in self._answers
+
+    def answer(self, question: m.Question[T]) -> T:
+        """Return the answer that is there, once."""
+        return cast("T", self._answers.pop(question.serial))
+
     def hear(self, wait_ms: int) -> None:
         """Take what was said, waiting at most ``wait_ms`` for something."""
         self._poll.poll(wait_ms)
@@ -94,12 +103,12 @@ class CycleLink:
             match pickle.loads(packet):
                 case m.Ended(serial, outcome):
                     self._ended[serial] = outcome
-                case m.Said(serial, sentences):
-                    self.said[serial] = sentences
-                case m.Acted(serial) as acted:
-                    self.acted[serial] = acted
-                case told:
-                    self.news.append(told)
+                case m.Answer(serial, value):
+                    self._answers[serial] = value
+                case m.Entered() | m.Tripped() | m.Notice() as news:
+                    self.news.append(news)
+                case message:
+                    raise TypeError(f"the cycle process reports nothing like {message!r}")
 
     def death(self) -> str | None:
         """Return why the process must be taken for dead, or None; asked every few ms."""
@@ -108,7 +117,7 @@ class CycleLink:
         how = self._child.ended
         if how:
             self.hear(0)  # what it said last
-            if self._closing in self.said:
+            if self._closing in self._answers:
                 return None  # it ended as it was told
             words = self._child.last_words()
             return f"the cycle process ended by itself ({how})" + (f": {words}" if words else "")

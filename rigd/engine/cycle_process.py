@@ -17,7 +17,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Final
+from typing import Any, Final, TypeVar
 
 from rigd.engine import messages as m
 from rigd.engine.clock import RealClock
@@ -32,6 +32,8 @@ from rigd.engine.wiring import in_cycle, wire
 from rigd.model.severity import Severity
 from rigd.record.events import NO_TRIAL
 from rigd.sdk import Driver
+
+T = TypeVar("T")
 
 JOB: Final = "cycle.pickle"
 #: How long setpoints may take to rest once the daemon is gone; then all is made safe at once.
@@ -71,7 +73,7 @@ class CycleProcess:
         self._endings: list[tuple[int, Outcome]] = []  #: by serial; the daemon may not know them
         self._final: Outcome | None = None  #: every device is safe; nothing moves any more
         self._in_cycle = [one for one in self._cycle.rig.mounts if one.name not in elsewhere]
-        self._acting: tuple[int, Driver] | None = None  #: for whom, and the device that acts
+        self._acting: tuple[m.Act, Driver] | None = None  #: what was asked, and of what
         self._arming_since: int | None = None
         self._ticking = False
         self._real_time = RealTime()
@@ -179,37 +181,43 @@ class CycleProcess:
                 self._cycle.load(None)
                 if self._begin(serial, heard):
                     self._arm()
-            case m.Open(serial, judge):
-                self._answer(serial, self._open(judge=judge))
-            case m.Judge(serial):
-                self._answer(serial, [*judge_devices(self._cycle), *self._prove_watchdogs()])
-            case m.Act(serial, device, action):
-                self._act(serial, device, action)
-            case m.Ask(serial, "unfit"):
-                self._answer(serial, self._cycle.unfit())
-            case m.Ask(serial, "barred"):
-                barred = self._cycle.ends_everything()
-                self._answer(serial, [barred] if barred else [])
-            case m.Ask(serial, "standing"):
-                standing = self._cycle.interlocks.active()
-                self._answer(serial, [interlock.name for interlock in standing])
-            case m.Ask(serial, "identities"):
-                pairs = ((mount.name, mount.driver.identity) for mount in self._in_cycle)
-                self._answer(serial, [text for pair in pairs for text in pair])
-            case m.Ask(serial, "loads"):
-                links = self._cycle.rig.links
-                self._tell("loads", {name: link.load for name, link in links.items()})
-                self._answer(serial, [])
-            case m.Change(serial, quantity, value):
-                self._answer(serial, self._change(quantity, value))
-            case m.MakeSafe(serial):
-                self._final = Outcome(Severity.FAULT, "the rig was made safe")
-                self._answer(serial, self._make_safe())
-            case m.Close(serial):
-                self._answer(serial, [*self._make_safe(), *close_devices(self._cycle)])
-                self.over = True
+            case m.Act():
+                self._act(command)
+            case m.Question():
+                self._reply(command)
             case _:
                 raise TypeError(f"no such command: {command!r}")
+
+    def _reply(self, question: m.Question[Any]) -> None:
+        """Answer what can be answered at once."""
+        match question:
+            case m.Open(_, judge):
+                self._answer(question, self._open(judge=judge))
+            case m.Judge():
+                judged = [*judge_devices(self._cycle), *self._prove_watchdogs()]
+                self._answer(question, judged)
+            case m.Unfit():
+                self._answer(question, self._cycle.unfit())
+            case m.Barred():
+                self._answer(question, self._cycle.ends_everything())
+            case m.Standing():
+                standing = self._cycle.interlocks.active()
+                self._answer(question, [interlock.name for interlock in standing])
+            case m.Identities():
+                self._answer(question, self._identities())
+            case m.Loads():
+                links = self._cycle.rig.links
+                self._answer(question, {name: link.load for name, link in links.items()})
+            case m.Change(_, quantity, value):
+                self._answer(question, self._change(quantity, value))
+            case m.MakeSafe():
+                self._final = Outcome(Severity.FAULT, "the rig was made safe")
+                self._answer(question, self._make_safe())
+            case m.Close():
+                self._answer(question, [*self._make_safe(), *close_devices(self._cycle)])
+                self.over = True
+            case _:
+                raise TypeError(f"no such question: {question!r}")
 
     def _begin(self, serial: int, heard: int) -> bool:
         """Return whether what was asked for begins; else the cycle has acted, which is told."""
@@ -254,7 +262,7 @@ class CycleProcess:
 
     def _open(self, *, judge: bool) -> Sequence[str]:
         reasons = list(open_devices(self._cycle, judge=judge, links_open=self._links_open))
-        self._tell("devices", {mount.name: mount.driver.identity for mount in self._in_cycle})
+        self._tell("devices", self._identities())
         if reasons:
             return reasons
         if judge:
@@ -265,6 +273,9 @@ class CycleProcess:
         for sentence in self._real_time.lost:
             self._say(m.Notice(f"not in real time: {sentence}"))
         return reasons
+
+    def _identities(self) -> Mapping[str, str]:
+        return {mount.name: mount.driver.identity for mount in self._in_cycle}
 
     def _links_open(self) -> None:
         """From now on the devices are ours, to be made safe over a second link if need be."""
@@ -296,25 +307,25 @@ class CycleProcess:
             self._tell("watchdog", found)
         return reasons
 
-    def _act(self, serial: int, device: str, action: str) -> None:
-        (driver,) = (mount.driver for mount in self._in_cycle if mount.name == device)
+    def _act(self, question: m.Act) -> None:
+        (driver,) = (mount.driver for mount in self._in_cycle if mount.name == question.device)
         try:
-            driver.act(action)
+            driver.act(question.action)
         except DEVICE_ERRORS as error:
-            self._say(m.Acted(serial, "", error))
+            self._answer(question, m.Acted("", error))
             return
-        self._acting = (serial, driver)
+        self._acting = (question, driver)
 
-    def _look_at_action(self, serial: int, driver: Driver) -> None:
-        """Tell what became of the action under way, once it is over."""
+    def _look_at_action(self, question: m.Act, driver: Driver) -> None:
+        """Answer what became of the action under way, once it is over."""
         try:
             said = driver.acted()
         except DEVICE_ERRORS as error:
-            self._say(m.Acted(serial, "", error))
+            self._answer(question, m.Acted("", error))
         else:
             if said is None:
                 return
-            self._say(m.Acted(serial, said))
+            self._answer(question, m.Acted(said))
         self._acting = None
 
     def _change(self, quantity: str, value: float | str) -> Sequence[str]:
@@ -353,10 +364,10 @@ class CycleProcess:
         clock = self._cycle.clock
         self._emit(clock.start_ns + clock.now(), kind, data)
 
-    def _answer(self, serial: int, sentences: Sequence[str]) -> None:
-        self._say(m.Said(serial, tuple(sentences)))
+    def _answer(self, question: m.Question[T], value: T) -> None:
+        self._say(m.Answer(question.serial, value))
 
-    def _say(self, message: object) -> None:
+    def _say(self, message: m.Answer[Any] | m.Ended | m.News) -> None:
         self._unsent.append(pickle.dumps(message))
         self._send_unsent()
 

@@ -1,12 +1,15 @@
 """Messages between the daemon and the cycle process: one pickled object per packet.
 
-Both ends run the same code and nobody else holds an end of the socket.
+To the cycle go commands, among them questions; a question names the type of its answer. From the
+cycle come answers, endings and news. Both ends run the same code and nobody else holds an end of
+the socket.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from rigd.config.rig import RigConfig
 from rigd.engine.interlocks import Trip
@@ -14,6 +17,8 @@ from rigd.engine.player import Outcome
 from rigd.model.errors import RigdError
 from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded
+
+T = TypeVar("T")
 
 #: A packet on the socket is at most this long; a longer program goes by way of a file.
 MAX_PACKET = 100_000
@@ -33,14 +38,19 @@ class CycleJob:
 
 @dataclass(frozen=True)
 class Command:
-    """Something to do; the reply carries the same ``serial``."""
+    """Something to do; what comes of it carries the same ``serial``."""
 
     serial: int
 
 
 @dataclass(frozen=True)
-class Open(Command):
-    """Open every device; replied by Said with what keeps the rig from being armed.
+class Question(Command, Generic[T]):
+    """A command that is replied by an Answer of type ``T``."""
+
+
+@dataclass(frozen=True)
+class Open(Question[Sequence[str]]):
+    """Open every device; answered with what keeps the rig from being armed, a sentence each.
 
     ``judge`` False: only with what could not be opened. :class:`Judge` asks for the rest.
     """
@@ -49,24 +59,67 @@ class Open(Command):
 
 
 @dataclass(frozen=True)
-class Judge(Command):
-    """Ask every open device whether it may be armed, and prove its watchdog; replied by Said."""
+class Judge(Question[Sequence[str]]):
+    """Ask every open device whether it may be armed, and prove its watchdog; answered as Open."""
 
 
 @dataclass(frozen=True)
-class Act(Command):
-    """Begin an action of a device; replied by Acted once it is over, in the cycles that follow."""
+class Unfit(Question[Sequence[str]]):
+    """Ask why the rig, looked at in rest, is not fit to be armed; a sentence each."""
+
+
+@dataclass(frozen=True)
+class Barred(Question[str]):
+    """Ask why nothing may move any more; answered with "" if it may."""
+
+
+@dataclass(frozen=True)
+class Standing(Question[Sequence[str]]):
+    """Ask for the names of the interlocks that stand tripped."""
+
+
+@dataclass(frozen=True)
+class Identities(Question[Mapping[str, str]]):
+    """Ask what every device in the cycle said it is, by name."""
+
+
+@dataclass(frozen=True)
+class Loads(Question[Mapping[str, float | None]]):
+    """Ask which share of its capacity each link carries, 0 to 1; None if it does not know."""
+
+
+@dataclass(frozen=True)
+class Act(Question["Acted"]):
+    """Begin an action of a device; answered once it is over, in the cycles that follow."""
 
     device: str
     action: str
 
 
 @dataclass(frozen=True)
+class Change(Question[Sequence[str]]):
+    """Change the plant of a simulated rig; answered with what was wrong, if anything."""
+
+    quantity: str
+    value: float | str
+
+
+@dataclass(frozen=True)
+class MakeSafe(Question[Sequence[str]]):
+    """Make every device safe and stop the cycle; answered with what went wrong."""
+
+
+@dataclass(frozen=True)
+class Close(Question[Sequence[str]]):
+    """Close everything and end; answered with what went wrong."""
+
+
+@dataclass(frozen=True)
 class Begin(Command):
     """Something that ends with an outcome; ``heard`` is the serial of the last one that was heard.
 
-    Where the cycle has acted since, that is the answer, and nothing begins: the daemon may have
-    stopped listening (a rest that was long enough) before it was told.
+    If the cycle has acted since, that is the answer, and nothing begins: the daemon may have
+    stopped listening (a rest that was long enough) before the cycle reported it.
     """
 
     heard: int
@@ -81,7 +134,7 @@ class Arm(Begin):
 class Play(Begin):
     """Play a program, and ``then`` without a gap; replied by Ended of the program.
 
-    ``file`` holds both where they are long. Neither, where the program is the one that was the
+    ``file`` holds both if they are long. Neither is given if the program is the one that was the
     last one's ``then``: it plays already, or has ended.
     """
 
@@ -93,28 +146,9 @@ class Play(Begin):
 
 @dataclass(frozen=True)
 class Rest(Begin):
-    """Let the setpoints go to rest, and run; Ended comes only where the cycle had to act."""
+    """Let the setpoints go to rest, and run; Ended comes only if the cycle had to act."""
 
     trial: int
-
-
-@dataclass(frozen=True)
-class Change(Command):
-    """Change the plant of a simulated rig; replied by Said with what was wrong, if anything."""
-
-    quantity: str
-    value: float | str
-
-
-@dataclass(frozen=True)
-class Ask(Command):
-    """Ask ``unfit``, ``barred`` or ``standing`` (interlocks by name); replied by Said.
-
-    ``identities`` is replied by Said with name and identity of every device in turn.
-    ``loads`` is replied by Said with nothing, behind an event with the load of every link.
-    """
-
-    what: str
 
 
 @dataclass(frozen=True)
@@ -133,28 +167,17 @@ class Acknowledge(Command):
 
 
 @dataclass(frozen=True)
-class MakeSafe(Command):
-    """Make every device safe and stop the cycle; replied by Said with what went wrong."""
-
-
-@dataclass(frozen=True)
-class Close(Command):
-    """Close everything and end; replied by Said with what went wrong."""
-
-
-@dataclass(frozen=True)
-class Said:
-    """The answer to a command, in sentences."""
+class Answer(Generic[T]):
+    """The answer to a question."""
 
     serial: int
-    sentences: tuple[str, ...]
+    value: T
 
 
 @dataclass(frozen=True)
 class Acted:
     """What a device said of an action, or the error that it ended with."""
 
-    serial: int
     said: str
     error: RigdError | None = None
 
@@ -186,3 +209,7 @@ class Notice:
     """A line for the operator."""
 
     line: str
+
+
+#: What the cycle reports without being asked.
+News = Entered | Tripped | Notice

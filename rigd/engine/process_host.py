@@ -12,6 +12,7 @@ import pickle
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
+from functools import partial
 from typing import Final, Protocol, TypeVar
 
 from rigd.config.rig import RigConfig
@@ -26,7 +27,8 @@ from rigd.engine.question import Question
 from rigd.engine.rescue import Rescue, rescue
 from rigd.engine.shared import Phase, RunFolder, Word
 from rigd.engine.slow.beside import Beside
-from rigd.model.errors import RecordingError
+from rigd.engine.wiring import in_cycle
+from rigd.model.errors import DeviceError, RecordingError
 from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded
 from rigd.record.events import NO_TRIAL
@@ -73,7 +75,8 @@ class ProcessHost:
         control: what a person asks for.
         watched: what else must live.
         beside: the devices that run beside the cycle.
-        finish: ends the recording once nobody pushes any more.
+        finish: ends the recording once nobody pushes any more; None if nothing is recorded, so that
+            a full ring only loses what nobody looked at.
     """
 
     virtual = False
@@ -88,7 +91,7 @@ class ProcessHost:
         control: Control,
         watched: Sequence[Watched] = (),
         beside: Beside | None = None,
-        finish: Callable[[], None],
+        finish: Callable[[], None] | None = None,
     ) -> None:
         self.trial = NO_TRIAL
         self.on_drain: Callable[[], None] = lambda: None
@@ -142,23 +145,72 @@ class ProcessHost:
                 self._watched.append(self._beside)
             if identities := self._beside.identities:
                 self.event("devices", identities)
-        return (*reasons, *self._ask(m.Open(self._next(), judge), OPEN_S, heed_stop=True))
+        opened = self._ask(partial(m.Open, judge=judge), OPEN_S, heed_stop=True)
+        return (*reasons, *self._or_lost(opened))
 
     def identities(self) -> Mapping[str, str]:
         """Return what every device said it is, once all are open."""
         beside = {} if self._beside is None else self._beside.identities
-        said = self._ask(m.Ask(self._next(), "identities"))
-        return {**beside, **dict(zip(said[::2], said[1::2], strict=True))}
+        said: Mapping[str, str] | None = self._ask(m.Identities)
+        return {**beside, **(said or {})}
 
     def unfit(self) -> Sequence[str]:
         """Return why the rig, looked at in rest, is not fit to be armed."""
-        return self._ask(m.Ask(self._next(), "unfit"))
+        return self._or_lost(self._ask(m.Unfit))
+
+    def judge(self) -> Sequence[str]:
+        """Return what keeps the open devices from being armed; proves every watchdog."""
+        return self._or_lost(self._ask(m.Judge, OPEN_S))
+
+    def standing(self) -> Sequence[str]:
+        """Return the names of the interlocks that stand tripped."""
+        names: Sequence[str] | None = self._ask(m.Standing)
+        return tuple(names or ())
+
+    def loads(self) -> Mapping[str, float | None]:
+        """Return which share of its capacity each link carries, 0 to 1; None if it is not known."""
+        return self._ask(m.Loads) or {}
+
+    def act(self, device: str, action: str, timeout_s: float) -> str:
+        """Do one of a device's actions while the rig stays at rest; return what it said.
+
+        Raises:
+            DeviceError: it refused, was not done within ``timeout_s``, or something else ended it.
+            LinkError: it cannot be reached.
+            ProtocolError: it answered nonsense.
+        """
+        done: list[str] = []
+        if in_cycle(self._rig.devices[device]):
+            outcome = self._act_in_cycle(m.Act(self._next(), device, action), timeout_s, done)
+        elif (beside := self._beside) is not None:
+            outcome = self.ask(lambda: done.append(beside.act(device, action)))
+        else:
+            raise TypeError(f"{device} does not run beside the cycle")
+        if done and outcome is None:
+            return done[0]
+        why = f" within {timeout_s:g} s" if outcome is None else f": {outcome.reason}"
+        raise DeviceError(f"{device} did not {action}{why}")
+
+    def _act_in_cycle(self, question: m.Act, timeout_s: float, done: list[str]) -> Outcome | None:
+        self._send(question)
+        until_ns = monotonic_ns() + round(timeout_s * 1e9)
+        outcome = self.rest_while(
+            lambda: not self._cycle.answered(question) and monotonic_ns() < until_ns
+        )
+        if self._cycle.answered(question):
+            acted = self._cycle.answer(question)
+            if acted.error is not None:
+                raise acted.error
+            done.append(acted.said)
+            return None
+        return outcome
 
     def ends_everything(self) -> str:
         """Return why nothing may move any more, or ""."""
         if self._lost is not None:
             return self._lost.reason
-        return "; ".join(self._ask(m.Ask(self._next(), "barred")))
+        barred = self._ask(m.Barred)
+        return "; ".join(self._or_lost(None)) if barred is None else barred
 
     def change(self, quantity: str, value: float | str) -> None:
         """Change the plant of a rig simulated in the cycle process.
@@ -166,7 +218,8 @@ class ProcessHost:
         Raises:
             ValueError: the plant has no such ``quantity``, or cannot take ``value``.
         """
-        problems = self._ask(m.Change(self._next(), quantity, value))
+        change = partial(m.Change, quantity=quantity, value=value)
+        problems = self._or_lost(self._ask(change))
         if problems:
             raise ValueError("; ".join(problems))
 
@@ -243,13 +296,14 @@ class ProcessHost:
         """Bring every device to its safe state; return what went wrong, a sentence each."""
         if self._gone:
             return self._rescue_problems
-        return self._ask(m.MakeSafe(self._next()), recording=False)
+        return self._or_lost(self._ask(m.MakeSafe, recording=False))
 
     def close(self) -> None:
         """Close every device, end the cycle process, then finish the recording."""
         try:
             if not self._gone:
-                for problem in self._ask(m.Close(self._next()), CLOSE_S, recording=False):
+                problems = self._or_lost(self._ask(m.Close, CLOSE_S, recording=False))
+                for problem in problems:
                     self.event("fault", {"reason": problem})
             if not self._gone and not self._cycle.wait(CLOSE_S):
                 self._lose(f"the cycle process did not end within {CLOSE_S:g} s")
@@ -258,7 +312,8 @@ class ProcessHost:
             if self._beside is not None:
                 self._beside.stop()
             self._board[Word.PHASE] = Phase.ENDED
-            self._finish()
+            if self._finish is not None:
+                self._finish()
 
     def discard(self) -> None:
         """End the cycle process before it has opened anything."""
@@ -270,31 +325,37 @@ class ProcessHost:
 
     def _ask(
         self,
-        command: m.Command,
+        question_of: Callable[[int], m.Question[T]],
         timeout_s: float = ANSWER_S,
         *,
         recording: bool = True,
         heed_stop: bool = False,
-    ) -> Sequence[str]:
-        """Send ``command`` and return what the cycle process says to it.
+    ) -> T | None:
+        """Ask the cycle process the question of a new serial; return its answer.
 
-        Where it says nothing in time it is lost, and that is what is returned. With ``heed_stop``
-        a request to stop ends the process: it cannot heed one while it opens devices, and nothing
-        moves yet.
+        None if it is lost, as it is if it gives no answer in time. With ``heed_stop`` a request to
+        stop ends the process: it cannot heed one while it opens devices, and nothing moves yet.
         """
-        self._send(command)
+        question = question_of(self._next())
+        self._send(question)
         until_ns = monotonic_ns() + round(timeout_s * 1e9)
-        while command.serial not in self._cycle.said:
+        while not self._cycle.answered(question):
             if self._gone:
-                return () if self._lost is None else (self._lost.reason,)
+                return None
             if heed_stop and self._control.asked is not None:
                 self._lose(f"{self._control.reason}, while devices were being opened")
             elif monotonic_ns() > until_ns:
-                what = type(command).__name__
+                what = type(question).__name__
                 self._lose(f"the cycle process gave no answer to {what} within {timeout_s:g} s")
             else:
                 self._look_after(recording=recording)
-        return self._cycle.said.pop(command.serial)
+        return self._cycle.answer(question)
+
+    def _or_lost(self, sentences: Sequence[str] | None) -> Sequence[str]:
+        """Return the cycle's answer, or why there is none."""
+        if sentences is not None:
+            return tuple(sentences)
+        return () if self._lost is None else (self._lost.reason,)
 
     def _until(
         self, command: m.Command, enough: Callable[[], bool] = lambda: False
@@ -343,7 +404,8 @@ class ProcessHost:
                 reason = one.poll()
                 if reason is not None and self._lost is None:
                     self._end_by(reason)
-            self._check_rings()
+            if self._finish is not None:
+                self._check_rings()
         if now - self._shown_ns > SHOW_NS:
             self._shown_ns = now
             self.on_drain()
@@ -374,7 +436,7 @@ class ProcessHost:
     def _end_by(self, reason: str) -> None:
         """Make the rig safe for a reason that the cycle does not know."""
         self.event("fault", {"reason": reason})
-        problems = self._ask(m.MakeSafe(self._next()), recording=False)
+        problems = self._or_lost(self._ask(m.MakeSafe, recording=False))
         self._lost = Outcome(Severity.FAULT, "; ".join([reason, *problems]))
 
     def _check_rings(self) -> None:

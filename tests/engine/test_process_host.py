@@ -18,6 +18,7 @@ from support.stalls import witnessed
 from rigd.config.rig import RigConfig, Waiver
 from rigd.engine import process_host
 from rigd.engine.control import Control
+from rigd.engine.launch import launch
 from rigd.engine.player import Outcome
 from rigd.engine.process_host import ProcessHost
 from rigd.engine.shared import Job, RunFolder, Word
@@ -37,21 +38,11 @@ def host_of(
 ) -> Iterator[tuple[ProcessHost, RunFolder, Control]]:
     streams = tuple(streams_of(rig))
     folder = RunFolder.take(rig.name, command="test")
-    folder.prepare(
-        Job(rig.name, folder.path / "x.mcap", streams, time.time_ns()),
-        {stream.name: capacity for stream in streams},
-    )
-    board = folder.board()
-    board[Word.START_NS], board[Word.ORIGIN_NS] = time.time_ns(), time.monotonic_ns()
+    job = Job(rig.name, folder.path / "x.mcap", streams, time.time_ns())
+    folder.prepare(job, {stream.name: capacity for stream in streams})
     control = Control()
-    host = ProcessHost(
-        rig,
-        record={stream.name: Recorded() for stream in streams},
-        seed=1,
-        folder=folder,
-        control=control,
-        finish=lambda: None,
-    )
+    record = {stream.name: Recorded() for stream in streams}
+    host = launch(rig, folder, job, control, record=record, finish=lambda: None)
     try:
         yield host, folder, control
     finally:
@@ -301,6 +292,19 @@ def test_a_driver_that_hangs_is_a_death_too(tmp_path: Path) -> None:
         assert outcome.severity is Severity.FAULT
         assert "no sign of life" in outcome.reason
         assert word(path) == "rescued"
+
+
+def test_a_cycle_lost_in_preflight_blocks_by_its_reason(tmp_path: Path) -> None:
+    with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, _):
+        assert host.open() == ()
+        assert set(host.identities()) == {"axis"}
+        assert (host.standing(), host.loads(), host.ends_everything()) == ((), {}, "")
+        os.kill(folder.board()[Word.PID_CYCLE], signal.SIGKILL)
+        assert host.identities() == {}  # what nobody says is not made up
+        assert (host.standing(), host.loads()) == ((), {})
+        (unfit,) = host.unfit()
+        assert "the cycle process ended by itself (signal SIGKILL)" in unfit
+        assert host.ends_everything() == unfit
 
 
 def test_a_cycle_that_takes_its_time_to_make_safe_is_not_killed_for_it(tmp_path: Path) -> None:

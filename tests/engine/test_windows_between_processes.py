@@ -14,9 +14,9 @@ from support.grid import Grid, PlantGrid, rig
 
 from rigd.config.rig import RigConfig
 from rigd.engine.control import Control
+from rigd.engine.launch import launch
 from rigd.engine.process_host import ProcessHost
-from rigd.engine.shared import Job, RunFolder, Word
-from rigd.engine.slow.beside import Beside
+from rigd.engine.shared import Job, RunFolder
 from rigd.engine.wiring import streams_of
 from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded, Segment
@@ -33,20 +33,9 @@ def host_of(
 ) -> Iterator[tuple[ProcessHost, RunFolder]]:
     streams = tuple(streams_of(one))
     folder = RunFolder.take(one.name, command="test")
-    start_ns, origin_ns = time.time_ns(), time.monotonic_ns()
-    job = Job(one.name, folder.path / "x.mcap", streams, start_ns)
+    job = Job(one.name, folder.path / "x.mcap", streams, time.time_ns())
     folder.prepare(job, {stream.name: 100_000 for stream in streams})
-    board = folder.board()
-    board[Word.START_NS], board[Word.ORIGIN_NS] = start_ns, origin_ns
-    host = ProcessHost(
-        one,
-        record=record,
-        seed=1,
-        folder=folder,
-        control=Control(),
-        beside=Beside(one, folder, job, origin_ns=origin_ns, record=record),
-        finish=lambda: None,
-    )
+    host = launch(one, folder, job, Control(), record=record, finish=lambda: None)
     try:
         yield host, folder
     finally:

@@ -13,10 +13,10 @@ from rigd.daemon.doctor.machine import examine_machine
 from rigd.daemon.doctor.rig import examine_rig
 from rigd.daemon.doctor.storage import Needs, examine_storage
 from rigd.daemon.doctor.timing import examine_timing
-from rigd.daemon.forms import ring_rows
+from rigd.daemon.forms import RING_S
 from rigd.daemon.signals import heed_signals
 from rigd.engine.control import Control
-from rigd.engine.rates import most_rows_hz
+from rigd.engine.rates import most_rows_hz, ring_rows
 from rigd.engine.wiring import streams_of
 from rigd.model.rows import row_struct
 
@@ -56,5 +56,5 @@ def _needs(rig: RigConfig) -> Needs:
     streams = [(one, row_struct(one).size) for one in streams_of(rig)]
     return Needs(
         sum(size * most_rows_hz(rig, one) for one, size in streams),
-        sum(size * ring_rows(rig, one) for one, size in streams),
+        sum(size * ring_rows(rig, one, RING_S) for one, size in streams),
     )

@@ -18,13 +18,12 @@ from typing import Final
 from rigd.config.rig import RigConfig, Supervision
 from rigd.engine.control import Control
 from rigd.engine.interlocks import Trip
-from rigd.engine.manual_host import ManualHost
+from rigd.engine.launch import launch, prepare
 from rigd.engine.player import Outcome
-from rigd.engine.rates import most_rows_hz
-from rigd.engine.shared import EVENT_SOURCES, Job, RunFolder, Word, state_folder
+from rigd.engine.process_host import ProcessHost
+from rigd.engine.shared import EVENT_SOURCES, Job, RunFolder, state_folder
 from rigd.engine.shared.folder import folder_name
 from rigd.engine.sink import Rows
-from rigd.engine.slow.beside import Beside
 from rigd.engine.wiring import streams_of
 from rigd.model.errors import DeviceError
 from rigd.model.severity import Severity
@@ -33,8 +32,8 @@ from rigd.record.events import Event
 
 #: Rows are taken out of the rings every 50 ms; they hold this much where that stalls.
 RING_S: Final = 5.0
-#: Rows beyond that, for a stream so slow that it has none in that time.
-SPARE_ROWS: Final = 1000
+#: A device in the cycle says within this what became of an action.
+ACT_S: Final = 15.0
 #: The folder of looks within the state folder; no rig's own folder begins with a dot.
 FOLDER: Final = ".look"
 #: How long a process may be silent while nothing can move, in s.
@@ -49,7 +48,7 @@ class Look:
     """
 
     def __init__(
-        self, rig: RigConfig, host: ManualHost, folder: RunFolder, control: Control
+        self, rig: RigConfig, host: ProcessHost, folder: RunFolder, control: Control
     ) -> None:
         self.rig = rig
         self.folder = folder  #: where its rings stand, for whoever looks over our shoulder
@@ -94,10 +93,8 @@ class Look:
 
     def loads(self) -> Mapping[str, float]:
         """Return which share of its capacity each link carries, of those that know; 0 to 1."""
-        self._host.tell_loads()
-        self._drain()
-        told = [event.data for event in self.events if event.kind == "loads"]
-        return {name: load for name, load in told[-1].items() if load is not None} if told else {}
+        loads = self._host.loads()
+        return {name: load for name, load in loads.items() if load is not None}
 
     def first_rows(self) -> None:
         """Look at the rig until every device has given a row.
@@ -130,15 +127,17 @@ class Look:
         self._drain()
 
     def act(self, device: str, action: str) -> str | None:
-        """Do one of a device's actions; return what it said, None where a person wanted out.
+        """Do one of a device's actions; return what it said, None if a person wanted out.
 
         Raises:
-            RigdError: see :meth:`ManualHost.act`.
+            DeviceError: it refused, did not answer, or something else ended it.
+            LinkError: it cannot be reached.
+            ProtocolError: it answered nonsense.
         """
         if self.stopped:
             return None
         try:
-            return self._host.act(device, action)
+            return self._host.act(device, action, ACT_S)
         except DeviceError:
             if self.stopped:
                 return None
@@ -181,7 +180,11 @@ def look_at(
     try:
         path.mkdir(mode=0o700, parents=True)
         folder = RunFolder(path, lock.lock_fd)
-        host = _host(_harmless(rig), folder, control)
+        streams = tuple(streams_of(rig))
+        job = Job(rig.name, Path(os.devnull), streams, time.time_ns())
+        every_row = {stream.name: Recorded() for stream in streams}
+        prepare(rig, folder, job, record=every_row, ring_s=RING_S)
+        host = launch(_harmless(rig), folder, job, control, record=every_row)
         try:
             yield Look(rig, host, folder, control)
         finally:
@@ -200,24 +203,3 @@ def _harmless(rig: RigConfig) -> RigConfig:
     """
     told = tuple(replace(one, action=Severity.WARN, latch=False) for one in rig.interlocks)
     return replace(rig, interlocks=told, supervision=Supervision(PATIENCE_S, PATIENCE_S))
-
-
-def _host(rig: RigConfig, folder: RunFolder, control: Control) -> ManualHost:
-    streams = tuple(streams_of(rig))
-    start_ns, origin_ns = time.time_ns(), time.monotonic_ns()
-    job = Job(rig.name, Path(os.devnull), streams, start_ns)
-    folder.prepare(
-        job, {one.name: round(RING_S * most_rows_hz(rig, one)) + SPARE_ROWS for one in streams}
-    )
-    board = folder.board()
-    board[Word.START_NS], board[Word.ORIGIN_NS] = start_ns, origin_ns
-    all_rows = {stream.name: Recorded() for stream in streams}
-    return ManualHost(
-        rig,
-        record=all_rows,
-        seed=1,
-        folder=folder,
-        control=control,
-        beside=Beside(rig, folder, job, origin_ns=origin_ns, record=all_rows),
-        finish=lambda: None,
-    )

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Final, Self
 from urllib.parse import quote
 
-from rigd.engine.shared.board import Board
+from rigd.engine.shared.board import Board, Word
 from rigd.engine.shared.eventring import EventRing
 from rigd.engine.shared.job import Job
 from rigd.engine.shared.rowring import RowRing
@@ -147,6 +147,8 @@ class RunFolder:
     def prepare(self, job: Job, capacities: Mapping[str, int]) -> None:
         """Make the board, a ring for each stream (of so many rows) and those for events.
 
+        Slot 0 is at the start of the job: the clock on the board runs as if it had run since then.
+
         Raises:
             RecordingError: the folder still holds what an earlier run left, or has no room.
         """
@@ -156,11 +158,16 @@ class RunFolder:
                 hint="`rigd recover` puts them there.",
             )
         self.clear()  # what was begun here and never finished
-        Board.create(self.path / _BOARD)
+        board = Board.create(self.path / _BOARD)
         for number, stream in enumerate(job.streams):
             RowRing.create(self._rows(number), stream, capacities[stream.name])
         for source in EVENT_SOURCES:
             EventRing.create(self._events(source), EVENT_BYTES)
+        # Making the rings took a while, saving an earlier run's samples perhaps minutes: slot 0 was
+        # due at the start by then, else every time stamp would lag the clock on the wall by that.
+        since_start_ns = max(time.time_ns() - job.start_ns, 0)  # a resumed run may begin later
+        board[Word.START_NS] = job.start_ns
+        board[Word.ORIGIN_NS] = time.monotonic_ns() - since_start_ns
         # Last, and at once: a folder with a job is complete.
         draft = self.path / f"{_JOB}.new"
         draft.write_text(job.to_json())
