@@ -27,6 +27,25 @@ class BlockSink(Protocol):
         ...
 
 
+class BlockQueue:
+    """Rows of ``stream`` that come in blocks, within one process: it takes the room it needs."""
+
+    overruns = 0  #: for those who count them of every ring
+
+    def __init__(self, stream: Stream) -> None:
+        self._empty: Rows = np.empty(0, row_dtype(stream))
+        self._blocks: list[Rows] = []
+
+    def push_block(self, rows: Rows) -> None:
+        """Append rows of the stream's row dtype, shape (n,); they must not change any more."""
+        self._blocks.append(rows)
+
+    def drain(self) -> Rows:
+        """Return all rows pushed since the last drain, shape (n,)."""
+        blocks, self._blocks = self._blocks, []
+        return np.concatenate(blocks) if blocks else self._empty
+
+
 class BlockRows:
     """Makes rows of ``stream`` from blocks; ``offset_ns`` takes the driver's times to Unix time."""
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from rigd.engine.block_rows import BlockQueue
 from rigd.engine.clock import Clock, monotonic_ns
 from rigd.engine.cycle import DEVICE_ERRORS, Cycle, CycleCounters
 from rigd.engine.interlocks import Trip
@@ -15,7 +16,7 @@ from rigd.engine.mount import Mount
 from rigd.engine.plant_blocks import PlantBlocks
 from rigd.engine.player import Outcome
 from rigd.engine.question import Question
-from rigd.engine.ring import BlockQueue, Ring
+from rigd.engine.shared import RowRing
 from rigd.engine.sink import Sink
 from rigd.procedure.program import CycleProgram, Recorded
 from rigd.record.events import NO_TRIAL
@@ -62,10 +63,12 @@ class InProcessHost:
         room = 10 * self._drain_every + 1000
         in_blocks = {one.name for one in cycle.rig.mounts if isinstance(one.driver, PlantBlocks)}
         streams = [stream for stream in cycle.rig.streams if stream.name in record]
-        rings = {one.name: Ring(one, room) for one in streams if one.name not in in_blocks}
+        rings = {
+            one.name: RowRing.unshared(one, room) for one in streams if one.name not in in_blocks
+        }
         blocks = {one.name: BlockQueue(one) for one in streams if one.name in in_blocks}
         cycle.connect(rings, record, self._emit, blocks=blocks)
-        self._rings: dict[str, Ring | BlockQueue] = {**rings, **blocks}
+        self._rings: dict[str, RowRing | BlockQueue] = {**rings, **blocks}
         self.trial = NO_TRIAL  #: number of the trial that events belong to
         self._cycles = 0
         self._flushed_ns = monotonic_ns()

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rigd.engine.block_rows import PATIENCE_NS, BlockRecorder, BlockRows
-from rigd.engine.ring import BlockQueue
+from rigd.engine.block_rows import PATIENCE_NS, BlockQueue, BlockRecorder, BlockRows
 from rigd.engine.windows import StepWindows, Windows
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError

@@ -30,12 +30,12 @@ class SharedFile:
     in it: a process that expects another layout is refused.
     """
 
-    def __init__(self, path: Path, fd: int) -> None:
-        """Use :meth:`create` or :meth:`attach`."""
+    def __init__(self, path: Path, fd: int, size: int = 0) -> None:
+        """Use :meth:`create`, :meth:`attach` or :meth:`unshared`."""
         self.path = path
         # Populated: a page touched for the first time within a cycle costs up to 38 ms.
         flags = mmap.MAP_SHARED | getattr(mmap, "MAP_POPULATE", 0)
-        memory = memoryview(mmap.mmap(fd, 0, flags=flags))
+        memory = memoryview(mmap.mmap(fd, size, flags=flags))
         self.words = memory[:HEAD_BYTES].cast("Q")
         self.payload = memory[HEAD_BYTES:]
 
@@ -83,6 +83,11 @@ class SharedFile:
         if (found.words[_MAGIC], found.words[_IDENTITY]) != (_word(magic), identity):
             raise _foreign(path)
         return found
+
+    @classmethod
+    def unshared(cls, size: int) -> Self:
+        """Make the same in memory of this process alone; its path is that of no file."""
+        return cls(Path(), -1, HEAD_BYTES + size)
 
 
 def _word(magic: bytes) -> int:

@@ -1,8 +1,9 @@
-"""Ring between processes: rows of one stream, one writer and one reader.
+"""Ring of the rows of one stream: one writer and one reader, in one process or two.
 
-As :class:`rigd.engine.ring.Ring`, in a mapped file: one writer, one reader that lets go of rows
-once they are on disk, any number of viewers that hinder nobody. A push onto a full ring is counted
-and the new row is dropped.
+In a mapped file between processes, or within one. One writer, one reader that lets go of rows once
+they are on disk, any number of viewers that hinder nobody. It has a fixed capacity and never waits:
+a push onto a full ring is counted and the new row is dropped, rows already taken are never
+destroyed.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class RowRing:
     """
 
     def __init__(self, stream: Stream, file: SharedFile) -> None:
-        """Use :meth:`create` or :meth:`attach`."""
+        """Use :meth:`create`, :meth:`attach` or :meth:`unshared`."""
         self.stream = stream
         self.path = file.path
         self.capacity = file.words[_CAPACITY]
@@ -59,6 +60,13 @@ class RowRing:
         """
         size = row_struct(stream).size * capacity
         file = SharedFile.create(path, _MAGIC, _identity(stream), size)
+        file.words[_CAPACITY] = capacity
+        return cls(stream, file)
+
+    @classmethod
+    def unshared(cls, stream: Stream, capacity: int) -> Self:
+        """Make an empty ring of ``capacity`` rows that stays within this process."""
+        file = SharedFile.unshared(row_struct(stream).size * capacity)
         file.words[_CAPACITY] = capacity
         return cls(stream, file)
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from rigd.engine.ring import Ring
+from rigd.engine.shared import RowRing
 from rigd.model.channels import Channel, Stream
 
 STREAM = Stream("s", (Channel("a"), Channel("b", "A")), has_status=True)
 
 
 def test_rows_keep_order_and_values_across_the_wrap() -> None:
-    ring = Ring(STREAM, 4)
+    ring = RowRing.unshared(STREAM, 4)
     seen: list[object] = []
     for t in range(10):
         ring.push(t, (t + 0.5, -t, t % 3))
@@ -21,7 +21,7 @@ def test_rows_keep_order_and_values_across_the_wrap() -> None:
 
 
 def test_a_full_ring_keeps_what_it_has_and_counts_what_it_loses() -> None:
-    ring = Ring(STREAM, 3)
+    ring = RowRing.unshared(STREAM, 3)
     for t in range(5):
         ring.push(t, (0.0, 0.0, 0))
     assert ring.fill == 1.0
@@ -31,7 +31,7 @@ def test_a_full_ring_keeps_what_it_has_and_counts_what_it_loses() -> None:
 
 
 def test_drained_rows_do_not_change_when_the_ring_goes_on() -> None:
-    ring = Ring(STREAM, 2)
+    ring = RowRing.unshared(STREAM, 2)
     ring.push(1, (1.0, 1.0, 0))
     rows = ring.drain()
     ring.push(2, (2.0, 2.0, 0))
