@@ -43,7 +43,7 @@ RIGS = ("lugre-1", "angle-1")
 #: Stands for the cycle; prints the median cost of pushing one row, ns. Streams above 2 kHz come
 #: in blocks of 10 ms, as from a DAQ's library. It releases what it pushed, like a recorder.
 WRITER = """
-import json, sys, time
+import json, signal, sys, time
 from pathlib import Path
 import numpy as np
 from rigd.engine.shared import RunFolder, Word
@@ -56,7 +56,9 @@ single = [r for n, r in folder.row_rings(job).items() if rates[n] <= 2000]
 blocks = [r for n, r in folder.row_rings(job).items() if rates[n] > 2000]
 rows_of = [(0.25,) * len(r.stream.channels) + (3,) * r.stream.has_status for r in single]
 n, due, costs = 0, time.monotonic_ns(), []
-while not board[Word.VERB]:
+stop = []
+signal.signal(signal.SIGTERM, lambda *_: stop.append(True))
+while not stop:
     due += 1_000_000
     time.sleep(max(due - time.monotonic_ns(), 0) * 1e-9)
     t_ns = offset + due
@@ -145,7 +147,7 @@ def pushed(rig: RigConfig) -> Iterator[tuple[RunFolder, list[float]]]:
                 time.sleep(0.05)
             yield folder, costs
         finally:
-            board[Word.VERB] = 1
+            writer.terminate()
             out, _ = writer.communicate(timeout=30)
         costs.append(float(out))
 

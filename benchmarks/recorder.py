@@ -41,15 +41,17 @@ TICKS = os.sysconf("SC_CLK_TCK")
 
 #: Stands for the cycle; prints the median cost of pushing one row, ns.
 WRITER = """
-import sys, time
+import signal, sys, time
 from pathlib import Path
-from rigd.engine.shared import RunFolder, Word
+from rigd.engine.shared import RunFolder
 
 folder = RunFolder.at(Path(sys.argv[1]))
 board, job = folder.board(), folder.job
 rings = list(folder.row_rings(job).values())
 n, due, costs = 0, time.monotonic_ns(), []
-while not board[Word.VERB]:
+stop = []
+signal.signal(signal.SIGTERM, lambda *_: stop.append(True))
+while not stop:
     due += 1_000_000
     time.sleep(max(due - time.monotonic_ns(), 0) * 1e-9)
     row = (float(n), 0.1, 0.2, 0.3, 0.4, 0.5, n & 7)
@@ -97,7 +99,7 @@ def main() -> int:
                 recorder.restart()
                 recorder.wait_until_recording()
                 outages_ms.append((time.monotonic() - killed_s) * 1e3)
-            board[Word.VERB] = 1
+            writer.terminate()
             push_ns = float(writer.communicate()[0])
         board[Word.PHASE] = Phase.ENDED
         recorder.finish()

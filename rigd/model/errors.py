@@ -6,7 +6,6 @@ RigdError
 ├── ProtocolError    the device: it answered, but not as its manual says
 ├── DeviceError      the device: it reports a fault, or gave no row in time
 ├── Blocked          the operator: preflight refuses to arm, and says what is missing
-├── InterlockTrip    the operator: an interlock acted
 ├── ProcedureError   the operator: a step did not end as the procedure demands
 ├── RecordingError   whoever keeps the files: a recording cannot be written or read
 ├── DataError        the analyst: a recording reads well but cannot answer the question
@@ -140,12 +139,6 @@ class Blocked(RigdError):
         if len(self.reasons) == 1:
             return super().__str__()
         return "\n".join([f"{self.what}:", *(indent(reason, "  ") for reason in self.reasons)])
-
-
-class InterlockTrip(RigdError):
-    """An interlock acted; the message gives the value, the limit and the unit."""
-
-    exit_code = Exit.TRIPPED
 
 
 class ProcedureError(RigdError):

@@ -82,9 +82,6 @@ for _state in (
     if _state is not _S.ABORTING:
         TRANSITIONS[_state, _E.ABORT] = _S.ABORTING
 
-#: States from which no event leads on.
-FINAL: Final = frozenset({_S.BLOCKED, _S.FAULTED, _S.ESTOPPED, _S.DONE})
-
 
 def next_state(state: RunState, event: RunEvent) -> RunState | None:
     """Return the state that ``event`` leads to, or None where the table refuses it."""

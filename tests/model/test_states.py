@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from rigd.model.states import FINAL, TRANSITIONS, RunEvent, RunState, next_state
+from rigd.model.states import TRANSITIONS, RunEvent, RunState, next_state
 
+FINAL = {RunState.BLOCKED, RunState.FAULTED, RunState.ESTOPPED, RunState.DONE}
 MOVING = [
     RunState.ARMED,
     RunState.RUNNING,

@@ -65,5 +65,5 @@ def writer(folder: RunFolder, rate_hz: float = 0.0, block: int = 0) -> Iterator[
             time.sleep(0.01)
         yield
     finally:
-        folder.board()[Word.VERB] = 1
+        process.terminate()
         assert process.wait(PATIENCE_S) == 0

@@ -3,11 +3,12 @@
     python ring_writer.py FOLDER RATE_HZ BLOCK
 
 pushes rows into every ring of the run in FOLDER, one by one (BLOCK 0) or BLOCK at once, at RATE_HZ
-(0: as fast as it can, releasing them at once), until the board asks for the end; also events.
+(0: as fast as it can, releasing them at once), until SIGTERM; also events.
 """
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
 from pathlib import Path
@@ -52,7 +53,9 @@ def main() -> None:
     rings = list(folder.row_rings(job).values())
     events = folder.event_ring("cycle")
     number, due = 0, time.monotonic()
-    while not board[Word.VERB]:
+    stop: list[bool] = []
+    signal.signal(signal.SIGTERM, lambda *_: stop.append(True))
+    while not stop:
         for ring in rings:
             _push(ring, job.start_ns, number, block)
             if not rate_hz:

@@ -1,9 +1,8 @@
 """A rig opened by hand: channels are read, nothing is armed, nothing is recorded."""
 
-from rigd.daemon.manual.choice import actions_of, check_action, chosen_channels
+from rigd.daemon.manual.choice import actions_of, check_action, chosen_channels, only
 from rigd.daemon.manual.look import Look, look_at
 from rigd.daemon.manual.newest import Newest, Reading
-from rigd.daemon.manual.part import only
 
 __all__ = [
     "Look",

@@ -1,13 +1,15 @@
-"""Resolves the names of channels, devices and actions that a person gives."""
+"""Resolves names of channels, devices and actions; cuts a rig down to some devices."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
 from rigd.model.errors import ConfigError
+from rigd.model.limits import Interlock
 from rigd.sdk import Driver, SlowDriver
 
 
@@ -56,3 +58,21 @@ def actions_of(rig: RigConfig, name: str) -> Mapping[str, str]:
     device = rig.devices[name]
     driver = device.driver_class(device.config, None)
     return driver.actions if isinstance(driver, Driver | SlowDriver) else {}
+
+
+def only(rig: RigConfig, devices: Collection[str]) -> RigConfig:
+    """Return ``rig`` with these devices, their links, and the interlocks on them, alone."""
+    kept = {name: device for name, device in rig.devices.items() if name in devices}
+    links = {device.link for device in kept.values()}
+    return replace(
+        rig,
+        devices=kept,
+        links={name: link for name, link in rig.links.items() if name in links},
+        interlocks=tuple(one for one in rig.interlocks if _sources(one) <= set(kept)),
+    )
+
+
+def _sources(interlock: Interlock) -> set[str]:
+    """Return the devices whose channels an interlock looks at."""
+    channels = (interlock.source, interlock.low, interlock.high)
+    return {one.partition(".")[0] for one in channels if isinstance(one, str)}

@@ -26,19 +26,17 @@ class Word(IntEnum):
     PID_DAEMON = 4  #: daemon
     PID_RECORDER = 5  #: recorder
     PHASE = 6  #: daemon: a :class:`Phase`
-    VERB = 7  #: daemon: what a person asked for
-    RECORDER_STATE = 8  #: recorder: a :class:`RecorderState`
-    CYCLES = 9  #: cycle: cycles run
-    MISSED = 10  #: cycle: slots skipped
-    STALE = 11  #: cycle: rows without a fresh answer
-    START_NS = 12  #: daemon: Unix time of slot 0, ns
-    ORIGIN_NS = 13  #: daemon: monotonic time of slot 0, ns
-    TRIAL = 14  #: daemon: number of the trial under way
-    CYCLE_STATE = 15  #: cycle: a :class:`CycleState`
-    AT_REST = 16  #: cycle: 1 while every setpoint stands at its rest value
-    MUTE = 17  #: cycle: devices that have not given a row yet
-    OURS = 19  #: cycle: 1 once every link is open, and so nobody else's
-    SEALED = 18  #: recorder: bytes of the recording that nothing changes again
+    RECORDER_STATE = 7  #: recorder: a :class:`RecorderState`
+    CYCLES = 8  #: cycle: cycles run
+    MISSED = 9  #: cycle: slots skipped
+    STALE = 10  #: cycle: rows without a fresh answer
+    START_NS = 11  #: daemon: Unix time of slot 0, ns
+    ORIGIN_NS = 12  #: daemon: monotonic time of slot 0, ns
+    CYCLE_STATE = 13  #: cycle: a :class:`CycleState`
+    AT_REST = 14  #: cycle: 1 while every setpoint stands at its rest value
+    MUTE = 15  #: cycle: devices that have not given a row yet
+    SEALED = 16  #: recorder: bytes of the recording that nothing changes again
+    OURS = 17  #: cycle: 1 once every link is open, and so nobody else's
 
 
 class Phase(IntEnum):

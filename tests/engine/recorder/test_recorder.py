@@ -25,9 +25,9 @@ from rigd.model import RecordingError
 from rigd.model.errors import Blocked
 from rigd.record import Recording, RecordingWriter, run_info
 
-#: Stands for the cycle: numbered rows at about 4 kHz into three rings, until VERB is set.
+#: Stands for the cycle: numbered rows at about 4 kHz into three rings, until SIGTERM.
 WRITER = """
-import os, sys, time
+import os, signal, sys, time
 import numpy as np
 from pathlib import Path
 from rigd.engine.shared import RunFolder, Word
@@ -37,9 +37,11 @@ folder = RunFolder.at(Path(sys.argv[1]))
 board, rings = folder.board(), folder.row_rings(folder.job)
 start_ns, events = folder.job.start_ns, folder.event_ring("cycle")
 block = np.zeros(20, row_dtype(rings["block"].stream))
+stop = []
+signal.signal(signal.SIGTERM, lambda *_: stop.append(True))
 board[Word.PID_CYCLE] = os.getpid()
 n, due = 0, time.monotonic()
-while not board[Word.VERB]:
+while not stop:
     for _ in range(20):
         t_ns = start_ns + n * 250_000
         rings["fast"].push(t_ns, (n, 1.0, 2.0, 3.0))
@@ -81,7 +83,7 @@ class Bench:
         wait_until(lambda: self.rings["fast"].head >= head)
 
     def end(self) -> None:
-        self.board[Word.VERB] = 1
+        self.writer.terminate()
         self.writer.wait()
 
     def check(self) -> None:
@@ -99,7 +101,6 @@ class Bench:
 def bench(folder: RunFolder) -> Iterator[Bench]:
     bench = Bench(folder)
     yield bench
-    bench.board[Word.VERB] = 1
     bench.board[Word.PHASE] = Phase.ENDED
     bench.writer.kill()
     bench.writer.wait()

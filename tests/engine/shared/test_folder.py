@@ -52,9 +52,9 @@ def test_what_is_prepared_is_found_by_the_other_processes(tmp_path: Path, state:
     mine.event_ring("daemon").push(1, "note", 0, {})
     assert [event.kind for event in theirs.event_ring("daemon").peek()] == ["note"]
     mine.board()[Word.PHASE] = Phase.ENDED
-    mine.board()[Word.TRIAL] = -1
+    mine.board()[Word.MISSED] = -1
     assert theirs.board()[Word.PHASE] == Phase.ENDED
-    assert theirs.board()[Word.TRIAL] == -1
+    assert theirs.board()[Word.MISSED] == -1
     with pytest.raises(RecordingError, match="rigd recover"):
         mine.prepare(job, {"servo": 100, "force": 50})
     mine.clear()
