@@ -21,7 +21,7 @@ def python(code: str) -> list[str]:
     ("code", "words"),
     [(0, "exit code 0"), (7, "exit code 7"), (-9, "signal SIGKILL"), (-40, "signal 40")],
 )
-def test_an_ending_is_put_in_words(code: int, words: str) -> None:
+def test_exit_code_is_put_in_words(code: int, words: str) -> None:
     assert how_ended(code) == words
 
 
@@ -34,7 +34,7 @@ def test_last_words_are_those_of_this_process(tmp_path: Path) -> None:
     assert log.read_text() == "one\ntwo\n"
 
 
-def test_one_that_ignores_signals_is_fenced(tmp_path: Path) -> None:
+def test_child_that_ignores_signals_is_fenced(tmp_path: Path) -> None:
     ready = tmp_path / "ready"
     child = Child(
         python(
@@ -54,7 +54,7 @@ def test_one_that_ignores_signals_is_fenced(tmp_path: Path) -> None:
     child.close_stdin()
 
 
-def test_it_inherits_only_what_it_is_given() -> None:
+def test_child_inherits_only_given_descriptors() -> None:
     given, kept = os.pipe()
     try:
         os.set_inheritable(kept, True)
@@ -73,16 +73,21 @@ def test_it_inherits_only_what_it_is_given() -> None:
     assert child.code == 1
 
 
-def test_a_terminal_signals_its_own_processes_alone() -> None:
+def test_child_leads_a_session_of_its_own() -> None:
+    child = Child(python("import time; time.sleep(600)"))
+    assert os.getsid(child.pid) == child.pid  # a terminal's Ctrl-C does not reach it
+    assert child.fence(PATIENCE_S)
+
+
+def test_waiting_child_is_woken_once() -> None:
     child = Child(python("input()"), stdin=True)
-    assert os.getsid(child.pid) == child.pid
     assert child.wake()
     assert child.wait(PATIENCE_S)
     assert not child.wake()  # nobody is there to read it
     assert child.code == 0
 
 
-def test_a_process_that_goes_on_talks_later() -> None:
+def test_child_still_at_work_talks_later() -> None:
     child = Child(
         python("import sys, time; said = sys.stdin.read(); time.sleep(0.5); print(said)"),
         stdin=True,

@@ -294,7 +294,7 @@ def test_a_driver_that_hangs_is_a_death_too(tmp_path: Path) -> None:
         assert word(path) == "rescued"
 
 
-def test_a_cycle_lost_in_preflight_blocks_by_its_reason(tmp_path: Path) -> None:
+def test_cycle_lost_in_preflight_blocks_by_its_reason(tmp_path: Path) -> None:
     with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, _):
         assert host.open() == ()
         assert set(host.identities()) == {"axis"}

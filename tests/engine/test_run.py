@@ -176,7 +176,7 @@ def test_a_fault_in_a_trial_plays_nothing_more() -> None:
     assert_safe(bench)
 
 
-def test_a_fault_in_finish_after_a_failed_step_is_faulted() -> None:
+def test_fault_in_finish_after_failed_step_is_faulted() -> None:
     bench = Bench()
 
     def fail(t_ns: int) -> Sequence[float]:
