@@ -11,7 +11,6 @@ from typing import Final, TypeVar, cast
 from rigd.engine import messages as m
 from rigd.engine.child import Child, module
 from rigd.engine.clock import monotonic_ns
-from rigd.engine.cycle_process import JOB
 from rigd.engine.player import Outcome
 from rigd.engine.shared import CycleState, RunFolder, Word
 
@@ -48,7 +47,7 @@ class CycleLink:
         self._heard_ns = monotonic_ns()
         self._serial = 0
         self._closing = 0  #: serial of the command to end
-        (folder.path / JOB).write_bytes(pickle.dumps(job))
+        (folder.path / m.JOB).write_bytes(pickle.dumps(job))
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._socket.setblocking(False)
         with theirs:

@@ -35,7 +35,6 @@ from rigd.sdk import Driver
 
 T = TypeVar("T")
 
-JOB: Final = "cycle.pickle"
 #: How long setpoints may take to rest once the daemon is gone; then all is made safe at once.
 LEAVE_NS: Final = 1_000_000_000
 #: While nothing plays, the process wakes this often to show that it is alive.
@@ -49,7 +48,7 @@ class CycleProcess:
         self._folder = folder
         self._link = link
         link.setblocking(False)
-        self._job: m.CycleJob = pickle.loads((folder / JOB).read_bytes())
+        self._job: m.CycleJob = pickle.loads((folder / m.JOB).read_bytes())
         run = RunFolder.at(folder)
         self._board = board = run.board()
         self._events = run.event_ring("cycle")

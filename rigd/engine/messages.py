@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Final, Generic, TypeVar
 
 from rigd.config.rig import RigConfig
 from rigd.engine.interlocks import Trip
@@ -20,8 +20,10 @@ from rigd.procedure.program import CycleProgram, Recorded
 
 T = TypeVar("T")
 
+#: The file of the job in the run's folder.
+JOB: Final = "cycle.pickle"
 #: A packet on the socket is at most this long; a longer program goes by way of a file.
-MAX_PACKET = 100_000
+MAX_PACKET: Final = 100_000
 
 
 @dataclass(frozen=True)
