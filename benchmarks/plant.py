@@ -33,7 +33,6 @@ from rigd_sim.devices.lugre_sensors import (
     LugreTruth,
 )
 from rigd_sim.plants.lugre import kernel, records
-from rigd_sim.plants.lugre.files import find_parameters, load_parameters
 from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
 
 SOURCE = Path(__file__).with_name("plant_reference.c")
@@ -88,7 +87,7 @@ def second(integrate: Integrate, constants: Rows, commands: Rows) -> tuple[float
 
 def compare(name: str, integrate_c: Integrate, *, vibration: bool, lateral: bool) -> None:
     random = np.random.default_rng()
-    parameters = load_parameters(find_parameters("lugre"))
+    parameters = LugreConfig().read_parameters()
     times: list[tuple[float, float]] = []
     worst = 0.0
     for _ in range(ROUNDS):

@@ -154,7 +154,7 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
     if kind == "rig":
         checked = load_rig(given)
         if checked.plant is not None:
-            checked.plant.plant_class.files(checked.plant.config)
+            checked.plant.config.files()
         channels = sum(len(device.channels) for device in checked.devices.values())
         parts = [f"rig {checked.name}", f"{len(checked.devices)} devices", f"{channels} channels"]
         if checked.calibration is not None:

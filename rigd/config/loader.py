@@ -236,7 +236,19 @@ def _plant(document: Document, source: RigSource, problems: Problems) -> PlantSe
         return None
     options: dict[str, Any] = dict(source.plant.model_extra or {})
     config = bind(document, plant_class.Config, problems, ("plant",), data=options)
-    return None if config is None else PlantSetup(model, plant_class, config)
+    if config is None:
+        return None
+    try:
+        settings = config.settings()
+    except ConfigError as error:  # of the file that they stand in, with places of its own
+        problems.found += [error, *error.others]
+        return None
+    for name, value in config.at_start().items():
+        try:
+            settings[name].accepted(name, value)
+        except ValueError as error:
+            problems.add(document.place(("plant", name)), f"{model}: {error}")
+    return PlantSetup(model, plant_class, config, settings)
 
 
 def _simulation(
@@ -258,7 +270,9 @@ def _simulation(
         )
     options: dict[str, Any] = dict(source.simulation.model_extra or {})
     config = bind(document, simulation_class.Config, problems, ("simulation",), data=options)
-    return None if config is None else SimulationSetup(model, simulation_class, config)
+    if config is None:
+        return None
+    return SimulationSetup(model, simulation_class, config, simulation_class.settings(config))
 
 
 def _constants(document: Document, source: RigSource, problems: Problems) -> dict[str, Quantity]:

@@ -18,6 +18,7 @@ from rigd.sdk import (
     LinkConfig,
     Plant,
     PlantConfig,
+    Setting,
     Simulation,
     SimulationConfig,
 )
@@ -104,6 +105,7 @@ class PlantSetup:
     model: str
     plant_class: type[Plant]
     config: PlantConfig
+    settings: Mapping[str, Setting] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,7 @@ class SimulationSetup:
     model: str
     simulation_class: type[Simulation]
     config: SimulationConfig
+    settings: Mapping[str, Setting] | None = None
 
 
 @dataclass(frozen=True)
@@ -132,6 +135,12 @@ class RigConfig:
     supervision: Supervision = Supervision()
     calibration: CalibrationSetup | None = None
     remote: RemoteSetup = field(default_factory=RemoteSetup)
+
+    @property
+    def settings(self) -> Mapping[str, Setting] | None:
+        """What prompts can change at the plant; None if the rig is a real one."""
+        simulated = self.plant or self.simulation
+        return None if simulated is None else simulated.settings
 
     def channel(self, name: str) -> Channel | None:
         """Return the measured channel called ``device.channel``, or None."""

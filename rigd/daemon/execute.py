@@ -314,7 +314,7 @@ def _texts(request: RunRequest) -> dict[str, str]:
     plant = request.rig.plant
     if plant is not None:
         folder = request.rig.source.path.resolve().parent
-        for path, text in plant.plant_class.files(plant.config).items():
+        for path, text in plant.config.files().items():
             whole = path.resolve()
             beside = whole.is_relative_to(folder)
             texts[str(whole.relative_to(folder)) if beside else path.name] = text

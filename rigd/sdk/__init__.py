@@ -13,8 +13,11 @@ from rigd.sdk.driver import (
     SlowDriver,
 )
 from rigd.sdk.link import DeviceSheet, Link, LinkConfig
-from rigd.sdk.plant import Plant, PlantConfig
+from rigd.sdk.on_plant import PlantSensor, accepted
+from rigd.sdk.parameters import ParameterGroup, ParametersConfig
+from rigd.sdk.plant import Energy, GridPlant, Plant, PlantConfig
 from rigd.sdk.quantities import In
+from rigd.sdk.setting import Setting
 from rigd.sdk.shipped import shipped_configs
 from rigd.sdk.simulation import Simulation, SimulationConfig
 
@@ -29,16 +32,23 @@ __all__ = [
     "Driver",
     "DriverConfig",
     "EmitRow",
+    "Energy",
+    "GridPlant",
     "In",
     "Link",
     "LinkConfig",
     "LinkError",
+    "ParameterGroup",
+    "ParametersConfig",
     "Plant",
     "PlantConfig",
+    "PlantSensor",
     "ProtocolError",
+    "Setting",
     "Simulation",
     "SimulationConfig",
     "SlowDriver",
     "Stream",
+    "accepted",
     "shipped_configs",
 ]

@@ -4,53 +4,161 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 from rigd.sdk.documented import Documented
+from rigd.sdk.setting import Setting
 
 
 class PlantConfig(Documented):
     """The options of one plant in a rig file: frozen, every key known, every field documented."""
 
+    def settings(self) -> Mapping[str, Setting]:
+        """Return what a person can change at the bench, by the name that prompts give it.
 
-class Plant(ABC):
-    """The physics that the simulated devices of one rig share.
+        An option of the same name is its value at the start. ``rigd check`` refuses rig files and
+        procedures that name what is not among them.
 
-    Constructed as ``Plant(config, period_ns=..., seed=...)``. The same seed and the same commands
-    at the same times give the same samples bit for bit.
-    """
+        Raises:
+            ConfigError: the file that they stand in is wrong.
 
-    Config: ClassVar[type[PlantConfig]] = PlantConfig
+        """
+        return {}
 
-    def __init__(self, config: Any, *, period_ns: int, seed: int) -> None:
-        self.config = config
-        self.period_ns = period_ns
-        self.seed = seed
-
-    @classmethod
-    def files(cls, config: Any) -> Mapping[Path, str]:
+    def files(self) -> Mapping[Path, str]:
         """Return path and text of the files, beyond the rig file, that the plant is made from.
 
         They are attached to recordings, and checked by ``rigd check``.
 
         Raises:
             ConfigError: one of them is wrong.
+
         """
         return {}
 
-    @abstractmethod
+    def at_start(self) -> Mapping[str, float | str]:
+        """Return the values that the options give to settings, by name; a number is in SI."""
+        values = {name: getattr(self, name, None) for name in self.settings()}
+        return {name: value for name, value in values.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Where the energy of a plant is, in J; the last two since it was made."""
+
+    stored: float  #: in motion, springs, height: what the plant could still give back
+    supplied: float  #: by the actuators; falls while the plant drives them
+    dissipated: float  #: by friction, in windings, in buffers; never falls
+
+
+class Plant(ABC):
+    """The physics that the simulated devices of one rig share.
+
+    Constructed as ``Plant(config, period_ns=..., seed=...)``. The same seed and the same commands
+    at the same times give the same samples bit for bit. An author writes :meth:`evolve`, and
+    :meth:`apply` if ``Config`` names settings that a person can change at the bench.
+
+    Raises:
+        ValueError: an option gives a setting a value that it does not take.
+
+    """
+
+    Config: ClassVar[type[PlantConfig]] = PlantConfig
+    #: One line for a person: which rig this is the physics of.
+    title: ClassVar[str] = ""
+    #: Longest step of the integrator in ns, if it is this one number that says so; None: it is not.
+    step_ns: ClassVar[int | None] = None
+    #: The error of the hidden state falls as the step to this power.
+    order: ClassVar[int] = 1
+
+    def __init__(self, config: Any, *, period_ns: int, seed: int) -> None:
+        self.config = config
+        self.period_ns = period_ns
+        self.seed = seed
+        #: The time of the first call of :meth:`advance`, and the one that the plant stands at.
+        self.origin_ns = self.now_ns = 0
+        #: Whether :meth:`advance` was called.
+        self.begun = False
+        self._settings = config.settings()
+        for name, value in config.at_start().items():
+            self._settings[name].accepted(name, value)
+
     def advance(self, t_ns: int) -> None:
         """Bring the physics to ``t_ns`` with the inputs held since the last call.
 
         Again at the same time does nothing; the first call sets the origin of time.
-        """
-
-    @abstractmethod
-    def change(self, quantity: str, value: float | str) -> None:
-        """Change what a person would change at the bench: the floor, a weight.
 
         Raises:
-            ValueError: the plant has no such ``quantity``, or cannot take ``value``.
+            ValueError: ``t_ns`` lies before the last call.
 
         """
+        if not self.begun:
+            self.origin_ns = self.now_ns = t_ns
+            self.begun = True
+        elif t_ns == self.now_ns:
+            return
+        elapsed_ns = t_ns - self.now_ns
+        if elapsed_ns < 0:
+            raise ValueError(f"the plant stands at {self.now_ns} ns and cannot go back to {t_ns}")
+        self.evolve(t_ns - self.origin_ns, elapsed_ns)
+        self.now_ns = t_ns
+
+    @abstractmethod
+    def evolve(self, t_ns: int, elapsed_ns: int) -> None:
+        """Bring the physics ``elapsed_ns`` further, to ``t_ns`` since the origin of time.
+
+        The first call is that of ``t_ns`` 0, with nothing elapsed: sensors show the start.
+        """
+
+    def change(self, quantity: str, value: float | str) -> None:
+        """Change one of the settings; a number is in SI.
+
+        Raises:
+            ValueError: the plant has no such ``quantity``, or cannot take ``value`` (now).
+
+        """
+        if quantity not in self._settings:
+            known = ", ".join(self._settings) or "nothing"
+            raise ValueError(f"this plant has no {quantity!r}; it can change {known}")
+        self.apply(quantity, self._settings[quantity].accepted(quantity, value))
+
+    def apply(self, quantity: str, value: float | str) -> None:
+        """Set one of the settings to a value that it takes, from now on.
+
+        Raises:
+            ValueError: what is set up does not allow it now; the message says why.
+
+        """
+        raise NotImplementedError(f"{type(self).__name__} has settings, and no apply()")
+
+    def energy(self) -> Energy | None:
+        """Return where the energy is now; None: the plant does not count it."""
+        return None
+
+
+class GridPlant(Plant):
+    """A plant that is integrated on a grid of steps, ``step_ns`` apart from the origin of time.
+
+    How time is divided into calls of :meth:`advance` then changes nothing, bit for bit: between
+    two points of the grid everything stands where it stood at the first.
+    """
+
+    step_ns: ClassVar[int] = 125_000
+
+    def __init__(self, config: Any, *, period_ns: int, seed: int) -> None:
+        super().__init__(config, period_ns=period_ns, seed=seed)
+        #: Steps taken.
+        self.steps = 0
+
+    def evolve(self, t_ns: int, elapsed_ns: int) -> None:
+        """Take the steps up to ``t_ns``."""
+        due = t_ns // self.step_ns
+        while self.steps < due:
+            self.step(self.step_ns * 1e-9)
+            self.steps += 1
+
+    @abstractmethod
+    def step(self, step_s: float) -> None:
+        """Integrate over one step, in s, with the inputs held."""

@@ -9,6 +9,8 @@ from typing import Any, ClassVar
 
 from rigd.sdk.documented import Documented
 
+from rigd.sdk.setting import Setting
+
 
 class SimulationConfig(Documented):
     """The options of one simulation in a rig file: frozen, every key known and documented."""
@@ -59,5 +61,10 @@ class Simulation(ABC):
 
     @classmethod
     def files(cls, config: Any) -> Mapping[Path, str]:
-        """Return path and text of the files that it is made from; see :meth:`Plant.files`."""
+        """Return path and text of the files that it is made from; see :meth:`PlantConfig.files`."""
         return {}
+
+    @classmethod
+    def settings(cls, config: Any) -> Mapping[str, Setting] | None:
+        """Return what ``change`` takes, see :meth:`PlantConfig.settings`; None: it is not known."""
+        return None

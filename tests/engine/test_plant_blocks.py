@@ -27,6 +27,7 @@ from rigd.procedure.program import (
     Recorded,
     Segment,
 )
+from rigd.sdk import PlantConfig
 
 START_NS = 1_000_000_000_000_000_000
 ROW_NS, LATENCY_NS = 500_000, 3_000_000
@@ -183,7 +184,9 @@ def test_a_row_that_comes_after_the_silence_of_its_device_is_none(
     tmp_path: Path, latency_ns: int, fresh: bool
 ) -> None:
     late = rig(PlantGrid, tmp_path, rows=1, row_ns=PERIOD_NS, latency_ns=latency_ns)
-    blocks = PlantBlocks(late.devices["grid"], ClockPlant(None, period_ns=PERIOD_NS, seed=1))
+    blocks = PlantBlocks(
+        late.devices["grid"], ClockPlant(PlantConfig(), period_ns=PERIOD_NS, seed=1)
+    )
     blocks.open()
     assert blocks.read(START_NS) is None
     row = blocks.read(START_NS + 2_000_000_000)

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import pytest
 
-from rigd_sim.plants.lugre.files import find_parameters, load_parameters
 from rigd_sim.plants.lugre.parameters import LugreParameters
 from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
 
@@ -13,7 +12,8 @@ PERIOD_NS = 1_000_000
 
 @pytest.fixture(scope="session")
 def parameters() -> LugreParameters:
-    return load_parameters(find_parameters("lugre"))
+    shipped: LugreParameters = LugreConfig().read_parameters()
+    return shipped
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rigd.sdk.noise import normal_pair
 from rigd_sim.plants.lugre import kernel, records
 from rigd_sim.plants.lugre.parameters import LugreParameters
-from rigd_sim.plants.noise import normal_pair
 
 FLOORS = ["stone", "pvc", "paperboard"]
 

@@ -8,11 +8,10 @@ import pytest
 from pydantic import ValidationError
 
 from rigd.model.errors import ConfigError
-from rigd_sim.plants.lugre.files import find_parameters, load_parameters
 from rigd_sim.plants.lugre.parameters import LugreParameters
 from rigd_sim.plants.lugre.plant import LugreConfig
 
-SHIPPED = find_parameters("lugre")
+SHIPPED = LugreConfig.find_parameters("lugre")
 
 
 def edited(folder: Path, old: str, new: str) -> Path:
@@ -55,7 +54,7 @@ def test_what_is_wrong_is_refused_with_its_place(
 ) -> None:
     file = edited(tmp_path, old, new)
     with pytest.raises(ConfigError, match=message) as raised:
-        load_parameters(file)
+        LugreConfig(parameters=str(file)).read_parameters()
     assert str(raised.value).startswith(f"{file}:")
 
 
@@ -64,14 +63,14 @@ def test_the_place_is_that_of_the_value(tmp_path: Path) -> None:
     lines = file.read_text("utf-8").splitlines()
     line = next(n for n, text in enumerate(lines, 1) if "resistance: 3.2 V" in text)
     with pytest.raises(ConfigError, match=rf"edited\.yaml:{line}:15: drive\.resistance: '3\.2 V'"):
-        load_parameters(file)
+        LugreConfig(parameters=str(file)).read_parameters()
 
 
 def test_every_problem_is_named(tmp_path: Path) -> None:
     file = edited(tmp_path, "resistance: 3.2 ohm", "resistance: 3.2 V")
     file.write_text(file.read_text("utf-8").replace("supply: 24 V", "supply: 24 A"), "utf-8")
     with pytest.raises(ConfigError) as raised:
-        load_parameters(file)
+        LugreConfig(parameters=str(file)).read_parameters()
     assert len(raised.value.others) == 1
 
 
@@ -80,14 +79,14 @@ def test_what_is_no_parameter_file_is_refused(tmp_path: Path, content: bytes) ->
     file = tmp_path / "broken.yaml"
     file.write_bytes(content)
     with pytest.raises(ConfigError, match=r"broken\.yaml"):
-        load_parameters(file)
+        LugreConfig(parameters=str(file)).read_parameters()
 
 
 def test_a_file_beside_the_rig_file_comes_first(tmp_path: Path) -> None:
     mine = tmp_path / "lugre.yaml"
     mine.write_text("", "utf-8")
-    assert find_parameters("lugre.yaml", tmp_path) == mine
-    assert find_parameters("plants/lugre.yaml", tmp_path) == SHIPPED
+    assert LugreConfig.find_parameters("lugre.yaml", tmp_path) == mine
+    assert LugreConfig.find_parameters("plants/lugre.yaml", tmp_path) == SHIPPED
     config = LugreConfig.model_validate({"parameters": "lugre.yaml"}, context={"folder": tmp_path})
     assert config.parameters == str(mine)
 

@@ -270,12 +270,12 @@ def test_a_change_of_floor_or_mass_acts(make_plant: MakePlant) -> None:
 @pytest.mark.parametrize(
     ("quantity", "value", "message"),
     [
-        ("flour", "pvc", "no 'flour'; it can change floor and mass"),
-        ("floor", "ice", "no floor 'ice'; one of stone, pvc, paperboard"),
-        ("floor", 3.0, "no floor 3.0"),
-        ("mass", 0.1, "mass 0.1 kg is not within 0.5 to 20 kg"),
-        ("mass", float("nan"), "is not within"),
-        ("mass", "heavy", "is not within"),
+        ("flour", "pvc", "no 'flour'; it can change floor, mass"),
+        ("floor", "ice", "floor cannot be 'ice': it takes stone, pvc, paperboard"),
+        ("floor", 3.0, "floor cannot be 3.0"),
+        ("mass", 0.1, "mass cannot be 0.1 kg: it takes 0.5 kg to 20 kg"),
+        ("mass", float("nan"), "mass cannot be nan kg"),
+        ("mass", "heavy", "mass cannot be 'heavy'"),
     ],
 )
 def test_an_impossible_change_is_refused(

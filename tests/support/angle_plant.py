@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from rigd_sim.plants.angle import layout
 from rigd_sim.plants.angle.acquisition import Acquisition
-from rigd_sim.plants.angle.files import find_parameters, load_parameters
 from rigd_sim.plants.angle.parameters import AngleParameters
 from rigd_sim.plants.angle.plant import AngleConfig, AnglePlant
 
@@ -21,7 +20,8 @@ S = 1_000_000_000
 @cache
 def shipped() -> AngleParameters:
     """Return the shipped parameters."""
-    return load_parameters(find_parameters("approach_angle"))
+    parameters: AngleParameters = AngleConfig().read_parameters()
+    return parameters
 
 
 def varied(**parts: dict[str, object]) -> AngleParameters:

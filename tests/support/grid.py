@@ -81,11 +81,8 @@ class ClockPlant(Plant):
 
     t_ns = 0
 
-    def advance(self, t_ns: int) -> None:
-        self.t_ns = t_ns
-
-    def change(self, quantity: str, value: float | str) -> None:
-        raise ValueError(f"there is no {quantity}")
+    def evolve(self, t_ns: int, elapsed_ns: int) -> None:
+        self.t_ns = self.origin_ns + t_ns
 
 
 class PlantGrid(Grid):

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from rigd.sdk import Channel, DeviceError, Driver, DriverConfig
-from rigd_sim.devices.setpoint import accepted
+from rigd.sdk import Channel, DeviceError, Driver, DriverConfig, accepted
 from rigd_sim.plants.angle.plant import AnglePlant
 
 

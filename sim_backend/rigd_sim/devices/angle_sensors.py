@@ -6,33 +6,19 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from rigd.sdk import Channel, Driver, DriverConfig
+from rigd.sdk import Channel, DriverConfig, PlantSensor
 from rigd_sim.plants.angle import layout
 from rigd_sim.plants.angle.plant import AnglePlant
 
 
-class _Sensor(Driver):
-    """A device that takes no setpoints; safe at all times."""
-
-    link: AnglePlant
-
-    def open(self) -> None:
-        """Do nothing: the plant stands as soon as the rig does."""
-
-    def arm(self) -> None:
-        """Do nothing: it only measures."""
-
-    def make_safe(self) -> None:
-        """Do nothing: it only measures."""
-
-
-class AngleScale(_Sensor):
+class AngleScale(PlantSensor):
     """The scale under the rig's base, at a pace of its own.
 
     A row is the mass in kg and a status word: stable 1, overload 2, underload 4 (which nothing at
     this bench brings about). Under overload the value is NaN, so that interlocks trip.
     """
 
+    link: AnglePlant
     title: ClassVar[str] = "scale of the simulated approach-angle rig"
     channels = (Channel("mass", "kg", "net mass shown by the scale"),)
     has_status = True
@@ -58,9 +44,10 @@ class AngleScale(_Sensor):
         return (math.nan if status == layout.OVERLOAD else mass), status
 
 
-class AngleTruth(_Sensor):
+class AngleTruth(PlantSensor):
     """The hidden state of the plant, for verification; no real rig has it."""
 
+    link: AnglePlant
     title: ClassVar[str] = "hidden state of the simulated approach-angle rig"
     channels = tuple(Channel(name, unit, doc) for name, unit, doc in layout.TRUTH)
 

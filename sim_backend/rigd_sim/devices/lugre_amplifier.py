@@ -7,8 +7,7 @@ from typing import Annotated, ClassVar
 
 from annotated_types import Gt, Le
 
-from rigd.sdk import Channel, Driver, DriverConfig, In
-from rigd_sim.devices.setpoint import accepted
+from rigd.sdk import Channel, Driver, DriverConfig, In, accepted
 from rigd_sim.plants.lugre import layout
 from rigd_sim.plants.lugre.plant import LugrePlant
 

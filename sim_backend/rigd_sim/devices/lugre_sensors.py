@@ -9,25 +9,9 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 from annotated_types import Gt
 from pydantic import model_validator
 
-from rigd.sdk import Channel, Driver, DriverConfig, In
+from rigd.sdk import Channel, DriverConfig, In, PlantSensor
 from rigd_sim.plants.lugre import layout
 from rigd_sim.plants.lugre.plant import LugrePlant
-
-
-class _Sensor(Driver):
-    """A device that takes no setpoints; safe at all times."""
-
-    link: LugrePlant
-
-    def open(self) -> None:
-        """Do nothing: the plant stands as soon as the rig does."""
-
-    def arm(self) -> None:
-        """Do nothing: it only measures."""
-
-    def make_safe(self) -> None:
-        """Do nothing: it only measures."""
-
 
 #: Options of :class:`EncoderConfig` that only one axis has.
 _OPTIONS: Final = {
@@ -57,10 +41,11 @@ class EncoderConfig(DriverConfig):
         return self
 
 
-class LugreEncoder(_Sensor):
+class LugreEncoder(PlantSensor):
     """An incremental encoder that starts at zero where the rig was switched on."""
 
     Config: ClassVar[type[DriverConfig]] = EncoderConfig
+    link: LugrePlant
     title: ClassVar[str] = "encoder of the simulated LuGre rig"
 
     def __init__(self, config: EncoderConfig, link: LugrePlant | None) -> None:
@@ -91,10 +76,11 @@ class AccelerometerConfig(DriverConfig):
     """Voltage at rest; its error is a bias that identification takes out from the rest phase."""
 
 
-class LugreAccelerometer(_Sensor):
+class LugreAccelerometer(PlantSensor):
     """An accelerometer on the carriage, along the guide, on a 14-bit card of ±10 V."""
 
     Config: ClassVar[type[DriverConfig]] = AccelerometerConfig
+    link: LugrePlant
     title: ClassVar[str] = "accelerometer of the simulated LuGre rig"
     config: AccelerometerConfig
 
@@ -112,9 +98,10 @@ class LugreAccelerometer(_Sensor):
         return (volts - self.config.zero) * self.config.scale, volts
 
 
-class LugreTruth(_Sensor):
+class LugreTruth(PlantSensor):
     """The hidden state of the plant, for verification; no real rig has it."""
 
+    link: LugrePlant
     title: ClassVar[str] = "hidden state of the simulated LuGre rig"
     channels = tuple(Channel(name, unit, doc) for name, unit, doc in layout.TRUTH)
 

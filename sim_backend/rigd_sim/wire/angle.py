@@ -12,7 +12,7 @@ from annotated_types import Gt, Le
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from rigd.sdk import In, SimulationConfig
+from rigd.sdk import In, Setting, SimulationConfig
 from rigd_sim.plants.angle import layout
 from rigd_sim.plants.angle.acquisition import Acquisition
 from rigd_sim.plants.angle.plant import AngleConfig, AnglePlant
@@ -119,8 +119,15 @@ class WireAngle(WireSimulation):
 
     @classmethod
     def files(cls, config: Any) -> Mapping[Path, str]:
-        """Return the file of physical parameters; see :meth:`AnglePlant.files`."""
-        return AnglePlant.files(config.plant)
+        """Return the file of physical parameters; see :meth:`PlantConfig.files`."""
+        files: Mapping[Path, str] = config.plant.files()
+        return files
+
+    @classmethod
+    def settings(cls, config: Any) -> Mapping[str, Setting]:
+        """Return the settings of the plant; see :meth:`PlantConfig.settings`."""
+        settings: Mapping[str, Setting] = config.plant.settings()
+        return settings
 
     def build(self, folder: Folder) -> tuple[World, Sequence[Part]]:
         """Return the plant in real time and every device; see :class:`WireSimulation`."""

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from rigd.sdk import SimulationConfig
+from rigd.sdk import Setting, SimulationConfig
 from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
@@ -46,8 +46,15 @@ class WireLugre(WireSimulation):
 
     @classmethod
     def files(cls, config: Any) -> Mapping[Path, str]:
-        """Return the file of physical parameters; see :meth:`LugrePlant.files`."""
-        return LugrePlant.files(config.plant)
+        """Return the file of physical parameters; see :meth:`PlantConfig.files`."""
+        files: Mapping[Path, str] = config.plant.files()
+        return files
+
+    @classmethod
+    def settings(cls, config: Any) -> Mapping[str, Setting]:
+        """Return the settings of the plant; see :meth:`PlantConfig.settings`."""
+        settings: Mapping[str, Setting] = config.plant.settings()
+        return settings
 
     def build(self, folder: Folder) -> tuple[World, Sequence[Part]]:
         """Return the plant in real time and every device; see :class:`WireSimulation`."""

@@ -188,9 +188,9 @@ def test_on_rubber_the_wheel_does_not_slide() -> None:
     ("options", "message"),
     [
         ({"set_name": "clean_60"}, "no set 'clean_60'; one of clean_0"),
-        ({"fault": "fire"}, "one of none"),
-        ({"voltage_v": 30.0}, "expected 0 to 12 V"),
-        ({"load_kg": 80.0}, "expected 1 to 12 kg"),
+        ({"fault": "fire"}, "it takes none"),
+        ({"voltage_v": 30.0}, "it takes 0 V to 12 V"),
+        ({"load_kg": 80.0}, "it takes 1 kg to 12 kg"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused(options: dict[str, object], message: str) -> None:

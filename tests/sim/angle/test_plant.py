@@ -12,7 +12,6 @@ from support.angle_plant import MS, S, make_plant, mean_volts, pass_time, shippe
 from rigd.model.errors import ConfigError
 from rigd_sim.plants.angle import layout
 from rigd_sim.plants.angle.acquisition import Acquisition
-from rigd_sim.plants.angle.files import find_parameters, load_parameters
 from rigd_sim.plants.angle.plant import AngleConfig, AnglePlant
 
 
@@ -116,20 +115,20 @@ def test_waiting_at_rest_takes_no_physics() -> None:
     ("quantity", "value", "message"),
     [
         ("floor", "pvc", "no 'floor'; it can change angle, wheel, load"),
-        ("angle", 0.3, "can be mounted at 0, 15, 30, 45 deg"),
-        ("angle", "steep", "expected"),
-        ("wheel", "square", "one of clean, coated"),
-        ("load", 0.2, "expected 1 to 12 kg"),
-        ("load", math.nan, "expected 1 to 12 kg"),
-        ("voltage", 24.0, "expected 0 to 12 V"),
-        ("platform", "middle", "one of start, end"),
-        ("push", 9.0, "expected -2 to 2 m/s"),
-        ("wheel_lift", "up", "one of lifted, down"),
-        ("shaft", "bent", "one of free, clamped"),
+        ("angle", 0.3, "angle cannot be 17.1887 deg: it takes 0, 15, 30, 45 deg"),
+        ("angle", "steep", "angle cannot be 'steep'"),
+        ("wheel", "square", "it takes clean, coated"),
+        ("load", 0.2, "it takes 1 kg to 12 kg"),
+        ("load", math.nan, "it takes 1 kg to 12 kg"),
+        ("voltage", 24.0, "it takes 0 V to 12 V"),
+        ("platform", "middle", "it takes start, end"),
+        ("push", 9.0, "it takes -2 m/s to 2 m/s"),
+        ("wheel_lift", "up", "it takes lifted, down"),
+        ("shaft", "bent", "it takes free, clamped"),
         ("arm_mass", 3.0, "clamp the shaft first"),
-        ("scale_weight", -1.0, "expected 0 to 50 kg"),
-        ("rubbing", -0.1, "expected 0 to 2 N m"),
-        ("fault", "fire", "one of none, gauges_swapped"),
+        ("scale_weight", -1.0, "it takes 0 kg to 50 kg"),
+        ("rubbing", -0.1, "it takes 0 N m to 2 N m"),
+        ("fault", "fire", "it takes none, gauges_swapped"),
     ],
 )
 def test_an_impossible_change_is_refused(quantity: str, value: float | str, message: str) -> None:
@@ -172,13 +171,13 @@ def test_a_rig_file_names_angle_wheel_load_voltage_with_units() -> None:
     assert plant._bench.limit == shipped().limits.clean_45
     with pytest.raises(ValueError, match="has no unit"):
         AngleConfig.model_validate({"load": "8"})
-    with pytest.raises(ValueError, match="can be mounted at 0, 15, 30, 45 deg"):
+    with pytest.raises(ValueError, match="it takes 0, 15, 30, 45 deg"):
         AngleConfig.model_validate({"angle": "20 deg"})
 
 
 def test_the_parameter_file_is_attached_to_recordings() -> None:
-    path = find_parameters("approach_angle")
-    assert AnglePlant.files(AngleConfig()) == {path: path.read_text("utf-8")}
+    path = AngleConfig.find_parameters("approach_angle")
+    assert AngleConfig().files() == {path: path.read_text("utf-8")}
 
 
 @pytest.mark.parametrize(
@@ -195,12 +194,12 @@ def test_the_parameter_file_is_attached_to_recordings() -> None:
 def test_a_wrong_parameter_file_is_refused_with_the_place(
     tmp_path: Path, old: str, new: str, parts: list[str]
 ) -> None:
-    text = find_parameters("approach_angle").read_text("utf-8")
+    text = AngleConfig.find_parameters("approach_angle").read_text("utf-8")
     assert text.count(old) == 1
     file = tmp_path / "mine.yaml"
     file.write_text(text.replace(old, new), "utf-8")
     with pytest.raises(ConfigError) as caught:
-        load_parameters(file)
+        AngleConfig(parameters=str(file)).read_parameters()
     for part in (*parts, "mine.yaml:", "configs/plants/approach_angle.yaml"):
         assert part in str(caught.value)
 

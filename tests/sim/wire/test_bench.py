@@ -204,7 +204,10 @@ def test_what_a_person_changes_at_the_bench(folder: Path) -> None:
         ({}, "cannot do None"),
         ({"do": "state", "of": "all"}, r"unknown \['of'\]"),
         ({"do": "change", "quantity": "floor"}, r"missing \['value'\]"),
-        ({"do": "change", "quantity": "floor", "value": "ice"}, "no floor 'ice'; one of stone"),
+        (
+            {"do": "change", "quantity": "floor", "value": "ice"},
+            "floor cannot be 'ice': it takes stone",
+        ),
         ({"do": "fault", "part": "wheel", "fault": "x"}, "no part 'wheel'; there are servo_bus"),
         ({"do": "fault", "part": "carriage"}, "fault: Field required"),
         ({"do": "fault", "part": "scale", "fault": "x", "for_s": -1}, "for: .*greater than 0"),

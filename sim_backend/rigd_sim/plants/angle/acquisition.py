@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd.sdk.noise import normal_pair
 from rigd_sim.plants.angle import layout
 from rigd_sim.plants.angle.sampling import SAMPLING, sample
-from rigd_sim.plants.noise import normal_pair
 
 if TYPE_CHECKING:
     from rigd_sim.plants.angle.plant import AnglePlant

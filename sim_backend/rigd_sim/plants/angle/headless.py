@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from rigd_sim.plants.angle import layout
 from rigd_sim.plants.angle.acquisition import Acquisition, Samples
-from rigd_sim.plants.angle.files import find_parameters, load_parameters
 from rigd_sim.plants.angle.parameters import AngleParameters
 from rigd_sim.plants.angle.plant import AngleConfig, AnglePlant
 
@@ -189,7 +188,8 @@ def _recorded(
 
 @cache
 def _shipped_parameters() -> AngleParameters:
-    return load_parameters(find_parameters("approach_angle"))
+    parameters: AngleParameters = AngleConfig().read_parameters()
+    return parameters
 
 
 def _at_stop(plant: AnglePlant, volts: FloatArray) -> bool:

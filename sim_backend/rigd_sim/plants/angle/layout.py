@@ -42,6 +42,8 @@ SETS: Final = {
     "coated_0": (0, "coated"),
 }
 WHEELS: Final = ("clean", "coated")
+#: Approach angles at which the bearings can be mounted, in deg.
+MOUNTED_DEG: Final = (0.0, 15.0, 30.0, 45.0)
 
 #: What can be wrong with a run: name -> what it does.
 FAULTS: Final = {

@@ -12,7 +12,7 @@ from typing import Annotated, Self
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import model_validator
 
-from rigd.sdk import In
+from rigd.sdk import In, ParameterGroup
 from rigd_sim.plants.angle.layout import SETS, STEPS_PER_S
 from rigd_sim.plants.angle.sensor_parameters import (
     Arm,
@@ -22,7 +22,6 @@ from rigd_sim.plants.angle.sensor_parameters import (
     Potentiometers,
     Scale,
 )
-from rigd_sim.plants.parameter_group import ParameterGroup
 
 #: Spring rates (rad/s) and rates of decay (1/s) that the explicit integrator can take.
 FASTEST_PER_S = 1.5 * STEPS_PER_S

@@ -9,12 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
 from annotated_types import Ge, Gt, Le
-from pydantic import ValidationInfo, field_validator
+from pydantic import field_validator
 
-from rigd.sdk import In, Plant, PlantConfig
+from rigd.sdk import In, ParametersConfig, Plant, PlantConfig, Setting, shipped_configs
 from rigd_sim.plants.angle import layout
-from rigd_sim.plants.angle.answers import choice, mounted_deg, number
-from rigd_sim.plants.angle.files import find_parameters, load_parameters
 
 if TYPE_CHECKING:  # the physics (numpy, numba) loads when a plant is built, not when checked
     import numpy as np
@@ -26,6 +24,21 @@ if TYPE_CHECKING:  # the physics (numpy, numba) loads when a plant is built, not
 LIGHTEST_KG: Final = 1.0
 HEAVIEST_KG: Final = 12.0
 HIGHEST_V: Final = 12.0
+#: What people can change at the bench.
+SETTINGS: Final = {
+    "angle": Setting("approach angle, bearings mounted anew", layout.MOUNTED_DEG, "deg"),
+    "wheel": Setting("the wheel on the shaft", layout.WHEELS),
+    "load": Setting("load that the bolts set", (), "kg", LIGHTEST_KG, HEAVIEST_KG),
+    "voltage": Setting("voltage of the motor's regulator", (), "V", 0.0, HIGHEST_V),
+    "platform": Setting("the platform, pushed to where runs start or stop", ("start", "end")),
+    "push": Setting("speed that a hand gives to the platform", (), "m/s", -2.0, 2.0),
+    "wheel_lift": Setting("the wheel, off the platform or on it", ("lifted", "down")),
+    "shaft": Setting("the shaft, for a calibration of torque", ("free", "clamped")),
+    "arm_mass": Setting("weight on the arm of the clamped shaft", (), "kg", 0.0, 10.0),
+    "scale_weight": Setting("weights laid on the scale", (), "kg", 0.0, 50.0),
+    "rubbing": Setting("torque lost behind the gauges by bad clamping", (), "N m", 0.0, 2.0),
+    "fault": Setting("what may go wrong with a run", tuple(layout.FAULTS)),
+}
 #: Readings of the scale that must agree before it calls them stable (2 s), how far they may lie
 #: apart, and where overload begins beyond the capacity (OIML R 76-1, 4.2.3), both in divisions.
 AGREEING: Final = 8
@@ -38,8 +51,10 @@ _MOVING: Final = (
 )
 
 
-class AngleConfig(PlantConfig):
+class AngleConfig(ParametersConfig):
     """Which rig is simulated, how it is set up at the start, and how honest its sensors are."""
+
+    shipped_folder: ClassVar[Path] = shipped_configs() / "plants"
 
     parameters: str = "approach_angle.yaml"
     """File of physical parameters: beside the rig file, or a shipped name."""
@@ -63,14 +78,18 @@ class AngleConfig(PlantConfig):
     @field_validator("angle")
     @classmethod
     def _angle_can_be_mounted(cls, angle: float) -> float:
-        return math.radians(mounted_deg(angle))
+        return float(SETTINGS["angle"].accepted("angle", angle))
 
-    @field_validator("parameters")
     @classmethod
-    def _parameters_exist(cls, name: str, info: ValidationInfo) -> str:
-        """Resolve the file; ``folder`` in the validation context is where the rig file stands."""
-        folder = (info.context or {}).get("folder")
-        return str(find_parameters(name, None if folder is None else Path(folder)))
+    def parameter_model(cls) -> type[AngleParameters]:
+        """Return what the parameter file holds."""
+        from rigd_sim.plants.angle.parameters import AngleParameters
+
+        return AngleParameters
+
+    def settings(self) -> Mapping[str, Setting]:
+        """Return what people can change at the bench; see :meth:`PlantConfig.settings`."""
+        return SETTINGS
 
 
 class AnglePlant(Plant):
@@ -89,6 +108,7 @@ class AnglePlant(Plant):
     """
 
     Config: ClassVar[type[PlantConfig]] = AngleConfig
+    title: ClassVar[str] = "approach-angle rig: relay, motor, wheel and platform"
     config: AngleConfig
 
     def __init__(
@@ -105,7 +125,7 @@ class AnglePlant(Plant):
         from rigd_sim.plants.angle import draws, kernel, records
 
         #: Those of the file that ``config`` names, where they are not given.
-        self.parameters = parameters or load_parameters(find_parameters(config.parameters))
+        self.parameters: AngleParameters = parameters or config.read_parameters()
         self.noise = config.noise
         self.individual = (
             draws.individual(self.parameters, config.individual)
@@ -120,11 +140,8 @@ class AnglePlant(Plant):
         self._scale = np.full(AGREEING, math.nan)
         #: What the sensors are given and the truth, a row (layout.HISTORY) per step, in a ring.
         self.history: NDArray[np.float64] = np.zeros((layout.HISTORY_ROWS, len(layout.HISTORY)))
-        #: When step 0 was, and the time that the plant stands at.
-        self.origin_ns = self.now_ns = 0
         #: Steps taken.
         self.steps = 0
-        self._begun = False
 
         self._bench = records.Bench(angle=0.0, limit=math.nan, load_n=0.0, voltage=config.voltage)
         self._run = draws.Run()
@@ -137,34 +154,11 @@ class AnglePlant(Plant):
         # Compiles, or loads what was compiled before: the first cycle must not wait for it.
         self._step_to(0)
 
-    @classmethod
-    def files(cls, config: AngleConfig) -> Mapping[Path, str]:
-        """Return the file of physical parameters.
-
-        Raises:
-            ConfigError: it is not physical, or cannot be read.
-
-        """
-        path = find_parameters(config.parameters)
-        load_parameters(path)
-        return {path: path.read_text("utf-8")}
-
-    def advance(self, t_ns: int) -> None:
-        """Take the steps up to ``t_ns``; see :class:`rigd.sdk.Plant`.
-
-        Raises:
-            ValueError: ``t_ns`` lies before the last call.
-
-        """
-        if not self._begun:
-            self.origin_ns = self.now_ns = t_ns
-            self._begun = True
-        if t_ns < self.now_ns:
-            raise ValueError(f"the plant stands at {self.now_ns} ns and cannot go back to {t_ns}")
-        last = (t_ns - self.origin_ns) * layout.STEPS_PER_S // 1_000_000_000
+    def evolve(self, t_ns: int, elapsed_ns: int) -> None:
+        """Take the steps up to ``t_ns``; see :class:`rigd.sdk.Plant`."""
+        last = t_ns * layout.STEPS_PER_S // 1_000_000_000
         if last > self.steps:
             self._step_to(last)
-        self.now_ns = t_ns
 
     def _step_to(self, last: int) -> None:
         self._kernel.advance(
@@ -232,47 +226,52 @@ class AnglePlant(Plant):
             status = layout.OVERLOAD
         return mass, status
 
-    def change(self, quantity: str, value: float | str) -> None:
-        """Change what a person would change at the bench, from now on.
+    def apply(self, quantity: str, value: float | str) -> None:
+        """Do one of ``SETTINGS`` at the bench, from now on.
 
-        For a run: ``angle`` (rad: 0, 15, 30, 45 deg), ``wheel`` (clean, coated), ``load`` (kg),
-        ``voltage`` (V), ``platform`` (start: pushed back, and the wheel turned back). For a
-        calibration: ``shaft`` (free, clamped), ``arm_mass`` (kg, on the arm of the clamped shaft),
-        ``wheel_lift`` (lifted, down), ``push`` (m/s, given to the platform), ``platform`` (end:
-        pushed to where runs stop), ``scale_weight`` (kg, laid on the scale). To spoil runs:
-        ``rubbing`` (N m, downstream of the gauges) and ``fault`` (``layout.FAULTS``).
+        ``platform`` at ``start`` begins a new run: pushed back, and the wheel turned back.
+        ``rubbing`` and ``fault`` spoil runs.
 
         Raises:
-            ValueError: no such quantity, or a value that cannot be.
+            ValueError: the bench does not allow it now.
 
         """
-        changes: dict[str, Callable[[float | str], None]] = {
-            "angle": self._set_angle,
+        if isinstance(value, str):
+            self._words[quantity](value)
+        else:
+            self._numbers[quantity](value)
+        self._show_first()
+
+    @property
+    def _words(self) -> Mapping[str, Callable[[str], None]]:
+        return {
             "wheel": self._fit_wheel,
-            "load": self._set_load,
-            "voltage": self._set_voltage,
             "platform": self._push_platform,
-            "push": self._push,
             "wheel_lift": self._lift_wheel,
             "shaft": self._clamp_shaft,
-            "arm_mass": self._load_arm,
-            "scale_weight": self._load_scale,
-            "rubbing": self._rub,
-            "fault": self._spoil,
+            "fault": lambda fault: self._set(fault=fault),
         }
-        if quantity not in changes:
-            raise ValueError(f"this plant has no {quantity!r}; it can change {', '.join(changes)}")
-        changes[quantity](value)
-        self._show_first()
+
+    @property
+    def _numbers(self) -> Mapping[str, Callable[[float], None]]:
+        return {
+            "angle": self._set_angle,
+            "load": self._set_load,
+            "voltage": lambda voltage: self._set(voltage=voltage),
+            "push": self._push,
+            "arm_mass": self._load_arm,
+            "scale_weight": lambda mass: self._set(known_mass=mass),
+            "rubbing": lambda torque: self._set(rubbing=torque),
+        }
 
     # What people do at the bench.
 
-    def _set_angle(self, value: float | str) -> None:
-        self._angle = mounted_deg(number("angle", value, "rad", -math.pi, math.pi))
+    def _set_angle(self, angle: float) -> None:
+        self._angle = float(round(math.degrees(angle)))
         self._surface()
 
-    def _fit_wheel(self, value: float | str) -> None:
-        self._wheel = choice("wheel", value, layout.WHEELS)
+    def _fit_wheel(self, wheel: str) -> None:
+        self._wheel = wheel
         self._surface()
 
     def _surface(self) -> None:
@@ -280,19 +279,14 @@ class AnglePlant(Plant):
         self._set(angle=math.radians(self._angle), limit=math.nan if limit is None else limit)
         self._touch_anew()
 
-    def _set_load(self, value: float | str) -> None:
-        mass = number("load", value, "kg", LIGHTEST_KG, HEAVIEST_KG)
+    def _set_load(self, mass: float) -> None:
         scatter = (
             self._draws.load_scatter(self.parameters, self.seed, self._loads) if self.noise else 1.0
         )
         self._loads += 1
         self._set(load_n=mass * self.parameters.gravity * scatter)
 
-    def _set_voltage(self, value: float | str) -> None:
-        self._set(voltage=number("voltage", value, "V", 0.0, HIGHEST_V))
-
-    def _push_platform(self, value: float | str) -> None:
-        place = choice("platform", value, ("start", "end"))
+    def _push_platform(self, place: str) -> None:
         if self._state["command"][0] > 0.5:
             raise ValueError("the relay is closed: nobody pushes the platform now")
         if self._bench.clamped:
@@ -326,35 +320,25 @@ class AnglePlant(Plant):
         self._set()
         self._touch_anew()
 
-    def _push(self, value: float | str) -> None:
-        self._state["v"] = number("push", value, "m/s", -2.0, 2.0)
+    def _push(self, speed: float) -> None:
+        self._state["v"] = speed
         self._state["awake"] = 1.0
 
-    def _lift_wheel(self, value: float | str) -> None:
-        self._set(lifted=choice("wheel_lift", value, ("lifted", "down")) == "lifted")
+    def _lift_wheel(self, place: str) -> None:
+        self._set(lifted=place == "lifted")
         self._touch_anew()
 
-    def _clamp_shaft(self, value: float | str) -> None:
-        clamped = choice("shaft", value, ("free", "clamped")) == "clamped"
+    def _clamp_shaft(self, state: str) -> None:
+        clamped = state == "clamped"
         if clamped:
             for name in ("rotor_speed", "w"):
                 self._state[name] = 0.0
         self._set(clamped=clamped, arm_mass=self._bench.arm_mass if clamped else 0.0)
 
-    def _load_arm(self, value: float | str) -> None:
-        mass = number("arm_mass", value, "kg", 0.0, 10.0)
+    def _load_arm(self, mass: float) -> None:
         if mass > 0.0 and not self._bench.clamped:
             raise ValueError("the arm holds no weight on a free shaft; clamp the shaft first")
         self._set(arm_mass=mass)
-
-    def _load_scale(self, value: float | str) -> None:
-        self._set(known_mass=number("scale_weight", value, "kg", 0.0, 50.0))
-
-    def _rub(self, value: float | str) -> None:
-        self._set(rubbing=number("rubbing", value, "N m", 0.0, 2.0))
-
-    def _spoil(self, value: float | str) -> None:
-        self._set(fault=choice("fault", value, tuple(layout.FAULTS)))
 
     # What follows from it.
 
@@ -371,7 +355,7 @@ class AnglePlant(Plant):
 
     def _show_first(self) -> None:
         """Let the sensors see what is set up before the first step."""
-        if not self._begun:
+        if not self.begun:
             self._kernel.show_now(self._constants, self._state, self.history[0])
 
     def _limit_known(self) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.model.kernel import kernel
-from rigd_sim.plants.noise import normal_pair
+from rigd.sdk.noise import normal_pair
 
 Row = Any
 Floats = NDArray[np.float64]

@@ -7,8 +7,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from rigd.sdk import In
-from rigd_sim.plants.parameter_group import ParameterGroup
+from rigd.sdk import In, ParameterGroup
 
 Share = Annotated[float, In("1"), Ge(0), Le(0.2)]
 Correlation = Annotated[float, In("1"), Ge(0), Le(1)]

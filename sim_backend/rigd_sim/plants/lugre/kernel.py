@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigd.model.kernel import kernel
-from rigd_sim.plants.noise import normal_pair
+from rigd.sdk.noise import normal_pair
 
 #: One row of what records.py lays out, and the array of one that holds it.
 Row = Any

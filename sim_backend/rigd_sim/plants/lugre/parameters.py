@@ -11,9 +11,8 @@ from typing import Annotated, Final, Literal, Self
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import model_validator
 
-from rigd.sdk import In
+from rigd.sdk import In, ParameterGroup
 from rigd_sim.plants.lugre.layout import STEP_NS
-from rigd_sim.plants.parameter_group import ParameterGroup
 
 #: Gain 2 |s| c / j of the loop between lateral force and row loads at which it is refused; at 1
 #: the rollers would lock themselves (Eqs. 22, 25, 26 lose their solution).

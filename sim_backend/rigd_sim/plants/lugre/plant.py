@@ -2,29 +2,39 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
 from annotated_types import Ge, Le
-from pydantic import ValidationInfo, field_validator
 
-from rigd.sdk import In, Plant, PlantConfig
+from rigd.sdk import In, ParametersConfig, Plant, PlantConfig, Setting, shipped_configs
 from rigd_sim.plants.lugre import layout
-from rigd_sim.plants.lugre.files import find_parameters, load_parameters
 
 if TYPE_CHECKING:  # the physics (numpy, numba) loads when a plant is built, not when checked
     import numpy as np
     from numpy.typing import NDArray
+
+    from rigd_sim.plants.lugre.parameters import LugreParameters
 
 FLOORS: Final = ("stone", "pvc", "paperboard")
 LIGHTEST_KG: Final = 0.5
 HEAVIEST_KG: Final = 20.0
 
 
-class LugreConfig(PlantConfig):
+#: What people can change at the bench.
+SETTINGS: Final = {
+    "floor": Setting("the floor under the wheel", FLOORS),
+    "mass": Setting(
+        "mass of the quarter model with its weights", unit="kg", low=LIGHTEST_KG, high=HEAVIEST_KG
+    ),
+}
+
+
+class LugreConfig(ParametersConfig):
     """Which rig is simulated, on which floor, and how honest its sensors are."""
+
+    shipped_folder: ClassVar[Path] = shipped_configs() / "plants"
 
     parameters: str = "lugre.yaml"
     """File of physical parameters: beside the rig file, or a shipped name."""
@@ -41,12 +51,16 @@ class LugreConfig(PlantConfig):
     vibration: bool = True
     """Whether the rollers' transitions shake the carriage and the accelerometer."""
 
-    @field_validator("parameters")
     @classmethod
-    def _parameters_exist(cls, name: str, info: ValidationInfo) -> str:
-        """Resolve the file; ``folder`` in the validation context is where the rig file stands."""
-        folder = (info.context or {}).get("folder")
-        return str(find_parameters(name, None if folder is None else Path(folder)))
+    def parameter_model(cls) -> type[LugreParameters]:
+        """Return what the parameter file holds."""
+        from rigd_sim.plants.lugre.parameters import LugreParameters
+
+        return LugreParameters
+
+    def settings(self) -> Mapping[str, Setting]:
+        """Return what people can change at the bench; see :meth:`PlantConfig.settings`."""
+        return SETTINGS
 
 
 class LugrePlant(Plant):
@@ -65,6 +79,9 @@ class LugrePlant(Plant):
     """
 
     Config: ClassVar[type[PlantConfig]] = LugreConfig
+    title: ClassVar[str] = "LuGre omni-wheel rig: wheel, guide, bridge, three floors"
+    step_ns: ClassVar[int] = layout.STEP_NS
+    order: ClassVar[int] = 2
     config: LugreConfig
 
     def __init__(self, config: LugreConfig, *, period_ns: int, seed: int) -> None:
@@ -73,8 +90,7 @@ class LugrePlant(Plant):
 
         from rigd_sim.plants.lugre import draws, kernel, records
 
-        drawn = load_parameters(find_parameters(config.parameters))
-        self.parameters, start = draws.individual(drawn, config.individual)
+        self.parameters, start = draws.individual(config.read_parameters(), config.individual)
         self._advance = kernel.advance
         self._pack = records.constants
         self._floor: str = config.floor
@@ -92,50 +108,20 @@ class LugrePlant(Plant):
         #: What the sensors show, in the order of ``layout.READINGS``.
         self.readings: list[float] = []
         self._constants = self._packed()
-        self._origin_ns: int | None = None
-        self._t_ns = 0
         # Compiles, or loads what was compiled before: the first cycle must not wait for it.
-        self._advance(
-            self._constants, self._state, self._commands, self._readings, self._seed, 0, 0
-        )
-        self.readings = self._shown.tolist()
+        self.evolve(0, 0)
 
-    @classmethod
-    def files(cls, config: LugreConfig) -> Mapping[Path, str]:
-        """Return the file of physical parameters.
-
-        Raises:
-            ConfigError: it is not physical, or cannot be read.
-
-        """
-        path = find_parameters(config.parameters)
-        load_parameters(path)
-        return {path: path.read_text("utf-8")}
-
-    def advance(self, t_ns: int) -> None:
-        """Integrate to ``t_ns`` and take all readings; see :class:`rigd.sdk.Plant`.
-
-        Raises:
-            ValueError: ``t_ns`` lies before the last call.
-
-        """
-        if self._origin_ns is None:
-            self._origin_ns = self._t_ns = t_ns
-        elif t_ns == self._t_ns:
-            return
-        elapsed = t_ns - self._t_ns
-        if elapsed < 0:
-            raise ValueError(f"the plant stands at {self._t_ns} ns and cannot go back to {t_ns}")
+    def evolve(self, t_ns: int, elapsed_ns: int) -> None:
+        """Integrate and take all readings; see :class:`rigd.sdk.Plant`."""
         self._advance(
             self._constants,
             self._state,
             self._commands,
             self._readings,
             self._seed,
-            t_ns - self._origin_ns,
-            elapsed,
+            t_ns,
+            elapsed_ns,
         )
-        self._t_ns = t_ns
         self.readings = self._shown.tolist()
 
     @property
@@ -150,31 +136,17 @@ class LugrePlant(Plant):
 
     def readings_at(self, t_ns: int) -> list[float]:
         """Return what the sensors show at ``t_ns``, advancing to it where nobody has yet."""
-        if t_ns != self._t_ns or self._origin_ns is None:
+        if t_ns != self.now_ns or not self.begun:
             self.advance(t_ns)
         return self.readings
 
-    def change(self, quantity: str, value: float | str) -> None:
-        """Lay another ``floor`` or change the ``mass`` (kg) of the quarter model.
-
-        Raises:
-            ValueError: no such quantity, floor, or possible mass.
-
-        """
+    def apply(self, quantity: str, value: float | str) -> None:
+        """Lay another ``floor`` or change the ``mass`` (kg) of the quarter model."""
         if quantity == "floor":
-            if value not in FLOORS:
-                raise ValueError(f"no floor {value!r}; one of {', '.join(FLOORS)}")
             self._floor = str(value)
             self._state["p"] = 0.0  # the contact is made anew
-        elif quantity == "mass":
-            mass = value if isinstance(value, int | float) else math.nan
-            if not LIGHTEST_KG <= mass <= HEAVIEST_KG:
-                raise ValueError(
-                    f"mass {value!r} kg is not within {LIGHTEST_KG:g} to {HEAVIEST_KG:g} kg"
-                )
-            self._mass = float(mass)
         else:
-            raise ValueError(f"this plant has no {quantity!r}; it can change floor and mass")
+            self._mass = float(value)
         self._constants = self._packed()
 
     def _packed(self) -> NDArray[np.void]:
@@ -184,4 +156,5 @@ class LugrePlant(Plant):
             self._mass,
             noise=self.config.noise,
             vibration=self.config.vibration,
+            step_ns=self.step_ns,
         )

@@ -59,9 +59,18 @@ def state_at_rest() -> NDArray[np.void]:
 
 
 def constants(
-    parameters: LugreParameters, floor: Floor, mass: float, *, noise: bool, vibration: bool
+    parameters: LugreParameters,
+    floor: Floor,
+    mass: float,
+    *,
+    noise: bool,
+    vibration: bool,
+    step_ns: int = layout.STEP_NS,
 ) -> NDArray[np.void]:
-    """Return the CONSTANTS row, shape (1,), of ``parameters`` with ``mass`` (kg) on ``floor``."""
+    """Return the CONSTANTS row, shape (1,), of ``parameters`` with ``mass`` (kg) on ``floor``.
+
+    ``step_ns`` is the longest step of the integrator.
+    """
     row = np.zeros(1, CONSTANTS)
     values = (
         _mechanics(parameters, floor, mass, vibration=vibration)
@@ -71,7 +80,7 @@ def constants(
         | _stops("x", parameters.carriage.end_stops)
         | _stops("z", parameters.bridge.end_stops)
         | _sensors(parameters, noise=noise, vibration=vibration)
-        | {"step_ns": float(layout.STEP_NS)}
+        | {"step_ns": float(step_ns)}
     )
     for name in CONSTANTS.fields or ():
         row[name] = values.pop(name)

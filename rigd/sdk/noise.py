@@ -1,4 +1,4 @@
-"""Noise generators that are compiled into the kernels of plants."""
+"""Noise generators for the sensors of plants, functions of seed and time alone."""
 
 from __future__ import annotations
 

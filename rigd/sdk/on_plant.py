@@ -1,0 +1,40 @@
+"""Base class of sensors simulated on a plant, and the last check of a setpoint."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rigd.model.channels import Channel
+from rigd.model.errors import DeviceError
+from rigd.sdk.driver import Driver
+
+
+class PlantSensor(Driver):
+    """A simulated device that takes no setpoints; safe at all times. An author writes ``read``."""
+
+    link: Any
+
+    def open(self) -> None:
+        """Do nothing: the plant stands as soon as the rig does."""
+
+    def arm(self) -> None:
+        """Do nothing: it only measures."""
+
+    def make_safe(self) -> None:
+        """Do nothing: it only measures."""
+
+
+def accepted(channel: Channel, value: float) -> float:
+    """Return ``value`` clipped to the range of ``channel``, as a drive clips what it is sent.
+
+    Raises:
+        DeviceError: ``value`` is not a number.
+
+    """
+    if value != value:
+        raise DeviceError(
+            f"setpoint '{channel.name}' is NaN; expected "
+            f"{channel.low:g} to {channel.high:g} {channel.unit}",
+            hint="a profile or a limit made a number of nothing; the setpoint before it holds",
+        )
+    return min(max(value, channel.low), channel.high)

@@ -1,0 +1,132 @@
+"""Finds and reads the file of physical parameters of a plant."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+from pydantic import ValidationError, ValidationInfo, field_validator
+
+from rigd.model.errors import ConfigError, Place
+from rigd.sdk.documented import Documented
+from rigd.sdk.plant import PlantConfig
+
+
+class ParameterGroup(Documented):
+    """A section of a plant's parameter file; its fields are quantities with unit and bounds."""
+
+
+class ParametersConfig(PlantConfig):
+    """The options of a plant whose physical parameters stand in a file of their own.
+
+    The plant's own Config gives ``parameters`` the name of the shipped file as its default.
+    """
+
+    #: Where the parameter files stand that the plant's package ships.
+    shipped_folder: ClassVar[Path]
+
+    parameters: str
+    """File of physical parameters: beside the rig file, or a shipped name."""
+
+    @classmethod
+    @abstractmethod
+    def parameter_model(cls) -> type[ParameterGroup]:
+        """Return what the file holds; imported here, since listing plants must not wait for it."""
+
+    @field_validator("parameters")
+    @classmethod
+    def _parameters_exist(cls, name: str, info: ValidationInfo) -> str:
+        """Resolve the file; ``folder`` in the validation context is where the rig file stands."""
+        folder = (info.context or {}).get("folder")
+        return str(cls.find_parameters(name, None if folder is None else Path(folder)))
+
+    @classmethod
+    def find_parameters(cls, name: str, folder: Path | None = None) -> Path:
+        """Return the file meant by ``name``: in ``folder`` (default: the current one), or shipped.
+
+        Shipped names may be given as ``lugre``, ``lugre.yaml`` or ``plants/lugre.yaml``.
+
+        Raises:
+            ValueError: there is no such file; the message says where it was looked for.
+
+        """
+        beside = (folder or Path.cwd()) / name
+        if beside.is_file():
+            return beside
+        shipped = cls.shipped_folder
+        for candidate in (shipped.parent / name, shipped / Path(name).with_suffix(".yaml")):
+            if candidate.is_file():
+                return candidate
+        raise ValueError(
+            f"no parameter file '{name}': neither {beside} nor a shipped one; "
+            "leave 'parameters' out for the one that comes with the plant"
+        )
+
+    def read_parameters(self) -> Any:
+        """Return the parameters in the file, as :meth:`parameter_model`.
+
+        Raises:
+            ConfigError: it cannot be read, a value is missing, unknown, out of bounds or in the
+                wrong unit, or the whole is not physical; every problem with its place.
+
+        """
+        example = self.shipped_folder / type(self).model_fields["parameters"].default
+        return load_parameters(
+            self.find_parameters(self.parameters), self.parameter_model(), example
+        )
+
+    def files(self) -> Mapping[Path, str]:
+        """Return the parameter file; see :meth:`PlantConfig.files`."""
+        self.read_parameters()
+        path = self.find_parameters(self.parameters)
+        return {path: path.read_text("utf-8")}
+
+
+def load_parameters(path: Path, model: type[ParameterGroup], example: Path) -> ParameterGroup:
+    """Return the parameters in the YAML file at ``path`` as ``model``.
+
+    ``example`` is the shipped file that the message of an error points to.
+
+    Raises:
+        ConfigError: see :meth:`ParametersConfig.read_parameters`.
+
+    """
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    try:
+        tree = YAML(typ="rt", pure=True).load(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError, YAMLError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from error
+    try:
+        return model.model_validate(tree)
+    except ValidationError as error:
+        raise ConfigError.several(
+            [
+                ConfigError(
+                    f"{'.'.join(map(str, item['loc'])) or 'parameters'}: {_words(item)}",
+                    place=_place(path, tree, item["loc"]),
+                    hint=f"{example} shows every key with its unit",
+                )
+                for item in error.errors(include_url=False, include_context=False)
+            ]
+        ) from None
+
+
+def _words(item: Any) -> str:
+    """Return what is wrong with one entry, in words of the file rather than of the library."""
+    known = {"extra_forbidden": "unknown key", "missing": "this key is missing"}
+    return known.get(item["type"], str(item["msg"]).removeprefix("Value error, "))
+
+
+def _place(path: Path, tree: Any, location: tuple[int | str, ...]) -> Place:
+    """Return where the entry at ``location`` stands, or the last one on the way to it."""
+    line, column, node = 0, 0, tree
+    for key in location:
+        if not isinstance(node, dict) or key not in node:
+            break
+        line, column = node.lc.value(key)  # type: ignore[attr-defined] # ruamel's CommentedMap
+        node = node[key]
+    return Place(str(path), line + 1, column + 1)
