@@ -89,8 +89,10 @@ def _missing_devices(error: ConfigError, rig: RigConfig) -> tuple[str, ...]:
 
     A name that is nearly one of the rig's devices is a misspelt one.
     """
+    from rigd.procedure.prompts import PLANT
+
     names = {one.lacks.partition(".")[0] for one in (error, *error.others)}
-    devices = names - {"rig"}  # constants of the rig that it belongs to
+    devices = names - {"rig", PLANT}  # constants and plant of the rig that it belongs to
     if "" in names or devices & set(rig.devices):
         return ()
     if any(difflib.get_close_matches(name, rig.devices, n=1, cutoff=0.8) for name in devices):

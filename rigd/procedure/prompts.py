@@ -20,6 +20,8 @@ from rigd.procedure.source import AgreesSource, PromptSource
 
 #: The word by which a device says that its reading has come to rest.
 STABLE: Final = "stable"
+#: What a procedure for another rig lacks beside devices: ``plant.floor``.
+PLANT: Final = "plant"
 
 
 def read_prompt(
@@ -38,6 +40,7 @@ def read_prompt(
     if source.agrees is not None:
         agrees = _agreement(reader, (*path, "agrees"), source.agrees, prompt, scope, rig)
     _check_timeout(reader, path, source)
+    _check_change(reader, path, prompt, rig)
     timeout_s = reader.time((*path, "timeout"), source.timeout, scope)
     return replace(prompt, until=until, agrees=agrees, timeout_s=timeout_s)
 
@@ -161,6 +164,30 @@ def _agreement(
         for condition in inside(agreement, prompt.answer, prompt.unit):
             check_reachable(reader, (*path, "with"), 0, condition, rig, ())
     return agreement
+
+
+def _check_change(reader: Reader, path: Path_, prompt: Prompt, rig: RigConfig) -> None:
+    """Note what the plant of the rig could never do with the planned answer."""
+    name, settings = prompt.changes, rig.settings
+    if name is None or settings is None:
+        return
+    lacks = f"{PLANT}.{name}"
+    if name not in settings:
+        message = f"the plant of {rig.name} has no {name!r} to change"
+        place = reader.document.place((*path, "changes"))
+        reader.problems.add(place, message, suggest(name, settings), lacks=lacks)
+        return
+    setting, answer = settings[name], prompt.answer
+    unit = prompt.unit if prompt.kind is AnswerKind.NUMBER else ""
+    if bool(unit) != bool(setting.unit) or not parse_unit(unit).same_kind(parse_unit(setting.unit)):
+        message = f"the prompt asks for {unit or 'a word'}, but {name} takes {setting}"
+        reader.problems.add(reader.document.place((*path, "changes")), message, lacks=lacks)
+    elif isinstance(answer, float | str) and answer == answer:
+        try:
+            setting.accepted(name, answer)
+        except ValueError as error:
+            message = f"{error} on the plant of {rig.name}"
+            reader.problems.add(reader.document.place((*path, "answer")), message, lacks=lacks)
 
 
 def _check_timeout(reader: Reader, path: Path_, source: PromptSource) -> None:

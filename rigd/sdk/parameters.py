@@ -46,7 +46,7 @@ class ParametersConfig(PlantConfig):
     def find_parameters(cls, name: str, folder: Path | None = None) -> Path:
         """Return the file meant by ``name``: in ``folder`` (default: the current one), or shipped.
 
-        Shipped names may be given as ``lugre``, ``lugre.yaml`` or ``plants/lugre.yaml``.
+        A shipped ``plants/sled.yaml`` may be given so, as ``sled.yaml`` or as ``sled``.
 
         Raises:
             ValueError: there is no such file; the message says where it was looked for.

@@ -75,6 +75,28 @@ def test_a_mistake_is_no_other_rig(
     assert out.splitlines()[-1] == "1 right, 1 for another rig (no daq, relay, scale), 1 wrong"
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("changes: floor", "changes: flour", "the plant of lugre-1 has no 'flour'"),
+        ("answer: ${floor}", "answer: carpet", "it takes stone, pvc, paperboard"),
+    ],
+)
+def test_what_the_plant_has_not_is_wrong(
+    old: str, new: str, problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "mine.yaml"
+    text = (PROCEDURES / "constant_current.yaml").read_text("utf-8")
+    assert text.count(old) == 1
+    text = text.replace(old, new).replace('choices: ["${floor}"]', "free_text: true")
+    file.write_text(text, "utf-8")
+    line = text[: text.index(new)].count("\n") + 1
+    code, _, err = check(QUICK, str(file), "--rig", "lugre-1", capsys=capsys)
+    assert code == 2
+    assert f"{file}:{line}:" in err
+    assert problem in err
+
+
 def test_a_mistake_beside_missing_devices_shows_all_problems(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -135,6 +135,18 @@ END = "until: carriage.position > 1 m"
         ("    choices: [\"${floor}\"]\n", "    unit: kg\n    choices: [a]\n",
          "prompt: floor_prompt", ["unit, choices and free_text exclude each other"]),
         ("    answer: ${floor}\n", "", "changes: floor", ["would not know the answer"]),
+        # what the plant has
+        ("changes: floor", "changes: flour", "flour",
+         ["the plant of lugre-1 has no 'flour' to change", "did you mean 'floor'?"]),
+        ("changes: floor", "changes: load", "load", ["has no 'load'", "known: floor, mass"]),
+        ("choices: [\"${floor}\"]\n    answer: ${floor}", "free_text: true\n    answer: carpet",
+         "carpet", ["floor cannot be 'carpet': it takes stone, pvc, paperboard"]),
+        ("choices: [\"${floor}\"]\n    answer: ${floor}\n    changes: floor",
+         "unit: kg\n    answer: 21 kg\n    changes: mass",
+         "21 kg", ["mass cannot be 21 kg: it takes 0.5 kg to 20 kg"]),
+        ("choices: [\"${floor}\"]\n    answer: ${floor}\n    changes: floor",
+         "unit: N\n    answer: 1 N\n    changes: mass",
+         "mass\n", ["the prompt asks for N, but mass takes 0.5 kg to 20 kg"]),
     ],
 )  # fmt: skip
 def test_problem_at_its_place(
