@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from rigd.sdk.documented import Documented
-
 from rigd.sdk.setting import Setting
 
 

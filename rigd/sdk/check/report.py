@@ -22,14 +22,14 @@ class Finding:
 class Report:
     """The outcome of one examination: rules kept, rules broken, and those that could not run."""
 
-    driver: str
+    subject: str
     findings: tuple[Finding, ...] = ()
     checked: tuple[str, ...] = ()
     #: Rules that did not run, and what was missing for each.
     skipped: Mapping[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        lines = [f"{self.driver}: {len(self.checked)} rules checked"]
+        lines = [f"{self.subject}: {len(self.checked)} rules checked"]
         lines += [f"  {finding}" for finding in self.findings]
         for why in dict.fromkeys(self.skipped.values()):
             rules = ", ".join(rule for rule, reason in self.skipped.items() if reason == why)
@@ -38,7 +38,7 @@ class Report:
 
 
 class NonConforming(AssertionError):
-    """A driver breaks rules of the SDK; ``report`` holds all of them."""
+    """A driver or a plant breaks rules of the SDK; ``report`` holds all of them."""
 
     def __init__(self, report: Report) -> None:
         broken = len({finding.rule for finding in report.findings})

@@ -1,0 +1,195 @@
+"""Plays a plant and its simulated devices as the cycle does, without a rig."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+
+from rigd.model.errors import RigdError
+from rigd.sdk.check.subject import Unfit, described
+from rigd.sdk.driver import BlockDriver, Driver
+from rigd.sdk.plant import Energy, Plant, PlantConfig
+
+if TYPE_CHECKING:  # drivers are checked without numpy
+    import numpy as np
+    from numpy.typing import NDArray
+
+#: Time between two looks of the devices, and between two calls of advance(), in ns.
+CYCLE_NS: Final = 1_000_000
+#: How long the plant is driven, in cycles.
+CYCLES: Final = 800
+
+#: ``commands(device, cycle)``: the setpoints of a device in a cycle.
+Commands = Callable[[Driver, int], Sequence[float]]
+#: A device that stands on the plant: its driver and its options as a rig file gives them.
+Device = tuple[type[Any], Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class PlantSubject:
+    """What rules for plants are applied to."""
+
+    plant_class: type[Plant]
+    options: Mapping[str, Any]
+    devices: Mapping[str, Device]
+    #: Name of the device that shows the hidden state; "" if there is none.
+    truth: str
+    #: Share by which the energy may fail to balance, and a halved step may change the truth.
+    accuracy: float
+
+    def config(self) -> PlantConfig:
+        """Return the options, read."""
+        return self.plant_class.Config.model_validate(dict(self.options))
+
+    def make(self, *, seed: int = 1, step_ns: int | None = None) -> Plant:
+        """Return a new plant; ``step_ns`` replaces the one that its class states."""
+        kind = self.plant_class
+        if step_ns is not None:
+            kind = type(kind.__name__, (kind,), {"step_ns": step_ns})
+        return kind(self.config(), period_ns=CYCLE_NS, seed=seed)
+
+
+@dataclass
+class Played:
+    """What was seen: rows by device, energy by cycle, and what else the cycles ended in."""
+
+    rows: dict[str, list[Sequence[float]]] = field(default_factory=dict)
+    energy: list[Energy] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
+
+    def bytes(self) -> bytes:
+        """Return all rows, bit for bit."""
+        return b"".join(self.table(name).tobytes() for name in self.rows)
+
+    def table(self, name: str) -> NDArray[np.float64]:
+        """Return the rows of a device, shape (rows, columns)."""
+        import numpy as np
+
+        return np.array(self.rows[name], dtype=np.float64)
+
+
+class PlantBench:
+    """One plant, its devices opened and armed."""
+
+    def __init__(self, subject: PlantSubject, plant: Plant, *, start_ns: int = 0) -> None:
+        self.plant = plant
+        self.seen = Played()
+        self._start_ns = start_ns
+        self._cycle = 0
+        self._drivers: dict[str, Driver] = {}
+        self._blocks: dict[str, BlockDriver] = {}
+        try:
+            plant.advance(start_ns)
+            for name, (driver_class, options) in subject.devices.items():
+                self._mount(name, driver_class, options)
+            for driver in self._drivers.values():
+                driver.open()
+                driver.arm()
+            for block in self._blocks.values():
+                block.open()
+                block.start()
+        except Exception as error:
+            raise Unfit(f"its devices cannot be armed: {described(error)}") from error
+        self.seen.rows = {name: [] for name in subject.devices}
+
+    def _mount(self, name: str, driver_class: type[Any], options: Mapping[str, Any]) -> None:
+        driver = driver_class(driver_class.Config.model_validate(dict(options)), self.plant)
+        if isinstance(driver, Driver):
+            self._drivers[name] = driver
+        elif isinstance(driver, BlockDriver) and driver.on_plant:
+            self._blocks[name] = driver
+        else:
+            raise TypeError(f"{name} does not stand on a plant")
+
+    @property
+    def now_ns(self) -> int:
+        """The time of the last cycle."""
+        return self._start_ns + self._cycle * CYCLE_NS
+
+    @property
+    def devices(self) -> Mapping[str, Driver | BlockDriver]:
+        """The devices on the plant, by name."""
+        return {**self._drivers, **self._blocks}
+
+    def moment(self) -> Mapping[str, str]:
+        """Return what devices with a row in every cycle show now, to be compared."""
+        return {
+            name: repr(driver.read(self.now_ns))
+            for name, driver in self._drivers.items()
+            if driver.every_cycle
+        }
+
+    def play(self, cycles: int, commands: Commands | None, *, at_once: int = 1) -> Played:
+        """Go through ``cycles`` and return all that was seen so far.
+
+        Devices look, and setpoints change, in every cycle of which ``at_once`` is a factor; the
+        plant is brought to its time in one call.
+        """
+        for _ in range(cycles // at_once):
+            self._cycle += at_once
+            self._exchange(commands)
+        return self.seen
+
+    def idle(self, cycles: int) -> None:
+        """Advance the plant by single cycles; nobody looks, nothing is commanded."""
+        for _ in range(cycles):
+            self._cycle += 1
+            self.plant.advance(self.now_ns)
+
+    def make_safe(self) -> None:
+        """Make every device safe; nothing is commanded from then on."""
+        for driver in self._drivers.values():
+            driver.make_safe()
+
+    def look(self) -> None:
+        """Take the rows of the moment."""
+        for name, driver in self._drivers.items():
+            row = driver.read(self.now_ns)
+            if row is not None:
+                self.seen.rows[name].append(tuple(row))
+        for name, block in self._blocks.items():
+            while (got := block.read_block(0.0)) is not None:
+                self.seen.rows[name] += got.values.tolist()
+        energy = self.plant.energy()
+        if energy is not None:
+            self.seen.energy.append(energy)
+
+    def _exchange(self, commands: Commands | None) -> None:
+        try:
+            self.plant.advance(self.now_ns)
+            self.look()
+        except Exception as error:
+            raise Unfit(f"cycle {self._cycle} raises {described(error)}") from error
+        if commands is None:
+            return
+        for name, driver in self._drivers.items():
+            if not driver.setpoints:
+                continue
+            try:
+                driver.write(commands(driver, self._cycle))
+            except RigdError as error:
+                self.seen.refused.append(f"{name}: {error}")
+            except Exception as error:
+                raise Unfit(f"{name}.write() raises {described(error)}") from error
+
+
+def gentle(driver: Driver, cycle: int) -> Sequence[float]:
+    """Return setpoints within the middle four fifths of their ranges, each at a pace of its own."""
+    values = []
+    for number, one in enumerate(driver.setpoints):
+        phase = 2 * math.pi * (0.9 + 0.7 * number) * cycle * CYCLE_NS * 1e-9
+        values.append(0.5 * (one.low + one.high) + 0.4 * (one.high - one.low) * math.sin(phase))
+    return values
+
+
+def wild(driver: Driver, cycle: int) -> Sequence[float]:
+    """Return setpoints that jump from end to end of their ranges, far beyond them, and to NaN."""
+    turn = cycle // 20
+    values = []
+    for number, one in enumerate(driver.setpoints):
+        far = 1e6 * (one.high - one.low)
+        jumps = (one.high, one.low, far, one.low, -far, one.high, math.inf, -math.inf, math.nan)
+        values.append(jumps[(turn + number) % len(jumps)])
+    return values

@@ -1,0 +1,162 @@
+"""Rules for the physics of a plant: energy, passivity, order of the integrator."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+from rigd.sdk.check.plant_bench import CYCLES, PlantBench, PlantSubject, gentle
+from rigd.sdk.check.plant_rules import PlantRule, needs_devices
+from rigd.sdk.plant import Energy
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+#: Share of the energy turned over that is rounding.
+ROUNDING: Final = 1e-9
+#: How much of the reduction of error that the order states must be seen when the step is halved.
+#: The rest is for what the order of a method does not cover: sticking, end stops.
+SEEN: Final = 1 / 1.6
+
+
+def needs_energy(subject: PlantSubject) -> str:
+    """Return why the rules for energy cannot be applied."""
+    if not subject.devices:
+        return needs_devices(subject)
+    return "" if subject.make().energy() is not None else "the plant states no energy()"
+
+
+def needs_steps(subject: PlantSubject) -> str:
+    """Return why the rule for the step cannot be applied."""
+    if subject.truth not in subject.devices:
+        return "no truth was named"
+    return "" if subject.plant_class.step_ns is not None else "the plant states no step_ns"
+
+
+def _driven(subject: PlantSubject) -> tuple[list[Energy], list[Energy]]:
+    """Return the energy in every cycle: while the plant is driven, and once all is safe."""
+    bench = PlantBench(subject, subject.make())
+    bench.look()
+    bench.play(CYCLES, gentle)
+    bench.make_safe()
+    bench.play(CYCLES, None)
+    return bench.seen.energy[: CYCLES + 1], bench.seen.energy[CYCLES + 1 :]
+
+
+def turned_over(energies: Sequence[Energy]) -> float:
+    """Return the energy in J that was moved in all."""
+    first = energies[0]
+    return max(
+        max(abs(one.stored - first.stored), abs(one.supplied - first.supplied), one.dissipated)
+        for one in energies
+    )
+
+
+def _balances(subject: PlantSubject) -> Iterator[str]:
+    moving, resting = _driven(subject)
+    energies = [*moving, *resting]
+    whole = turned_over(energies)
+    if not whole > 0.0:
+        yield "no energy is turned over although every setpoint moves"
+        return
+    first = energies[0]
+    excess = [
+        (one.stored - first.stored)
+        - (one.supplied - first.supplied)
+        + (one.dissipated - first.dissipated)
+        for one in energies
+    ]
+    at = max(range(len(excess)), key=lambda cycle: abs(excess[cycle]))
+    if not abs(excess[at]) <= subject.accuracy * whole:  # a NaN is no balance either
+        word = "created" if excess[at] > 0 else "lost"
+        yield (
+            f"{abs(excess[at]):.3g} J of {whole:.3g} J are {word} within {at} ms; at most "
+            f"{subject.accuracy:.3g} of it may be"
+        )
+
+
+def _dissipates(subject: PlantSubject) -> Iterator[str]:
+    moving, resting = _driven(subject)
+    energies = [*moving, *resting]
+    least = -ROUNDING * turned_over(energies)
+    for cycle, (one, other) in enumerate(pairwise(energies)):
+        if other.dissipated - one.dissipated < least:
+            yield f"friction gives {one.dissipated - other.dissipated:.3g} J back after {cycle} ms"
+            return
+
+
+def _passive(subject: PlantSubject) -> Iterator[str]:
+    moving, resting = _driven(subject)
+    most = subject.accuracy * turned_over([*moving, *resting])
+    lowest = moving[-1]
+    least_stored, least_supplied = lowest.stored, lowest.supplied
+    for cycle, one in enumerate(resting):
+        least_stored = min(least_stored, one.stored)
+        least_supplied = min(least_supplied, one.supplied)
+        if one.supplied - least_supplied > most:
+            yield f"the actuators supply {one.supplied - least_supplied:.3g} J within {cycle} ms"
+            return
+        if one.stored - least_stored > most:
+            yield f"the stored energy rises by {one.stored - least_stored:.3g} J in {cycle} ms"
+            return
+
+
+def _halved(subject: PlantSubject) -> Iterator[str]:
+    step_ns, order = subject.plant_class.step_ns, subject.plant_class.order
+    if step_ns is None:
+        return
+    coarse, fine, finest = (_truth(subject, step_ns // parts) for parts in (1, 2, 4))
+    first, second = _distance(coarse, fine), _distance(fine, finest)
+    if not first <= subject.accuracy:
+        yield (
+            f"half the step of {step_ns} ns changes the truth by {first:.3g} of its range; at "
+            f"most {subject.accuracy:.3g} may be"
+        )
+    elif first > ROUNDING and not second <= first / (SEEN * 2.0**order):
+        yield (
+            f"halving the step changes the truth by {first:.3g} of its range, halving it again by "
+            f"{second:.3g}: a ratio of {first / second:.2g}, expected {2**order} of order {order}"
+        )
+
+
+def _truth(subject: PlantSubject, step_ns: int) -> NDArray[np.float64]:
+    plant = subject.make(step_ns=step_ns)
+    return PlantBench(subject, plant).play(CYCLES, gentle).table(subject.truth)
+
+
+def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Return the rms difference of two tables over the range of each column, rms of all."""
+    import numpy as np
+
+    span = np.ptp(b, axis=0)
+    moved = span > 0.0
+    if not moved.any():
+        return 0.0
+    error = np.sqrt(np.mean((a - b)[:, moved] ** 2, axis=0)) / span[moved]
+    return float(np.sqrt(np.mean(error**2)))
+
+
+RULES: Final = (
+    PlantRule(
+        "energy balances",
+        "stored energy changes by what actuators supply less what friction dissipates",
+        _balances,
+        needs_energy,
+    ),
+    PlantRule("friction takes", "dissipated energy never falls", _dissipates, needs_energy),
+    PlantRule(
+        "passive",
+        "once every device is safe, nothing is supplied and the stored energy never rises",
+        _passive,
+        needs_energy,
+    ),
+    PlantRule(
+        "halved step",
+        "half of step_ns changes the hidden state by less than stated, at a rate of 2 to the "
+        "power `order`",
+        _halved,
+        needs_steps,
+    ),
+)

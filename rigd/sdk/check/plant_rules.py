@@ -1,0 +1,364 @@
+"""Rules for the declarations of a plant, and for time, noise and refusals."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from rigd.model.errors import ConfigError, RigdError
+from rigd.model.units import parse_quantity, parse_unit
+from rigd.sdk.check.plant_bench import (
+    CYCLES,
+    PlantBench,
+    PlantSubject,
+    Played,
+    gentle,
+    wild,
+)
+from rigd.sdk.check.subject import Unfit, described
+from rigd.sdk.options import options_of
+from rigd.sdk.parameters import ParametersConfig
+from rigd.sdk.plant import Plant, PlantConfig
+from rigd.sdk.setting import Setting
+
+_NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
+#: Cycles that go by in one call, against one by one.
+TOGETHER: Final = 8
+#: A time as CLOCK_MONOTONIC has it on a machine that has been on for long, in ns.
+LATE_NS: Final = 1_700_000_000_000_000_000
+#: Share of readings that may differ by the rounding of a count, and what is rounding of physics.
+FLIPPED: Final = 0.005
+ROUNDING: Final = 1e-6
+
+
+@dataclass(frozen=True)
+class PlantRule:
+    """One thing that is asked of plants; ``check`` yields a sentence for every breach it sees.
+
+    ``missing`` says why the rule cannot be applied to a plant, "" if it can.
+    """
+
+    name: str
+    demand: str
+    check: Callable[[PlantSubject], Iterator[str]]
+    missing: Callable[[PlantSubject], str] = lambda _: ""
+
+
+def needs_devices(subject: PlantSubject) -> str:
+    """Return why a rule that drives the plant cannot be applied."""
+    return "" if subject.devices else "no devices were given"
+
+
+def driven(subject: PlantSubject, *, seed: int = 1, start_ns: int = 0) -> Played:
+    """Return what a new plant shows when it is driven gently."""
+    return PlantBench(subject, subject.make(seed=seed), start_ns=start_ns).play(CYCLES, gentle)
+
+
+def _title(subject: PlantSubject) -> Iterator[str]:
+    title = subject.plant_class.title
+    if not title.strip() or "\n" in title:
+        yield f"title is {title!r}"
+
+
+def _options(subject: PlantSubject) -> Iterator[str]:
+    config_class = subject.plant_class.Config
+    if not issubclass(config_class, PlantConfig):
+        yield f"Config is {config_class!r}"
+        return
+    for option in options_of(config_class):
+        if not option.doc:
+            yield f"option {option.name} has no documentation"
+        if option.bare:
+            yield f"option {option.name} is a bare float"
+    try:
+        config_class.model_validate({**subject.options, "no_such_option_": 1})
+    except ValidationError as error:
+        if any(problem["type"] == "extra_forbidden" for problem in error.errors()):
+            return
+    yield "an unknown option is accepted"
+
+
+def _made(subject: PlantSubject) -> Iterator[str]:
+    try:
+        subject.make()
+    except Exception as error:  # noqa: BLE001  # whatever its author's code raises is the finding
+        name = subject.plant_class.__name__
+        yield f"{name}(config, period_ns=..., seed=...) raises {described(error)}"
+
+
+def _parameters(subject: PlantSubject) -> Iterator[str]:
+    config = subject.config()
+    if not isinstance(config, ParametersConfig):
+        return
+    model = config.parameter_model()
+    for option in options_of(model):
+        if option.bare:
+            yield f"{option.name} is a bare float"
+        if not option.doc:
+            yield f"{option.name} has no documentation"
+    tree = _plain(config)
+    for path, unit in _leaves(tree, ()):
+        taken = [sign for sign in ("", "-") if _takes(model, tree, path, sign, unit)]
+        if len(taken) == 2:
+            yield f"{'.'.join(path)} takes any number: 1e30 and -1e30 {unit} are accepted"
+
+
+def _plain(config: ParametersConfig) -> Any:
+    from ruamel.yaml import YAML
+
+    ((_, text),) = config.files().items()
+    return YAML(typ="safe", pure=True).load(text)
+
+
+def _leaves(node: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield where each quantity of a parameter file stands, and its unit as written."""
+    if isinstance(node, dict):
+        for key, value in node.items():
+            yield from _leaves(value, (*path, str(key)))
+        return
+    if isinstance(node, bool) or not isinstance(node, int | float | str):
+        return
+    try:
+        yield path, parse_quantity(str(node)).unit.symbol
+    except ValueError:
+        return
+
+
+def _takes(model: Any, tree: Any, path: tuple[str, ...], sign: str, unit: str) -> bool:
+    try:
+        model.model_validate(_with(tree, path, f"{sign}1e30 {unit}".removesuffix(" 1")))
+    except ValidationError:
+        return False
+    except Exception as error:
+        raise Unfit(
+            f"{'.'.join(path)} of {sign}1e30 {unit} raises {described(error)}, not a ValueError"
+        ) from error
+    return True
+
+
+def _with(node: Any, path: tuple[str, ...], value: str) -> Any:
+    if not path:
+        return value
+    return {**node, path[0]: _with(node[path[0]], path[1:], value)}
+
+
+def _settings(subject: PlantSubject) -> Iterator[str]:
+    plant, settings = subject.make(), subject.config().settings()
+    for name, setting in settings.items():
+        if not _NAME.fullmatch(name):
+            yield f"setting {name!r}: lower case letters, digits and _ make a name"
+        yield from _well_described(name, setting)
+        for value in _impossible(setting):
+            yield from _refuses(plant, name, value)
+    yield from _refuses(plant, "no_such_setting_", 1.0)
+
+
+def _well_described(name: str, setting: Setting) -> Iterator[str]:
+    if not setting.doc.strip():
+        yield f"setting {name!r} has no doc"
+    try:
+        parse_unit(setting.unit)
+    except ValueError as error:
+        yield f"setting {name!r}: {error}"
+    finite = math.isfinite(setting.low) and math.isfinite(setting.high)
+    if not setting.choices and not (finite and setting.low < setting.high and setting.unit):
+        yield f"setting {name!r} takes {setting}: neither choices nor a range with a unit"
+
+
+def _impossible(setting: Setting) -> tuple[float | str, ...]:
+    return ("no such value", math.nan, math.inf) if setting.unit else ("no such value", 1.0)
+
+
+def _refuses(plant: Plant, name: str, value: float | str) -> Iterator[str]:
+    try:
+        plant.change(name, value)
+    except ValueError as error:
+        if not str(error).strip():
+            yield f"change({name!r}, {value!r}) raises a ValueError without a sentence"
+    except Exception as error:  # noqa: BLE001  # whatever its author's code raises is the finding
+        yield f"change({name!r}, {value!r}) raises {described(error)}"
+    else:
+        yield f"change({name!r}, {value!r}) is accepted"
+
+
+def _repeats(subject: PlantSubject) -> Iterator[str]:
+    first, again = driven(subject), driven(subject)
+    if not any(first.rows.values()):
+        yield "no device gives a row"
+    for name in first.rows:
+        if first.table(name).tobytes() != again.table(name).tobytes():
+            yield f"two plants of the same seed show other rows of {name}"
+
+
+def _seeds(subject: PlantSubject) -> Iterator[str]:
+    if driven(subject, seed=1).bytes() == driven(subject, seed=2).bytes():
+        yield "seeds 1 and 2 give the same rows of all devices"
+
+
+def _origin(subject: PlantSubject) -> Iterator[str]:
+    if driven(subject).bytes() != driven(subject, start_ns=LATE_NS).bytes():
+        yield f"begun at {LATE_NS} ns it shows other rows than begun at 0"
+
+
+def _no_way_back(subject: PlantSubject) -> Iterator[str]:
+    bench = PlantBench(subject, subject.make())
+    bench.play(20, gentle)
+    before = bench.moment()
+    bench.plant.advance(bench.now_ns)
+    if bench.moment() != before:
+        yield "advance() to the time that the plant stands at changes what devices show"
+    try:
+        bench.plant.advance(bench.now_ns - 1)
+    except ValueError:
+        return
+    yield "advance() to an earlier time is accepted"
+
+
+def _divided(subject: PlantSubject) -> Iterator[str]:
+    import numpy as np
+
+    whole = PlantBench(subject, subject.make()).play(CYCLES, gentle, at_once=TOGETHER)
+    bench = PlantBench(subject, subject.make())
+    for _ in range(CYCLES // TOGETHER):
+        bench.idle(TOGETHER - 1)
+        bench.play(1, gentle)
+    parts = bench.seen
+    for name in whole.rows:
+        a, b = whole.table(name), parts.table(name)
+        if a.shape != b.shape:
+            yield f"{name} gives {len(a)} rows in {TOGETHER} ms at once, {len(b)} in parts of 1 ms"
+            continue
+        if not a.size:
+            continue
+        scale = np.nanmax(np.abs(a), axis=0)
+        same = (np.abs(a - b) <= ROUNDING * scale) | (np.isnan(a) & np.isnan(b))
+        if 1.0 - same.mean(axis=0).min() > FLIPPED:
+            column = int(same.mean(axis=0).argmin())
+            far = float(np.nanmax(np.abs(a - b)[:, column]))
+            yield f"column {column} of {name} differs by up to {far:.3g}"
+
+
+def _finite(subject: PlantSubject) -> Iterator[str]:
+    problems: dict[str, None] = {}
+    for change in (None, *_changes(subject.config().settings())):
+        bench = PlantBench(subject, subject.make())
+        where = "" if change is None else f" with {change[0]} at {change[1]}"
+        try:
+            if change is not None:
+                bench.plant.change(*change)
+        except ValueError:
+            continue  # what is set up does not allow it
+        except RigdError as error:
+            problems[f"change{change} raises {described(error)}"] = None
+            continue
+        try:
+            found = list(_not_finite(bench, bench.play(CYCLES // 2, wild)))
+        except Unfit as unfit:
+            found = [str(unfit)]
+        problems |= dict.fromkeys(f"{problem}{where}" for problem in found)
+    yield from list(problems)[:5]
+
+
+def _changes(settings: Mapping[str, Setting]) -> Iterator[tuple[str, float | str]]:
+    """Yield every setting with every choice, or with both ends of its range, in SI."""
+    for name, setting in settings.items():
+        factor = parse_unit(setting.unit).factor
+        values: tuple[float | str, ...] = setting.choices or (setting.low, setting.high)
+        for value in values:
+            yield name, value if isinstance(value, str) else factor * value
+
+
+def _not_finite(bench: PlantBench, seen: Played) -> Iterator[str]:
+    import numpy as np
+
+    for name, driver in bench.devices.items():
+        rows = seen.table(name)
+        if not rows.size:
+            continue
+        # A device may show NaN if its status word says that something is wrong.
+        healthy = rows[rows[:, -1] == 0] if driver.has_status else rows
+        for number, channel in enumerate(driver.channels):
+            if not np.isfinite(healthy[:, number]).all():
+                yield f"{name}.{channel.name} is not finite"
+    energy = seen.energy[-1:]
+    if energy and not all(map(math.isfinite, vars(energy[0]).values())):
+        yield f"its energy is {energy[0]}"
+
+
+def _files(subject: PlantSubject) -> Iterator[str]:
+    try:
+        files = subject.config().files()
+    except ConfigError as error:
+        yield f"files() raises {described(error)}"
+        return
+    for path, text in files.items():
+        if not path.is_file() or path.read_text("utf-8") != text:
+            yield f"files() gives {path}, which is no such file"
+
+
+CLASS_RULES: Final = (
+    PlantRule("title", "give the class a `title` of one line: which rig this is", _title),
+    PlantRule(
+        "options",
+        "derive Config from PlantConfig; document every field, declare quantities as "
+        'Annotated[float, In("kg")]',
+        _options,
+    ),
+)
+#: The rule that comes before all that need a plant.
+CONSTRUCTOR: Final = (
+    PlantRule("constructor", "construct the plant from its options, a period and a seed", _made),
+)
+PLANT_RULES: Final = (
+    PlantRule("files", "files() gives path and text of the files the plant is made from", _files),
+    PlantRule(
+        "parameters",
+        "give every parameter a unit, a docstring and bounds beyond which no rig is",
+        _parameters,
+    ),
+    PlantRule(
+        "settings",
+        "give every setting a name, a doc and what it takes; change() refuses all else with a "
+        "ValueError",
+        _settings,
+    ),
+    PlantRule(
+        "same seed",
+        "the same seed and commands give the same rows bit for bit: draw noise by normal_pair() "
+        "of seed and time",
+        _repeats,
+        needs_devices,
+    ),
+    PlantRule("other seed", "another seed gives other noise; use the seed", _seeds, needs_devices),
+    PlantRule(
+        "origin of time",
+        "time counts from the first call of advance(): use the t_ns that evolve() is given",
+        _origin,
+        needs_devices,
+    ),
+    PlantRule(
+        "one way",
+        "advance() to the same time does nothing, to an earlier one raises a "
+        "ValueError; override evolve(), not advance()",
+        _no_way_back,
+        needs_devices,
+    ),
+    PlantRule(
+        "time divided",
+        "how time is divided into calls of advance() changes rounding at most: step on a grid "
+        "(GridPlant), draw noise by time",
+        _divided,
+        needs_devices,
+    ),
+    PlantRule(
+        "finite",
+        "whatever is commanded and set up, every reading is a finite number",
+        _finite,
+        needs_devices,
+    ),
+)

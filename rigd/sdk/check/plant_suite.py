@@ -1,0 +1,95 @@
+"""Applies all rules to a plant."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from rigd.sdk.check.plant_bench import Device, PlantSubject
+from rigd.sdk.check.plant_physics import RULES
+from rigd.sdk.check.plant_rules import CLASS_RULES, CONSTRUCTOR, PLANT_RULES
+from rigd.sdk.check.report import Finding, NonConforming, Report
+from rigd.sdk.check.subject import Unfit
+from rigd.sdk.plant import Plant
+
+_STAGES: Final = (CLASS_RULES, CONSTRUCTOR, PLANT_RULES, RULES)
+
+
+def check_plant(
+    plant_class: type[Plant],
+    options: Mapping[str, Any] | None = None,
+    *,
+    devices: Mapping[str, Device] | None = None,
+    truth: str = "",
+    accuracy: float = 0.01,
+    only: Collection[str] = (),
+) -> Report:
+    """Put a plant to the test; return what was checked.
+
+    Args:
+        plant_class: the plant.
+        options: its options as a rig file gives them; None for the defaults.
+        devices: the simulated devices that stand on it, by name: driver and options. All of their
+            setpoints are moved, all of their rows compared. Without them only what needs none is
+            checked.
+        truth: the name of the device that shows the hidden state, without noise.
+        accuracy: share of the energy turned over by which it may fail to balance, and share of
+            its range by which half the step may change the truth.
+        only: names of the rules to apply, while one is being worked on; by default all.
+
+    Raises:
+        NonConforming: the plant breaks rules; the message names all, with what to do.
+        ValueError: the options are not valid, or there is no such rule or device.
+
+    """
+    report = examine_plant(
+        plant_class, options, devices=devices, truth=truth, accuracy=accuracy, only=only
+    )
+    if report.findings:
+        raise NonConforming(report)
+    return report
+
+
+def examine_plant(
+    plant_class: type[Plant],
+    options: Mapping[str, Any] | None = None,
+    *,
+    devices: Mapping[str, Device] | None = None,
+    truth: str = "",
+    accuracy: float = 0.01,
+    only: Collection[str] = (),
+) -> Report:
+    """Return what :func:`check_plant` would find, without raising."""
+    known = [rule.name for rules in _STAGES for rule in rules]
+    if unknown := set(only) - set(known):
+        raise ValueError(f"no rule {', '.join(sorted(unknown))}; there are {', '.join(known)}")
+    subject = PlantSubject(plant_class, options or {}, devices or {}, truth, accuracy)
+    if truth and truth not in subject.devices:
+        raise ValueError(f"no device {truth!r}; there are {', '.join(subject.devices)}")
+    try:
+        subject.config()
+    except ValidationError as error:
+        raise ValueError(f"the options given to the suite are not accepted: {error}") from error
+    findings: list[Finding] = []
+    checked: list[str] = []
+    skipped: dict[str, str] = {}
+    for rules in _STAGES:
+        # A plant that cannot be made has nothing else to show.
+        stopped = any(finding.rule == CONSTRUCTOR[0].name for finding in findings)
+        for rule in rules:
+            if only and rule.name not in only:
+                continue
+            missing = "mend what is above first" if stopped else rule.missing(subject)
+            if missing:
+                skipped[rule.name] = missing
+                continue
+            checked.append(rule.name)
+            try:
+                findings += [
+                    Finding(rule.name, problem, rule.demand) for problem in rule.check(subject)
+                ]
+            except Unfit as unfit:
+                findings.append(Finding(rule.name, str(unfit), rule.demand))
+    return Report(plant_class.__name__, tuple(findings), tuple(checked), skipped)

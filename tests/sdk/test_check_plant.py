@@ -1,0 +1,314 @@
+"""The suite for plants: a correct one passes, and a fault against each rule is found."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import pytest
+from annotated_types import Gt, Le
+from support.cart import DEVICES, Cart, CartConfig, Motor
+
+from rigd.sdk import Energy, In, ParameterGroup, ParametersConfig, PlantConfig
+from rigd.sdk.check import NonConforming, check_plant, examine_plant
+from rigd.sdk.check.plant_bench import CYCLE_NS, Device
+from rigd.sdk.noise import normal_pair
+from rigd_sim.devices.angle_daq import AngleDaq
+from rigd_sim.devices.angle_relay import AngleRelay
+from rigd_sim.devices.angle_sensors import AngleScale, AngleTruth
+from rigd_sim.devices.lugre_amplifier import LugreAmplifier
+from rigd_sim.devices.lugre_belt import LugreBelt
+from rigd_sim.devices.lugre_sensors import LugreAccelerometer, LugreEncoder, LugreTruth
+from rigd_sim.plants.angle.plant import AnglePlant
+from rigd_sim.plants.lugre.plant import LugrePlant
+
+LUGRE: dict[str, Device] = {
+    "wheel_servo": (LugreAmplifier, {}),
+    "belt": (LugreBelt, {"axis": "longitudinal"}),
+    "bridge": (LugreBelt, {"axis": "lateral"}),
+    "encoder": (LugreEncoder, {"axis": "wheel"}),
+    "accelerometer": (LugreAccelerometer, {}),
+    "truth": (LugreTruth, {}),
+}
+ANGLE: dict[str, Device] = {
+    "daq": (AngleDaq, {}),
+    "relay": (AngleRelay, {}),
+    "scale": (AngleScale, {}),
+    "truth": (AngleTruth, {}),
+}
+
+
+class Nameless(Cart):
+    title: ClassVar[str] = ""
+
+
+class BareConfig(CartConfig):
+    gain: float = 1.0
+
+
+class Bare(Cart):
+    Config: ClassVar[type[PlantConfig]] = BareConfig
+
+
+class Unmade(Cart):
+    def __init__(self, config: CartConfig, *, period_ns: int, seed: int) -> None:
+        raise RuntimeError("no licence")
+
+
+class LostConfig(CartConfig):
+    def files(self) -> Mapping[Path, str]:
+        return {Path("/nowhere/cart.yaml"): "mass: 2 kg"}
+
+
+class Lost(Cart):
+    Config: ClassVar[type[PlantConfig]] = LostConfig
+
+
+class Gullible(Cart):
+    def change(self, quantity: str, value: float | str) -> None:
+        """Take anything."""
+
+
+class Dice(Cart):
+    def noise(self) -> float:
+        return random.gauss()
+
+
+class Seedless(Cart):
+    def noise(self) -> float:
+        return normal_pair(1, self.now_ns - self.origin_ns)[0]
+
+
+class Absolute(Cart):
+    def noise(self) -> float:
+        return normal_pair(self.seed, self.now_ns)[0]
+
+
+class Reversible(Cart):
+    def advance(self, t_ns: int) -> None:
+        if self.begun and t_ns < self.now_ns:
+            return
+        super().advance(t_ns)
+
+
+class Restless(Cart):
+    def advance(self, t_ns: int) -> None:
+        if self.begun and t_ns == self.now_ns:
+            self.step(1e-3)
+        super().advance(t_ns)
+
+
+class OneStep(Cart):
+    """Takes one step per call, however long."""
+
+    def evolve(self, t_ns: int, elapsed_ns: int) -> None:
+        self.step(elapsed_ns * 1e-9)
+
+
+class Drawing(Cart):
+    """Draws noise with every call."""
+
+    drawn = 0
+
+    def evolve(self, t_ns: int, elapsed_ns: int) -> None:
+        super().evolve(t_ns, elapsed_ns)
+        self.drawn += 1
+
+    def noise(self) -> float:
+        return normal_pair(self.seed, self.drawn)[0]
+
+
+class Unclipped(Motor):
+    def write(self, setpoints: Sequence[float]) -> None:
+        self.link.force = setpoints[0]
+
+
+class Brittle(Cart):
+    """Divides by nothing with oil on the floor."""
+
+    def rates(self, state: Sequence[float]) -> tuple[float, ...]:
+        v, rate, supplied, dissipated = super().rates(state)
+        return v, math.nan if self.floor == "oiled" else rate, supplied, dissipated
+
+
+class Perpetual(Cart):
+    """Drives itself by its speed, and does not count it."""
+
+    def rates(self, state: Sequence[float]) -> tuple[float, ...]:
+        v, rate, supplied, dissipated = super().rates(state)
+        return v, rate + 6.0 * v, supplied, dissipated
+
+
+class Leaky(Cart):
+    """Loses what it does not count."""
+
+    def rates(self, state: Sequence[float]) -> tuple[float, ...]:
+        v, rate, supplied, dissipated = super().rates(state)
+        return v, rate, supplied, 0.5 * dissipated
+
+
+class Generous(Cart):
+    """Friction that gives back, in balance."""
+
+    def energy(self) -> Energy | None:
+        one = super().energy()
+        assert one is not None
+        given = 0.5 * one.stored
+        return Energy(one.stored, one.supplied + given, one.dissipated + given)
+
+
+class Unsafe(Motor):
+    def make_safe(self) -> None:
+        """Go on pushing."""
+
+
+class Pushed(Motor):
+    """Pushes with all force once it was made safe."""
+
+    def make_safe(self) -> None:
+        self.link.force = 20.0
+
+
+class Euler(Cart):
+    """States order 2, and has order 1."""
+
+    def step(self, step_s: float) -> None:
+        pairs = zip(self.state, self.rates(self.state), strict=True)
+        x, v, supplied, dissipated = (value + step_s * rate for value, rate in pairs)
+        self.state = x, v, supplied, dissipated
+
+
+class PerStep(Cart):
+    """A friction that acts once per step, whatever its length."""
+
+    def step(self, step_s: float) -> None:
+        super().step(step_s)
+        x, v, supplied, dissipated = self.state
+        self.state = x, 0.999 * v, supplied, dissipated
+
+
+def motor(driver: type[Motor]) -> dict[str, Device]:
+    return {**DEVICES, "motor": (driver, {})}
+
+
+def test_a_correct_plant_keeps_every_rule() -> None:
+    report = check_plant(Cart, devices=DEVICES, truth="truth")
+    assert report.skipped == {}
+    assert {"energy balances", "passive", "halved step", "finite"} <= set(report.checked)
+
+
+@pytest.mark.parametrize(
+    ("plant", "rule", "words"),
+    [
+        (Nameless, "title", "title is ''"),
+        (Bare, "options", "gain is a bare float"),
+        (Bare, "options", "gain has no documentation"),
+        (Unmade, "constructor", "raises RuntimeError: no licence"),
+        (Lost, "files", "/nowhere/cart.yaml, which is no such file"),
+        (Gullible, "settings", "change('floor', 'no such value') is accepted"),
+        (Gullible, "settings", "change('mass', nan) is accepted"),
+        (Gullible, "settings", "change('no_such_setting_', 1.0) is accepted"),
+        (Dice, "same seed", "same seed show other rows of ruler"),
+        (Seedless, "other seed", "give the same rows"),
+        (Absolute, "origin of time", "shows other rows than begun at 0"),
+        (Reversible, "one way", "earlier time is accepted"),
+        (Restless, "one way", "changes what devices show"),
+        (OneStep, "time divided", "of truth differs"),
+        (Drawing, "time divided", "of ruler differs"),
+        (Brittle, "finite", "NaN to integer with floor at oiled"),
+        (Perpetual, "energy balances", "J are created"),
+        (Leaky, "energy balances", "J are lost"),
+        (Generous, "friction takes", "friction gives"),
+        (Euler, "halved step", "expected 4 of order 2"),
+        (PerStep, "halved step", "changes the truth by"),
+    ],
+)
+def test_a_fault_is_found(plant: type[Cart], rule: str, words: str) -> None:
+    with pytest.raises(NonConforming) as caught:
+        check_plant(plant, devices=DEVICES, truth="truth", only={rule})
+    assert any(words in one.problem for one in caught.value.report.findings), str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("driver", "rule", "words"),
+    [
+        (Unclipped, "finite", "NaN to integer"),
+        (Pushed, "passive", "the actuators supply"),
+    ],
+)
+def test_a_fault_of_a_device_is_found(driver: type[Motor], rule: str, words: str) -> None:
+    report = examine_plant(Cart, devices=motor(driver), truth="truth", only={rule})
+    assert any(words in one.problem for one in report.findings), str(report)
+
+
+class Weight(ParameterGroup):
+    """A parameter file."""
+
+    mass: Annotated[float, In("kg"), Gt(0), Le(10)]
+    """Mass."""
+    length: Annotated[float, In("m")]
+    """Any length at all."""
+    ratio: float
+
+
+class WeighedConfig(ParametersConfig):
+    """Options with a parameter file."""
+
+    parameters: str = "weight.yaml"
+    """File of physical parameters."""
+
+    @classmethod
+    def parameter_model(cls) -> type[ParameterGroup]:
+        return Weight
+
+
+def test_a_parameter_without_bounds_is_found(tmp_path: Path) -> None:
+    (tmp_path / "weight.yaml").write_text("mass: 2 kg\nlength: 10 mm\nratio: 1\n", "utf-8")
+
+    class Here(WeighedConfig):
+        shipped_folder: ClassVar[Path] = tmp_path
+
+    class Weighed(Cart):
+        Config: ClassVar[type[PlantConfig]] = Here
+
+    report = examine_plant(Weighed, only={"parameters"})
+    assert [one.problem for one in report.findings] == [
+        "ratio is a bare float",
+        "ratio has no documentation",
+        "length takes any number: 1e30 and -1e30 mm are accepted",
+        "ratio takes any number: 1e30 and -1e30 1 are accepted",
+    ]
+
+
+def test_what_cannot_be_checked_is_named() -> None:
+    report = examine_plant(Cart)
+    assert report.findings == ()
+    assert report.skipped["same seed"] == "no devices were given"
+    assert report.skipped["halved step"] == "no truth was named"
+    with pytest.raises(ValueError, match="no device 'tooth'; there are motor"):
+        examine_plant(Cart, devices=DEVICES, truth="tooth")
+    with pytest.raises(ValueError, match="no rule speed"):
+        examine_plant(Cart, only={"speed"})
+    with pytest.raises(ValueError, match="options given to the suite are not accepted"):
+        examine_plant(Cart, {"mass": "2 m"})
+
+
+def test_an_option_that_a_setting_does_not_take_is_refused() -> None:
+    with pytest.raises(ValueError, match="floor cannot be 'wet': it takes dry, oiled"):
+        Cart(CartConfig(floor="wet"), period_ns=CYCLE_NS, seed=1)
+
+
+def test_the_plant_of_the_lugre_rig_keeps_every_rule() -> None:
+    report = check_plant(LugrePlant, devices=LUGRE, truth="truth")
+    assert set(report.skipped.values()) == {"the plant states no energy()"}
+
+
+def test_the_plant_of_the_angle_rig_keeps_every_rule() -> None:
+    report = check_plant(AnglePlant, devices=ANGLE, truth="truth")
+    assert set(report.skipped.values()) == {
+        "the plant states no energy()",
+        "the plant states no step_ns",
+    }
