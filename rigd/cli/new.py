@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-HELP = "make a package of your own: a driver or an analysis, with simulated data and tests"
+HELP = "make a package of your own: a driver, a plant or an analysis, with tests"
 EXAMPLES = """\
 examples:
   rigd new driver acme-scale --kind slow     a device that is asked now and then
@@ -15,15 +15,18 @@ examples:
   rigd new driver acme-daq --kind block      a card whose library hands over many rows at once
   pip install -e 'acme-scale[test]' && pytest acme-scale && rigd drivers acme-scale
 
+  rigd new plant acme-sled                   physics, simulated devices, a rig and a procedure
   rigd new analysis acme-coast               recordings to parameters with a report
 
-  What is made passes check_driver() or check_analysis() as it is; docs/drivers.md and
-  docs/analyses.md show how to make it yours.
+  What is made passes check_driver(), check_plant() or check_analysis() as it is; docs/drivers.md,
+  docs/plants.md and docs/analyses.md show how to make it yours.
 """
 
 KINDS: Final = ("fast", "slow", "block")
-_ARTICLES: Final = {"driver": "a", "analysis": "an"}
-_PLURALS: Final = {"driver": "drivers", "analysis": "analyses"}
+_ARTICLES: Final = {"driver": "a", "plant": "a", "analysis": "an"}
+_PLURALS: Final = {"driver": "drivers", "plant": "plants", "analysis": "analyses"}
+#: The command that lists what is installed.
+_LISTS: Final = {"driver": "drivers", "plant": "drivers", "analysis": "analyses"}
 _TEMPLATES: Final = Path(__file__).parent / "templates"
 #: Longest name, in characters: it becomes names of folders, modules and classes.
 _MAX_NAME: Final = 40
@@ -31,7 +34,7 @@ _MAX_NAME: Final = 40
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("what", choices=("driver", "analysis"), help="what to make")
+    parser.add_argument("what", choices=tuple(_PLURALS), help="what to make")
     parser.add_argument("name", metavar="NAME", help="name in files, such as acme-scale")
     parser.add_argument("--kind", choices=KINDS, help=f"kind of driver (default: {KINDS[0]})")
     parser.add_argument(
@@ -62,11 +65,14 @@ def execute(args: argparse.Namespace) -> int:
     except OSError as error:
         raise ConfigError(f"{error.filename} cannot be written: {error.strerror}") from error
     made = f"a {kind} driver" if args.what == "driver" else f"{_ARTICLES[kind]} {kind}"
+    then = f"rigd {_LISTS[args.what]} {args.name}"
+    if args.what == "plant":
+        then = f"rigd run {target / 'push.yaml'} --rig {target / 'rig.yaml'}"
     print(
         f"made {target}, {made} that passes its tests as it is:\n"
         f"  pip install -e '{target}[test]'\n"
         f"  pytest {target}\n"
-        f"  rigd {_PLURALS[args.what]} {args.name}\n"
+        f"  {then}\n"
         f"now make it yours: {target / 'README.md'} says how"
     )
     return 0
@@ -96,11 +102,10 @@ def check_name(name: str, what: str = "driver") -> None:
         )
     if keyword.iskeyword(module):
         raise ConfigError(f"{name!r} is a word of Python", hint=f"such as {name}-{what}")
-    plural = _PLURALS[what]
-    if entry_points(group=f"rigd.{plural}", name=name):
+    if entry_points(group=f"rigd.{_PLURALS[what]}", name=name):
         raise ConfigError(
             f"{_ARTICLES[what]} {what} {name!r} is installed",
-            hint=f"`rigd {plural}` lists the names that are taken",
+            hint=f"`rigd {_LISTS[what]}` lists the names that are taken",
         )
     spec = importlib.util.find_spec(module)
     if module == "tests" or (spec is not None and spec.origin):  # a mere folder has no origin
@@ -118,7 +123,7 @@ def module_name(name: str) -> str:
 def rendered(name: str, kind: str) -> Mapping[str, str]:
     """Return the files of a package by path, below its folder.
 
-    ``kind`` is one of :data:`KINDS` of drivers, or ``analysis``.
+    ``kind`` is one of :data:`KINDS` of drivers, ``plant`` or ``analysis``.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -138,5 +143,6 @@ def rendered(name: str, kind: str) -> Mapping[str, str]:
         for path in sorted(folder.rglob("*.jinja")):
             where = path.relative_to(folder).with_suffix("").as_posix()
             template = environment.from_string(path.read_text("utf-8"))
-            files[where.replace("MODULE", module)] = template.render(words)
+            where = where.replace("MODULE", module).replace("NAME", name)
+            files[where] = template.render(words)
     return files

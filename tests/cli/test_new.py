@@ -15,6 +15,7 @@ from rigd.cli.new import KINDS, check_name, rendered
 from rigd.model.errors import ConfigError
 
 ROOT = Path(__file__).parents[2]
+MADE = (*KINDS, "plant", "analysis")
 
 RIG = """\
 rig: bench-2
@@ -104,19 +105,43 @@ def test_an_analysis_that_is_made_passes_its_tests(tmp_path: Path) -> None:
     assert "speed (m/s)" in shown
 
 
+def test_a_plant_installs_passes_its_tests_and_runs(tmp_path: Path) -> None:
+    package = tmp_path / "acme-sled"
+    made = rigd("new", "plant", "acme-sled", "--folder", tmp_path, cwd=tmp_path)
+    assert made.code == 0, made.err
+    assert f"--rig {package / 'rig.yaml'}" in made.out
+    site = installed(package, tmp_path)
+    assert (site / "acme_sled" / "parameters" / "acme-sled.yaml").is_file()
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    tested = run(
+        "pytest", "-q", "-p", "no:cacheprovider", package / "tests", cwd=elsewhere, site=site
+    )
+    assert "passed" in tested
+
+    shown = run("rigd", "drivers", "acme-sled", cwd=elsewhere, site=site)
+    assert "plant of acme-sled 0.1.0" in shown
+    assert "surface" in shown
+    run(
+        "rigd", "run", package / "push.yaml", "--rig", package / "rig.yaml",
+        "--set", "surface=steel", "--yes", "--output", "push.mcap", cwd=elsewhere, site=site,
+    )  # fmt: skip
+    assert "acme-sled-1" in run("rigd", "info", "push.mcap", cwd=elsewhere, site=site)
+
+
 def test_what_is_made_is_typed_and_formatted_as_rigd_is(
     tmp_path: Path, pytestconfig: pytest.Config
 ) -> None:
-    for kind in (*KINDS, "analysis"):
+    for kind in MADE:
         for path, text in rendered(f"acme-{kind}", kind).items():
             file = tmp_path / f"acme-{kind}" / path
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text)
     config = ROOT / "pyproject.toml"
     run("ruff", "format", "--check", "--config", config, ".", cwd=tmp_path)
-    for kind in (*KINDS, "analysis"):  # in its folder, as its author would: its imports stand apart
+    for kind in MADE:  # in its folder, as its author would: its imports stand apart
         run("ruff", "check", "--config", config, ".", cwd=tmp_path / f"acme-{kind}")
-    packages = [tmp_path / f"acme-{kind}" / f"acme_{kind}" for kind in (*KINDS, "analysis")]
+    packages = [tmp_path / f"acme-{kind}" / f"acme_{kind}" for kind in MADE]
     cache = pytestconfig.cache
     assert cache is not None
     kept = cache.mkdir("mypy")  # what rigd imports takes 10 s; mypy itself sees what has changed
@@ -150,6 +175,12 @@ def test_a_name_that_will_not_do_is_refused(name: str, words: str) -> None:
         check_name(name)
     assert words in caught.value.message
     assert caught.value.hint
+
+
+def test_a_plant_goes_by_names_of_plants() -> None:
+    check_name("serial-scale", "plant")
+    with pytest.raises(ConfigError, match="a plant 'approach-angle' is installed"):
+        check_name("approach-angle", "plant")
 
 
 def test_nothing_is_overwritten(tmp_path: Path) -> None:
