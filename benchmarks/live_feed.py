@@ -35,7 +35,7 @@ from rigd.daemon.live.foxglove import FoxgloveServer
 from rigd.engine.rates import most_rows_hz
 from rigd.engine.shared import Job, RunFolder, Word
 from rigd.engine.wiring import streams_of
-from rigd.remote.protocol import Event
+from rigd.remote.protocol import RigEvent
 from rigd.remote.protocol.frame import HEADER
 from rigd.remote.server import Lease, Server
 
@@ -125,7 +125,7 @@ class Aged:
         (last_s,) = struct.unpack_from("<d", payload, HEADER.size + 8 * (points - 1))
         self.ages_ms.append((self.now() - t0_ns) * 1e-6 - last_s * 1e3)
 
-    def event(self, event: Event, /) -> None:
+    def event(self, event: RigEvent, /) -> None:
         """Ignore it."""
 
 

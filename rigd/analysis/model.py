@@ -26,7 +26,7 @@ class Scaling(Enum):
 
 
 @dataclass(frozen=True)
-class Parameter:
+class FitParameter:
     """A fitted parameter with its box; ``start`` is where the first start begins, in ``unit``."""
 
     name: str
@@ -74,7 +74,7 @@ class Model(Protocol):
     """
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:
+    def parameters(self) -> tuple[FitParameter, ...]:
         """Return the fitted parameters."""
 
     @property
@@ -112,22 +112,22 @@ def stacked_normal_equations(
     )
 
 
-def to_scaled(parameters: Sequence[Parameter], theta: FloatArray) -> FloatArray:
+def to_scaled(parameters: Sequence[FitParameter], theta: FloatArray) -> FloatArray:
     """Return natural values (p,) in the coordinates of the fit."""
     return np.array([p.scaled(float(x)) for p, x in zip(parameters, theta, strict=True)])
 
 
-def to_natural(parameters: Sequence[Parameter], scaled: FloatArray) -> FloatArray:
+def to_natural(parameters: Sequence[FitParameter], scaled: FloatArray) -> FloatArray:
     """Return fit coordinates (p,) in natural values."""
     return np.array([p.natural(float(x)) for p, x in zip(parameters, scaled, strict=True)])
 
 
-def slopes(parameters: Sequence[Parameter], theta: FloatArray) -> FloatArray:
+def slopes(parameters: Sequence[FitParameter], theta: FloatArray) -> FloatArray:
     """Return d(natural)/d(scaled), (p,)."""
     return np.array([p.slope(float(x)) for p, x in zip(parameters, theta, strict=True)])
 
 
-def scaled_bounds(parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArray]:
+def scaled_bounds(parameters: Sequence[FitParameter]) -> tuple[FloatArray, FloatArray]:
     """Return the box in the coordinates of the fit, two (p,) arrays."""
     low = np.array([p.scaled(p.low) for p in parameters])
     high = np.array([p.scaled(p.high) for p in parameters])

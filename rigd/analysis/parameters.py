@@ -20,7 +20,7 @@ from rigd.analysis.report import (
 )
 from rigd.analysis.result import IdentificationResult, Verdict
 from rigd.analysis.source import RecordedSweep
-from rigd.analysis.terminal import Column, Row, Table, TerminalReport
+from rigd.analysis.terminal import Column, Row, TerminalReport, TerminalTable
 from rigd.model.errors import DataError
 from rigd.record import TrialInfo
 
@@ -143,7 +143,7 @@ class ParameterEvaluation(Evaluation):
             paragraphs.append("\n".join(told))
         return (self._table(rows), *paragraphs)
 
-    def _table(self, rows: Sequence[SummaryRow]) -> Table:
+    def _table(self, rows: Sequence[SummaryRow]) -> TerminalTable:
         referenced = sorted({s.reference_label for s in self.sections if s.reference})
         columns = [
             Column(""),
@@ -168,7 +168,7 @@ class ParameterEvaluation(Evaluation):
             )
             found.append(Row(cells, faint=not row.known))
             last = row.section
-        return Table(tuple(columns), tuple(found))
+        return TerminalTable(tuple(columns), tuple(found))
 
 
 def complete_groups(

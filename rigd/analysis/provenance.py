@@ -9,7 +9,7 @@ from shlex import quote
 
 from rigd import __version__
 from rigd.analysis.heading import heading
-from rigd.analysis.report import Attachment, Facts, Provenance
+from rigd.analysis.report import Facts, Provenance, ReportAttachment
 from rigd.analysis.source import RecordedSweep
 from rigd.record import Recording, RunInfo
 
@@ -57,13 +57,15 @@ def facts_of(info: RunInfo, further: Mapping[str, str]) -> Facts:
     )
 
 
-def attachments_of(recordings: Sequence[Recording]) -> tuple[Attachment, ...]:
+def attachments_of(recordings: Sequence[Recording]) -> tuple[ReportAttachment, ...]:
     """Return each attached file once, however many recordings have it."""
     texts: dict[bytes, str] = {}
     for recording in recordings:
         for name, one in recording.attachments.items():
             texts.setdefault(one.data, name)
-    return tuple(Attachment(name, data.decode(errors="replace")) for data, name in texts.items())
+    return tuple(
+        ReportAttachment(name, data.decode(errors="replace")) for data, name in texts.items()
+    )
 
 
 def _sha256(path: Path) -> str:

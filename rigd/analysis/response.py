@@ -18,8 +18,8 @@ from rigd.analysis.analysis import Options
 from rigd.analysis.fit import Fit, Loss, multi_start, named, robust_fit
 from rigd.analysis.identifiability import Evidence, judge
 from rigd.analysis.model import (
+    FitParameter,
     NormalEquations,
-    Parameter,
     scaled_bounds,
     slopes,
     stacked_normal_equations,
@@ -61,7 +61,7 @@ _FEWEST: Final = 8
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ResponseQuantity:
     """What a parameter is called, and the excitation that would show it."""
 
     symbol: str
@@ -94,7 +94,7 @@ class ResponseTrial:
 class ResponseModel:
     """The residuals (f(x) - measured)/scale of all trials; a :class:`rigd.analysis.model.Model`."""
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[FitParameter, ...]
     response: Response
     trials: tuple[ResponseTrial, ...]
     scale: float  #: typical size of the output, in its unit
@@ -153,7 +153,7 @@ class Wording:
     title: str
     x: Axis
     y: Axis
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[ResponseQuantity, ...]
 
 
 def identify_response(
@@ -251,7 +251,7 @@ def _estimate(
     cov: Covariance,
     index: int,
     found: ProfileScan,
-    quantity: Quantity,
+    quantity: ResponseQuantity,
 ) -> ParameterEstimate:
     parameter = model.parameters[index]
     value = float(best.theta[index])

@@ -22,7 +22,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Table:
+class TerminalTable:
     """Columns and rows, under a title where it has one."""
 
     columns: tuple[Column, ...]
@@ -31,4 +31,4 @@ class Table:
 
 
 #: Tables and paragraphs, from top to bottom. A paragraph may have several lines.
-TerminalReport = tuple[Table | str, ...]
+TerminalReport = tuple[TerminalTable | str, ...]

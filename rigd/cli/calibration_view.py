@@ -7,7 +7,7 @@ from typing import Final
 
 from rigd.analysis.calibration.evaluation import CalibrationEvaluation
 from rigd.analysis.report.rounding import number, percent, places_for
-from rigd.analysis.terminal import Column, Row, Table
+from rigd.analysis.terminal import Column, Row, TerminalTable
 from rigd.cli.evaluation_view import print_terminal_report
 from rigd.daemon.calibrate import Renewal
 
@@ -33,7 +33,7 @@ def renewal_json(
     }
 
 
-def _table(planned: Renewal) -> Table:
+def _table(planned: Renewal) -> TerminalTable:
     rows = []
     for name in planned.measured:
         now = planned.new.values[name]
@@ -59,7 +59,7 @@ def _table(planned: Renewal) -> Table:
         Column("change", right=True),
         Column("(new - old)/u", right=True),
     )
-    return Table(columns, tuple(rows), "new beside old")
+    return TerminalTable(columns, tuple(rows), "new beside old")
 
 
 def _remarks(planned: Renewal) -> list[str]:

@@ -33,7 +33,7 @@ exit code: 0 every file is right, or a procedure for another rig beside one that
 
 
 @dataclass(frozen=True)
-class Report:
+class FileReport:
     """What was found in one file: ``summary``, or else the ``problem``.
 
     ``missing`` are the devices that the rig has not, if that is all that is wrong.
@@ -72,16 +72,16 @@ def execute(args: argparse.Namespace) -> int:
     return int(Exit.OK if _is_right(reports) else Exit.BAD_INPUT)
 
 
-def _report(given: str, rig: RigConfig | None) -> Report:
+def _report(given: str, rig: RigConfig | None) -> FileReport:
     from rigd.model.errors import ConfigError
 
     kind = ""
     try:
         kind = _kind(given)
-        return Report(given, kind, summary=_check(given, kind, rig))
+        return FileReport(given, kind, summary=_check(given, kind, rig))
     except ConfigError as error:
         missing = () if rig is None else _missing_devices(error, rig)
-        return Report(given, kind, problem=error, missing=missing)
+        return FileReport(given, kind, problem=error, missing=missing)
 
 
 def _missing_devices(error: ConfigError, rig: RigConfig) -> tuple[str, ...]:
@@ -100,16 +100,16 @@ def _missing_devices(error: ConfigError, rig: RigConfig) -> tuple[str, ...]:
     return tuple(sorted(devices))
 
 
-def _is_right(reports: Sequence[Report]) -> bool:
+def _is_right(reports: Sequence[FileReport]) -> bool:
     wrong = any(report.problem is not None and not report.missing for report in reports)
     return not wrong and (_fits(reports) or not any(report.missing for report in reports))
 
 
-def _fits(reports: Sequence[Report]) -> bool:
+def _fits(reports: Sequence[FileReport]) -> bool:
     return any(report.kind == "procedure" and report.problem is None for report in reports)
 
 
-def _show(reports: Sequence[Report], rig: RigConfig | None) -> None:
+def _show(reports: Sequence[FileReport], rig: RigConfig | None) -> None:
     """Print a line for each file, every problem of one that is wrong, and how many there are."""
     name = "" if rig is None else rig.name
     is_error = not _fits(reports)
@@ -221,7 +221,7 @@ def _kind(given: str) -> str:
     return "procedure"
 
 
-def _as_json(report: Report) -> dict[str, object]:
+def _as_json(report: FileReport) -> dict[str, object]:
     error = report.problem
     if error is None:
         return {"file": report.given, "right": True, "summary": report.summary}

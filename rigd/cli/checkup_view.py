@@ -12,9 +12,13 @@ from rich.text import Text
 from rigd.config.loader import channel_names
 from rigd.config.rig import RigConfig
 from rigd.config.shipped import titled
-from rigd.daemon.doctor import Check, Verdict, is_fit
+from rigd.daemon.doctor import Check, CheckVerdict, is_fit
 
-_COLOUR: Final = {Verdict.OK: "green", Verdict.WARN: "yellow", Verdict.FAIL: "bold red"}
+_COLOUR: Final = {
+    CheckVerdict.OK: "green",
+    CheckVerdict.WARN: "yellow",
+    CheckVerdict.FAIL: "bold red",
+}
 #: Columns before what was found: that of the verdict, that of the name.
 _VERDICT_WIDTH: Final = 4
 _NAME_WIDTH: Final = 18
@@ -72,12 +76,15 @@ class CheckupView:
 
     def conclude(self, checks: Sequence[Check]) -> None:
         """Say what it comes to."""
-        count = {verdict: sum(one.verdict is verdict for one in checks) for verdict in Verdict}
+        count = {verdict: sum(one.verdict is verdict for one in checks) for verdict in CheckVerdict}
         fit = is_fit(checks)
-        word = Text("fit" if fit else "not fit", style=_COLOUR[Verdict.OK if fit else Verdict.FAIL])
-        rest = f": {count[Verdict.OK]} ok, {count[Verdict.WARN]} to look at"
+        word = Text(
+            "fit" if fit else "not fit",
+            style=_COLOUR[CheckVerdict.OK if fit else CheckVerdict.FAIL],
+        )
+        rest = f": {count[CheckVerdict.OK]} ok, {count[CheckVerdict.WARN]} to look at"
         if not fit:
-            rest += f", {count[Verdict.FAIL]} failed"
+            rest += f", {count[CheckVerdict.FAIL]} failed"
         self._console.print()
         self._console.print(word.append(rest, style="default"))
 

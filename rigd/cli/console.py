@@ -18,7 +18,7 @@ from rich.progress import TextColumn, TimeRemainingColumn
 from rigd.analysis.plan import analysis_of
 from rigd.cli.asking import ask
 from rigd.cli.trial_bar import TrialBar
-from rigd.daemon.execute import Recorded
+from rigd.daemon.execute import RecordedRun
 from rigd.daemon.provenance import trial_label
 from rigd.engine.answers import read_answer
 from rigd.engine.result import Progress as RunProgress
@@ -66,7 +66,7 @@ class RunDisplay(TrialBar):
         self._bar.update(self._task, completed=progress.trials_done, description=escape(what))
 
 
-def conclude(procedure: CompiledProcedure, recorded: Recorded) -> None:
+def conclude(procedure: CompiledProcedure, recorded: RecordedRun) -> None:
     """Say how the run ended and what to do next."""
     result = recorded.result
     colour = "green" if result.exit_code is Exit.OK else "red"

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from rigd.analysis.terminal import Table, TerminalReport
+from rigd.analysis.terminal import TerminalReport, TerminalTable
 from rigd.cli.screen import print_table, wrapped
 
 #: Columns where the width of the terminal is not known.
@@ -21,13 +21,13 @@ def print_terminal_report(shown: TerminalReport) -> None:
     for index, one in enumerate(shown):
         if index:
             console.print()
-        if isinstance(one, Table):
+        if isinstance(one, TerminalTable):
             print_table(console, _rich(one))
         else:
             console.print(wrapped(one, console.width), markup=False, soft_wrap=True)
 
 
-def _rich(table: Table) -> RichTable:
+def _rich(table: TerminalTable) -> RichTable:
     drawn = RichTable(
         title=escape(table.title) or None, title_justify="left", box=None, pad_edge=False
     )

@@ -19,7 +19,7 @@ from rigd.sdk.shipped import shipped_folder
 
 
 @dataclass(frozen=True)
-class Kind:
+class PluginKind:
     """A kind of thing that packages bring: its name, its base, where a rig file names it."""
 
     name: str
@@ -29,10 +29,10 @@ class Kind:
 
 #: Kinds by the entry point group that makes them known, and where a rig file names them.
 GROUPS: Final = {
-    DRIVERS: Kind("driver", AnyDriver, "devices: {NAME: {driver: ...}}"),
-    LINKS: Kind("link", Link, "links: {NAME: {type: ...}}"),
-    PLANTS: Kind("plant", Plant, "plant: {model: ...}"),
-    SIMULATIONS: Kind("simulation", Simulation, "simulation: {model: ...}"),
+    DRIVERS: PluginKind("driver", AnyDriver, "devices: {NAME: {driver: ...}}"),
+    LINKS: PluginKind("link", Link, "links: {NAME: {type: ...}}"),
+    PLANTS: PluginKind("plant", Plant, "plant: {model: ...}"),
+    SIMULATIONS: PluginKind("simulation", Simulation, "simulation: {model: ...}"),
 }
 
 
@@ -81,7 +81,7 @@ def look_at(group: str, point: EntryPoint, *, in_full: bool) -> Installed:
     return Installed(kind, point.name, package, version, **facts)
 
 
-def _described(loaded: Any, kind: Kind, name: str, *, in_full: bool) -> dict[str, Any]:
+def _described(loaded: Any, kind: PluginKind, name: str, *, in_full: bool) -> dict[str, Any]:
     title, doc = introduction(loaded, kind.base)
     facts: dict[str, Any] = {
         "title": title,

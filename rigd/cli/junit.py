@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from rigd.daemon.execute import Recorded
+from rigd.daemon.execute import RecordedRun
 from rigd.daemon.provenance import trial_label
 from rigd.engine.result import RunResult
 from rigd.model.errors import ConfigError, Exit, RigdError
@@ -28,7 +28,7 @@ _NOT_XML: Final = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010
 
 
 @dataclass(frozen=True)
-class Case:
+class JunitCase:
     """One test case; with no ``failure``, ``error`` or ``skipped`` it has passed."""
 
     name: str
@@ -43,12 +43,12 @@ class Suite:
     """All cases of a run."""
 
     name: str
-    cases: Sequence[Case]
+    cases: Sequence[JunitCase]
     properties: Mapping[str, str] = field(default_factory=dict)
     started: str = ""  #: ISO 8601
 
 
-def suite_of(procedure: CompiledProcedure, rig: str, recorded: Recorded) -> Suite:
+def suite_of(procedure: CompiledProcedure, rig: str, recorded: RecordedRun) -> Suite:
     """Return what became of each trial, by its recording, and of the run.
 
     Raises:
@@ -59,17 +59,17 @@ def suite_of(procedure: CompiledProcedure, rig: str, recorded: Recorded) -> Suit
     return _suite(procedure, rig, recorded.path, case_of(result), ended)
 
 
-def case_of(result: RunResult) -> Case:
+def case_of(result: RunResult) -> JunitCase:
     """Return the case of the run as a whole.
 
     An error is what says nothing about the procedure: somebody ended it, or the rig was not fit.
     """
     told = "\n".join((f"{result.ending}: {result.reason}", *result.trips, *result.problems))
     if result.exit_code is Exit.OK:
-        return Case("run", result.run_s)
+        return JunitCase("run", result.run_s)
     if result.exit_code is Exit.STOPPED or result.ending in _NOT_ITS_DOING:
-        return Case("run", result.run_s, error=told)
-    return Case("run", result.run_s, failure=told)
+        return JunitCase("run", result.run_s, error=told)
+    return JunitCase("run", result.run_s, failure=told)
 
 
 def suite_of_complete(procedure: CompiledProcedure, rig: str, path: Path) -> Suite:
@@ -78,12 +78,12 @@ def suite_of_complete(procedure: CompiledProcedure, rig: str, path: Path) -> Sui
     Raises:
         RecordingError: the recording cannot be read.
     """
-    return _suite(procedure, rig, path, Case("run"), "complete: all trials played before")
+    return _suite(procedure, rig, path, JunitCase("run"), "complete: all trials played before")
 
 
 def suite_of_error(procedure: str, error: RigdError) -> Suite:
     """Return the suite of a run that did not come about."""
-    return Suite(procedure, [Case("run", error=str(error))])
+    return Suite(procedure, [JunitCase("run", error=str(error))])
 
 
 def check_writable(path: Path) -> None:
@@ -126,7 +126,7 @@ def write_junit(path: Path, suite: Suite) -> None:
         raise ConfigError(f"--junit {path}: cannot be written: {error.strerror}") from error
 
 
-def _suite(procedure: CompiledProcedure, rig: str, path: Path, run: Case, ended: str) -> Suite:
+def _suite(procedure: CompiledProcedure, rig: str, path: Path, run: JunitCase, ended: str) -> Suite:
     info = run_info(Recording.open(path))
     played = {trial.number: trial for trial in info.trials}  # the last attempt counts
     cases = [
@@ -138,17 +138,17 @@ def _suite(procedure: CompiledProcedure, rig: str, path: Path, run: Case, ended:
     return Suite(procedure.name, [*cases, run], properties, info.started)
 
 
-def _trial(number: int, label: str, trial: TrialInfo | None, ended: str) -> Case:
+def _trial(number: int, label: str, trial: TrialInfo | None, ended: str) -> JunitCase:
     name = f"trial {number}: {label}" if label else f"trial {number}"
     if trial is None:
-        return Case(name, skipped=f"not played: {ended}")
+        return JunitCase(name, skipped=f"not played: {ended}")
     if trial.end_ns is None:
-        return Case(name, failure=f"the run ended within it: {ended}")
+        return JunitCase(name, failure=f"the run ended within it: {ended}")
     time_s = (trial.end_ns - trial.start_ns) * 1e-9
-    return Case(name, time_s, failure="" if trial.complete else trial.reason or ended)
+    return JunitCase(name, time_s, failure="" if trial.complete else trial.reason or ended)
 
 
-def _add(top: ET.Element, suite: str, case: Case) -> None:
+def _add(top: ET.Element, suite: str, case: JunitCase) -> None:
     name = _clean(case.name)
     element = ET.SubElement(
         top, "testcase", {"classname": suite, "name": name, "time": f"{case.time_s:.3f}"}

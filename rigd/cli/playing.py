@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rigd.cli.console import ConsoleAnswers, RunDisplay, conclude
 from rigd.cli.junit import suite_of, write_junit
-from rigd.daemon.execute import Recorded, RunRequest, execute
+from rigd.daemon.execute import RecordedRun, RunRequest, execute
 from rigd.engine.answers import Answers, OwnAnswers
 
 
@@ -35,7 +35,7 @@ def play(
     return int(recorded.result.exit_code)
 
 
-def record(request: RunRequest, *, quiet: bool, by_person: bool) -> Recorded:
+def record(request: RunRequest, *, quiet: bool, by_person: bool) -> RecordedRun:
     """Execute ``request`` and show its progress; see :func:`play`."""
     screen = sys.stderr  # itself, not what stands in for it beside the bar: that ends every line
     with RunDisplay(request.procedure, request.title, quiet=quiet) as display:
@@ -51,7 +51,7 @@ def record(request: RunRequest, *, quiet: bool, by_person: bool) -> Recorded:
         )
 
 
-def _result(recorded: Recorded) -> dict[str, object]:
+def _result(recorded: RecordedRun) -> dict[str, object]:
     result = recorded.result
     return {
         "recording": str(recorded.path),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rigd.daemon.manual import Look
+    from rigd.daemon.manual import UnarmedSession
 
 HELP = "show what the channels of a rig read now; nothing is armed, nothing moves"
 EXAMPLES = """\
@@ -49,8 +49,8 @@ def execute(args: argparse.Namespace) -> int:
     """Open what is asked for, show it, and leave it safe."""
     from rigd.cli.readings_view import view_for
     from rigd.config.loader import load_rig
-    from rigd.daemon.manual import Newest, chosen_channels, look_at, only
-    from rigd.daemon.signals import heed_signals
+    from rigd.daemon.manual import Newest, chosen_channels, only, open_unarmed
+    from rigd.daemon.signals import handle_signals
     from rigd.engine.control import Control
     from rigd.model.errors import Blocked, Exit
 
@@ -61,7 +61,7 @@ def execute(args: argparse.Namespace) -> int:
         rig = only(rig, {channel.partition(".")[0] for channel in channels})
     newest = Newest(rig, channels)
     control = Control()
-    with heed_signals(control), look_at(rig, control, command="rigd read") as look:
+    with handle_signals(control), open_unarmed(rig, control, command="rigd read") as look:
         look.on_rows = newest.take
         reasons = look.open()
         if reasons:
@@ -74,7 +74,7 @@ def execute(args: argparse.Namespace) -> int:
     return int(Exit.OK)
 
 
-def _moments(look: Look, seconds: float | None, every_s: float) -> Iterator[None]:
+def _moments(look: UnarmedSession, seconds: float | None, every_s: float) -> Iterator[None]:
     """Yield at once, then every ``every_s`` until ``seconds`` are over, or a person wants out."""
     end_ns = None if seconds is None else look.t_ns + round(seconds * 1e9)
     look.rest(FIRST_LOOK_S)

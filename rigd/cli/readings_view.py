@@ -23,7 +23,7 @@ from rigd.engine.interlocks import Trip
 _COLOUR = {"ok": "green", "stale": "yellow", "NaN": "red", "no row": "red"}
 
 
-class View(AbstractContextManager["View"], ABC):
+class ReadingsView(AbstractContextManager["ReadingsView"], ABC):
     """Somewhere to show readings; ``on_terminal`` where a person watches them change."""
 
     on_terminal = False
@@ -44,7 +44,7 @@ class View(AbstractContextManager["View"], ABC):
         """Leave the screen in order."""
 
 
-def view_for(*, as_json: bool, refresh: bool) -> View:
+def view_for(*, as_json: bool, refresh: bool) -> ReadingsView:
     """Return the view for where standard output goes; ``refresh``: more than one is shown."""
     if as_json:
         return JsonView()
@@ -54,7 +54,7 @@ def view_for(*, as_json: bool, refresh: bool) -> View:
     return LiveView(console) if console.is_terminal else LineView()
 
 
-class TableView(View):
+class TableView(ReadingsView):
     """Prints a table."""
 
     def __init__(self, console: Console) -> None:
@@ -65,7 +65,7 @@ class TableView(View):
         self._console.print(picture(readings, standing))
 
 
-class LiveView(View):
+class LiveView(ReadingsView):
     """A table that is drawn over the one before."""
 
     on_terminal = True
@@ -91,7 +91,7 @@ class LiveView(View):
         self._live.update(picture(readings, standing), refresh=True)
 
 
-class LineView(View):
+class LineView(ReadingsView):
     """A line per channel, and per interlock that stands."""
 
     def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:
@@ -104,7 +104,7 @@ class LineView(View):
         print(end="", flush=True)
 
 
-class JsonView(View):
+class JsonView(ReadingsView):
     """An object per line."""
 
     def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:

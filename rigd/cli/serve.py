@@ -77,11 +77,11 @@ def execute(args: argparse.Namespace) -> int:
     faulthandler.enable()
     from rigd.config.loader import load_rig
     from rigd.config.shipped import titled
-    from rigd.daemon.serve import Options, logging_to, serve
+    from rigd.daemon.serve import DaemonOptions, logging_to, serve
     from rigd.model.errors import Exit
 
     rig = load_rig(args.rig)
-    options = Options(
+    options = DaemonOptions(
         rig,
         args.runs.absolute(),
         args.procedures.absolute(),

@@ -29,8 +29,8 @@ def execute(args: argparse.Namespace) -> int:
     """Open the device, let it act, tell what it said and what it reads afterwards."""
     from rigd.cli.readings_view import number
     from rigd.config.loader import load_rig
-    from rigd.daemon.manual import Newest, check_action, look_at, only
-    from rigd.daemon.signals import heed_signals
+    from rigd.daemon.manual import Newest, check_action, only, open_unarmed
+    from rigd.daemon.signals import handle_signals
     from rigd.engine.control import Control
     from rigd.model.errors import Blocked, Exit
 
@@ -41,7 +41,7 @@ def execute(args: argparse.Namespace) -> int:
     newest = Newest(rig)
     control = Control()
     command = f"rigd tare {name}"
-    with heed_signals(control), look_at(rig, control, command=command) as look:
+    with handle_signals(control), open_unarmed(rig, control, command=command) as look:
         look.on_rows = newest.take
         reasons = look.open()
         if reasons:

@@ -32,7 +32,7 @@ class Signature:
 
 
 @dataclass(frozen=True)
-class Place:
+class CalibrationPlace:
     """The file that a calibration is written to, and the one that it begins from.
 
     ``old`` is what it begins from; ``before`` the text of the file that is overwritten, None where
@@ -50,7 +50,7 @@ class Renewal:
     """A calibration file as it will stand at its place."""
 
     new: Calibration
-    place: Place
+    place: CalibrationPlace
     measured: tuple[str, ...]
 
     def was(self, name: str) -> CalibratedValue | None:
@@ -79,7 +79,7 @@ class Renewal:
         write_calibration(self.new, self.place.before)
 
 
-def place_of(rig: RigConfig, write: Path | None = None) -> Place:
+def place_of(rig: RigConfig, write: Path | None = None) -> CalibrationPlace:
     """Return where the calibration of ``rig`` is renewed; ``write`` names another file.
 
     A shipped file is never changed: a copy is.
@@ -91,18 +91,20 @@ def place_of(rig: RigConfig, write: Path | None = None) -> Place:
     if not path.is_file():
         held = None if rig.calibration is None else rig.calibration.held
         # What is known of another rig is not known of this one.
-        return Place(path, held if held and rig.name in held.rigs else None, None, shipped)
+        return CalibrationPlace(
+            path, held if held and rig.name in held.rigs else None, None, shipped
+        )
     old = load_calibration(path)
     if rig.name not in old.rigs:
         raise ConfigError(
             f"{path} is the calibration of {', '.join(old.rigs)}, not of {rig.name}",
             hint="give --write another FILE; where it is the same bench, add it to `rigs:` there",
         )
-    return Place(path, old, old.text, shipped)
+    return CalibrationPlace(path, old, old.text, shipped)
 
 
 def renewal(
-    rig: RigConfig, place: Place, evaluation: CalibrationEvaluation, signature: Signature
+    rig: RigConfig, place: CalibrationPlace, evaluation: CalibrationEvaluation, signature: Signature
 ) -> Renewal:
     """Return what the calibration of ``rig`` becomes; nothing is written yet.
 

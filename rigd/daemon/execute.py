@@ -18,7 +18,7 @@ from rigd.daemon.calibration import calibration_metadata, exchanged, needed, unu
 from rigd.daemon.forms import Form, Kept, in_process, processes
 from rigd.daemon.provenance import run_metadata
 from rigd.daemon.resume import ResumePoint
-from rigd.daemon.signals import heed_signals
+from rigd.daemon.signals import handle_signals
 from rigd.engine.answers import Answers, OwnAnswers
 from rigd.engine.clock import Clock, VirtualClock, WallClock
 from rigd.engine.control import Control
@@ -75,7 +75,7 @@ class RunRequest:
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordedRun:
     """A run that ended, and its file."""
 
     path: Path
@@ -90,16 +90,16 @@ def execute(
     tell: Callable[[str], None] = lambda _: None,
     control: Control | None = None,
     announce: Callable[[Path], None] = lambda _: None,
-) -> Recorded:
+) -> RecordedRun:
     """Run the procedure for a person at a terminal; see :func:`perform`.
 
-    Signals are heeded while it runs (:func:`rigd.daemon.signals.heed_signals`). ``tell`` gets
+    Signals are heeded while it runs (:func:`rigd.daemon.signals.handle_signals`). ``tell`` gets
     lines for the operator; like ``watch`` it may wait for the terminal.
     """
     control = control or Control()
     display = _Display(watch, tell, control)
     try:
-        with heed_signals(control):
+        with handle_signals(control):
             return perform(
                 request, control, answers=answers, watch=display.watch, announce=announce
             )
@@ -115,7 +115,7 @@ def perform(
     watch: Callable[[Progress], None] = lambda _: None,
     announce: Callable[[Path], None] = lambda _: None,
     held: RunFolder | None = None,
-) -> Recorded:
+) -> RecordedRun:
     """Run the procedure and return how it ended, with the path of its recording.
 
     ``watch`` is called several times a second and must not wait. ``announce`` gets the path as
@@ -152,7 +152,7 @@ def perform(
             ),
             identity_check=lambda said: list(exchanged(request.rig, rests_on, said)),
         )
-        return Recorded(path, run.execute())
+        return RecordedRun(path, run.execute())
     except Blocked:
         if resume is None:
             path.unlink(missing_ok=True)  # nothing moved: the file holds a few rows at rest

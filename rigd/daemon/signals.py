@@ -19,7 +19,7 @@ _NAMES: Final[dict[int, str]] = {
 
 
 @contextmanager
-def heed_signals(control: Control) -> Iterator[None]:
+def handle_signals(control: Control) -> Iterator[None]:
     """While inside, Ctrl-C, SIGTERM and SIGHUP stop the run; once more aborts, then drops power.
 
     Ctrl-Z (or SIGUSR1) pauses after the trial under way, and resumes. A handler only sets flags

@@ -15,7 +15,7 @@ from rigd.engine.interlocks import Trip
 from rigd.engine.mount import Mount
 from rigd.engine.plant_blocks import PlantBlocks
 from rigd.engine.player import Outcome
-from rigd.engine.question import Question
+from rigd.engine.question import PendingQuestion
 from rigd.engine.shared import RowRing
 from rigd.engine.sink import Sink
 from rigd.procedure.program import CycleProgram, Recorded
@@ -152,7 +152,7 @@ class InProcessHost:
         outcome = self.come_to_rest()
         if outcome is not None:
             return outcome
-        asked = Question(question)
+        asked = PendingQuestion(question)
         while not asked.answered:
             if self.virtual and self.cycle.control.asked is None:
                 asked.wait(0.05)

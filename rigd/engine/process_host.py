@@ -23,7 +23,7 @@ from rigd.engine.cycle import CycleCounters
 from rigd.engine.cycle_link import CycleLink
 from rigd.engine.interlocks import Trip
 from rigd.engine.player import Outcome
-from rigd.engine.question import Question
+from rigd.engine.question import PendingQuestion
 from rigd.engine.rescue import Rescue, rescue
 from rigd.engine.shared import Phase, RunFolder, Word
 from rigd.engine.slow.beside import Beside
@@ -270,7 +270,7 @@ class ProcessHost:
         outcome = self.come_to_rest()
         if outcome is not None:
             return outcome
-        asked = Question(question)
+        asked = PendingQuestion(question)
         outcome = self.rest_while(lambda: not asked.answered)
         if outcome is None:
             asked.raise_error()

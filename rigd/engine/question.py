@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 
 
-class Question:
+class PendingQuestion:
     """Runs ``ask`` in a thread of its own, which dies with the process where nobody answers."""
 
     def __init__(self, ask: Callable[[], None]) -> None:

@@ -153,7 +153,7 @@ def _prbs(order: int, seed: int) -> tuple[int, ...]:
 
 
 @dataclass(frozen=True)
-class Table:
+class TableProfile:
     """Values at times, joined by straight lines (or held, with ``hold``); the last one stays.
 
     ``times_s`` rises strictly and begins with 0.
@@ -175,4 +175,4 @@ class Table:
         return v0 + (v1 - v0) * (t_s - t0) / (t1 - t0)
 
 
-Profile = Constant | Ramp | Sine | Square | Chirp | Prbs | Table
+Profile = Constant | Ramp | Sine | Square | Chirp | Prbs | TableProfile

@@ -22,7 +22,7 @@ from rigd.procedure.profile_source import (
     SquareSource,
     TableProfileSource,
 )
-from rigd.procedure.profiles import Chirp, Constant, Prbs, Profile, Ramp, Sine, Square, Table
+from rigd.procedure.profiles import Chirp, Constant, Prbs, Profile, Ramp, Sine, Square, TableProfile
 from rigd.procedure.reader import Reader
 
 
@@ -91,7 +91,7 @@ class SetpointReader:
         self._check_rate(("chirp",), 2 * math.pi * max(start, end) * abs(amplitude))
         return Chirp(amplitude, start, end, over, offset, source.spacing == "logarithmic")
 
-    def _table(self, source: TableProfileSource) -> Table | None:
+    def _table(self, source: TableProfileSource) -> TableProfile | None:
         path = ("table", "times")
         times = tuple(
             self._number((*path, index), text, "s") for index, text in enumerate(source.times)
@@ -114,7 +114,7 @@ class SetpointReader:
                 self.reader.note((*self.path, *path, index), message, "let the times rise")
             elif not source.hold:
                 self._check_rate(("table", "values", index), abs(v1 - v0) / (t1 - t0))
-        return Table(times, values, source.hold)
+        return TableProfile(times, values, source.hold)
 
     def _swing(self, key: str, offset: str | None, amplitude: str) -> tuple[float, float]:
         """Return offset and amplitude; both ends of the swing lie within the limits."""

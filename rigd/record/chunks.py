@@ -50,7 +50,7 @@ def blob_dtype(stream: Stream) -> np.dtype[np.void]:
 
 
 @dataclass(frozen=True)
-class Block:
+class MessageBlock:
     """Message records of one channel, uncompressed, with the time and offset of each.
 
     Not a copy: good until whoever holds the records fills them anew.
@@ -91,7 +91,7 @@ class Chunk:
         )
 
 
-def build_chunk(block: Block, compression: Compression, packed: bytes | memoryview) -> Chunk:
+def build_chunk(block: MessageBlock, compression: Compression, packed: bytes | memoryview) -> Chunk:
     """Return the block as a chunk with CRC and message index; ``packed`` are its records."""
     name = b"" if compression == "none" else compression.encode()
     start_ns, end_ns = int(block.times.min()), int(block.times.max())

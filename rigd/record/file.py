@@ -20,7 +20,7 @@ from rigd.record.journal import IDENTITY_BYTES, Identity, Journal, Saved, write_
 _FULL: Final = (errno.ENOSPC, getattr(errno, "EDQUOT", None), errno.EFBIG)
 
 
-class InUse(RecordingError):
+class RecordingInUse(RecordingError):
     """Another process has the recording open to write; it may be asked again."""
 
 
@@ -207,7 +207,7 @@ def lock(fd: int, path: Path) -> None:
     """Take the file for writing; the system gives it back when the process ends.
 
     Raises:
-        InUse: another process is writing it.
+        RecordingInUse: another process is writing it.
 
     """
     try:
@@ -215,7 +215,7 @@ def lock(fd: int, path: Path) -> None:
     except OSError as error:
         raise write_error(path, error) from error
     if not taken:
-        raise InUse(
+        raise RecordingInUse(
             f"{path} is being written by another process", hint="Wait until its run has ended."
         )
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
 from rigd.model.rows import row_dtype
-from rigd.record.chunks import LOG_TIME_AT, Block, Times, blob_dtype, message_dtype
+from rigd.record.chunks import LOG_TIME_AT, MessageBlock, Times, blob_dtype, message_dtype
 from rigd.record.events import CDR_HEADER, Event, event_message
 from rigd.record.wire import FRAME
 
@@ -40,7 +40,7 @@ class OpenChunk(Protocol):
         """Number of messages held."""
         ...
 
-    def block(self) -> Block:
+    def block(self) -> MessageBlock:
         """Return what is held, good until more is taken."""
         ...
 
@@ -120,10 +120,10 @@ class OpenRows:
         self.count = end
         return len(block)
 
-    def block(self) -> Block:
+    def block(self) -> MessageBlock:
         """Return what is held, good until more is taken."""
         count = self.count
-        return Block(
+        return MessageBlock(
             self.channel,
             self._bytes[: count * self._itemsize],
             self._times[:count, 0],
@@ -185,10 +185,10 @@ class OpenEvents:
         self._records += message
         self._sequence += 1
 
-    def block(self) -> Block:
+    def block(self) -> MessageBlock:
         """Return what is held, good until more is taken."""
         times, offsets = np.array(self._times, np.uint64), np.array(self._offsets, np.uint64)
-        return Block(self.channel, memoryview(bytes(self._records)), times, offsets)
+        return MessageBlock(self.channel, memoryview(bytes(self._records)), times, offsets)
 
     def clear(self) -> None:
         """Begin anew, and count on; the last block is a copy, and so stays good."""

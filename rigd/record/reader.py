@@ -26,7 +26,7 @@ from rigd.record.contents import Contents, parse_footer, parse_summary, rows_of
 from rigd.record.crc import crc32
 from rigd.record.decode import message_payloads, rows_of_chunk
 from rigd.record.events import Event, parse_event
-from rigd.record.file import InUse
+from rigd.record.file import RecordingInUse
 from rigd.record.gaps import Gap, gaps_from_json, with_losses
 from rigd.record.prefix import (
     FORMAT_METADATA,
@@ -349,7 +349,7 @@ def damaged(path: Path, problem: object) -> RecordingError:
     """Return what to say about a file that cannot be read: its writer may just change it."""
     with path.open("rb", buffering=0) as file:
         if not share(file.fileno()):
-            return InUse(f"{path} is being written", hint="Wait until its run has ended.")
+            return RecordingInUse(f"{path} is being written", hint="Wait until its run has ended.")
     message = f"{path} cannot be read: {problem}"
     if not _may_be_mcap(path):
         hint = "It is no MCAP recording; `rigd run` makes those, with names that end in .mcap."

@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 
 from rigd.model import RecordingError
 from rigd.record.access import require_regular, share
-from rigd.record.file import InUse
+from rigd.record.file import RecordingInUse
 from rigd.record.gaps import Gap, gap_text, gaps_json
 from rigd.record.reader import Recording, damaged
 from rigd.record.scan import Damage, Scan, scan
@@ -53,7 +53,7 @@ def verify(path: Path) -> Verification:
     """Check every byte of a recording; nothing is written.
 
     Raises:
-        InUse: it is being written.
+        RecordingInUse: it is being written.
         RecordingError: missing, empty, or no MCAP file.
 
     """
@@ -93,7 +93,9 @@ def _scan(path: Path) -> Scan:
             if not os.fstat(file.fileno()).st_size:
                 raise RecordingError(f"{path} is empty", hint="Nothing was recorded.")
             if not share(file.fileno()):
-                raise InUse(f"{path} is being written", hint="Wait until its run has ended.")
+                raise RecordingInUse(
+                    f"{path} is being written", hint="Wait until its run has ended."
+                )
             return scan(map_file(file.fileno()))
     except Malformed as error:
         raise damaged(path, error) from error

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from rigd.analysis.model import (
+    FitParameter,
     Model,
     NormalEquations,
-    Parameter,
     Scaling,
     stacked_normal_equations,
 )
@@ -24,7 +24,7 @@ FloatArray = NDArray[np.float64]
 class Curve:
     """A toy model for the estimators: y(t) given by a function, derivatives written by hand."""
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[FitParameter, ...]
     predict: Callable[[FloatArray], FloatArray]
     derivative: Callable[[FloatArray], FloatArray]
     measured: FloatArray
@@ -58,7 +58,7 @@ class Curve:
 def _decay(measured: FloatArray, t: FloatArray) -> Curve:
     """Return y = a exp(-k t), a and k fitted in logarithms."""
     return Curve(
-        (Parameter("a", "N", 1e-3, 1e3, 1.0), Parameter("k", "1/s", 1e-3, 1e3, 1.0)),
+        (FitParameter("a", "N", 1e-3, 1e3, 1.0), FitParameter("k", "1/s", 1e-3, 1e3, 1.0)),
         lambda p: np.asarray(p[0] * np.exp(-p[1] * t)),
         lambda p: np.stack([np.exp(-p[1] * t), -p[0] * t * np.exp(-p[1] * t)], axis=1),
         measured,
@@ -71,8 +71,8 @@ def _line(measured: FloatArray, t: FloatArray, trials: int = 1) -> Curve:
     size = len(t) // trials
     return Curve(
         (
-            Parameter("a", "N", -100.0, 100.0, 0.0, Scaling.LINEAR),
-            Parameter("b", "N/s", -100.0, 100.0, 0.0, Scaling.LINEAR),
+            FitParameter("a", "N", -100.0, 100.0, 0.0, Scaling.LINEAR),
+            FitParameter("b", "N/s", -100.0, 100.0, 0.0, Scaling.LINEAR),
         ),
         lambda p: np.asarray(p[0] + p[1] * t),
         lambda p: np.stack([np.ones_like(t), t], axis=1),

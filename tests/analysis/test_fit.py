@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rigd.analysis.fit import Affine, Loss, fit, multi_start, robust_fit, robust_weights
-from rigd.analysis.model import Model, Parameter
+from rigd.analysis.model import FitParameter, Model
 from rigd.model.errors import DataError
 
 T = np.linspace(0.0, 3.0, 200)
@@ -35,7 +35,9 @@ def test_a_linear_model_takes_the_least_squares_solution(line: Callable[..., Mod
 
 def test_the_box_holds_and_the_rest_goes_on(decay: Callable[..., Model]) -> None:
     model = decay(CLEAN, T)
-    held = replace(model, parameters=(model.parameters[0], Parameter("k", "1/s", 1e-3, 2.0, 1.0)))  # type: ignore[type-var]
+    held = replace(
+        model, parameters=(model.parameters[0], FitParameter("k", "1/s", 1e-3, 2.0, 1.0))
+    )  # type: ignore[type-var]
     found = fit(held)
     assert found.theta[1] == pytest.approx(2.0, rel=1e-12)
     shape = np.exp(-2.0 * T)

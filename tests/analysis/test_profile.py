@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from rigd.analysis.fit import fit
 from rigd.analysis.model import (
+    FitParameter,
     Model,
     NormalEquations,
-    Parameter,
     Scaling,
     stacked_normal_equations,
 )
@@ -66,8 +66,8 @@ class TwoBranches:
     """
 
     parameters = (
-        Parameter("x", "1", -3.0, 3.0, -1.0, Scaling.LINEAR),
-        Parameter("y", "1", -3.0, 3.0, -1.0, Scaling.LINEAR),
+        FitParameter("x", "1", -3.0, 3.0, -1.0, Scaling.LINEAR),
+        FitParameter("y", "1", -3.0, 3.0, -1.0, Scaling.LINEAR),
     )
     trial_slices = (slice(0, 200),)
     mask = np.ones(200)

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 from support.command import rigd
 
-from rigd.cli.junit import Case, Suite, case_of, suite_of_error, write_junit
+from rigd.cli.junit import JunitCase, Suite, case_of, suite_of_error, write_junit
 from rigd.engine.result import RunResult
 from rigd.model.errors import Blocked, Exit
 from rigd.model.states import RunState
@@ -144,7 +144,7 @@ def test_where_it_cannot_be_written_nothing_runs(tmp_path: Path) -> None:
 
 def test_what_xml_cannot_hold_is_replaced_and_lines_are_kept(tmp_path: Path) -> None:
     path = tmp_path / "out.xml"
-    write_junit(path, Suite("odd", [Case("a\x00<b>", failure='first "&"\nsecond\x1b')]))
+    write_junit(path, Suite("odd", [JunitCase("a\x00<b>", failure='first "&"\nsecond\x1b')]))
     case = ElementTree.parse(path).getroot().find("testsuite/testcase")
     assert case is not None
     assert case.get("name") == "a�<b>"
@@ -153,7 +153,9 @@ def test_what_xml_cannot_hold_is_replaced_and_lines_are_kept(tmp_path: Path) -> 
 
 def test_trials_that_were_not_played_are_skipped(tmp_path: Path) -> None:
     path = tmp_path / "out.xml"
-    write_junit(path, Suite("s", [Case("one"), Case("two", skipped="not played: stopped")]))
+    write_junit(
+        path, Suite("s", [JunitCase("one"), JunitCase("two", skipped="not played: stopped")])
+    )
     suite = ElementTree.parse(path).getroot()[0]
     assert outcomes(suite) == {"one": "passed", "two": "skipped"}
     assert suite.get("skipped") == "1"

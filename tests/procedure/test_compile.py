@@ -11,7 +11,7 @@ from rigd.config.rig import RigConfig
 from rigd.model import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure, parse_procedure
-from rigd.procedure.profiles import Chirp, Constant, Prbs, Ramp, Sine, Square, Table
+from rigd.procedure.profiles import Chirp, Constant, Prbs, Ramp, Sine, Square, TableProfile
 from rigd.procedure.program import (
     AnswerKind,
     Comparison,
@@ -160,7 +160,7 @@ def test_range_gives_decimal_values(compile_text: Compile, small: str) -> None:
          Chirp(1.0, 1.0, 20.0, 4.0, logarithmic=True)),
         ("{prbs: {amplitude: 1 A, bit: 20 ms, order: 7, seed: 3}}", Prbs(1.0, 0.02, 7, seed=3)),
         ("{table: {times: [0 s, 1 s], values: [0 A, 1 A], hold: true}}",
-         Table((0.0, 1.0), (0.0, 1.0), hold=True)),
+         TableProfile((0.0, 1.0), (0.0, 1.0), hold=True)),
     ],
 )  # fmt: skip
 def test_profiles(compile_text: Compile, small: str, source: str, profile: object) -> None:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from rigd.procedure.profiles import TAPS, Chirp, Constant, Prbs, Ramp, Sine, Square, Table
+from rigd.procedure.profiles import TAPS, Chirp, Constant, Prbs, Ramp, Sine, Square, TableProfile
 
 
 def test_constant_and_ramp() -> None:
@@ -86,9 +86,9 @@ def test_square_halves_are_equally_long() -> None:
 
 
 def test_table_joins_or_holds() -> None:
-    lines = Table((0.0, 1.0, 3.0), (0.0, 2.0, -2.0))
+    lines = TableProfile((0.0, 1.0, 3.0), (0.0, 2.0, -2.0))
     assert [lines.at(t, 9.0) for t in (0.0, 0.5, 1.0, 2.0, 3.0, 9.0)] == [0, 1, 2, 0, -2, -2]
-    held = Table((0.0, 0.1, 0.3), (0.0, 2.0, -2.0), hold=True)
+    held = TableProfile((0.0, 0.1, 0.3), (0.0, 2.0, -2.0), hold=True)
     assert [held.at(ms * 1e-3, 9.0) for ms in (0, 99, 100, 299, 300)] == [0, 0, 2, 2, -2]
     assert held.at(0.1 * 3, 9.0) == -2  # 0.30000000000000004
     assert held.at(0.3 - 1e-16, 9.0) == -2

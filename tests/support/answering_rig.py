@@ -19,10 +19,10 @@ from rigd.config.remote import RemoteSetup
 from rigd.remote.protocol import (
     VERSION,
     Code,
-    Event,
     Frame,
     Message,
     Refusal,
+    RigEvent,
     Role,
     Status,
     encode_frame,
@@ -30,24 +30,24 @@ from rigd.remote.protocol import (
 from rigd.remote.protocol.arguments import (
     Answered,
     Checked,
-    Piece,
+    PieceArguments,
     ProcedureFile,
     ProcedureName,
     ReportPiece,
-    Run,
+    RunArguments,
     Runs,
     Since,
-    Start,
+    StartArguments,
 )
 from rigd.remote.protocol.results import (
-    Acted,
+    ActionReply,
     ChannelView,
-    Check,
+    CheckReport,
     Description,
     DryRun,
     Events,
     History,
-    Latest,
+    LatestReply,
     LatestValues,
     Nothing,
     PieceView,
@@ -67,7 +67,7 @@ from rigd.remote.protocol.status import (
     Interrupted,
     LastRun,
     PromptView,
-    Trial,
+    TrialStatus,
     TripView,
 )
 from rigd.remote.server import Lease, Result, Server
@@ -108,7 +108,7 @@ class AnsweringRig:
     prompt: PromptView | None = None
     interrupted: tuple[Interrupted, ...] = ()
     trials_done: int = 0
-    told: list[Event] = field(default_factory=list)
+    told: list[RigEvent] = field(default_factory=list)
     recording: bytes = RECORDING
     breaks_at: int | None = None  #: offset of the piece whose reading fails, once
     slow_s: float = 0.0  #: how long each dry run takes
@@ -116,7 +116,7 @@ class AnsweringRig:
     asked: list[str] = field(default_factory=list)
     users: dict[str, str] = field(default_factory=dict)  #: by command or stop: for whom
     trips: tuple[TripView, ...] = ()
-    trial: Trial | None = None
+    trial: TrialStatus | None = None
     _said: int = 0
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -154,9 +154,9 @@ class AnsweringRig:
         )
         self.running = self.prompt = None
 
-    def tell(self, kind: str, **data: Any) -> Event:
+    def tell(self, kind: str, **data: Any) -> RigEvent:
         """Return a new event, which is still known when it is asked for later."""
-        event = Event(v=VERSION, seq=len(self.told), t_ns=time.time_ns(), kind=kind, data=data)
+        event = RigEvent(v=VERSION, seq=len(self.told), t_ns=time.time_ns(), kind=kind, data=data)
         self.told.append(event)
         return event
 
@@ -173,7 +173,9 @@ class AnsweringRig:
             case "lease", _:
                 return self.lease.view()
             case "latest", _:
-                return LatestValues(t_ns=1, values={"scale.mass": Latest(value=1.5, age_s=0.1)})
+                return LatestValues(
+                    t_ns=1, values={"scale.mass": LatestReply(value=1.5, age_s=0.1)}
+                )
             case "history", _:
                 frame = b64encode(encode_frame(frame_of(1)))
                 return History(frame=frame)
@@ -189,16 +191,16 @@ class AnsweringRig:
                     procedure=FILE, title="Small", doc="", parameters=(), on_client_loss="stop"
                 )
             case "check", Checked():
-                return Check(ok=True, trials=3, prompts=1)
+                return CheckReport(ok=True, trials=3, prompts=1)
             case "runs", Runs():
                 return RunList(runs=(self._line("a.mcap"),), more=False)
-            case "run", Run(run=run):
+            case "run", RunArguments(run=run):
                 return RunView(line=self._line(run), details={"rig": self.name})
-            case "fetch", Piece() as piece:
+            case "fetch", PieceArguments() as piece:
                 return self._piece(self.recording, piece)
             case "report", ReportPiece(page="run") as piece:
                 return self._piece(RUN_PAGE, piece)
-            case "report", Piece() as piece:
+            case "report", PieceArguments() as piece:
                 return self._piece(REPORT, piece)
         raise AssertionError(what)
 
@@ -207,10 +209,10 @@ class AnsweringRig:
         self.done.append((identity, verb, args))
         self.users[verb] = user
         match verb, args:
-            case "start", Start():
+            case "start", StartArguments():
                 self.running, self.trials_done = f"run{len(self.done)}.mcap", 0
                 return Started(run=self.running)
-            case "resume_run", Run(run=run):
+            case "resume_run", RunArguments(run=run):
                 self.running = run
                 return Started(run=run)
             case "answer", Answered(prompt_id=given):
@@ -220,10 +222,10 @@ class AnsweringRig:
             case "dry_run", _:
                 time.sleep(self.slow_s)
                 return DryRun(ok=True, duration_s=2.0, trials=3)
-            case (("identify" | "draw"), Run(run=run)):
+            case (("identify" | "draw"), RunArguments(run=run)):
                 return Reported(run=run, size=len(REPORT))
             case "act", _:
-                return Acted(said="done")
+                return ActionReply(said="done")
             case _ if verb.startswith("lease_"):
                 return self.lease.obey(identity, verb, args)
         return Nothing()
@@ -257,7 +259,7 @@ class AnsweringRig:
             identifies=run != "plain.mcap",
         )
 
-    def _piece(self, whole: bytes, piece: Piece) -> PieceView:
+    def _piece(self, whole: bytes, piece: PieceArguments) -> PieceView:
         if self.breaks_at is not None and piece.offset >= self.breaks_at:
             self.breaks_at = None
             raise Refusal(Code.INTERNAL, "the disk fell off")

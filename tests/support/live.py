@@ -14,7 +14,7 @@ from rigd.config.rig import RigConfig
 from rigd.engine.shared import Job, RunFolder, Word
 from rigd.engine.wiring import streams_of
 from rigd.model import Stream
-from rigd.remote.protocol import Event, Frame, decode_frame
+from rigd.remote.protocol import Frame, RigEvent, decode_frame
 
 START_NS = 1_790_000_000_000_000_000
 #: A crowded machine does what is waited for within this, in s.
@@ -26,12 +26,12 @@ class Kept:
     """Keeps every frame, decoded, and every event."""
 
     frames: dict[str, list[Frame]] = field(default_factory=dict)
-    events: list[Event] = field(default_factory=list)
+    events: list[RigEvent] = field(default_factory=list)
 
     def frame(self, stream: str, payload: bytes) -> None:
         self.frames.setdefault(stream, []).append(decode_frame(payload))
 
-    def event(self, event: Event) -> None:
+    def event(self, event: RigEvent) -> None:
         self.events.append(event)
 
 

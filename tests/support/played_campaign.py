@@ -19,7 +19,7 @@ from rigd.remote.protocol.frame import Frame, encode_frame
 from rigd.remote.protocol.results import (
     ActionView,
     ChannelView,
-    Check,
+    CheckReport,
     DryRun,
     InterlockView,
     ParameterView,
@@ -193,14 +193,14 @@ STEPS = (
 )  # fmt: skip
 
 
-def check(brake_at: str) -> Check:
+def check(brake_at: str) -> CheckReport:
     """Return whether it could run."""
     if brake_at and float(brake_at.split()[0]) > 1.25:
         problem = ProblemView(
             message=f"--set brake_at={brake_at}: brake_at {brake_at} is above its max 1.25 m"
         )
-        return Check(ok=False, problems=(problem,))
-    return Check(ok=True, trials=10, prompts=1)
+        return CheckReport(ok=False, problems=(problem,))
+    return CheckReport(ok=True, trials=10, prompts=1)
 
 
 def dry_run(brake_at_m: float) -> DryRun:

@@ -33,7 +33,7 @@ from support.played_campaign import (
 )
 
 from rigd.model.errors import LinkError
-from rigd.remote.protocol.arguments import Answered, Receiver, Start
+from rigd.remote.protocol.arguments import Answered, Receiver, StartArguments
 from rigd.remote.protocol.frame import Frame, encode_frame
 from rigd.remote.protocol.limits import VERSION
 from rigd.remote.protocol.message import Message
@@ -42,7 +42,7 @@ from rigd.remote.protocol.results import (
     Description,
     Events,
     History,
-    Latest,
+    LatestReply,
     LatestValues,
     ProcedureLine,
     Procedures,
@@ -55,13 +55,13 @@ from rigd.remote.protocol.results import (
 from rigd.remote.protocol.roles import Role
 from rigd.remote.protocol.status import (
     Daemon,
-    Event,
     Interrupted,
     LastRun,
     LeaseView,
     PromptView,
+    RigEvent,
     Status,
-    Trial,
+    TrialStatus,
     TripView,
     as_json,
 )
@@ -88,7 +88,7 @@ class PlayedRig:
         self._asked: list[PromptView] = []
         self._seq = 0
         self._event_seq = 0
-        self._events: list[Event] = []
+        self._events: list[RigEvent] = []
         self._news = asyncio.Condition()
         self._began = 0.0
         self.trips: list[TripView] = []
@@ -125,7 +125,7 @@ class PlayedRig:
             procedure="constant_current" if plays else None,
             run=RUN if plays else None,
             step=played.step if plays else None,
-            trial=Trial(number=played.trial, repeat=1,
+            trial=TrialStatus(number=played.trial, repeat=1,
                         parameters={"current": played.target, "floor": "stone"},
                         label=f"current {played.target:.3g} A")
             if plays and not self._asked else None,
@@ -180,7 +180,7 @@ class PlayedRig:
         """Let something happen."""
         self._event_seq += 1
         trial = self.carriage.trial if self.state == "running" else -1
-        event = Event(
+        event = RigEvent(
             v=VERSION, seq=self._event_seq, t_ns=time.time_ns(), kind=kind, trial=trial, data=data
         )
         self._events.append(event)
@@ -226,7 +226,8 @@ class PlayedRig:
                 return as_json(Events(events=tuple(self._events), next=self._event_seq + 1))
             case "latest":
                 values = {
-                    name: Latest(value=value, age_s=0.2) for name, value in self._newest().items()
+                    name: LatestReply(value=value, age_s=0.2)
+                    for name, value in self._newest().items()
                 }
                 return as_json(LatestValues(t_ns=time.time_ns(), values=values))
             case "history":
@@ -280,7 +281,7 @@ class PlayedRig:
             case _ if self.holder != self.identity:
                 raise Refusal(Code.NO_LEASE, "you do not have control")
             case "start":
-                await self._start(_checked(Start, args))
+                await self._start(_checked(StartArguments, args))
                 self.changes += 1
                 await self.wake()
                 return as_json(Started(run=RUN))
@@ -341,7 +342,7 @@ class PlayedRig:
                 "the daemon does not answer", hint="is it running, and is the address right?"
             )
 
-    async def _start(self, start: Start) -> None:
+    async def _start(self, start: StartArguments) -> None:
         if self.state != "idle" or any(not one.acknowledged for one in self.trips):
             raise Refusal(Code.CONFLICT, "not now")
         self.carriage = Carriage()

@@ -15,19 +15,19 @@ from support import file_axis
 
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
-from rigd.daemon.serve.aside import Aside
 from rigd.daemon.serve.audit import AuditLog
 from rigd.daemon.serve.descriptors import Descriptors
+from rigd.daemon.serve.idle_rig import IdleRig
 from rigd.daemon.serve.library import Library
-from rigd.daemon.serve.looks import Looks
 from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.recordings import Recordings
 from rigd.daemon.serve.recovery import Interruptions
 from rigd.daemon.serve.service import Parts, RigService
 from rigd.daemon.serve.steering import Steering
 from rigd.daemon.serve.trips import TripMemory
+from rigd.daemon.serve.worker import CalculationWorker
 from rigd.engine.shared import RunFolder
-from rigd.remote.protocol import Event, Kind, Message, Role, Status, as_json, encode, find_verb
+from rigd.remote.protocol import Kind, Message, RigEvent, Role, Status, as_json, encode, find_verb
 from rigd.remote.protocol.status import RefusedCounts
 from rigd.remote.server import Lease
 
@@ -82,13 +82,13 @@ trial:
 class Outlet:
     """Keeps what is shown."""
 
-    events: list[Event] = field(default_factory=list)
+    events: list[RigEvent] = field(default_factory=list)
     frames: int = 0
 
     def frame(self, stream: str, payload: bytes) -> None:
         self.frames += 1
 
-    def event(self, event: Event) -> None:
+    def event(self, event: RigEvent) -> None:
         self.events.append(event)
 
 
@@ -135,7 +135,9 @@ class ServedAxis:
             feed=self.feed,
             trips=self.trips,
             notices=self.notices,
-            looks=Looks(self.rig, self.folder, self.feed, monitored=False, told=self.notices.note),
+            looks=IdleRig(
+                self.rig, self.folder, self.feed, monitored=False, told=self.notices.note
+            ),
             changed=self.news.set,
             ended=lambda last: self.interruptions.ended(last.run),
             settle=lambda: self.interruptions.settle(self.folder),
@@ -152,8 +154,8 @@ class ServedAxis:
                 self.trips,
                 self.notices,
                 self.audit,
-                Aside(),
-                Aside(),
+                CalculationWorker(),
+                CalculationWorker(),
                 Descriptors(),
             ),
             RefusedCounts,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from rigd.analysis.terminal import Column, Row, Table, TerminalReport
+from rigd.analysis.terminal import Column, Row, TerminalReport, TerminalTable
 from rigd_analyses.approach_angle.data import Coefficient
 from rigd_analyses.approach_angle.report.tables import (
     NONE,
@@ -25,7 +25,7 @@ NAMED: Final = 3
 def campaign_terminal_report(result: CampaignResult, calibrations: Sequence[str]) -> TerminalReport:
     """Return tables and paragraphs on ``result``; ``calibrations`` says which were used."""
     rows = set_rows(result)
-    shown: list[Table | str] = [_table_1(rows), _legend(rows)]
+    shown: list[TerminalTable | str] = [_table_1(rows), _legend(rows)]
     if result.trends:
         shown.append(_trends(result))
         shown.append(trend_sentence(result))
@@ -37,7 +37,7 @@ def campaign_terminal_report(result: CampaignResult, calibrations: Sequence[str]
     return tuple(shown)
 
 
-def _table_1(rows: Sequence[SetRow]) -> Table:
+def _table_1(rows: Sequence[SetRow]) -> TerminalTable:
     columns = (
         Column("set"),
         Column("published", right=True),
@@ -47,7 +47,7 @@ def _table_1(rows: Sequence[SetRow]) -> Table:
         Column("coefficient"),
         Column("usable ± U", right=True),
     )
-    return Table(
+    return TerminalTable(
         columns,
         tuple(
             Row(
@@ -81,7 +81,7 @@ def _legend(rows: Sequence[SetRow]) -> str:
     return "\n".join(lines)
 
 
-def _trends(result: CampaignResult) -> Table:
+def _trends(result: CampaignResult) -> TerminalTable:
     columns = (
         Column("over the angle"),
         Column("slope ± u per degree", right=True),
@@ -91,7 +91,7 @@ def _trends(result: CampaignResult) -> Table:
         Column("rms", right=True),
         Column("rms of demand form", right=True),
     )
-    return Table(
+    return TerminalTable(
         columns,
         tuple(
             Row(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rigd.analysis.model import NormalEquations, Parameter, Scaling
+from rigd.analysis.model import FitParameter, NormalEquations, Scaling
 from rigd.analysis.result import FloatArray
 from rigd_analyses.lugre import kernels
 
@@ -16,12 +16,12 @@ V_S, MU_C, RATIO, SIGMA_0, SIGMA_1, SIGMA_2 = range(6)
 #: Fitted coordinates. ln(mu_s/mu_c) >= 0 keeps static friction at or above Coulomb friction, and
 #: makes "no Stribeck effect" a bound that can be reached and recognised.
 PARAMETERS = (
-    Parameter("V_s", "m/s", 1e-4, 10.0, 0.05),
-    Parameter("mu_c", "1", 1e-4, 2.0, 0.1),
-    Parameter("ln(mu_s/mu_c)", "1", 0.0, 4.0, 0.2, Scaling.LINEAR),
-    Parameter("sigma_0", "1/m", 0.1, 1e4, 30.0),
-    Parameter("sigma_1", "s/m", 1e-4, 100.0, 0.3),
-    Parameter("sigma_2", "s/m", 1e-3, 100.0, 2.0),
+    FitParameter("V_s", "m/s", 1e-4, 10.0, 0.05),
+    FitParameter("mu_c", "1", 1e-4, 2.0, 0.1),
+    FitParameter("ln(mu_s/mu_c)", "1", 0.0, 4.0, 0.2, Scaling.LINEAR),
+    FitParameter("sigma_0", "1/m", 0.1, 1e4, 30.0),
+    FitParameter("sigma_1", "s/m", 1e-4, 100.0, 0.3),
+    FitParameter("sigma_2", "s/m", 1e-3, 100.0, 2.0),
 )
 
 
@@ -44,7 +44,7 @@ class LugreModel:
     """Residuals F_model/F_N - F_measured/F_N of several trials, with analytic sensitivities."""
 
     trials: Sequence[SlipForce]
-    parameters: tuple[Parameter, ...] = PARAMETERS
+    parameters: tuple[FitParameter, ...] = PARAMETERS
     _inputs: tuple[FloatArray, FloatArray, FloatArray, FloatArray] = field(init=False, repr=False)
     _measured: FloatArray = field(init=False, repr=False)
     _mask: FloatArray = field(init=False, repr=False)

@@ -16,7 +16,7 @@ from rigd.analysis.provenance import provenance
 from rigd.analysis.report import Provenance
 from rigd.analysis.report.calibration import render_calibration
 from rigd.analysis.report.rounding import number, places_for
-from rigd.analysis.terminal import Column, Row, Table, TerminalReport
+from rigd.analysis.terminal import Column, Row, TerminalReport, TerminalTable
 from rigd.record.moment import is_virtual
 
 
@@ -88,7 +88,7 @@ def evaluated(steps: Steps, result: CalibrationResult) -> CalibrationEvaluation:
     )
 
 
-def _values(measured: Mapping[str, Measured]) -> Table:
+def _values(measured: Mapping[str, Measured]) -> TerminalTable:
     rows = []
     for name, one in measured.items():
         places = places_for(one.u)
@@ -97,7 +97,7 @@ def _values(measured: Mapping[str, Measured]) -> Table:
         )
         rows += [Row(("", number(term.u, places), "", term.name), True) for term in one.budget]
     columns = (Column("value"), Column("± u (k=1)", right=True), Column("unit"), Column("from"))
-    return Table(columns, tuple(rows))
+    return TerminalTable(columns, tuple(rows))
 
 
 def _paragraph(title: str, lines: Sequence[str]) -> list[str]:

@@ -22,7 +22,7 @@ from rigd.analysis.evaluation import evaluate_sweeps
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.plan import check_plan
 from rigd.analysis.source import open_sweep
-from rigd.analysis.terminal import Table
+from rigd.analysis.terminal import TerminalTable
 from rigd.model.errors import RigdError
 from rigd.model.units import parse_unit
 from rigd.sdk.check import Finding, NonConforming, Report
@@ -246,7 +246,7 @@ class _Bench:
 
 def _ragged(evaluation: Evaluation) -> Iterator[tuple[str, str]]:
     for part in evaluation.terminal_report():
-        if isinstance(part, Table) and any(
+        if isinstance(part, TerminalTable) and any(
             len(row.cells) != len(part.columns) for row in part.rows
         ):
             yield "a table has rows of another length than its head", "give every column a cell"

@@ -2,21 +2,21 @@
 
 from rigd.analysis.report.render import render_report
 from rigd.analysis.report.section import (
-    Attachment,
     Facts,
     Heading,
     Provenance,
     ReferenceCurve,
+    ReportAttachment,
     ReportSection,
 )
 from rigd.analysis.report.summary import SummaryRow, summary_rows
 
 __all__ = [
-    "Attachment",
     "Facts",
     "Heading",
     "Provenance",
     "ReferenceCurve",
+    "ReportAttachment",
     "ReportSection",
     "SummaryRow",
     "render_report",

@@ -29,7 +29,7 @@ class ComparisonLine:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class GroupComparison:
     """The table of all parameters, and the figures that lay the groups over one another."""
 
     labels: tuple[str, ...]
@@ -40,10 +40,10 @@ class Comparison:
     fits: tuple[Drawing, ...]
 
 
-def comparison(sections: Sequence[ReportSection]) -> Comparison:
+def comparison(sections: Sequence[ReportSection]) -> GroupComparison:
     """Return what all ``sections`` have in common."""
     chosen = [(i, s, featured(s.result.trials)) for i, s in enumerate(sections) if s.result.trials]
-    return Comparison(
+    return GroupComparison(
         labels=tuple(section.label for section in sections),
         references=tuple(
             dict.fromkeys(section.reference_label for section in sections if section.reference)

@@ -42,7 +42,7 @@ class Facts:
 
 
 @dataclass(frozen=True)
-class Attachment:
+class ReportAttachment:
     """A text that belongs to the report as it is, such as the procedure file of a run."""
 
     name: str
@@ -73,5 +73,5 @@ class Provenance:
     """
 
     facts: tuple[Facts, ...] = ()
-    attachments: tuple[Attachment, ...] = ()
+    attachments: tuple[ReportAttachment, ...] = ()
     heading: Heading = field(default_factory=Heading)

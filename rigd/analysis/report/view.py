@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rigd.analysis.report.comparison import Comparison, comparison
+from rigd.analysis.report.comparison import GroupComparison, comparison
 from rigd.analysis.report.layout import Panel, featured, names_condition, panels
 from rigd.analysis.report.plots import correlation, profile, residual, trial
 from rigd.analysis.report.plots.axes import words
@@ -50,17 +50,17 @@ class Chapter:
 
 
 @dataclass(frozen=True)
-class View:
+class ReportView:
     """The whole report."""
 
-    comparison: Comparison
+    comparison: GroupComparison
     chapters: tuple[Chapter, ...]
 
 
-def build_view(sections: Sequence[ReportSection]) -> View:
+def build_view(sections: Sequence[ReportSection]) -> ReportView:
     """Return the view of ``sections``; call within :func:`..svg.drawing_style`."""
     chapters = tuple(_chapter(f"s{i}", section) for i, section in enumerate(sections, start=1))
-    return View(comparison(sections), chapters)
+    return ReportView(comparison(sections), chapters)
 
 
 def _chapter(anchor: str, section: ReportSection) -> Chapter:

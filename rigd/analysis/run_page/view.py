@@ -45,7 +45,7 @@ PANELS: Final = 60
 
 
 @dataclass(frozen=True)
-class TrialView:
+class RunTrialView:
     """One trial: a line for its closed state, a drawing for its open one."""
 
     label: str
@@ -67,7 +67,7 @@ class ChannelRow:
 
 
 @dataclass(frozen=True)
-class View:
+class RunPageView:
     """The whole page."""
 
     info: RunInfo
@@ -79,7 +79,7 @@ class View:
     same: tuple[Fact, ...]  #: those that do not
     rows: tuple[TrialRow, ...]
     overview: Drawing | None
-    trials: tuple[TrialView, ...]
+    trials: tuple[RunTrialView, ...]
     left: int  #: trials that are not drawn one by one
     channels: tuple[ChannelRow, ...]
     steady: tuple[str, ...]
@@ -89,7 +89,7 @@ class View:
     identifies: str  #: the model of the identification, empty without one
 
 
-def build_view(recording: Recording, info: RunInfo, numbers: frozenset[int] | None) -> View:
+def build_view(recording: Recording, info: RunInfo, numbers: frozenset[int] | None) -> RunPageView:
     """Return the view of a recording; call within :func:`drawing_style`."""
     events = recording.events()
     attempts = _attempts(recording, info)
@@ -104,7 +104,7 @@ def build_view(recording: Recording, info: RunInfo, numbers: frozenset[int] | No
     bounds = bounds_of(recording)
     shown, steady = _panels(recording, samples)
     rows, more = event_rows(recording, events)
-    return View(
+    return RunPageView(
         info=info,
         total=info.metadata.get("run", {}).get("trials", ""),
         facts=facts(recording, info, events, samples),
@@ -239,7 +239,7 @@ def _trial(
     samples: Samples,
     shown: Sequence[Shown],
     bounds: Bounds,
-) -> TrialView:
+) -> RunTrialView:
     spans = steps_of(attempt, played)
     marks = marks_of(attempt, events)
     traces = samples.traces.get(attempt.index, {})
@@ -263,7 +263,7 @@ def _trial(
             present, traces, attempt.seconds, spans, [at for at, _ in marks],
             _bounds_by_channel(bounds),
         )  # fmt: skip
-    return TrialView(label, ended, draw(figure, f"t{attempt.index}", alt, caption))
+    return RunTrialView(label, ended, draw(figure, f"t{attempt.index}", alt, caption))
 
 
 def _bounds_by_channel(bounds: Bounds) -> Mapping[str, list[Bound]]:

@@ -6,7 +6,7 @@ import argparse
 from typing import Final
 
 from rigd.cli.remote import lease, look, procedures, recordings, rigs, start, steer, tls
-from rigd.cli.remote.command import Command, add_target
+from rigd.cli.remote.command import RemoteCommand, add_target
 
 HELP = "steer a rig that `rigd serve` serves, here or elsewhere"
 EXAMPLES = """\
@@ -24,7 +24,7 @@ exit codes: as those of rigd; 3 where the daemon refuses, 4 where nobody answers
 """
 
 #: In the order a newcomer needs them.
-COMMANDS: Final[dict[str, Command]] = {
+COMMANDS: Final[dict[str, RemoteCommand]] = {
     **rigs.COMMANDS,
     **look.COMMANDS,
     **start.COMMANDS,
@@ -59,5 +59,5 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Execute the command."""
-    command: Command = args.remote
+    command: RemoteCommand = args.remote
     return command.execute(args)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Command:
+class RemoteCommand:
     """One command; ``configure`` adds its own options, ``execute`` returns the exit code."""
 
     help: str

@@ -9,7 +9,7 @@ from rich.progress import TextColumn
 from rigd.cli.trial_bar import TrialBar
 from rigd.remote.protocol import Status
 from rigd.remote.protocol.results import RunLine
-from rigd.remote.protocol.status import LastRun, Trial
+from rigd.remote.protocol.status import LastRun, TrialStatus
 
 
 class RemoteDisplay(TrialBar):
@@ -18,7 +18,7 @@ class RemoteDisplay(TrialBar):
     def __init__(self, *, quiet: bool) -> None:
         super().__init__(TextColumn("{task.fields[left]}"), quiet=quiet)
         self._task = self._bar.add_task("preflight", total=1, left="")
-        self._trial: Trial | None = None
+        self._trial: TrialStatus | None = None
         self._state = ""
 
     def announce(self, line: str) -> None:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from rigd.cli.remote.command import Command, add_json, connect, print_json
+from rigd.cli.remote.command import RemoteCommand, add_json, connect, print_json
 from rigd.model.errors import ConfigError, Exit
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def _in_words(view: LeaseView) -> str:
 
 
 COMMANDS = {
-    "lease": Command(
+    "lease": RemoteCommand(
         "show who has control, take it, ask for it, or hand it over",
         _execute,
         _configure,

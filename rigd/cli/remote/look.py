@@ -6,14 +6,21 @@ import argparse
 from datetime import datetime
 from typing import TYPE_CHECKING, Final
 
-from rigd.cli.remote.command import Command, add_json, again, connect, connect_async, print_json
+from rigd.cli.remote.command import (
+    RemoteCommand,
+    add_json,
+    again,
+    connect,
+    connect_async,
+    print_json,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pydantic import JsonValue
 
-    from rigd.remote.protocol import Event, Status
+    from rigd.remote.protocol import RigEvent, Status
 
 #: What says nothing about an event.
 _EMPTY: Final[tuple[JsonValue, ...]] = (None, "", [], {})
@@ -124,7 +131,7 @@ def _events(args: argparse.Namespace) -> int:
     return 0
 
 
-def _line(event: Event) -> str:
+def _line(event: RigEvent) -> str:
     trial = "" if event.trial < 0 else f"trial {event.trial}"
     told = _told(event.data)
     line = f"{event.seq:6d}  {_clock(event.t_ns)}  {event.kind:12s} {trial:9s} {told}".rstrip()
@@ -175,7 +182,7 @@ def _duration(seconds: float) -> str:
 
 
 COMMANDS = {
-    "status": Command(
+    "status": RemoteCommand(
         "show what a rig does",
         _status,
         _configure_status,
@@ -185,7 +192,7 @@ examples:
   rigd remote status --watch       progress to the end; exits as the run did
 """,
     ),
-    "events": Command(
+    "events": RemoteCommand(
         "show what happened on a rig, the newest last",
         _events,
         _configure_events,

@@ -8,7 +8,7 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rigd.cli.remote.command import Command, add_json, connect, print_json
+from rigd.cli.remote.command import RemoteCommand, add_json, connect, print_json
 
 if TYPE_CHECKING:
     from rigd.dry_run import PredictedPeak, StepRow
@@ -112,8 +112,8 @@ def _as_played(dry_run: DryRun) -> _PlayedElsewhere:
 
 
 COMMANDS = {
-    "procedures": Command("list the procedures that a daemon has", _procedures, add_json),
-    "dry-run": Command(
+    "procedures": RemoteCommand("list the procedures that a daemon has", _procedures, add_json),
+    "dry-run": RemoteCommand(
         "play a procedure on the daemon's simulated plant; nothing moves",
         _dry_run,
         _configure_dry_run,

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rigd.cli.remote.command import Command, add_json, again, connect, print_json
+from rigd.cli.remote.command import RemoteCommand, add_json, again, connect, print_json
 
 if TYPE_CHECKING:
     from rigd.remote.protocol.results import RunList
@@ -144,8 +144,10 @@ def _tell(args: argparse.Namespace, path: Path) -> None:
 
 
 COMMANDS = {
-    "runs": Command("list the recordings of a daemon, the newest first", _runs, _configure_runs),
-    "fetch": Command(
+    "runs": RemoteCommand(
+        "list the recordings of a daemon, the newest first", _runs, _configure_runs
+    ),
+    "fetch": RemoteCommand(
         "fetch a recording",
         _fetch,
         _configure_fetch,
@@ -157,7 +159,7 @@ One that breaks off goes on where it was. What has arrived is checked against it
 it gets its name.
 """,
     ),
-    "report": Command(
+    "report": RemoteCommand(
         "fetch a recording as a page, or the report of its identification",
         _report,
         _configure_report,

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from rigd.cli.remote.command import Command, add_json, print_json
+from rigd.cli.remote.command import RemoteCommand, add_json, print_json
 
 if TYPE_CHECKING:
     from rigd.remote.client.discovery import DiscoveredRig
@@ -79,7 +79,7 @@ def _as_json(seen: DiscoveredRig) -> dict[str, object]:
 
 
 COMMANDS = {
-    "list": Command(
+    "list": RemoteCommand(
         "list the rigs that this computer knows, alive or not",
         _execute,
         add_json,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rigd.cli.about import add_about, read_about
-from rigd.cli.remote.command import Command, add_json, again, connect_async, print_json
+from rigd.cli.remote.command import RemoteCommand, add_json, again, connect_async, print_json
 from rigd.cli.remote.procedures import add_procedure, values_of
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ It goes on by itself and needs nobody; prompts wait for an answer.
 
 
 COMMANDS = {
-    "start": Command(
+    "start": RemoteCommand(
         "start a procedure on a rig",
         _start,
         _configure_start,
@@ -163,7 +163,7 @@ run does what the procedure says (`on_client_loss`). Ctrl-C then asks whether to
 only the watching. Without --watch the run needs nobody, and prompts wait for whoever answers.
 """,
     ),
-    "resume-run": Command(
+    "resume-run": RemoteCommand(
         "go on with an interrupted run: only the trials that are missing",
         _resume,
         _configure_resume,

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from rigd.cli.remote.command import Command, add_json, connect, print_json
+from rigd.cli.remote.command import RemoteCommand, add_json, connect, print_json
 
 if TYPE_CHECKING:
     from rigd.remote import Client
@@ -117,9 +117,9 @@ of the rig.
 """
 
 COMMANDS = {
-    "pause": Command("pause after the trial under way", _commanding(_pause), add_json),
-    "resume": Command("go on after a pause", _commanding(_resume), add_json),
-    "answer": Command(
+    "pause": RemoteCommand("pause after the trial under way", _commanding(_pause), add_json),
+    "resume": RemoteCommand("go on after a pause", _commanding(_resume), add_json),
+    "answer": RemoteCommand(
         "answer the prompt that waits",
         _commanding(_answer),
         _configure_answer,
@@ -129,29 +129,29 @@ examples:
   rigd remote answer yes
 """,
     ),
-    "ack": Command(
+    "ack": RemoteCommand(
         "acknowledge an interlock that has acted: you have looked at the rig",
         _commanding(_acknowledge),
         _configure_interlock,
     ),
-    "act": Command(
+    "act": RemoteCommand(
         "let a device do one of its actions, such as a tare; for maintainers",
         _commanding(_act),
         _configure_act,
     ),
-    "stop": Command(
+    "stop": RemoteCommand(
         "stop the run in order: setpoints to rest, then its `finish`",
         _stopping(lambda rig, reason: rig.stop(reason), "stop"),
         _configure_stop,
         _STOP_NOTE,
     ),
-    "abort": Command(
+    "abort": RemoteCommand(
         "ramp to rest now, without `finish`",
         _stopping(lambda rig, reason: rig.abort(reason), "abort"),
         _configure_stop,
         _STOP_NOTE,
     ),
-    "estop": Command(
+    "estop": RemoteCommand(
         "ask for power to be dropped",
         _stopping(lambda rig, reason: rig.estop(reason), "estop"),
         _configure_stop,

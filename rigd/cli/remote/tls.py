@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from rigd.cli.remote.command import Command, add_json, print_json
+from rigd.cli.remote.command import RemoteCommand, add_json, print_json
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
@@ -70,7 +70,7 @@ Give nobody ca.key, nor another's key; keep ca.key off the network."""
 
 
 COMMANDS = {
-    "setup-tls": Command(
+    "setup-tls": RemoteCommand(
         "make certificates for a lab: an authority, the rig's, and one for each client",
         _execute,
         _configure,

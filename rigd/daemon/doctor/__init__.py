@@ -1,6 +1,6 @@
 """Checks whether this machine and a rig are fit to run; every result is measured."""
 
-from rigd.daemon.doctor.check import Check, Verdict, is_fit
+from rigd.daemon.doctor.check import Check, CheckVerdict, is_fit
 from rigd.daemon.doctor.examine import Examination, examine
 
-__all__ = ["Check", "Examination", "Verdict", "examine", "is_fit"]
+__all__ = ["Check", "CheckVerdict", "Examination", "examine", "is_fit"]

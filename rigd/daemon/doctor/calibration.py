@@ -8,7 +8,7 @@ from typing import Final
 
 from rigd.config.rig import RigConfig
 from rigd.daemon.calibration import unusable
-from rigd.daemon.doctor.check import Check, Verdict
+from rigd.daemon.doctor.check import Check, CheckVerdict
 
 _NAME: Final = "calibration"
 #: From so many days before its end it is time to think of the next one.
@@ -23,13 +23,13 @@ def examine_calibration(rig: RigConfig, on: date) -> Iterator[Check]:
     group = f"rig {rig.name}"
     if setup.held is None:
         advice = "`rigd calibrate` makes it: a run that rests on it does not begin"
-        yield Check(group, _NAME, Verdict.FAIL, f"there is no file {setup.path}", advice)
+        yield Check(group, _NAME, CheckVerdict.FAIL, f"there is no file {setup.path}", advice)
         return
     names = tuple(setup.held.values)
     reasons = unusable(rig, names, on)
     for reason in reasons:
         found, _, advice = reason.partition("\n")
-        yield Check(group, _NAME, Verdict.FAIL, found, advice.strip())
+        yield Check(group, _NAME, CheckVerdict.FAIL, found, advice.strip())
     if reasons:
         return
     count = f"{len(names)} values"
@@ -39,7 +39,7 @@ def examine_calibration(rig: RigConfig, on: date) -> Iterator[Check]:
         if one.valid_until is not None
     }
     if not ends:
-        yield Check(group, _NAME, Verdict.OK, f"{setup.held.name}: {count}, none expires")
+        yield Check(group, _NAME, CheckVerdict.OK, f"{setup.held.name}: {count}, none expires")
         return
     first = min(ends, key=ends.__getitem__)
     days = (ends[first] - on).days
@@ -48,7 +48,7 @@ def examine_calibration(rig: RigConfig, on: date) -> Iterator[Check]:
     yield Check(
         group,
         _NAME,
-        Verdict.WARN if soon else Verdict.OK,
+        CheckVerdict.WARN if soon else CheckVerdict.OK,
         found,
         "calibrate again in time: then no run that needs it begins" if soon else "",
         {"days_left": days},

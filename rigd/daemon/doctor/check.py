@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 
-class Verdict(Enum):
+class CheckVerdict(Enum):
     """How a check ended."""
 
     OK = "ok"
@@ -25,7 +25,7 @@ class Check:
 
     group: str
     name: str
-    verdict: Verdict
+    verdict: CheckVerdict
     found: str
     advice: str = ""
     figures: Mapping[str, object] = field(default_factory=dict)
@@ -33,7 +33,7 @@ class Check:
 
 def is_fit(checks: Iterable[Check]) -> bool:
     """Return whether none of ``checks`` fails."""
-    return all(one.verdict is not Verdict.FAIL for one in checks)
+    return all(one.verdict is not CheckVerdict.FAIL for one in checks)
 
 
 #: Takes every check as soon as it is made.

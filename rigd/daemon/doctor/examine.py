@@ -11,10 +11,10 @@ from rigd.daemon.doctor.calibration import examine_calibration
 from rigd.daemon.doctor.check import Tell
 from rigd.daemon.doctor.machine import examine_machine
 from rigd.daemon.doctor.rig import examine_rig
-from rigd.daemon.doctor.storage import Needs, examine_storage
+from rigd.daemon.doctor.storage import StorageNeeds, examine_storage
 from rigd.daemon.doctor.timing import examine_timing
 from rigd.daemon.forms import RING_S
-from rigd.daemon.signals import heed_signals
+from rigd.daemon.signals import handle_signals
 from rigd.engine.control import Control
 from rigd.engine.rates import most_rows_hz, ring_rows
 from rigd.engine.wiring import streams_of
@@ -47,14 +47,14 @@ def examine(what: Examination, tell: Tell) -> bool:
     for check in examine_calibration(rig, datetime.now(UTC).date()):
         tell(check)
     control = Control()
-    with heed_signals(control):
+    with handle_signals(control):
         examine_rig(rig, what.seconds, control, tell)
     return control.asked is None
 
 
-def _needs(rig: RigConfig) -> Needs:
+def _needs(rig: RigConfig) -> StorageNeeds:
     streams = [(one, row_struct(one).size) for one in streams_of(rig)]
-    return Needs(
+    return StorageNeeds(
         sum(size * most_rows_hz(rig, one) for one, size in streams),
         sum(size * ring_rows(rig, one, RING_S) for one, size in streams),
     )

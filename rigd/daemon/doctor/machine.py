@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from rigd.daemon.doctor.check import Check, Verdict
+from rigd.daemon.doctor.check import Check, CheckVerdict
 
 _GROUP: Final = "machine"
 _CLOCK_SOURCE: Final = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
@@ -44,8 +44,8 @@ def _python() -> Check:
     found = f"Python {platform.python_version()}, Linux {kernel.release} {model}".rstrip()
     if sys.platform != "linux":
         advice = "run rigd on Linux: elsewhere it has neither real time nor locked memory"
-        return Check(_GROUP, "system", Verdict.FAIL, f"{found} ({sys.platform})", advice)
-    return Check(_GROUP, "system", Verdict.OK, found)
+        return Check(_GROUP, "system", CheckVerdict.FAIL, f"{found} ({sys.platform})", advice)
+    return Check(_GROUP, "system", CheckVerdict.OK, found)
 
 
 def _processors() -> Check:
@@ -54,8 +54,8 @@ def _processors() -> Check:
     figures = {"count": count}
     if count < _FEW_PROCESSORS:
         advice = "give this machine a second one: cycle, recorder and daemon share this one"
-        return Check(_GROUP, "processors", Verdict.WARN, found, advice, figures)
-    return Check(_GROUP, "processors", Verdict.OK, found, figures=figures)
+        return Check(_GROUP, "processors", CheckVerdict.WARN, found, advice, figures)
+    return Check(_GROUP, "processors", CheckVerdict.OK, found, figures=figures)
 
 
 def _governor() -> Check:
@@ -64,13 +64,13 @@ def _governor() -> Check:
     }
     if not governors:
         return Check(
-            _GROUP, "frequency", Verdict.OK, "not ours to set (a virtual machine has none)"
+            _GROUP, "frequency", CheckVerdict.OK, "not ours to set (a virtual machine has none)"
         )
     found = f"governor {', '.join(sorted(governors))}"
     if governors == {"performance"}:
-        return Check(_GROUP, "frequency", Verdict.OK, found)
+        return Check(_GROUP, "frequency", CheckVerdict.OK, found)
     advice = "a processor that slows down wakes late: cpupower frequency-set -g performance"
-    return Check(_GROUP, "frequency", Verdict.WARN, found, advice)
+    return Check(_GROUP, "frequency", CheckVerdict.WARN, found, advice)
 
 
 def _monotonic() -> Check:
@@ -80,14 +80,14 @@ def _monotonic() -> Check:
     figures = {"source": source, "resolution_s": resolution_s}
     if resolution_s > 1e-6:
         advice = "the kernel has no high-resolution timers: cycles cannot be on time"
-        return Check(_GROUP, "clock", Verdict.FAIL, found, advice, figures)
+        return Check(_GROUP, "clock", CheckVerdict.FAIL, found, advice, figures)
     if source not in _FAST_SOURCES:
         advice = (
             "reading this clock asks the hardware each time; boot with clocksource=tsc where the "
             "processor's is stable"
         )
-        return Check(_GROUP, "clock", Verdict.WARN, found, advice, figures)
-    return Check(_GROUP, "clock", Verdict.OK, found, figures=figures)
+        return Check(_GROUP, "clock", CheckVerdict.WARN, found, advice, figures)
+    return Check(_GROUP, "clock", CheckVerdict.OK, found, figures=figures)
 
 
 class _Timex(ctypes.Structure):
@@ -110,12 +110,12 @@ def _wall_clock() -> Check:
     advice = "times of recordings may be wrong: timedatectl set-ntp true (or start chrony)"
     if state == -1:
         why = os.strerror(ctypes.get_errno())
-        return Check(_GROUP, "wall clock", Verdict.WARN, f"cannot be asked: {why}", advice)
+        return Check(_GROUP, "wall clock", CheckVerdict.WARN, f"cannot be asked: {why}", advice)
     if state == _TIME_ERROR:
-        return Check(_GROUP, "wall clock", Verdict.WARN, "not synchronised", advice)
+        return Check(_GROUP, "wall clock", CheckVerdict.WARN, "not synchronised", advice)
     error_s = timex.maxerror * 1e-6
     found = f"synchronised, within {error_s * 1e3:.3g} ms"
-    return Check(_GROUP, "wall clock", Verdict.OK, found, figures={"max_error_s": error_s})
+    return Check(_GROUP, "wall clock", CheckVerdict.OK, found, figures={"max_error_s": error_s})
 
 
 def _throttling() -> Check:
@@ -123,13 +123,13 @@ def _throttling() -> Check:
         period_us, runtime_us = int(_RT_PERIOD.read_text()), int(_RT_RUNTIME.read_text())
     except OSError as error:
         found = f"cannot be read: {error.strerror}"
-        return Check(_GROUP, "RT throttling", Verdict.OK, found)
+        return Check(_GROUP, "RT throttling", CheckVerdict.OK, found)
     if runtime_us < 0:
-        return Check(_GROUP, "RT throttling", Verdict.OK, "off")
+        return Check(_GROUP, "RT throttling", CheckVerdict.OK, "off")
     share = runtime_us / period_us
     found = f"real-time processes may have {share:.0%} of the time"
     figures = {"share": share}
     if share < _LEAST_RT_SHARE:
         advice = "sysctl kernel.sched_rt_runtime_us=950000: what is beyond its share stands still"
-        return Check(_GROUP, "RT throttling", Verdict.WARN, found, advice, figures)
-    return Check(_GROUP, "RT throttling", Verdict.OK, found, figures=figures)
+        return Check(_GROUP, "RT throttling", CheckVerdict.WARN, found, advice, figures)
+    return Check(_GROUP, "RT throttling", CheckVerdict.OK, found, figures=figures)

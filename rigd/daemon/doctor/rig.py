@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from rigd.config.rig import RigConfig
-from rigd.daemon.doctor.check import Check, Tell, Verdict
+from rigd.daemon.doctor.check import Check, CheckVerdict, Tell
 from rigd.daemon.doctor.survey import Survey
-from rigd.daemon.manual import Look, look_at
+from rigd.daemon.manual import UnarmedSession, open_unarmed
 from rigd.engine.control import Control
 from rigd.model.errors import Blocked, DeviceError
 from rigd.model.severity import Severity
@@ -32,14 +32,14 @@ def examine_rig(rig: RigConfig, seconds: float, control: Control, tell: Tell) ->
     """Open ``rig``, prove its watchdogs, watch it at rest for so long; nothing is armed."""
     group = f"rig {rig.name}"
     try:
-        with look_at(rig, control, command="rigd doctor") as look:
+        with open_unarmed(rig, control, command="rigd doctor") as look:
             _examine(look, seconds, tell)
     except Blocked as error:
         for reason in error.reasons:
-            tell(Check(group, "free", Verdict.FAIL, reason, "wait until it ends, or end it"))
+            tell(Check(group, "free", CheckVerdict.FAIL, reason, "wait until it ends, or end it"))
 
 
-def _examine(look: Look, seconds: float, tell: Tell) -> None:
+def _examine(look: UnarmedSession, seconds: float, tell: Tell) -> None:
     rig = look.rig
     group = f"rig {rig.name}"
     reasons = split_reasons(look.open(), [*rig.links, *rig.devices])
@@ -47,7 +47,7 @@ def _examine(look: Look, seconds: float, tell: Tell) -> None:
         tell(check)
     if reasons:
         found = "not measured"
-        tell(Check(group, "at rest", Verdict.FAIL, found, "first every device must be found"))
+        tell(Check(group, "at rest", CheckVerdict.FAIL, found, "first every device must be found"))
         return
     if look.stopped:
         return
@@ -59,7 +59,7 @@ def _examine(look: Look, seconds: float, tell: Tell) -> None:
         look.on_rows = survey.take
         look.rest(seconds)
     except DeviceError as error:
-        tell(Check(group, "at rest", Verdict.FAIL, error.message, error.hint or ""))
+        tell(Check(group, "at rest", CheckVerdict.FAIL, error.message, error.hint or ""))
         return
     if look.stopped:
         return
@@ -87,7 +87,9 @@ def split_reasons(told: Sequence[str], names: Sequence[str]) -> list[Reason]:
     return reasons
 
 
-def _links_and_devices(group: str, look: Look, reasons: Sequence[Reason]) -> Iterator[Check]:
+def _links_and_devices(
+    group: str, look: UnarmedSession, reasons: Sequence[Reason]
+) -> Iterator[Check]:
     rig = look.rig
     identities = {
         name: str(identity)
@@ -99,35 +101,37 @@ def _links_and_devices(group: str, look: Look, reasons: Sequence[Reason]) -> Ite
     for reason in reasons:
         if reason.name not in rig.devices:
             name = reason.name or "opening"
-            yield Check(group, name, Verdict.FAIL, reason.message, reason.advice)
+            yield Check(group, name, CheckVerdict.FAIL, reason.message, reason.advice)
     for name, link in rig.links.items():
         if name not in wrong:
-            yield Check(group, name, Verdict.OK, f"open ({link.link_class.title})")
+            yield Check(group, name, CheckVerdict.OK, f"open ({link.link_class.title})")
     for name, device in rig.devices.items():
         mine = [reason for reason in reasons if reason.name == name]
         for reason in mine:
-            yield Check(group, name, Verdict.FAIL, reason.message, reason.advice)
+            yield Check(group, name, CheckVerdict.FAIL, reason.message, reason.advice)
         if device.link is not None and device.link in wrong:
             found = f"not looked for: {device.link} is not open"
-            yield Check(group, name, Verdict.FAIL, found)
+            yield Check(group, name, CheckVerdict.FAIL, found)
         elif not mine and "" not in wrong:
             identity = identities.get(name) or device.driver_class.title
-            yield Check(group, name, Verdict.OK, identity, figures={"identity": identity})
+            yield Check(group, name, CheckVerdict.OK, identity, figures={"identity": identity})
 
 
-def _watchdogs(look: Look) -> Iterator[Check]:
+def _watchdogs(look: UnarmedSession) -> Iterator[Check]:
     """Let every watchdog act once, and yield what came of it."""
     rig, group = look.rig, "watchdogs"
     actuators = [device for device in rig.devices.values() if device.setpoints]
     if rig.plant is not None:
         found = "none needed: simulated in process, the devices end with it"
-        yield Check(group, "all", Verdict.OK, found)
+        yield Check(group, "all", CheckVerdict.OK, found)
         return
     told = len(look.events)
     reasons = split_reasons(look.judge(), list(rig.devices))
     proven = {event.data.get("device"): event for event in look.events[told:]}
     for reason in reasons:
-        yield Check(group, reason.name or "arming", Verdict.FAIL, reason.message, reason.advice)
+        yield Check(
+            group, reason.name or "arming", CheckVerdict.FAIL, reason.message, reason.advice
+        )
     for device in actuators:
         event = proven.get(device.name)
         if event is None:
@@ -135,34 +139,38 @@ def _watchdogs(look: Look) -> Iterator[Check]:
         name, data = device.name, event.data
         if event.kind == "waiver":
             found = f"none; waived by {data['by']}: {data['reason']}"
-            yield Check(group, name, Verdict.WARN, found, "nothing stops it when this machine dies")
+            yield Check(
+                group, name, CheckVerdict.WARN, found, "nothing stops it when this machine dies"
+            )
         elif event.kind == "watchdog":
             took_s, bound_s = data["safe_after_s"], data["bound_s"]
             found = f"safe {took_s * 1e3:.0f} ms after we fell silent, bound {bound_s * 1e3:.0f} ms"
             figures = {"safe_after_s": took_s, "bound_s": bound_s}
-            yield Check(group, name, Verdict.OK, found, figures=figures)
+            yield Check(group, name, CheckVerdict.OK, found, figures=figures)
 
 
-def _loads(group: str, look: Look) -> Iterator[Check]:
+def _loads(group: str, look: UnarmedSession) -> Iterator[Check]:
     for name, load in look.loads().items():
         found, figures = f"carries {load:.0%} of what it can, at worst", {"load": load}
         if load > _FULL:
             advice = "move devices to another bus, or lower `cycle`: what waits comes late"
-            yield Check(group, name, Verdict.WARN, found, advice, figures)
+            yield Check(group, name, CheckVerdict.WARN, found, advice, figures)
         else:
-            yield Check(group, name, Verdict.OK, found, figures=figures)
+            yield Check(group, name, CheckVerdict.OK, found, figures=figures)
 
 
-def _interlocks(group: str, look: Look) -> Iterator[Check]:
+def _interlocks(group: str, look: UnarmedSession) -> Iterator[Check]:
     standing = {trip.interlock.name for trip in look.standing()}
     last = {trip.interlock.name: trip for trip in look.trips}
     for name, trip in last.items():
         action = trip.interlock.action
-        verdict = Verdict.FAIL if name in standing and action > Severity.WARN else Verdict.WARN
+        verdict = (
+            CheckVerdict.FAIL if name in standing and action > Severity.WARN else CheckVerdict.WARN
+        )
         advice = trip.interlock.message or "no run is armed while it stands"
         if name not in standing:
             advice = f"it has passed; a run would have met with: {action.word.replace('_', ' ')}"
         yield Check(group, f"interlock {name}", verdict, trip.reason, advice)
     if not last:
         count = len(look.rig.interlocks)
-        yield Check(group, "interlocks", Verdict.OK, f"none of {count} tripped")
+        yield Check(group, "interlocks", CheckVerdict.OK, f"none of {count} tripped")

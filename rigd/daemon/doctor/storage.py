@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from rigd.daemon.doctor.check import Check, Verdict
+from rigd.daemon.doctor.check import Check, CheckVerdict
 from rigd.engine.shared import state_folder
 from rigd.model.errors import RigdError
 
@@ -33,20 +33,20 @@ _SOME_RINGS: Final = 100_000_000
 
 
 @dataclass(frozen=True)
-class Needs:
+class StorageNeeds:
     """What a rig writes, uncompressed, in bytes per second, and its rings, in bytes."""
 
     bytes_per_s: float
     ring_bytes: int
 
 
-def examine_storage(runs: Path, needs: Needs | None) -> Iterator[Check]:
+def examine_storage(runs: Path, needs: StorageNeeds | None) -> Iterator[Check]:
     """Yield checks of the folder of recordings and of the state folder."""
     yield from _disk(runs, needs)
     yield _state(needs)
 
 
-def _disk(runs: Path, needs: Needs | None) -> Iterator[Check]:
+def _disk(runs: Path, needs: StorageNeeds | None) -> Iterator[Check]:
     folder = runs.absolute()
     while not folder.is_dir():
         folder = folder.parent
@@ -57,24 +57,24 @@ def _disk(runs: Path, needs: Needs | None) -> Iterator[Check]:
     if hours is not None:
         found += f": {hours:.3g} h of this rig, uncompressed"
         figures["hours"] = hours
-    verdict, advice = Verdict.OK, ""
+    verdict, advice = CheckVerdict.OK, ""
     if free < _LEAST_FREE:
-        verdict, advice = Verdict.FAIL, "make room: a run does not start"
+        verdict, advice = CheckVerdict.FAIL, "make room: a run does not start"
     elif hours is not None and hours < _HOURS:
-        verdict, advice = Verdict.WARN, f"make room for a day of work ({_HOURS:g} h)"
+        verdict, advice = CheckVerdict.WARN, f"make room for a day of work ({_HOURS:g} h)"
     elif hours is None and free < _FREE_ENOUGH:
-        verdict, advice = Verdict.WARN, "make room: a rig at 1 kHz writes about 5 GB in 8 h"
+        verdict, advice = CheckVerdict.WARN, "make room: a rig at 1 kHz writes about 5 GB in 8 h"
     yield Check(_GROUP, "disk", verdict, found, advice, figures)
-    if verdict is not Verdict.FAIL:
+    if verdict is not CheckVerdict.FAIL:
         yield _speed(folder, needs)
 
 
-def _speed(folder: Path, needs: Needs | None) -> Check:
+def _speed(folder: Path, needs: StorageNeeds | None) -> Check:
     try:
         rate, longest_s = _write(folder)
     except OSError as error:
         advice = "give rigd a folder it may write to, with --runs"
-        return Check(_GROUP, "disk speed", Verdict.FAIL, f"{folder}: {error.strerror}", advice)
+        return Check(_GROUP, "disk speed", CheckVerdict.FAIL, f"{folder}: {error.strerror}", advice)
     found = f"{rate / 1e6:.3g} MB/s with fdatasync, the longest took {longest_s * 1e3:.3g} ms"
     figures = {"bytes_per_s": rate, "longest_sync_s": longest_s}
     name = "disk speed"
@@ -83,14 +83,14 @@ def _speed(folder: Path, needs: Needs | None) -> Check:
             f"this rig gives {needs.bytes_per_s / 1e6:.3g} MB/s: record to a faster disk, or "
             "record fewer streams"
         )
-        return Check(_GROUP, name, Verdict.FAIL, found, advice, figures)
+        return Check(_GROUP, name, CheckVerdict.FAIL, found, advice, figures)
     if needs is not None and rate < _RESERVE * needs.bytes_per_s:
         advice = f"this rig gives {needs.bytes_per_s / 1e6:.3g} MB/s, which leaves little reserve"
-        return Check(_GROUP, name, Verdict.WARN, found, advice, figures)
+        return Check(_GROUP, name, CheckVerdict.WARN, found, advice, figures)
     if longest_s > _LONG_SYNC_S:
         advice = "a disk that stands still for a minute ends a run: record to another one"
-        return Check(_GROUP, name, Verdict.WARN, found, advice, figures)
-    return Check(_GROUP, name, Verdict.OK, found, figures=figures)
+        return Check(_GROUP, name, CheckVerdict.WARN, found, advice, figures)
+    return Check(_GROUP, name, CheckVerdict.OK, found, figures=figures)
 
 
 def _write(folder: Path) -> tuple[float, float]:
@@ -109,23 +109,23 @@ def _write(folder: Path) -> tuple[float, float]:
     return _PIECE * _PIECES / took_s, longest_s
 
 
-def _state(needs: Needs | None) -> Check:
+def _state(needs: StorageNeeds | None) -> Check:
     name = "ring memory"
     try:
         folder = state_folder()
     except RigdError as error:
-        return Check(_GROUP, name, Verdict.FAIL, error.message, error.hint or "")
+        return Check(_GROUP, name, CheckVerdict.FAIL, error.message, error.hint or "")
     kind, free = _file_system(folder), shutil.disk_usage(folder).free
     wanted = _SOME_RINGS if needs is None else needs.ring_bytes
     found = f"{folder} on {kind}, {_size(free)} free, {_size(wanted)} needed"
     figures = {"file_system": kind, "free_bytes": free, "needed_bytes": wanted}
     if free < wanted:
         advice = "set RIGD_STATE to a private folder in memory (tmpfs) with more room"
-        return Check(_GROUP, name, Verdict.FAIL, found, advice, figures)
+        return Check(_GROUP, name, CheckVerdict.FAIL, found, advice, figures)
     if kind not in ("tmpfs", "ramfs"):
         advice = "set RIGD_STATE to a private folder in memory (tmpfs): a disk can stall the cycle"
-        return Check(_GROUP, name, Verdict.WARN, found, advice, figures)
-    return Check(_GROUP, name, Verdict.OK, found, figures=figures)
+        return Check(_GROUP, name, CheckVerdict.WARN, found, advice, figures)
+    return Check(_GROUP, name, CheckVerdict.OK, found, figures=figures)
 
 
 def _size(count: int) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.daemon.doctor.bare_cycle import Lateness
-from rigd.daemon.doctor.check import Check, Verdict
+from rigd.daemon.doctor.check import Check, CheckVerdict
 from rigd.daemon.doctor.statistics import Statistics
 from rigd.daemon.doctor.timing import lateness_check, silence_check
 from rigd.engine.mount import CYCLE_STREAM
@@ -65,7 +65,7 @@ class Survey:
     def cycle(self, group: str) -> Iterator[Check]:
         """Yield how the cycle kept its time with the devices in it."""
         if sum(map(len, self._cycles)) < 2:
-            yield Check(group, "cycle", Verdict.FAIL, "no cycle has run")
+            yield Check(group, "cycle", CheckVerdict.FAIL, "no cycle has run")
             return
         rows = np.concatenate(self._cycles)
         period_ns = self._rig.period_ns
@@ -83,8 +83,8 @@ class Survey:
         figures = {"spent_s": {"p50": p50_s, "p99": p99_s}, "period_s": period_s}
         if p50_s > _BUSY_SHARE * period_s:
             advice = "lower `cycle`, or use a faster machine: the exchange hardly fits"
-            return Check(group, "work per cycle", Verdict.WARN, found, advice, figures)
-        return Check(group, "work per cycle", Verdict.OK, found, figures=figures)
+            return Check(group, "work per cycle", CheckVerdict.WARN, found, advice, figures)
+        return Check(group, "work per cycle", CheckVerdict.OK, found, figures=figures)
 
     def devices(self, group: str) -> Iterator[Check]:
         """Yield the rate and the stale rows of every device."""
@@ -98,20 +98,20 @@ class Survey:
         took_s = (self._last_ns.get(name, 0) - self._first_ns.get(name, 0)) * 1e-9
         if count < 2 or took_s <= 0:
             advice = "look longer, with --seconds" if count else "is it on, and does it measure?"
-            verdict = Verdict.WARN if count else Verdict.FAIL
+            verdict = CheckVerdict.WARN if count else CheckVerdict.FAIL
             return Check(group, name, verdict, f"{count} rows", advice)
         rate_hz, share = (count - 1) / took_s, stale / count
         found = f"{rate_hz:.5g} rows/s" + (f", {stale} of {count} stale" if stale else "")
         figures = {"rate_hz": rate_hz, "rows": count, "stale": stale}
         if share > _STALE_WARN:
-            verdict = Verdict.FAIL if share > _STALE_FAIL else Verdict.WARN
+            verdict = CheckVerdict.FAIL if share > _STALE_FAIL else CheckVerdict.WARN
             advice = "its answers come late: a busy bus or line, or a busy machine"
             return Check(group, name, verdict, found, advice, figures)
         wanted_hz = self._wanted_hz(device)
         if wanted_hz is not None and rate_hz < (1 - _RATE_TOLERANCE) * wanted_hz:
             advice = f"it should give {wanted_hz:g} rows/s: rows were lost on their way"
-            return Check(group, name, Verdict.WARN, found, advice, figures)
-        return Check(group, name, Verdict.OK, found, figures=figures)
+            return Check(group, name, CheckVerdict.WARN, found, advice, figures)
+        return Check(group, name, CheckVerdict.OK, found, figures=figures)
 
     def _wanted_hz(self, device: DeviceConfig) -> float | None:
         """Return the rate that a device must keep; None where it has a pace of its own."""
@@ -137,9 +137,9 @@ def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Stat
         total = seen.count + seen.not_finite
         found = f"{seen.not_finite} of {total} values are not a number"
         advice = "beyond its range, or its sensor is not connected?"
-        return Check(group, name, Verdict.FAIL, found, advice)
+        return Check(group, name, CheckVerdict.FAIL, found, advice)
     if not seen.count:
-        return Check(group, name, Verdict.FAIL, "no value", "see its device above")
+        return Check(group, name, CheckVerdict.FAIL, "no value", "see its device above")
     figures = {
         "unit": channel.unit,
         "zero": seen.mean,
@@ -148,7 +148,7 @@ def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Stat
         "high": seen.high,
     }
     if seen.count > 2 and seen.climbing:
-        return Check(group, name, Verdict.OK, "runs on: it only climbs", figures=figures)
+        return Check(group, name, CheckVerdict.OK, "runs on: it only climbs", figures=figures)
     found = f"zero {seen.mean:.4g}{unit}, "
     if seen.constant:
         found += "constant"
@@ -161,9 +161,9 @@ def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Stat
     if not rests and (seen.low <= channel.low or seen.high >= channel.high):
         end = channel.low if seen.low <= channel.low else channel.high
         advice = f"it stands at the end of its range, {end:g}{unit}: saturated, or its wire is off?"
-        return Check(group, name, Verdict.WARN, found, advice, figures)
+        return Check(group, name, CheckVerdict.WARN, found, advice, figures)
     analogue = issubclass(device.driver_class, BlockDriver) and not in_cycle(device)
     if seen.constant and analogue and channel.raw_of is not None:
         advice = "an analogue input without any noise: is its sensor connected, and on?"
-        return Check(group, name, Verdict.WARN, found, advice, figures)
-    return Check(group, name, Verdict.OK, found, figures=figures)
+        return Check(group, name, CheckVerdict.WARN, found, advice, figures)
+    return Check(group, name, CheckVerdict.OK, found, figures=figures)

@@ -7,7 +7,7 @@ from typing import Final
 
 from rigd.config.rig import RigConfig
 from rigd.daemon.doctor.bare_cycle import BareCycle, Lateness, measure
-from rigd.daemon.doctor.check import Check, Verdict
+from rigd.daemon.doctor.check import Check, CheckVerdict
 
 _GROUP: Final = "timing"
 #: Rate of the bare cycle where no rig gives one.
@@ -33,10 +33,10 @@ def examine_timing(rig: RigConfig | None, seconds: float) -> Iterator[Check]:
 
 def _granted(found: BareCycle) -> Iterator[Check]:
     if found.granted:
-        yield Check(_GROUP, "granted", Verdict.OK, ", ".join(found.granted))
+        yield Check(_GROUP, "granted", CheckVerdict.OK, ", ".join(found.granted))
     for sentence in found.lost:
         what, _, advice = sentence.partition(": ")
-        yield Check(_GROUP, "not granted", Verdict.WARN, what, advice)
+        yield Check(_GROUP, "not granted", CheckVerdict.WARN, what, advice)
 
 
 def lateness_check(group: str, name: str, late: Lateness, period_ns: int) -> Check:
@@ -53,14 +53,14 @@ def lateness_check(group: str, name: str, late: Lateness, period_ns: int) -> Che
     }
     if share > _MISSED_FAIL:
         advice = "nothing at this rate can be trusted here: lower `cycle`, or take another machine"
-        return Check(group, name, Verdict.FAIL, found, advice, figures)
+        return Check(group, name, CheckVerdict.FAIL, found, advice, figures)
     if share > _MISSED_WARN or late.p99_s > period_ns * 1e-9:
         advice = (
             "something stalls this machine: other programs, power saving, or its host. Each slot "
             "that is missed is recorded as such"
         )
-        return Check(group, name, Verdict.WARN, found, advice, figures)
-    return Check(group, name, Verdict.OK, found, figures=figures)
+        return Check(group, name, CheckVerdict.WARN, found, advice, figures)
+    return Check(group, name, CheckVerdict.OK, found, figures=figures)
 
 
 def silence_check(group: str, late: Lateness, rig: RigConfig | None) -> Check:
@@ -73,7 +73,7 @@ def silence_check(group: str, late: Lateness, rig: RigConfig | None) -> Check:
     }
     if rig is None:
         found += f"; `cycle_silence: {wanted_s * 1e3:g} ms` or more suits this machine"
-        return Check(group, "stalls", Verdict.OK, found, figures=figures)
+        return Check(group, "stalls", CheckVerdict.OK, found, figures=figures)
     set_s = rig.supervision.cycle_silence_s
     found += f"; this rig allows {set_s * 1e3:g} ms"
     if set_s < _SILENCE_FACTOR * late.longest_gap_s:
@@ -81,8 +81,8 @@ def silence_check(group: str, late: Lateness, rig: RigConfig | None) -> Check:
             f"a stall would be taken for a death: write `cycle_silence: {wanted_s * 1e3:g} ms` "
             "under `supervision:`"
         )
-        return Check(group, "stalls", Verdict.WARN, found, advice, figures)
-    return Check(group, "stalls", Verdict.OK, found, figures=figures)
+        return Check(group, "stalls", CheckVerdict.WARN, found, advice, figures)
+    return Check(group, "stalls", CheckVerdict.OK, found, figures=figures)
 
 
 def suggested_silence_s(longest_gap_s: float) -> float:

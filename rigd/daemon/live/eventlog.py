@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from itertools import islice
 from typing import Any, Final
 
-from rigd.record.events import Event as Recorded
+from rigd.record.events import Event as RecordedEvent
 from rigd.record.events import data_to_json
-from rigd.remote.protocol import VERSION, Event
+from rigd.remote.protocol import VERSION, RigEvent
 
 #: Events that are kept.
 KEPT: Final = 1000
@@ -24,10 +24,10 @@ class EventLog:
     """Numbers events from 0 on."""
 
     def __init__(self) -> None:
-        self._kept: deque[tuple[int, Event]] = deque(maxlen=KEPT)  #: with the bytes of its data
+        self._kept: deque[tuple[int, RigEvent]] = deque(maxlen=KEPT)  #: with the bytes of its data
         self.next = 0  #: number of the next event
 
-    def add(self, event: Recorded) -> Event:
+    def add(self, event: RecordedEvent) -> RigEvent:
         """Number an event, and keep it.
 
         Raises:
@@ -39,7 +39,7 @@ class EventLog:
         if size > MAX_DATA_BYTES:
             data = {"left_out": f"{size} bytes, which the recording has"}
             size = len(data["left_out"])
-        numbered = Event(
+        numbered = RigEvent(
             v=VERSION,
             seq=self.next,
             t_ns=event.t_ns,
@@ -51,12 +51,12 @@ class EventLog:
         self.next += 1
         return numbered
 
-    def since(self, number: int) -> Sequence[Event]:
+    def since(self, number: int) -> Sequence[RigEvent]:
         """Return kept events from ``number`` on, oldest first: as many as one answer holds.
 
         The first has a larger number where older ones are no longer kept.
         """
-        found: list[Event] = []
+        found: list[RigEvent] = []
         room = ANSWER_BYTES
         first = self.next - len(self._kept)
         for size, event in islice(self._kept, max(number - first, 0), None):

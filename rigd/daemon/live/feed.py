@@ -23,10 +23,10 @@ from rigd.engine.shared import EVENT_SOURCES, EventView, RunFolder, Word
 from rigd.engine.sink import Rows
 from rigd.engine.wiring import streams_of
 from rigd.record.events import NO_TRIAL
-from rigd.record.events import Event as Recorded
-from rigd.remote.protocol import Code, Event, Refusal, encode_frame
+from rigd.record.events import Event as RecordedEvent
+from rigd.remote.protocol import Code, Refusal, RigEvent, encode_frame
 from rigd.remote.protocol.limits import LIVE_HZ
-from rigd.remote.protocol.results import History, Latest, LatestValues
+from rigd.remote.protocol.results import History, LatestReply, LatestValues
 
 _LOG: Final = logging.getLogger(__name__)
 #: One failure to show is logged in so many seconds.
@@ -34,13 +34,13 @@ QUIET_S: Final = 10.0
 
 
 class Outlet(Protocol):
-    """Where frames and events go; never waits long (:class:`rigd.remote.server.Publisher`)."""
+    """Where frames and events go; never waits long (:class:`rigd.remote.server.RigPublisher`)."""
 
     def frame(self, stream: str, payload: bytes, /) -> None:
         """Take a frame of ``stream``, encoded."""
         ...
 
-    def event(self, event: Event, /) -> None:
+    def event(self, event: RigEvent, /) -> None:
         """Take an event."""
         ...
 
@@ -145,10 +145,10 @@ class Feed:
             TypeError: the data has no form in JSON.
         """
         with self._lock:
-            event = self._log.add(Recorded(self.t_ns, kind, NO_TRIAL, data))
+            event = self._log.add(RecordedEvent(self.t_ns, kind, NO_TRIAL, data))
             self._guarded(partial(self._outlet.event, event))
 
-    def events(self, number: int) -> tuple[Sequence[Event], int]:
+    def events(self, number: int) -> tuple[Sequence[RigEvent], int]:
         """Return events from ``number`` on, and the number to ask from next.
 
         The newest 1000 are kept; one answer may hold fewer than there are.
@@ -160,7 +160,7 @@ class Feed:
     def latest(self) -> LatestValues:
         """Return the newest value of every channel that ever gave one, with its age."""
         with self._lock:
-            now_ns, values = self.t_ns, dict[str, Latest]()
+            now_ns, values = self.t_ns, dict[str, LatestReply]()
             for name, live in self._streams.items():
                 newest = live.newest()
                 if newest is None:
@@ -168,7 +168,7 @@ class Feed:
                 age_s = max(now_ns - newest[0], 0) * 1e-9
                 for channel, value in zip(live.stream.channels, newest[1], strict=True):
                     finite = value if math.isfinite(value) else None
-                    values[f"{name}.{channel.name}"] = Latest(value=finite, age_s=age_s)
+                    values[f"{name}.{channel.name}"] = LatestReply(value=finite, age_s=age_s)
         return LatestValues(t_ns=now_ns, values=values)
 
     def history(self, stream: str) -> History:

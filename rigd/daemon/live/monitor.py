@@ -9,7 +9,7 @@ from typing import Final
 
 from rigd.config.rig import RigConfig
 from rigd.daemon.live.feed import Feed
-from rigd.daemon.manual import look_at
+from rigd.daemon.manual import open_unarmed
 from rigd.engine.control import Control
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, RigdError
@@ -23,7 +23,7 @@ _FORGET_S: Final = 1.0
 
 
 class Monitor:
-    """A look at ``rig`` (:func:`rigd.daemon.manual.look_at`) for ``feed``, in a thread.
+    """A look at ``rig`` (:func:`rigd.daemon.manual.open_unarmed`) for ``feed``, in a thread.
 
     Its cycle runs at rest with interlocks that only tell, which takes as much of a processor as a
     run does. It must have been stopped before a run begins. ``held`` is the rig's folder where
@@ -79,7 +79,7 @@ class Monitor:
         self.problem = problem
 
     def _look(self) -> None:
-        with look_at(self._rig, self._control, command="rigd serve", held=self._held) as look:
+        with open_unarmed(self._rig, self._control, command="rigd serve", held=self._held) as look:
             reasons = look.open()
             if look.stopped:
                 return

@@ -14,12 +14,11 @@ from typing import Final
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.live.foxglove import FoxgloveServer
-from rigd.daemon.serve.aside import Aside
 from rigd.daemon.serve.audit import AuditLog
 from rigd.daemon.serve.companion import Companion
 from rigd.daemon.serve.descriptors import Descriptors
+from rigd.daemon.serve.idle_rig import IdleRig
 from rigd.daemon.serve.library import Library
-from rigd.daemon.serve.looks import Looks
 from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.notify import Notifier
 from rigd.daemon.serve.recordings import Recordings
@@ -27,6 +26,7 @@ from rigd.daemon.serve.recovery import Interruptions
 from rigd.daemon.serve.service import Parts, RigService
 from rigd.daemon.serve.steering import Steering
 from rigd.daemon.serve.trips import TripMemory
+from rigd.daemon.serve.worker import CalculationWorker
 from rigd.engine.realtime import as_program, before_programs
 from rigd.engine.shared import RunFolder
 from rigd.engine.shared.folder import folder_name
@@ -47,7 +47,7 @@ CHECK_MEMORY: Final = 1 << 30
 
 
 @dataclass(frozen=True)
-class Options:
+class DaemonOptions:
     """What to serve, and how.
 
     ``runs`` is the folder of recordings, ``procedures`` that of the lab's own procedures.
@@ -85,7 +85,7 @@ class Signals:
             steering.leave(self.reason)
 
 
-def serve(options: Options, announce: Callable[[str], None]) -> None:
+def serve(options: DaemonOptions, announce: Callable[[str], None]) -> None:
     """Serve a rig until a signal; the run under way is then stopped, and its file finished.
 
     A second signal aborts the run, a third drops power. ``announce`` gets lines for whoever
@@ -144,7 +144,7 @@ def serve(options: Options, announce: Callable[[str], None]) -> None:
 
 
 def _compose(
-    options: Options,
+    options: DaemonOptions,
     stack: ExitStack,
     changed: Callable[[], None],
     announce: Callable[[str], None],
@@ -182,9 +182,9 @@ def _compose(
         interruptions.recover(folder, trips)
     library = Library(rig, options.procedures)
     audit = AuditLog(runs / f"{name}.audit.jsonl")
-    aside = Aside()
+    aside = CalculationWorker()
     stack.callback(aside.close)
-    checks = Aside(CHECK_S, CHECK_MEMORY)
+    checks = CalculationWorker(CHECK_S, CHECK_MEMORY)
     stack.callback(checks.close)
     steering = Steering(
         rig,
@@ -195,7 +195,7 @@ def _compose(
         feed=feed,
         trips=trips,
         notices=notices,
-        looks=Looks(rig, folder, feed, monitored=options.monitored, told=notices.note),
+        looks=IdleRig(rig, folder, feed, monitored=options.monitored, told=notices.note),
         changed=changed,
         ended=lambda last: interruptions.ended(last.run),
         settle=lambda: interruptions.settle(folder),

@@ -18,7 +18,7 @@ from rigd.procedure.sweep import MAX_STEPS, TooLong
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.arguments import Checked, ProcedureFile
 from rigd.remote.protocol.results import (
-    Check,
+    CheckReport,
     ParameterView,
     ProblemView,
     ProcedureLine,
@@ -79,7 +79,7 @@ class Library:
             raise Refusal(Code.REFUSED, found.problem, hint=found.error.hint)
         return _view(found)
 
-    def check(self, args: Checked) -> Check | None:
+    def check(self, args: Checked) -> CheckReport | None:
         """Return whether a procedure can run on this rig with these values.
 
         None where it has too many steps for this process, which others wait for.
@@ -130,7 +130,7 @@ class Library:
                         yield _Wrong(path, error)
 
 
-def check(args: Checked, rig: RigConfig, most_steps: int = MAX_STEPS) -> Check:
+def check(args: Checked, rig: RigConfig, most_steps: int = MAX_STEPS) -> CheckReport:
     """Return whether a procedure can run on ``rig`` with these values.
 
     Raises:
@@ -142,9 +142,9 @@ def check(args: Checked, rig: RigConfig, most_steps: int = MAX_STEPS) -> Check:
         if isinstance(error, TooLong) and error.steps <= MAX_STEPS:
             raise
         problems = tuple(_problem(one) for one in (error, *error.others))
-        return Check(ok=False, problems=problems)
+        return CheckReport(ok=False, problems=problems)
     asked = [step for step in compiled.steps() if isinstance(step, Prompt)]
-    return Check(ok=True, trials=len(compiled.trials), prompts=len(asked))
+    return CheckReport(ok=True, trials=len(compiled.trials), prompts=len(asked))
 
 
 def _compile(args: Checked, rig: RigConfig, most_steps: int) -> CompiledProcedure:

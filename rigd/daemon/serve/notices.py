@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, Literal
 
-from rigd.remote.protocol.status import Notice
+from rigd.remote.protocol.status import OperatorNotice
 
 _LOG: Final = logging.getLogger("rigd.daemon")
 #: So many stand in the status, the newest.
@@ -28,16 +28,16 @@ class Notices:
     ) -> None:
         self._changed = changed
         self._clock = clock
-        self._kept: deque[Notice] = deque(maxlen=KEPT)
+        self._kept: deque[OperatorNotice] = deque(maxlen=KEPT)
 
     def note(self, text: str, level: Level = "info") -> None:
         """Add a line; what it says may be a client's own words."""
         line = one_line(text[:_LENGTH])
         _LOG.log(_LEVELS[level], "%s", line)
-        self._kept.append(Notice(t_ns=self._clock(), level=level, text=line))
+        self._kept.append(OperatorNotice(t_ns=self._clock(), level=level, text=line))
         self._changed()
 
-    def views(self) -> tuple[Notice, ...]:
+    def views(self) -> tuple[OperatorNotice, ...]:
         """Return them, the newest last."""
         return tuple(self._kept)
 

@@ -9,12 +9,12 @@ from typing import Final
 
 from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.recordings import Recordings, interrupted
-from rigd.daemon.serve.trips import Acted, TripMemory
+from rigd.daemon.serve.trips import RememberedTrip, TripMemory
 from rigd.engine.recorder import drain_leftovers
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import RecordingError
 from rigd.record import Event, Recording, recover
-from rigd.record.file import InUse
+from rigd.record.file import RecordingInUse
 from rigd.remote.protocol.status import Interrupted
 
 #: So many are offered, the newest.
@@ -42,7 +42,7 @@ class Interruptions:
         for path in self._recordings.unreadable():
             try:
                 report = recover(path)
-            except InUse:
+            except RecordingInUse:
                 continue  # another's, under way
             except RecordingError as error:
                 self._notices.note(str(error), "warning")
@@ -55,7 +55,7 @@ class Interruptions:
         if runs and interrupted(runs[0]) is not None:
             # What tripped after the daemon could no longer tell.
             events, known_ns = Recording.open(runs[0].path).events(), trips.known_ns
-            trips.note(Acted.recorded(one) for one in events if _is_news(one, known_ns))
+            trips.note(RememberedTrip.recorded(one) for one in events if _is_news(one, known_ns))
         for one in offered[:1]:
             self._notices.note(
                 f"{one.run} ended after {one.trials_done} of {one.trials_total} trials "
@@ -71,7 +71,7 @@ class Interruptions:
         """
         try:
             completed = drain_leftovers(folder)
-        except InUse as error:
+        except RecordingInUse as error:
             self._notices.note(f"a killed run cannot be completed: {error}", "error")
         except RecordingError as error:
             self._give_up(folder, error)

@@ -15,7 +15,6 @@ from rigd import __version__
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.provenance import trial_label
-from rigd.daemon.serve.aside import Aside
 from rigd.daemon.serve.asker import Asker
 from rigd.daemon.serve.audit import AuditLog
 from rigd.daemon.serve.describe import describe
@@ -27,6 +26,7 @@ from rigd.daemon.serve.recovery import Interruptions
 from rigd.daemon.serve.running import Running
 from rigd.daemon.serve.steering import Steering
 from rigd.daemon.serve.trips import TripMemory
+from rigd.daemon.serve.worker import CalculationWorker
 from rigd.model.errors import ConfigError, RigdError
 from rigd.model.pages import page_of
 from rigd.model.severity import Severity
@@ -42,23 +42,23 @@ from rigd.remote.protocol import (
     as_json,
 )
 from rigd.remote.protocol.arguments import (
-    Act,
+    ActArguments,
     Answered,
     Checked,
     InterlockName,
-    Piece,
+    PieceArguments,
     ProcedureName,
     ReportPiece,
     ResumeRun,
-    Run,
+    RunArguments,
     Runs,
     Since,
-    Start,
+    StartArguments,
     StreamName,
 )
 from rigd.remote.protocol.results import (
-    Acted,
-    Check,
+    ActionReply,
+    CheckReport,
     DryRun,
     Events,
     Nothing,
@@ -66,7 +66,7 @@ from rigd.remote.protocol.results import (
     Reported,
     Stopped,
 )
-from rigd.remote.protocol.status import Daemon, RefusedCounts, Trial
+from rigd.remote.protocol.status import Daemon, RefusedCounts, TrialStatus
 from rigd.remote.server import Lease
 
 #: Commands that say nothing about what was done: the lease is renewed every two seconds, and pages
@@ -92,8 +92,8 @@ class Parts:
     trips: TripMemory
     notices: Notices
     audit: AuditLog
-    aside: Aside
-    checks: Aside
+    aside: CalculationWorker
+    checks: CalculationWorker
     descriptors: Descriptors
 
 
@@ -182,9 +182,9 @@ class RigService:
                 return parts.library.check(checked) or self._check_aside(checked)
             case "runs", Runs() as runs:
                 return parts.recordings.lines(runs.limit, runs.before, self._under_way)
-            case "run", Run() as run:
+            case "run", RunArguments() as run:
                 return parts.recordings.view(run.run, self._under_way)
-            case "fetch", Piece() as piece:
+            case "fetch", PieceArguments() as piece:
                 return self._fetch(piece)
             case "report", ReportPiece() as piece:
                 report = parts.recordings.report(piece.run, piece.page)
@@ -254,7 +254,7 @@ class RigService:
     def _command(self, who: Asker, verb: str, args: Message) -> Message:
         steering, parts = self._parts.steering, self._parts
         match verb, args:
-            case "start", Start() as start:
+            case "start", StartArguments() as start:
                 return steering.start(who, start)
             case "resume_run", ResumeRun() as again:
                 path = parts.recordings.path(again.run)
@@ -267,13 +267,13 @@ class RigService:
                 steering.answer(who, given.prompt_id, given.value)
             case "acknowledge", InterlockName() as name:
                 steering.acknowledge(who, name.interlock)
-            case "act", Act() as act:
-                return Acted(said=steering.act(act))
+            case "act", ActArguments() as act:
+                return ActionReply(said=steering.act(act))
             case "dry_run", Checked() as checked:
                 return self._dry_run(checked)
-            case "identify", Run() as run:
+            case "identify", RunArguments() as run:
                 return parts.aside.identify(self._finished(run.run))
-            case "draw", Run() as run:
+            case "draw", RunArguments() as run:
                 return self._draw(self._finished(run.run))
             case _ if verb.startswith("lease_"):
                 return self._lease(who, verb, args)
@@ -290,7 +290,7 @@ class RigService:
             self._parts.notices.note(f"{who} has handed control to {view.holder}")
         return view
 
-    def _check_aside(self, args: Checked) -> Check:
+    def _check_aside(self, args: Checked) -> CheckReport:
         source, file = self._parts.rig.source, args.procedure
         return self._parts.checks.check(source.text, source.path, file.text, file.name, args.set)
 
@@ -314,7 +314,7 @@ class RigService:
             return Reported(run=recording.name, size=page_of(recording).stat().st_size)
         return self._parts.aside.draw(recording)
 
-    def _fetch(self, piece: Piece) -> PieceView:
+    def _fetch(self, piece: PieceArguments) -> PieceView:
         path = self._finished(piece.run)
         return self._parts.recordings.piece(path, piece.offset, piece.length)
 
@@ -361,8 +361,8 @@ def _progress(running: Running) -> dict[str, Any]:
     }
 
 
-def _trial(trial: TrialPlan, procedure: CompiledProcedure) -> Trial:
-    return Trial(
+def _trial(trial: TrialPlan, procedure: CompiledProcedure) -> TrialStatus:
+    return TrialStatus(
         number=trial.number,
         repeat=trial.repeat,
         parameters=dict(trial.parameters),

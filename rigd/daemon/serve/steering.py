@@ -19,13 +19,13 @@ from rigd.daemon.execute import RunRequest, check_resumable, new_path
 from rigd.daemon.live import Feed
 from rigd.daemon.resume import ResumePoint, read_resume_point
 from rigd.daemon.serve.asker import Asker
+from rigd.daemon.serve.idle_rig import IdleRig
 from rigd.daemon.serve.library import Library
-from rigd.daemon.serve.looks import Looks
 from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.prompts import RemoteAnswers
 from rigd.daemon.serve.running import Running, Watching
 from rigd.daemon.serve.time_left import TimeLeft
-from rigd.daemon.serve.trips import Acted, TripMemory
+from rigd.daemon.serve.trips import RememberedTrip, TripMemory
 from rigd.engine.control import Control
 from rigd.engine.interlocks import Trip
 from rigd.engine.shared import RunFolder
@@ -35,7 +35,7 @@ from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import OnClientLoss
 from rigd.remote.protocol import Code, Refusal
-from rigd.remote.protocol.arguments import Act, Checked, Start
+from rigd.remote.protocol.arguments import ActArguments, Checked, StartArguments
 from rigd.remote.protocol.results import Started
 from rigd.remote.protocol.status import LastRun
 from rigd.remote.server import Lease
@@ -77,7 +77,7 @@ class Steering:
         feed: Feed,
         trips: TripMemory,
         notices: Notices,
-        looks: Looks,
+        looks: IdleRig,
         changed: Callable[[], None],
         ended: Callable[[LastRun], None],
         settle: Callable[[], None],
@@ -102,7 +102,7 @@ class Steering:
         """The run under way."""
         return self._running
 
-    def start(self, who: Asker, args: Start) -> Started:
+    def start(self, who: Asker, args: StartArguments) -> Started:
         """Begin a run.
 
         Raises:
@@ -168,7 +168,7 @@ class Steering:
             on_client_loss=procedure.on_client_loss if loss is None else OnClientLoss(loss),
         )
 
-    def act(self, args: Act) -> str:
+    def act(self, args: ActArguments) -> str:
         """Let a device do one of its actions, and return what it said; nothing is armed.
 
         Raises:
@@ -335,7 +335,7 @@ class Steering:
             self._notices.note(f"the run cannot be shown: {error}", "error")
 
     def _tripped(self, trips: Sequence[Trip]) -> None:
-        self._trips.note(Acted.of(trip) for trip in trips)
+        self._trips.note(RememberedTrip.of(trip) for trip in trips)
         self._changed()
 
     def _over(self, last: LastRun) -> None:

@@ -27,7 +27,7 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Acted:
+class RememberedTrip:
     """An interlock that has acted: its newest trip.
 
     ``bars`` is whether nothing starts before it is acknowledged; ``by`` is who did so, or "".
@@ -41,7 +41,7 @@ class Acted:
     by: str = ""
 
     @classmethod
-    def of(cls, trip: Trip) -> Acted:
+    def of(cls, trip: Trip) -> RememberedTrip:
         """Return what is remembered of a trip of the run under way."""
         told = [trip.reason, trip.message]
         return cls(
@@ -53,7 +53,7 @@ class Acted:
         )
 
     @classmethod
-    def recorded(cls, event: Event) -> Acted:
+    def recorded(cls, event: Event) -> RememberedTrip:
         """Return what is remembered of a trip that a recording holds."""
         data = event.data
         told = [str(data["reason"]), str(data["message"])]
@@ -101,13 +101,13 @@ class TripMemory:
         self._lock = threading.Lock()  #: never held while a disk is waited for
         self._saving = threading.Lock()
         self._changed = False
-        self._acted: dict[str, Acted] = {}
+        self._acted: dict[str, RememberedTrip] = {}
         #: Trips up to this time are known; Unix ns.
         self.known_ns = 0
         if path.exists():
             self._read()
 
-    def note(self, trips: Iterable[Acted]) -> None:
+    def note(self, trips: Iterable[RememberedTrip]) -> None:
         """Take note of what has tripped; the newest of one interlock stands for all."""
         with self._lock:
             for one in trips:
@@ -184,7 +184,7 @@ class TripMemory:
             held: Mapping[str, Any] = json.loads(self._path.read_bytes())
             self.known_ns = int(held["known_ns"])
             trips: Sequence[Mapping[str, Any]] = held["trips"]
-            self._acted = {one["interlock"]: Acted(**one) for one in trips}
+            self._acted = {one["interlock"]: RememberedTrip(**one) for one in trips}
         except OSError as error:
             raise RecordingError(f"cannot read {self._path}: {error.strerror}") from error
         except (KeyError, TypeError, ValueError) as error:

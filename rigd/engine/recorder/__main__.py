@@ -3,12 +3,12 @@
 import sys
 from pathlib import Path
 
-from rigd.engine.recorder.service import Service
+from rigd.engine.recorder.service import RecorderService
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import RecordingError
 
 if __name__ == "__main__":
     try:
-        sys.exit(Service(RunFolder.at(Path(sys.argv[1]))).run())
+        sys.exit(RecorderService(RunFolder.at(Path(sys.argv[1]))).run())
     except RecordingError as error:
         sys.exit(error.message)  # there is no board to say it on

@@ -7,7 +7,7 @@ from pathlib import Path
 from rigd.engine.recorder.transfer import Transfer
 from rigd.engine.shared import RunFolder, leftovers
 from rigd.model.errors import RecordingError
-from rigd.record.file import InUse
+from rigd.record.file import RecordingInUse
 
 
 def drain_leftovers(folder: RunFolder) -> Path | None:
@@ -25,7 +25,7 @@ def drain_leftovers(folder: RunFolder) -> Path | None:
         return None
     try:
         return _drain(folder)
-    except InUse:
+    except RecordingInUse:
         raise  # whoever writes the recording may be that very run: nothing is to be removed
     except RecordingError as error:
         waiting = f"Samples of a killed run wait in {folder.path}; removing it gives them up."

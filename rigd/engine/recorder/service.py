@@ -25,7 +25,7 @@ EVERY_S: Final = 0.05
 GONE_S: Final = 0.5
 
 
-class Service:
+class RecorderService:
     """One recorder process at work on ``folder``."""
 
     def __init__(self, folder: RunFolder) -> None:

@@ -19,7 +19,7 @@ from typing import Any, Final
 from rigd.engine.shared import EVENT_SOURCES, Job, RunFolder
 from rigd.model.errors import RecordingError
 from rigd.record import NO_TRIAL, Event, Recording, RecordingWriter, recover
-from rigd.record.file import InUse
+from rigd.record.file import RecordingInUse
 from rigd.record.recover import Headless
 
 #: What the file held when the run began, in the run's folder; there from before the first row.
@@ -64,7 +64,7 @@ class Transfer:
         while self._writer is None:
             try:
                 self._open_writer(trusted)
-            except InUse:
+            except RecordingInUse:
                 if time.monotonic() > deadline:
                     raise
                 time.sleep(0.05)

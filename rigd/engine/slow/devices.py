@@ -29,7 +29,7 @@ _TURN_S: Final = 0.1
 T = TypeVar("T")
 
 
-class RowSink(Protocol):
+class SlowRowSink(Protocol):
     """Takes rows of one stream; a ring does."""
 
     def push(self, t_ns: int, row: Sequence[float]) -> None:
@@ -52,7 +52,7 @@ class SlowDevices:
         self,
         drivers: Mapping[str, SlowDriver],
         *,
-        rings: Mapping[str, RowSink],
+        rings: Mapping[str, SlowRowSink],
         slots: Mapping[str, Slot],
         start_ns: int,
         origin_ns: int,

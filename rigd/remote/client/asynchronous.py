@@ -18,18 +18,18 @@ from rigd.remote.client.remotes import find_target
 from rigd.remote.client.transfer import Progress, fetch
 from rigd.remote.client.watching import RunWatch, each, reader, without_gaps
 from rigd.remote.protocol import (
-    Event,
     Frame,
     Kind,
     LeaseView,
     Message,
+    RigEvent,
     Status,
     as_json,
     decode_frame,
 )
 from rigd.remote.protocol.results import (
-    Acted,
-    Check,
+    ActionReply,
+    CheckReport,
     Description,
     DryRun,
     Events,
@@ -171,14 +171,14 @@ class AsyncClient:
         heard = self.connection.listen(self.connection.keys.live(stream), FRAMES)
         return each(heard, decode_frame, self.rig)
 
-    def watch_events(self, since: int | None = None) -> AsyncGenerator[Event, None]:
+    def watch_events(self, since: int | None = None) -> AsyncGenerator[RigEvent, None]:
         """Yield events, from now on or from number ``since``, none left out.
 
         Those that were lost on the way are asked for; what the daemon itself no longer has shows
         as a gap in their numbers. A daemon that starts anew counts from 0 again.
         """
         heard = self.connection.listen(self.connection.keys.event, EVENTS)
-        return without_gaps(each(heard, reader(Event), self.rig), self.events, since)
+        return without_gaps(each(heard, reader(RigEvent), self.rig), self.events, since)
 
     async def wait(self, run: str, *, patience_s: float = PATIENCE_S) -> LastRun:
         """Return how ``run`` ended, once it has.
@@ -205,10 +205,12 @@ class AsyncClient:
         """Return a procedure that the daemon has, and its parameters."""
         return await self._ask("procedure", ProcedureView, name=name)
 
-    async def check(self, procedure: str | Path, set: Mapping[str, str] | None = None) -> Check:
+    async def check(
+        self, procedure: str | Path, set: Mapping[str, str] | None = None
+    ) -> CheckReport:
         """Return whether a procedure can run on the rig; see :meth:`start` for the arguments."""
         args = await self._checked(procedure, set)
-        return await self._ask("check", Check, **args)
+        return await self._ask("check", CheckReport, **args)
 
     async def dry_run(self, procedure: str | Path, set: Mapping[str, str] | None = None) -> DryRun:
         """Return what a run would do, played on the simulated plant; may take minutes."""
@@ -325,7 +327,7 @@ class AsyncClient:
 
     async def act(self, device: str, action: str) -> str:
         """Let a device do one of its actions, such as a tare; return what it answered."""
-        return (await self._command("act", Acted, device=device, action=action)).said
+        return (await self._command("act", ActionReply, device=device, action=action)).said
 
     async def stop(self, reason: str = "") -> bool:
         """Stop the run in order: setpoints to rest, then its ``finish``.

@@ -33,10 +33,10 @@ from rigd.remote.client.session import (
 from rigd.remote.client.target import Target
 from rigd.remote.protocol import (
     PATIENCE_S,
-    Event,
     Keys,
     Kind,
     Message,
+    RigEvent,
     Status,
     as_json,
     decode,
@@ -227,7 +227,7 @@ class Connection:
     async def events(self) -> AsyncIterator[Object]:
         """Yield every event from now on."""
         async for payload in self.listen(self.keys.event, EVENTS):
-            yield as_json(decode_or_raise(Event, payload))
+            yield as_json(decode_or_raise(RigEvent, payload))
 
     async def frames(self) -> AsyncIterator[bytes]:
         """Yield the frames of all streams; those that come too fast are left out."""

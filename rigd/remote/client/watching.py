@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 
 from rigd.model.errors import LinkError
 from rigd.remote.client.decoding import decode_or_raise
-from rigd.remote.protocol import Code, Event, Message, Refusal, Status
+from rigd.remote.protocol import Code, Message, Refusal, RigEvent, Status
 from rigd.remote.protocol.results import Events
 from rigd.remote.protocol.status import LastRun
 
@@ -49,10 +49,10 @@ async def each(
 
 
 async def without_gaps(
-    heard: AsyncGenerator[Event, None],
+    heard: AsyncGenerator[RigEvent, None],
     ask: Callable[[int], Awaitable[Events]],
     since: int | None,
-) -> AsyncGenerator[Event, None]:
+) -> AsyncGenerator[RigEvent, None]:
     """Yield events from number ``since``, or from the first heard; what is missing is asked for.
 
     Numbers that go back while the time goes on are those of a daemon that was started anew.

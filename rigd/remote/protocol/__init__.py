@@ -6,8 +6,8 @@ from rigd.remote.protocol.limits import VERSION
 from rigd.remote.protocol.message import Message, decode, encode
 from rigd.remote.protocol.refusal import Code, Refusal
 from rigd.remote.protocol.request import (
+    RemoteRequest,
     Reply,
-    Request,
     decode_refusal,
     encode_refusal,
     encode_reply,
@@ -16,7 +16,7 @@ from rigd.remote.protocol.request import (
     request_kind,
 )
 from rigd.remote.protocol.roles import Role
-from rigd.remote.protocol.status import Event, LeaseView, Status, as_json
+from rigd.remote.protocol.status import LeaseView, RigEvent, Status, as_json
 from rigd.remote.protocol.verbs import PATIENCE_S, VERBS, Lane, Verb, check_role, find_verb
 
 __all__ = [
@@ -26,7 +26,6 @@ __all__ = [
     "VERSION",
     "Address",
     "Code",
-    "Event",
     "Frame",
     "Keys",
     "Kind",
@@ -34,8 +33,9 @@ __all__ = [
     "LeaseView",
     "Message",
     "Refusal",
+    "RemoteRequest",
     "Reply",
-    "Request",
+    "RigEvent",
     "Role",
     "Status",
     "Verb",

@@ -63,7 +63,7 @@ class Checked(Message):
     set: Settings = Field(default_factory=dict)
 
 
-class Start(Checked):
+class StartArguments(Checked):
     """A run to start."""
 
     seed: Annotated[int, Field(ge=0, lt=2**32)] | None = None
@@ -96,13 +96,13 @@ class InterlockName(Message):
     interlock: FileWord
 
 
-class Run(Message):
+class RunArguments(Message):
     """A recording."""
 
     run: RunName
 
 
-class ResumeRun(Run):
+class ResumeRun(RunArguments):
     """A recording to go on with."""
 
     on_client_loss: Literal["continue", "finish_trial", "stop"] | None = None
@@ -118,7 +118,7 @@ class Runs(Message):
     """Only those older than this one."""
 
 
-class Piece(Message):
+class PieceArguments(Message):
     """A piece of a file."""
 
     run: RunName
@@ -128,7 +128,7 @@ class Piece(Message):
     """In bytes; the reply is shorter at the end of the file."""
 
 
-class ReportPiece(Piece):
+class ReportPiece(PieceArguments):
     """A piece of a page on a recording."""
 
     page: Literal["run", "identification"] = "identification"
@@ -154,14 +154,14 @@ class Receiver(Message):
     to: Name
 
 
-class Act(Message):
+class ActArguments(Message):
     """An action of a device, such as a tare."""
 
     device: FileWord
     action: FileWord
 
 
-class Reason(Message):
+class ReasonArguments(Message):
     """Why a person stops the rig; shown, and recorded."""
 
     reason: Annotated[str, StringConstraints(max_length=300)] = ""

@@ -19,7 +19,7 @@ RequestId = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
 A = TypeVar("A", bound=Message)
 
 
-class Request(Message, Generic[A]):
+class RemoteRequest(Message, Generic[A]):
     """A request; what it is for stands in its key."""
 
     v: Version
@@ -60,18 +60,18 @@ class ErrorReply(Message):
     error: Error
 
 
-def request_kind(arguments: type[A]) -> type[Request[A]]:
+def request_kind(arguments: type[A]) -> type[RemoteRequest[A]]:
     """Return the message type of requests that are asked with ``arguments``."""
-    return Request[arguments]  # type: ignore[valid-type]  # made at run time, from the verb table
+    return RemoteRequest[arguments]  # type: ignore[valid-type]  # made at run time, from the verb table
 
 
-def new_request(args: A, user: str = "") -> Request[A]:
+def new_request(args: A, user: str = "") -> RemoteRequest[A]:
     """Return a request made now, with an id of its own."""
     kind = request_kind(type(args))
     return kind(v=VERSION, id=secrets.token_hex(16), sent_ns=time.time_ns(), args=args, user=user)
 
 
-def encode_request(request: Request[A]) -> bytes:
+def encode_request(request: RemoteRequest[A]) -> bytes:
     """Return the payload of a request.
 
     Raises:

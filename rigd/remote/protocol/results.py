@@ -21,7 +21,7 @@ from rigd.remote.protocol.limits import (
 )
 from rigd.remote.protocol.message import Message, Name, Told
 from rigd.remote.protocol.roles import Role
-from rigd.remote.protocol.status import ActionName, Count, Event, Nanoseconds
+from rigd.remote.protocol.status import ActionName, Count, Nanoseconds, RigEvent
 
 #: How urgently a person must look (:class:`rigd.model.limits.Priority`).
 PriorityName = Literal["low", "medium", "high", "critical"]
@@ -164,7 +164,7 @@ class ProblemView(Message):
     column: int | None = None
 
 
-class Check(Message):
+class CheckReport(Message):
     """`check`: whether a procedure can run with these values."""
 
     ok: bool
@@ -266,12 +266,12 @@ class PieceView(Message):
 class Events(Message):
     """`events`: from the number asked for, or from the oldest still known."""
 
-    events: tuple[Event, ...]
+    events: tuple[RigEvent, ...]
     next: Count
     """The number to ask from next."""
 
 
-class Latest(Message):
+class LatestReply(Message):
     """The latest value of a channel."""
 
     value: float | None
@@ -283,7 +283,7 @@ class LatestValues(Message):
     """`latest`: by `device.channel`."""
 
     t_ns: Nanoseconds
-    values: dict[Annotated[str, StringConstraints(max_length=130)], Latest]
+    values: dict[Annotated[str, StringConstraints(max_length=130)], LatestReply]
 
 
 class History(Message):
@@ -308,7 +308,7 @@ class Reported(Message):
     size: Count
 
 
-class Acted(Message):
+class ActionReply(Message):
     """`act`."""
 
     said: Told

@@ -8,7 +8,7 @@ from pydantic.json_schema import models_json_schema
 
 from rigd.remote.protocol.limits import VERSION
 from rigd.remote.protocol.request import ErrorReply, Reply, request_kind
-from rigd.remote.protocol.status import Event, Status
+from rigd.remote.protocol.status import RigEvent, Status
 from rigd.remote.protocol.verbs import VERBS
 
 
@@ -23,7 +23,7 @@ def remote_schema() -> dict[str, Any]:
         for name, verb in table.items()
     }
     requests: dict[str, Any] = {key: request_kind(verb.arguments) for key, verb in verbs.items()}
-    messages: list[Any] = [Status, Event, Reply, ErrorReply]
+    messages: list[Any] = [Status, RigEvent, Reply, ErrorReply]
     messages += [verb.result for verb in verbs.values()]
     messages += requests.values()
     references, schema = models_json_schema(
@@ -35,7 +35,7 @@ def remote_schema() -> dict[str, Any]:
         "title": f"rigd remote protocol, version {VERSION}",
         "x-keys": {
             "status": refer[Status],
-            "event": refer[Event],
+            "event": refer[RigEvent],
             **{
                 key: {
                     "role": verb.role.value,

@@ -38,7 +38,7 @@ class Daemon(Message):
     """How often it accepted no connection for a while, as too many were unauthenticated."""
 
 
-class Trial(Message):
+class TrialStatus(Message):
     """The trial under way."""
 
     number: Count
@@ -120,7 +120,7 @@ class RefusedCounts(Message):
     forbidden: Count = 0
 
 
-class Notice(Message):
+class OperatorNotice(Message):
     """A line for whoever looks after the rig."""
 
     t_ns: Nanoseconds
@@ -144,7 +144,7 @@ class Status(Message):
     run: Told | None = None
     """File name of the recording under way."""
     step: Told | None = None
-    trial: Trial | None = None
+    trial: TrialStatus | None = None
     trials_done: Count = 0
     trials_total: Count = 0
     run_s: Annotated[float, Field(ge=0)] = 0.0
@@ -157,11 +157,11 @@ class Status(Message):
     interrupted: tuple[Interrupted, ...] = ()
     last: LastRun | None = None
     refused: RefusedCounts = RefusedCounts()
-    notices: tuple[Notice, ...] = ()
+    notices: tuple[OperatorNotice, ...] = ()
     """The newest 20, the newest last."""
 
 
-class Event(Message):
+class RigEvent(Message):
     """Something that happened; the same as in the recording."""
 
     v: Version

@@ -9,29 +9,29 @@ from typing import Final
 
 from rigd.model.severity import STOPS
 from rigd.remote.protocol.arguments import (
-    Act,
+    ActArguments,
     Answered,
     Checked,
     InterlockName,
     NoArguments,
-    Piece,
+    PieceArguments,
     ProcedureName,
-    Reason,
+    ReasonArguments,
     Receiver,
     ReportPiece,
     ResumeRun,
-    Run,
+    RunArguments,
     Runs,
     Since,
-    Start,
+    StartArguments,
     StreamName,
 )
 from rigd.remote.protocol.keys import Kind
 from rigd.remote.protocol.message import Message
 from rigd.remote.protocol.refusal import Code, Refusal
 from rigd.remote.protocol.results import (
-    Acted,
-    Check,
+    ActionReply,
+    CheckReport,
     Description,
     DryRun,
     Events,
@@ -113,11 +113,11 @@ VERBS: Final[Mapping[Kind, Mapping[str, Verb]]] = {
         "lease": Verb(NoArguments, LeaseView, Lane.ASK),
         "procedures": Verb(NoArguments, Procedures, Lane.FILES),
         "procedure": Verb(ProcedureName, ProcedureView, Lane.FILES),
-        "check": Verb(Checked, Check, Lane.CHECK),
+        "check": Verb(Checked, CheckReport, Lane.CHECK),
         "runs": Verb(Runs, RunList, Lane.FILES),
-        "run": Verb(Run, RunView, Lane.FILES),
+        "run": Verb(RunArguments, RunView, Lane.FILES),
         "report": Verb(ReportPiece, PieceView, Lane.FILES),
-        "fetch": Verb(Piece, PieceView, Lane.FILES),
+        "fetch": Verb(PieceArguments, PieceView, Lane.FILES),
     },
     Kind.COMMAND: {
         "lease_take": _lease(),
@@ -127,18 +127,18 @@ VERBS: Final[Mapping[Kind, Mapping[str, Verb]]] = {
         "lease_request": _lease(),
         "lease_give": _lease(Receiver),
         "lease_seize": _lease(role=Role.MAINTAINER),
-        "start": _lead(Start, Started),
+        "start": _lead(StartArguments, Started),
         "resume_run": _lead(ResumeRun, Started),
         "pause": _lead(),
         "resume": _lead(),
         "answer": _lead(Answered),
         "acknowledge": _lead(InterlockName),
-        "act": _lead(Act, Acted, role=Role.MAINTAINER),
-        "identify": _lead(Run, Reported, Lane.LONG),
-        "draw": Verb(Run, Reported, Lane.LONG, Role.OPERATOR),
+        "act": _lead(ActArguments, ActionReply, role=Role.MAINTAINER),
+        "identify": _lead(RunArguments, Reported, Lane.LONG),
+        "draw": Verb(RunArguments, Reported, Lane.LONG, Role.OPERATOR),
         "dry_run": Verb(Checked, DryRun, Lane.LONG, Role.OPERATOR),
     },
-    Kind.STOP: {stop.word: Verb(Reason, Stopped, Lane.STOP) for stop in STOPS},
+    Kind.STOP: {stop.word: Verb(ReasonArguments, Stopped, Lane.STOP) for stop in STOPS},
 }
 
 

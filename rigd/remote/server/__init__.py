@@ -2,17 +2,17 @@
 
 from rigd.remote.server.admission import Admission
 from rigd.remote.server.asking import still_connected, working_for
-from rigd.remote.server.desk import role_of
+from rigd.remote.server.dispatcher import role_of
 from rigd.remote.server.lease import Lease
-from rigd.remote.server.publisher import Publisher
+from rigd.remote.server.publisher import RigPublisher
 from rigd.remote.server.server import Server
 from rigd.remote.server.service import Result, Service
 
 __all__ = [
     "Admission",
     "Lease",
-    "Publisher",
     "Result",
+    "RigPublisher",
     "Server",
     "Service",
     "role_of",

@@ -6,10 +6,10 @@ import threading
 
 import zenoh
 
-from rigd.remote.protocol import Event, Keys, Status, encode
+from rigd.remote.protocol import Keys, RigEvent, Status, encode
 
 
-class Publisher:
+class RigPublisher:
     """Publishes on the keys of one rig; any thread may publish.
 
     Everything is dropped rather than waited for: a lost status is followed by the next within
@@ -35,7 +35,7 @@ class Publisher:
         self._newest_status = encode(status)
         self._status.put(self._newest_status)
 
-    def event(self, event: Event) -> None:
+    def event(self, event: RigEvent) -> None:
         """Publish something that happened."""
         self._event.put(encode(event))
 

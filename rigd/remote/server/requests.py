@@ -24,7 +24,7 @@ MAX_SENDERS: Final = 64
 
 
 @dataclass(frozen=True)
-class Answer:
+class StoredReply:
     """The bytes of a reply, or of an error reply."""
 
     ok: bool
@@ -34,7 +34,7 @@ class Answer:
 @dataclass(frozen=True)
 class _Done:
     digest: bytes
-    answer: Answer
+    answer: StoredReply
     until_ns: int
 
 
@@ -55,7 +55,7 @@ class Requests:
         self._since_ns = clock()
         self._done: dict[str, OrderedDict[str, _Done]] = {}  # by identity and id, oldest first
 
-    def recall(self, identity: str, request_id: str, digest: bytes) -> Answer | None:
+    def recall(self, identity: str, request_id: str, digest: bytes) -> StoredReply | None:
         """Return the answer that this request was given before, or None where it is new.
 
         ``digest`` is of its key and its bytes.
@@ -107,7 +107,7 @@ class Requests:
                 hint="send fewer",
             )
 
-    def remember(self, identity: str, request_id: str, digest: bytes, answer: Answer) -> None:
+    def remember(self, identity: str, request_id: str, digest: bytes, answer: StoredReply) -> None:
         """Keep the answer to a request; one that was not admitted may push out the oldest."""
         until_ns = self._clock() + round(MEMORY_S * 1e9)
         mine = self._done.setdefault(identity, OrderedDict())

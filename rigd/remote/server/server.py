@@ -30,12 +30,12 @@ from rigd.remote.protocol.limits import HEARTBEAT_S
 from rigd.remote.protocol.status import RefusedCounts
 from rigd.remote.server.admission import Admission
 from rigd.remote.server.asking import working_for
-from rigd.remote.server.desk import Desk, Letter
+from rigd.remote.server.dispatcher import Dispatcher, RoutedRequest
 from rigd.remote.server.inbox import Inbox
 from rigd.remote.server.lease import Lease
-from rigd.remote.server.publisher import Publisher
+from rigd.remote.server.publisher import RigPublisher
 from rigd.remote.server.refused import Refused
-from rigd.remote.server.requests import Answer
+from rigd.remote.server.requests import StoredReply
 from rigd.remote.server.service import Service
 
 _log = logging.getLogger(__name__)
@@ -60,14 +60,14 @@ _MOST_HEARD: Final = 256
 _IN_SOURCE: Final = re.compile(r" at /\S+\.rs:\d+\.?")
 
 #: What is said, without a look at the request, to who has too many of them waiting.
-_BUSY: Final = Answer(
+_BUSY: Final = StoredReply(
     False, encode_refusal("", Refusal(Code.BUSY, "too many of your requests are waiting"))
 )
 
 
 @dataclass(frozen=True)
 class _Waiting:
-    letter: Letter
+    letter: RoutedRequest
     query: zenoh.Query
 
 
@@ -95,7 +95,7 @@ class Server:
         self._telling = threading.Lock()  # of two statuses, the newer one goes out last
         self._declared = ExitStack()  # undone in the reverse order
         self._session = _open(self._keys, setup)
-        self.publisher = Publisher(self._session, self._keys)
+        self.publisher = RigPublisher(self._session, self._keys)
         self.admission = Admission(self._session, setup.listen)
 
     def refused(self) -> RefusedCounts:
@@ -104,7 +104,7 @@ class Server:
 
     def start(self, service: Service) -> None:
         """Answer requests, publish the status as a heartbeat, and be seen to be alive."""
-        desk = Desk(self._keys, self._setup, service, self._lease, self._refused)
+        desk = Dispatcher(self._keys, self._setup, service, self._lease, self._refused)
         self.tell(service)
         for lane in Lane:
             self._thread(f"remote-{lane.value}", partial(self._work, desk, lane))
@@ -184,13 +184,13 @@ class Server:
         queryable = self._session.declare_queryable(key, callback, complete=True)
         self._declared.callback(queryable.undeclare)
 
-    def _receive(self, desk: Desk, kind: Kind, query: zenoh.Query) -> None:
+    def _receive(self, desk: Dispatcher, kind: Kind, query: zenoh.Query) -> None:
         """Sort one request; on a thread of zenoh's for each kind, so it must be quick."""
         begun_s = time.thread_time()
         if not self._sort(desk, query) and kind is not Kind.STOP:
             _rest(begun_s)
 
-    def _sort(self, desk: Desk, query: zenoh.Query) -> bool:
+    def _sort(self, desk: Dispatcher, query: zenoh.Query) -> bool:
         """Put a request into its inbox; return False where it was refused."""
         key = str(query.key_expr)
         payload = b"" if query.payload is None else query.payload.to_bytes()
@@ -215,9 +215,9 @@ class Server:
 
     def _show(self, query: zenoh.Query) -> None:
         """Give the newest status to who comes late; on zenoh's thread."""
-        _reply(query, self._keys.status, Answer(True, self.publisher.newest_status))
+        _reply(query, self._keys.status, StoredReply(True, self.publisher.newest_status))
 
-    def _work(self, desk: Desk, lane: Lane) -> None:
+    def _work(self, desk: Dispatcher, lane: Lane) -> None:
         inbox = self._inboxes[lane]
         while (waiting := inbox.take()) is not None:
             self._begun_s[lane], begun_s = time.monotonic(), time.thread_time()
@@ -265,7 +265,7 @@ def _rest(begun_s: float) -> None:
     time.sleep(min(_REST * (time.thread_time() - begun_s), _LONGEST_REST_S))
 
 
-def _reply(query: zenoh.Query, key: str, answer: Answer) -> None:
+def _reply(query: zenoh.Query, key: str, answer: StoredReply) -> None:
     """Send a reply; where the client has gone, nobody is there to be told."""
     with query:
         try:

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from rigd.sdk.check.caller import Caller
-from rigd.sdk.check.subject import FAILURES, Rule, Subject, Unfit, described
+from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.driver import Block, BlockDriver
 
 #: open() may take seconds, and wait for a device that does not answer.
@@ -26,7 +26,7 @@ BLOCKS_S: Final = 5.0
 TAIL_S: Final = 1.0
 
 
-class Bench:
+class BlockBench:
     """One block driver, called as its helper process calls it."""
 
     def __init__(self, driver: BlockDriver, caller: Caller) -> None:
@@ -37,7 +37,7 @@ class Bench:
         """Return the value of a call that a rule presupposes."""
         outcome = self.call(function, OPEN_S)
         if outcome.error is not None:
-            raise Unfit(f"{what} raises {described(outcome.error)}")
+            raise UnfitSubject(f"{what} raises {described(outcome.error)}")
         return outcome.value
 
     def read(self) -> Any:
@@ -46,10 +46,10 @@ class Bench:
 
 
 @contextmanager
-def bench(subject: Subject, fault: str = "") -> Iterator[tuple[Bench, Callable[[], object]]]:
+def bench(subject: Subject, fault: str = "") -> Iterator[tuple[BlockBench, Callable[[], object]]]:
     """Put a new driver, open and started, before a new device; also yield what begins ``fault``."""
     with subject.fresh_peer() as peer, Caller() as caller:
-        one = Bench(subject.make(peer, peer.link()), caller)
+        one = BlockBench(subject.make(peer, peer.link()), caller)
         one.must("open", one.driver.open)
         one.must("start", one.driver.start)
         try:
@@ -114,7 +114,7 @@ def _newest_row(subject: Subject) -> Iterator[str]:
         while block is None and time.monotonic() < end:
             block = one.must("read_block", lambda: one.driver.read_block(TIMEOUT_S))
         if block is None:
-            raise Unfit(f"no block in {BLOCKS_S:g} s")
+            raise UnfitSubject(f"no block in {BLOCKS_S:g} s")
         columns = len(one.driver.channels) + one.driver.has_status
         shortest = Block(block.times_ns[-1:], block.values[-1:])
         for given in (block, shortest):

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CallOutcome:
     """How a call ended: its value or its error, and how long it took."""
 
     value: Any = None
@@ -32,7 +32,7 @@ class Caller:
 
     def __init__(self) -> None:
         self._calls: queue.SimpleQueue[Callable[[], Any] | None] = queue.SimpleQueue()
-        self._outcomes: queue.SimpleQueue[Outcome] = queue.SimpleQueue()
+        self._outcomes: queue.SimpleQueue[CallOutcome] = queue.SimpleQueue()
         threading.Thread(target=self._serve, name="driver under check", daemon=True).start()
 
     def __enter__(self) -> Self:
@@ -46,7 +46,7 @@ class Caller:
     ) -> None:
         self._calls.put(None)
 
-    def call(self, function: Callable[[], Any], within_s: float) -> Outcome:
+    def call(self, function: Callable[[], Any], within_s: float) -> CallOutcome:
         """Return how ``function()`` ended.
 
         Raises:
@@ -66,4 +66,4 @@ class Caller:
                 value, failure = function(), None
             except BaseException as error:  # noqa: BLE001  # whatever a driver raises is a finding
                 value, failure = None, error
-            self._outcomes.put(Outcome(value, failure, time.perf_counter() - start))
+            self._outcomes.put(CallOutcome(value, failure, time.perf_counter() - start))

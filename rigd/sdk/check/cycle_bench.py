@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Final
 
-from rigd.sdk.check.caller import Caller, Outcome
+from rigd.sdk.check.caller import Caller, CallOutcome
 from rigd.sdk.check.peer import Peer
-from rigd.sdk.check.subject import Subject, Unfit, described
+from rigd.sdk.check.subject import Subject, UnfitSubject, described
 from rigd.sdk.driver import Driver
 from rigd.sdk.link import Link
 from rigd.sdk.plant import Plant
@@ -39,7 +39,7 @@ class Bench:
         """Have the device show ``fault`` from now on."""
         self.peer.faults[fault]()
 
-    def call(self, function: Callable[[], Any], within_s: float = STALL_S * 2) -> Outcome:
+    def call(self, function: Callable[[], Any], within_s: float = STALL_S * 2) -> CallOutcome:
         """Make one call; see :meth:`Caller.call`."""
         return self._caller.call(function, within_s)
 
@@ -47,10 +47,10 @@ class Bench:
         """Return the value of a call that a rule presupposes."""
         outcome = self.call(function, within_s)
         if outcome.error is not None:
-            raise Unfit(f"{what} raises {described(outcome.error)}")
+            raise UnfitSubject(f"{what} raises {described(outcome.error)}")
         return outcome.value
 
-    def open(self) -> Outcome:
+    def open(self) -> CallOutcome:
         """Open the link, where there is one, then the driver."""
         if isinstance(self.link, Link):
             opened = self.call(self.link.open, OPEN_S)
@@ -58,14 +58,14 @@ class Bench:
                 return opened
         return self.call(self.driver.open, OPEN_S)
 
-    def close(self) -> Outcome:
+    def close(self) -> CallOutcome:
         """Close the driver, then the link; return how the driver's ended."""
         closed = self.call(self.driver.close)
         if isinstance(self.link, Link):
             self.call(self.link.close)
         return closed
 
-    def cycle(self, setpoints: Sequence[float] | None = None) -> Outcome:
+    def cycle(self, setpoints: Sequence[float] | None = None) -> CallOutcome:
         """Go through one cycle and return how its read ended; the first error ends it."""
         t_ns = time.monotonic_ns()
         link, driver = self.link, self.driver
@@ -90,7 +90,7 @@ class Bench:
         time.sleep(PERIOD_S)
         return row
 
-    def cycles(self, for_s: float) -> Iterator[Outcome]:
+    def cycles(self, for_s: float) -> Iterator[CallOutcome]:
         """Go through cycles for a while, until one fails."""
         end = time.monotonic() + for_s
         while time.monotonic() < end:
@@ -106,9 +106,11 @@ class Bench:
         while not self.must("ready", self.driver.ready):
             outcome = self.cycle()
             if outcome.error is not None:
-                raise Unfit(f"before it was ready, a cycle raises {described(outcome.error)}")
+                raise UnfitSubject(
+                    f"before it was ready, a cycle raises {described(outcome.error)}"
+                )
             if time.monotonic() > end:
-                raise Unfit(f"it is not ready {READY_S:g} s after arm()")
+                raise UnfitSubject(f"it is not ready {READY_S:g} s after arm()")
 
 
 def rest(driver: Driver) -> tuple[float, ...]:
@@ -126,7 +128,7 @@ def bench(subject: Subject, *, opened: bool = True) -> Iterator[Bench]:
             if opened:
                 outcome = one.open()
                 if outcome.error is not None:
-                    raise Unfit(f"open raises {described(outcome.error)}")
+                    raise UnfitSubject(f"open raises {described(outcome.error)}")
             yield one
         finally:
             one.call(one.driver.make_safe)  # whatever they raise: rules of their own look at it

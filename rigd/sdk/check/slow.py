@@ -11,7 +11,7 @@ from typing import Final
 from rigd.sdk.check.caller import Caller
 from rigd.sdk.check.peer import Peer
 from rigd.sdk.check.rows import row_problems
-from rigd.sdk.check.subject import FAILURES, Rule, Subject, Unfit, described
+from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.driver import SlowDriver
 
 #: A whole scene may take so long, in s, opening and a fault included.
@@ -56,7 +56,7 @@ def _scene(play: Scene, *, opened: bool = True) -> Callable[[Subject], Iterator[
 
             outcome = caller.call(lambda: asyncio.run(main()), SCENE_S)
         if outcome.error is not None:
-            if isinstance(outcome.error, Unfit):
+            if isinstance(outcome.error, UnfitSubject):
                 raise outcome.error
             problems.add(described(outcome.error))
         yield from sorted(problems)
@@ -68,7 +68,7 @@ async def _opened(driver: SlowDriver) -> None:
     try:
         await driver.open()
     except FAILURES as error:
-        raise Unfit(f"open raises {described(error)}") from error
+        raise UnfitSubject(f"open raises {described(error)}") from error
 
 
 class _Rows:
@@ -102,9 +102,11 @@ class _Rows:
             waiting.cancel()
         if task.done():
             error = task.exception()
-            raise Unfit("run() returned" if error is None else f"run raises {described(error)}")
+            raise UnfitSubject(
+                "run() returned" if error is None else f"run raises {described(error)}"
+            )
         if not self._enough.is_set():
-            raise Unfit(f"{len(self.rows)} rows in {ROWS} times silent_s")
+            raise UnfitSubject(f"{len(self.rows)} rows in {ROWS} times silent_s")
 
 
 async def _stop(task: asyncio.Task[None], problems: Problems) -> None:

@@ -15,7 +15,7 @@ from rigd.sdk.driver import AnyDriver, DriverConfig
 FAILURES = (LinkError, ProtocolError, DeviceError)
 
 
-class Unfit(Exception):
+class UnfitSubject(Exception):
     """A rule could not be tried, for the driver failed before; the message says how."""
 
 

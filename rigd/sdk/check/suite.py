@@ -15,7 +15,7 @@ from rigd.sdk.check.cycled import RULES as CYCLE_RULES
 from rigd.sdk.check.peer import FAULTS, Peer
 from rigd.sdk.check.report import Finding, NonConforming, Report
 from rigd.sdk.check.slow import RULES as SLOW_RULES
-from rigd.sdk.check.subject import Rule, Subject, Unfit
+from rigd.sdk.check.subject import Rule, Subject, UnfitSubject
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
 
 #: The rules of each kind of driver that need a device to talk to.
@@ -91,7 +91,7 @@ def examine_driver(
             checked.append(rule.name)
             try:
                 findings += [Finding(rule.name, one, rule.demand) for one in rule.check(subject)]
-            except (Unfit, Hung) as unfit:
+            except (UnfitSubject, Hung) as unfit:
                 findings.append(Finding(rule.name, str(unfit), rule.demand))
     return Report(driver_class.__name__, tuple(findings), tuple(checked), skipped)
 

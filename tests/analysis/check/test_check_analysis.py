@@ -14,7 +14,7 @@ import pytest
 from rigd.analysis import Analysis, DataError, Evaluation, Needs, Options
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis, examine_analysis, write_case
 from rigd.analysis.source import RecordedSweep, open_sweep
-from rigd.analysis.terminal import Column, Row, Table, TerminalReport
+from rigd.analysis.terminal import Column, Row, TerminalReport, TerminalTable
 from rigd.sdk.check import NonConforming
 
 TRUTH = 3.0
@@ -37,7 +37,7 @@ class MeanEvaluation(Evaluation):
 
     def terminal_report(self) -> TerminalReport:
         rows = tuple(Row((name, str(interval))) for name, interval in self.found.items())
-        return (Table((Column("name"), Column("interval")), rows),)
+        return (TerminalTable((Column("name"), Column("interval")), rows),)
 
 
 class Mean(Analysis):

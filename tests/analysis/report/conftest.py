@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from rigd.analysis.report import (
-    Attachment,
     Facts,
     Provenance,
     ReferenceCurve,
+    ReportAttachment,
     ReportSection,
     render_report,
 )
@@ -214,7 +214,7 @@ def provenance() -> Provenance:
             ),
             Facts("Software", {"rigd": "0.1.0", "git revision": "4708940"}),
         ),
-        attachments=(Attachment("procedures/lugre.yaml", "trial:\n  current: 1.5 A\n"),),
+        attachments=(ReportAttachment("procedures/lugre.yaml", "trial:\n  current: 1.5 A\n"),),
     )
 
 

@@ -10,9 +10,9 @@ import pytest
 from support.markup import outline
 
 from rigd.analysis.report import (
-    Attachment,
     Facts,
     Provenance,
+    ReportAttachment,
     ReportSection,
     render_report,
     summary_rows,
@@ -132,7 +132,9 @@ def test_hostile_text_is_shown_as_it_is(make_section: Callable[..., ReportSectio
         replace(result, trials=trials, parameters=parameters, title=HOSTILE, warnings=(HOSTILE,)),
         reference_label=HOSTILE,
     )
-    provenance = Provenance((Facts(HOSTILE, {HOSTILE: HOSTILE}),), (Attachment(HOSTILE, HOSTILE),))
+    provenance = Provenance(
+        (Facts(HOSTILE, {HOSTILE: HOSTILE}),), (ReportAttachment(HOSTILE, HOSTILE),)
+    )
     html = render_report([hostile], provenance, title=HOSTILE)
     found = outline(html)
     assert found.faults == []

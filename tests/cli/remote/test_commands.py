@@ -22,7 +22,7 @@ from support.answering_rig import (
 )  # fmt: skip
 from support.command import Ended, rigd, start
 
-from rigd.remote.protocol.arguments import Answered, NoArguments, Start
+from rigd.remote.protocol.arguments import Answered, NoArguments, StartArguments
 from rigd.remote.protocol.status import Interrupted, TripView
 
 T = TypeVar("T")
@@ -83,7 +83,7 @@ def test_start_takes_control_for_as_long_as_it_needs(ask: Asking) -> None:
     rig = ask.remote.rig
     assert rig.verbs() == ["lease_take", "start", "lease_release"]
     args = next(args for _, verb, args in rig.done if verb == "start")
-    assert isinstance(args, Start)
+    assert isinstance(args, StartArguments)
     assert (args.procedure, args.set, args.seed, args.answers) == (
         FILE, {"floor": "pvc"}, 7, "procedure",
     )  # fmt: skip

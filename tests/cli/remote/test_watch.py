@@ -14,7 +14,7 @@ from support.command import start
 from support.terminal import Terminal
 
 from rigd.remote.protocol.arguments import Answered, NoArguments, Receiver
-from rigd.remote.protocol.status import Trial
+from rigd.remote.protocol.status import TrialStatus
 from rigd.remote.server import Result
 
 TIMEOUT_S = 60.0
@@ -186,7 +186,9 @@ def test_a_run_that_another_began_is_watched_to_its_end(remote: Served, tmp_path
     remote.show()
     running = start(["remote", "status", "--watch", "--endpoint", remote.endpoint], tmp_path)
     running.wait_for("records a.mcap")
-    remote.rig.trial = Trial(number=1, repeat=1, parameters={"current": 0.5}, label="current 0.5 A")
+    remote.rig.trial = TrialStatus(
+        number=1, repeat=1, parameters={"current": 0.5}, label="current 0.5 A"
+    )
     running.wait_for("trial 1/3: current 0.5 A")
     remote.rig.end()
     ended = running.end()

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rigd.daemon.doctor.check import Check, Verdict
-from rigd.daemon.doctor.storage import Needs, examine_storage
+from rigd.daemon.doctor.check import Check, CheckVerdict
+from rigd.daemon.doctor.storage import StorageNeeds, examine_storage
 
 
 @pytest.fixture(autouse=True)
@@ -18,12 +18,12 @@ def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return state
 
 
-def checks(runs: Path, needs: Needs | None) -> dict[str, Check]:
+def checks(runs: Path, needs: StorageNeeds | None) -> dict[str, Check]:
     return {one.name: one for one in examine_storage(runs, needs)}
 
 
 def test_the_folder_of_recordings_need_not_be_there_and_is_left_as_it_was(tmp_path: Path) -> None:
-    found = checks(tmp_path / "a" / "runs", Needs(1e3, 1000))
+    found = checks(tmp_path / "a" / "runs", StorageNeeds(1e3, 1000))
     speed = found["disk speed"].figures["bytes_per_s"]
     assert isinstance(speed, float)
     assert speed > 0
@@ -32,19 +32,19 @@ def test_the_folder_of_recordings_need_not_be_there_and_is_left_as_it_was(tmp_pa
 
 
 def test_a_rig_that_gives_more_than_the_disk_takes_fails(tmp_path: Path) -> None:
-    speed = checks(tmp_path, Needs(1e15, 1000))["disk speed"]
-    assert speed.verdict is Verdict.FAIL
+    speed = checks(tmp_path, StorageNeeds(1e15, 1000))["disk speed"]
+    assert speed.verdict is CheckVerdict.FAIL
     assert "fewer streams" in speed.advice
 
 
 def test_rings_that_have_no_room_fail(tmp_path: Path) -> None:
-    memory = checks(tmp_path, Needs(1.0, 1 << 60))["ring memory"]
-    assert memory.verdict is Verdict.FAIL
+    memory = checks(tmp_path, StorageNeeds(1.0, 1 << 60))["ring memory"]
+    assert memory.verdict is CheckVerdict.FAIL
     assert "RIGD_STATE" in memory.advice
 
 
 def test_a_state_folder_that_others_can_read_fails(tmp_path: Path, own_state: Path) -> None:
     own_state.chmod(0o755)
     memory = checks(tmp_path, None)["ring memory"]
-    assert memory.verdict is Verdict.FAIL
+    assert memory.verdict is CheckVerdict.FAIL
     assert "not private" in memory.found

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rigd.config.loader import load_rig
-from rigd.daemon.doctor.check import Check, Verdict
+from rigd.daemon.doctor.check import Check, CheckVerdict
 from rigd.daemon.doctor.rig import Reason, split_reasons
 from rigd.daemon.doctor.statistics import Statistics
 from rigd.daemon.doctor.survey import Survey, judge_channel
@@ -42,29 +42,29 @@ def channel(values: Sequence[float], low: float = -math.inf, high: float = math.
 
 def test_a_channel_shows_its_zero_and_its_noise() -> None:
     check = channel([0.9, 1.1, 0.9, 1.1])
-    assert check.verdict is Verdict.OK
+    assert check.verdict is CheckVerdict.OK
     assert check.found == "zero 1 m/s^2, noise 0.115 m/s^2"
     assert check.figures["zero"] == pytest.approx(1.0)
 
 
 def test_a_channel_at_the_end_of_its_range_is_saturated() -> None:
     check = channel([1.0, 10.0, 2.0], low=-10.0, high=10.0)
-    assert check.verdict is Verdict.WARN
+    assert check.verdict is CheckVerdict.WARN
     assert "10 m/s^2" in check.advice
 
 
 def test_a_relay_that_reads_open_at_rest_is_at_no_end_of_anything() -> None:
     relay = load_rig("angle-1").devices["relay"]
     (closed,) = relay.channels
-    for value, verdict in ((0.0, Verdict.OK), (1.0, Verdict.WARN)):
+    for value, verdict in ((0.0, CheckVerdict.OK), (1.0, CheckVerdict.WARN)):
         seen = Statistics()
         seen.add(np.full(10, value))
         assert judge_channel("channels", relay, closed, seen).verdict is verdict
 
 
 def test_a_channel_without_numbers_fails() -> None:
-    assert channel([1.0, math.nan]).verdict is Verdict.FAIL
-    assert channel([]).verdict is Verdict.FAIL
+    assert channel([1.0, math.nan]).verdict is CheckVerdict.FAIL
+    assert channel([]).verdict is CheckVerdict.FAIL
 
 
 def test_a_channel_that_stands_still_is_called_constant() -> None:
@@ -80,18 +80,18 @@ def test_a_device_is_judged_by_its_rate_and_its_stale_rows() -> None:
     late["current"][:20] = 99.0  # what stands in a stale row is no measurement
     survey.take("wheel_servo", late)
     checks = list(survey.devices("rig"))
-    assert verdict_on("carriage", checks).verdict is Verdict.OK
+    assert verdict_on("carriage", checks).verdict is CheckVerdict.OK
     assert verdict_on("carriage", checks).figures["rate_hz"] == pytest.approx(1000)
-    assert verdict_on("wheel_encoder", checks).verdict is Verdict.WARN
+    assert verdict_on("wheel_encoder", checks).verdict is CheckVerdict.WARN
     assert "20 of 1000 stale" in verdict_on("wheel_servo", checks).found
-    assert verdict_on("accelerometer", checks).verdict is Verdict.FAIL  # it gave nothing
+    assert verdict_on("accelerometer", checks).verdict is CheckVerdict.FAIL  # it gave nothing
     current = verdict_on("wheel_servo.current", list(survey.channels("channels")))
     assert current.figures["high"] == 0.0
 
 
 def test_the_cycle_is_judged_by_its_own_stream() -> None:
     survey = Survey(RIG)
-    assert next(iter(survey.cycle("rig"))).verdict is Verdict.FAIL  # none has run
+    assert next(iter(survey.cycle("rig"))).verdict is CheckVerdict.FAIL  # none has run
     cycles = rows("cycle", 2000)
     cycles["scheduled"] = np.arange(2000) * 1e-3
     cycles["actual"] = cycles["scheduled"] + 40e-6
@@ -99,9 +99,9 @@ def test_the_cycle_is_judged_by_its_own_stream() -> None:
     survey.take("cycle", cycles[:500])
     survey.take("cycle", cycles[500:])
     late, work, _ = survey.cycle("rig")
-    assert late.verdict is Verdict.OK
+    assert late.verdict is CheckVerdict.OK
     assert late.figures["cycles"] == 2000
-    assert work.verdict is Verdict.WARN  # 70 % of the period
+    assert work.verdict is CheckVerdict.WARN  # 70 % of the period
 
 
 def test_reasons_are_told_apart_by_the_device_they_are_of() -> None:

@@ -10,7 +10,7 @@ import pytest
 from rigd.config.loader import load_rig
 from rigd.config.rig import Supervision
 from rigd.daemon.doctor.bare_cycle import Lateness, measure
-from rigd.daemon.doctor.check import Verdict
+from rigd.daemon.doctor.check import CheckVerdict
 from rigd.daemon.doctor.timing import lateness_check, silence_check, suggested_silence_s
 
 ON_TIME = Lateness(10_000, 0, 30e-6, 60e-6, 90e-6, 200e-6, 1.2e-3)
@@ -28,17 +28,17 @@ def test_slots_that_are_left_out_are_missed() -> None:
 @pytest.mark.parametrize(
     ("late", "verdict"),
     [
-        (ON_TIME, Verdict.OK),
-        (replace(ON_TIME, missed=2), Verdict.OK),
-        (replace(ON_TIME, missed=20), Verdict.WARN),
-        (replace(ON_TIME, p99_s=2e-3), Verdict.WARN),
-        (replace(ON_TIME, missed=1000), Verdict.FAIL),
+        (ON_TIME, CheckVerdict.OK),
+        (replace(ON_TIME, missed=2), CheckVerdict.OK),
+        (replace(ON_TIME, missed=20), CheckVerdict.WARN),
+        (replace(ON_TIME, p99_s=2e-3), CheckVerdict.WARN),
+        (replace(ON_TIME, missed=1000), CheckVerdict.FAIL),
     ],
 )
-def test_the_verdict_follows_what_was_missed(late: Lateness, verdict: Verdict) -> None:
+def test_the_verdict_follows_what_was_missed(late: Lateness, verdict: CheckVerdict) -> None:
     check = lateness_check("timing", "cycle", late, 1_000_000)
     assert check.verdict is verdict
-    assert bool(check.advice) == (verdict is not Verdict.OK)
+    assert bool(check.advice) == (verdict is not CheckVerdict.OK)
 
 
 @pytest.mark.parametrize(
@@ -54,8 +54,8 @@ def test_a_rig_whose_silence_is_too_short_is_told_what_to_write() -> None:
     rig = replace(load_rig("lugre-1"), supervision=Supervision(cycle_silence_s=0.05))
     fits = silence_check("timing", replace(ON_TIME, longest_gap_s=0.024), rig)
     stalls = silence_check("timing", replace(ON_TIME, longest_gap_s=0.030), rig)
-    assert fits.verdict is Verdict.OK
-    assert stalls.verdict is Verdict.WARN
+    assert fits.verdict is CheckVerdict.OK
+    assert stalls.verdict is CheckVerdict.WARN
     assert "cycle_silence: 100 ms" in stalls.advice
 
 

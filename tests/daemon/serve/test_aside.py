@@ -13,14 +13,14 @@ from support.wire import ROOT
 
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
-from rigd.daemon.serve.aside import Aside
 from rigd.daemon.serve.recordings import is_drawn
+from rigd.daemon.serve.worker import CalculationWorker
 from rigd.model.channels import Channel, Stream
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.record import RecordingWriter
 from rigd.remote.protocol import Code, Refusal
-from rigd.remote.protocol.results import Check
+from rigd.remote.protocol.results import CheckReport
 from rigd.remote.server import working_for
 
 QUICK = (ROOT / "procedures" / "quick.yaml").read_text()
@@ -28,7 +28,9 @@ QUICK = (ROOT / "procedures" / "quick.yaml").read_text()
 
 def test_a_dry_run_tells_steps_time_and_peaks() -> None:
     rig = load_rig("lugre-1")
-    done = Aside().dry_run(rig.source.text, rig.source.path, QUICK, "quick", {"current": "1.2 A"})
+    done = CalculationWorker().dry_run(
+        rig.source.text, rig.source.path, QUICK, "quick", {"current": "1.2 A"}
+    )
     assert done.ok
     assert done.trials == 1
     assert 4.0 < done.duration_s < 30.0
@@ -40,7 +42,9 @@ def test_a_dry_run_tells_steps_time_and_peaks() -> None:
 def test_what_speaks_against_a_dry_run_is_told() -> None:
     rig = load_rig("lugre-1")
     with pytest.raises(Refusal, match="curent") as refused:
-        Aside().dry_run(rig.source.text, rig.source.path, QUICK, "quick", {"curent": "1 A"})
+        CalculationWorker().dry_run(
+            rig.source.text, rig.source.path, QUICK, "quick", {"curent": "1 A"}
+        )
     assert refused.value.code is Code.WRONG
 
 
@@ -59,29 +63,29 @@ trial:
 )
 
 
-def check(aside: Aside, text: str = LONG) -> Check:
+def check(aside: CalculationWorker, text: str = LONG) -> CheckReport:
     rig = load_rig("lugre-1")
     return aside.check(rig.source.text, rig.source.path, text, "long", {})
 
 
 def test_a_long_check_is_done() -> None:
-    assert check(Aside()) == Check(ok=True, trials=1001, prompts=0)
+    assert check(CalculationWorker()) == CheckReport(ok=True, trials=1001, prompts=0)
 
 
 def test_a_check_that_takes_too_long_is_given_up() -> None:
     with pytest.raises(Refusal, match=r"check was given up: it took longer than 0\.1 s"):
-        check(Aside(0.1))
+        check(CalculationWorker(0.1))
 
 
 def test_a_check_that_needs_too_much_memory_is_given_up() -> None:
     longer = LONG.replace("0.001 A", "0.0002 A")
     with pytest.raises(Refusal, match="check needs more than 60 MB of memory"):
-        check(Aside(memory=60 << 20), longer)
+        check(CalculationWorker(memory=60 << 20), longer)
 
 
 def test_a_check_ends_with_its_client() -> None:
     with working_for(lambda: False), pytest.raises(Refusal, match="its client is gone"):
-        check(Aside())
+        check(CalculationWorker())
 
 
 def test_a_recording_is_identified_and_its_report_stands_beside_it(tmp_path: Path) -> None:
@@ -92,7 +96,7 @@ def test_a_recording_is_identified_and_its_report_stands_beside_it(tmp_path: Pat
     procedure = compile_procedure(parse_procedure(few, tmp_path / "few.yaml"), rig)
     recording = tmp_path / "run.mcap"
     execute(RunRequest(procedure, few, rig, seed=1, output=recording))
-    told = Aside().identify(recording)
+    told = CalculationWorker().identify(recording)
     report = tmp_path / "run.html"
     assert (told.run, told.size) == ("run.mcap", report.stat().st_size)
     assert "<html" in report.read_text()
@@ -105,7 +109,7 @@ def test_data_that_cannot_answer_make_no_report(tmp_path: Path) -> None:
         recording, streams=[stream], metadata={}, attachments=(), start_ns=1_000
     ).close()
     with pytest.raises(Refusal) as refused:
-        Aside().identify(recording)
+        CalculationWorker().identify(recording)
     assert refused.value.code is Code.REFUSED
     assert not (tmp_path / "run.html").exists()
 
@@ -116,7 +120,7 @@ def test_any_recording_is_drawn_and_the_page_stands_beside_it(tmp_path: Path) ->
     RecordingWriter.create(
         recording, streams=[stream], metadata={}, attachments=(), start_ns=1_000
     ).close()
-    told = Aside().draw(recording)
+    told = CalculationWorker().draw(recording)
     page = tmp_path / "run-run.html"
     assert (told.run, told.size) == ("run.mcap", page.stat().st_size)
     assert "No trial began" in page.read_text()
@@ -134,11 +138,11 @@ def test_one_that_is_killed_is_told_as_such(
     killed.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(killed))
     with pytest.raises(Refusal, match=r"identify was ended from outside \(signal SIGKILL\)"):
-        Aside().identify(tmp_path / "run.mcap")
+        CalculationWorker().identify(tmp_path / "run.mcap")
 
 
 def test_one_calculation_at_a_time_and_none_outlives_the_daemon() -> None:
-    rig, aside, ended = load_rig("lugre-1"), Aside(), list[Refusal]()
+    rig, aside, ended = load_rig("lugre-1"), CalculationWorker(), list[Refusal]()
 
     def long() -> None:
         try:

@@ -13,7 +13,7 @@ from rigd.config.loader import load_rig
 from rigd.daemon.serve.library import Library
 from rigd.remote.protocol import Refusal
 from rigd.remote.protocol.arguments import Checked
-from rigd.remote.protocol.results import Check
+from rigd.remote.protocol.results import CheckReport
 
 
 def library(tmp_path: Path) -> Library:
@@ -67,7 +67,7 @@ def test_a_form_can_be_made_from_a_procedure(tmp_path: Path) -> None:
 
 def test_what_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
     good = Checked.model_validate({"procedure": travelling(SWEEP), "set": {"time": "2 s"}})
-    assert library(tmp_path).check(good) == Check(ok=True, trials=3, prompts=0)
+    assert library(tmp_path).check(good) == CheckReport(ok=True, trials=3, prompts=0)
     spoilt = travelling(SWEEP.replace("axis.speed", "axis.sped"))
     check = library(tmp_path).check(Checked.model_validate({"procedure": spoilt}))
     assert check is not None

@@ -16,7 +16,7 @@ from rigd.model.limits import Interlock
 from rigd.model.severity import Severity
 from rigd.record import Recording, run_info
 from rigd.remote.protocol import Code, Refusal
-from rigd.remote.protocol.arguments import Start
+from rigd.remote.protocol.arguments import StartArguments
 from rigd.remote.protocol.limits import LEASE_S
 
 LONG = SWEEP.replace("default: 0.3 s", "default: 30 s")
@@ -57,7 +57,7 @@ def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
 def test_note_that_steers_a_terminal_starts_nothing(tmp_path: Path) -> None:
     for said in ({"note": "a\x1b[2Jb"}, {"meta": {"specimen": "a\nb"}}):
         with pytest.raises(ValidationError, match="which is no text"):
-            Start.model_validate({"procedure": travelling(LONG), **said})
+            StartArguments.model_validate({"procedure": travelling(LONG), **said})
 
 
 def test_who_stands_behind_a_client_of_several_is_written_down(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rigd.daemon.serve.trips import Acted, TripMemory
+from rigd.daemon.serve.trips import RememberedTrip, TripMemory
 from rigd.engine.interlocks import Trip
 from rigd.model.errors import RecordingError
 from rigd.model.limits import Interlock
@@ -15,9 +15,11 @@ from rigd.record import NO_TRIAL, Event
 from rigd.remote.protocol import Refusal
 
 
-def trip(name: str, action: Severity, *, latch: bool = False, t_ns: int = 1) -> Acted:
+def trip(name: str, action: Severity, *, latch: bool = False, t_ns: int = 1) -> RememberedTrip:
     interlock = Interlock(name, "axis.position", high=1.0, action=action, latch=latch)
-    return Acted.of(Trip(t_ns, interlock, 2.0, "axis.position 2 m is above 1 m", "too far"))
+    return RememberedTrip.of(
+        Trip(t_ns, interlock, 2.0, "axis.position 2 m is above 1 m", "too far")
+    )
 
 
 @pytest.mark.parametrize(
@@ -80,7 +82,7 @@ def test_a_recording_tells_the_same_of_a_trip() -> None:
         "name": "far", "action": "abort", "priority": "medium", "latched": True, "value": 2.0,
         "reason": "axis.position 2 m is above 1 m", "message": "too far",
     }  # fmt: skip
-    assert Acted.recorded(Event(9, "interlock", NO_TRIAL, data)) == known
+    assert RememberedTrip.recorded(Event(9, "interlock", NO_TRIAL, data)) == known
 
 
 def test_a_file_that_is_none_is_not_taken_for_nothing(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from support.served_rig import request
 
 from rigd.config.remote import RemoteSetup
 from rigd.remote.protocol import VERBS, Code, Keys, Kind, Lane, Verb
-from rigd.remote.server.desk import Desk
+from rigd.remote.server.dispatcher import Dispatcher
 from rigd.remote.server.refused import Refused
 
 #: What some argument may be, and another must not.
@@ -57,7 +57,7 @@ def test_wild_arguments_change_nothing(tmp_path: Path) -> None:
         (served.runs / "nowhere.mcap").symlink_to(tmp_path / "unmounted")
         keys = Keys(served.rig.name)
         setup = RemoteSetup(("tcp/127.0.0.1:1",), roles={"eve": "maintainer"})
-        desk = Desk(keys, setup, served.service, served.lease, Refused())
+        desk = Dispatcher(keys, setup, served.service, served.lease, Refused())
         served.command("lease_take", "eve")
         before, files = served.status, sorted(served.runs.iterdir())
         codes = set()

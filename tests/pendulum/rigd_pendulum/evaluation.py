@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from rigd.analysis import DataError, Options
-from rigd.analysis.model import Parameter
+from rigd.analysis.model import FitParameter
 from rigd.analysis.parameters import Fitted, ParameterEvaluation, complete_groups
 from rigd.analysis.response import (
     Axis,
-    Quantity,
     ResponseModel,
+    ResponseQuantity,
     ResponseTrial,
     Wording,
     identify_response,
@@ -25,8 +25,8 @@ BLOCK_S = 0.1
 #: Below this speed in rad/s the sign of the friction is not certain over a block.
 TURNING_RAD_S = 0.8
 PARAMETERS = (
-    Parameter("coulomb", "N m", 1e-5, 1.0, 0.02),
-    Parameter("viscous", "N m s/rad", 1e-6, 1.0, 0.01),
+    FitParameter("coulomb", "N m", 1e-5, 1.0, 0.02),
+    FitParameter("viscous", "N m s/rad", 1e-6, 1.0, 0.01),
 )
 FARTHER = "Let it go from a larger angle: the two differ over a range of speeds."
 WORDING = Wording(
@@ -36,8 +36,8 @@ WORDING = Wording(
     x=Axis("speed", "rad/s"),
     y=Axis("torque of friction", "N m"),
     quantities=(
-        Quantity("T_c", "dry friction", FARTHER),
-        Quantity("b", "friction per angular speed", FARTHER),
+        ResponseQuantity("T_c", "dry friction", FARTHER),
+        ResponseQuantity("b", "friction per angular speed", FARTHER),
     ),
 )
 

@@ -15,7 +15,7 @@ from support.answering_rig import FILE, QUESTION, RECORDING, REPORT, TEXT, Serve
 from rigd.model.errors import ConfigError, LinkError
 from rigd.remote import AsyncClient, Client
 from rigd.remote.protocol import VERBS, Code, Kind, Refusal, Role, encode_frame
-from rigd.remote.protocol.arguments import Answered, NoArguments, Start
+from rigd.remote.protocol.arguments import Answered, NoArguments, StartArguments
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_a_procedure_travels_as_it_is_written(
     with client.control():
         client.start(path, {"floor": "pvc"}, seed=3, answers="procedure")
     args = next(args for _, verb, args in remote.rig.done if verb == "start")
-    assert isinstance(args, Start)
+    assert isinstance(args, StartArguments)
     assert (args.procedure, args.set, args.seed, args.answers) == (
         FILE, {"floor": "pvc"}, 3, "procedure",
     )  # fmt: skip

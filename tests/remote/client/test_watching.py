@@ -9,7 +9,7 @@ import pytest
 
 from rigd.model.errors import LinkError
 from rigd.remote.client.watching import RunWatch, without_gaps
-from rigd.remote.protocol import VERSION, Event, Refusal, Status
+from rigd.remote.protocol import VERSION, Refusal, RigEvent, Status
 from rigd.remote.protocol.results import Events
 from rigd.remote.protocol.status import Daemon, Interrupted, LastRun
 
@@ -17,19 +17,19 @@ RUN = "a.mcap"
 ENDED = LastRun(run=RUN, ending="complete", reason="all done", exit_code=0)
 
 
-def event(seq: int, t_ns: int | None = None) -> Event:
-    return Event(v=VERSION, seq=seq, t_ns=seq if t_ns is None else t_ns, kind="step")
+def event(seq: int, t_ns: int | None = None) -> RigEvent:
+    return RigEvent(v=VERSION, seq=seq, t_ns=seq if t_ns is None else t_ns, kind="step")
 
 
-def read(heard: Sequence[Event], known: Sequence[Event], since: int | None) -> list[Event]:
-    async def hear() -> AsyncGenerator[Event, None]:
+def read(heard: Sequence[RigEvent], known: Sequence[RigEvent], since: int | None) -> list[RigEvent]:
+    async def hear() -> AsyncGenerator[RigEvent, None]:
         for one in heard:
             yield one
 
     async def ask(seq: int) -> Events:
         return Events(events=tuple(one for one in known if one.seq >= seq), next=0)
 
-    async def collect() -> list[Event]:
+    async def collect() -> list[RigEvent]:
         return [one async for one in without_gaps(hear(), ask, since)]
 
     return asyncio.run(collect())

@@ -12,9 +12,9 @@ from rigd.model.states import RunState
 from rigd.remote.protocol import (
     VERSION,
     Code,
-    Event,
     Refusal,
-    Request,
+    RemoteRequest,
+    RigEvent,
     Status,
     decode,
     decode_refusal,
@@ -24,13 +24,19 @@ from rigd.remote.protocol import (
     encode_request,
     new_request,
 )
-from rigd.remote.protocol.arguments import Answered, Piece, ProcedureFile, Run, Start
+from rigd.remote.protocol.arguments import (
+    Answered,
+    PieceArguments,
+    ProcedureFile,
+    RunArguments,
+    StartArguments,
+)
 from rigd.remote.protocol.limits import MAX_DEPTH, MAX_REQUEST_BYTES, MAX_TEXT
 from rigd.remote.protocol.request import Reply
 from rigd.remote.protocol.results import PieceView
-from rigd.remote.protocol.status import Daemon, PromptView, State, Trial
+from rigd.remote.protocol.status import Daemon, PromptView, State, TrialStatus
 
-START = Start(procedure=ProcedureFile.of("one", "procedure: one"))
+START = StartArguments(procedure=ProcedureFile.of("one", "procedure: one"))
 
 
 def request_bytes(**changes: Any) -> bytes:
@@ -41,13 +47,13 @@ def request_bytes(**changes: Any) -> bytes:
 
 def refused(payload: bytes) -> Refusal:
     with pytest.raises(Refusal) as caught:
-        decode(Request[Start], payload)
+        decode(RemoteRequest[StartArguments], payload)
     return caught.value
 
 
 def test_a_request_survives_the_wire() -> None:
     request = new_request(START)
-    assert decode(Request[Start], encode_request(request)) == request
+    assert decode(RemoteRequest[StartArguments], encode_request(request)) == request
 
 
 def test_no_two_requests_have_the_same_id() -> None:
@@ -141,9 +147,9 @@ def test_what_is_told_of_a_bad_message_is_short() -> None:
 )
 def test_a_recording_is_named_never_a_path(name: str) -> None:
     with pytest.raises(ValidationError):
-        Run(run=name)
+        RunArguments(run=name)
     with pytest.raises(ValidationError):
-        Piece(run=name)
+        PieceArguments(run=name)
 
 
 def test_a_procedure_that_is_not_what_was_sent_is_refused() -> None:
@@ -156,7 +162,7 @@ def test_a_procedure_that_is_not_what_was_sent_is_refused() -> None:
 def test_an_answer_keeps_its_type() -> None:
     for value in (True, False, 1.5, "soft"):
         payload = encode_request(new_request(Answered(prompt_id=1, value=value)))
-        got = decode(Request[Answered], payload).args.value
+        got = decode(RemoteRequest[Answered], payload).args.value
         assert (got, type(got)) == (value, type(value))
 
 
@@ -193,7 +199,9 @@ def test_a_status_survives_the_wire() -> None:
         seq=2,
         daemon=Daemon(version="0.1.0", pid=7, started_ns=0),
         state="running",
-        trial=Trial(number=1, repeat=1, parameters={"floor": "pvc", "current": 0.15, "up": True}),
+        trial=TrialStatus(
+            number=1, repeat=1, parameters={"floor": "pvc", "current": 0.15, "up": True}
+        ),
     )
     got = decode(Status, encode(status))
     assert got == status
@@ -214,4 +222,4 @@ def test_no_text_of_a_procedure_steers_a_terminal() -> None:
 
 def test_an_event_refuses_what_json_cannot_say() -> None:
     with pytest.raises(ValidationError):
-        Event(v=VERSION, seq=1, t_ns=1, kind="trip", data={"value": float("nan")})
+        RigEvent(v=VERSION, seq=1, t_ns=1, kind="trip", data={"value": float("nan")})

@@ -6,9 +6,9 @@ import pytest
 
 from rigd.remote.protocol import Code, Refusal
 from rigd.remote.protocol.limits import FRESH_S
-from rigd.remote.server.requests import MAX_REQUESTS, MAX_SENDERS, MEMORY_S, Answer, Requests
+from rigd.remote.server.requests import MAX_REQUESTS, MAX_SENDERS, MEMORY_S, Requests, StoredReply
 
-DONE = Answer(True, b"done")
+DONE = StoredReply(True, b"done")
 
 
 class Memory:

@@ -14,7 +14,7 @@ from support.zenoh_client import Refused, ZenohClient, config
 
 from rigd.config.remote import RemoteSetup, TlsFiles
 from rigd.model import ConfigError, LinkError
-from rigd.remote.protocol import Event, Status
+from rigd.remote.protocol import RigEvent, Status
 from rigd.remote.protocol.limits import VERSION
 from rigd.remote.server import Lease, Server
 
@@ -110,7 +110,7 @@ def test_an_event_and_a_frame_reach_who_listens(on_loopback: Served) -> None:
         client.subscribe(f"rigd/{RIG}/event")
         client.subscribe(f"rigd/{RIG}/live/*")
         client.ask(f"rigd/{RIG}/status", b"")  # by then the subscriptions have arrived
-        on_loopback.server.publisher.event(Event(v=VERSION, seq=1, t_ns=1, kind="trip"))
+        on_loopback.server.publisher.event(RigEvent(v=VERSION, seq=1, t_ns=1, kind="trip"))
         on_loopback.server.publisher.frame("wheel", b"frame")
         came = client.received(least=2, within_s=20)
     assert came == {f"rigd/{RIG}/event": 1, f"rigd/{RIG}/live/wheel": 1}

@@ -18,7 +18,7 @@ from support.markup import outline
 
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate
-from rigd.analysis.terminal import Table, TerminalReport
+from rigd.analysis.terminal import TerminalReport, TerminalTable
 from rigd.model.errors import ConfigError, DataError
 from rigd_analyses.approach_angle.evaluation import CampaignEvaluation
 from rigd_sim.plants.angle.headless import SimulatedRun, simulate
@@ -31,7 +31,7 @@ def texts(shown: TerminalReport) -> str:
     """Return all that a terminal shows."""
     lines = []
     for one in shown:
-        rows = [row.cells for row in one.rows] if isinstance(one, Table) else [(one,)]
+        rows = [row.cells for row in one.rows] if isinstance(one, TerminalTable) else [(one,)]
         lines += [" ".join(cells) for cells in rows]
     return "\n".join(lines)
 
@@ -114,7 +114,7 @@ def test_a_good_campaign_has_no_flag_that_excludes(good: CampaignEvaluation) -> 
 
 def test_the_first_table_names_the_coefficient_of_every_number(good: CampaignEvaluation) -> None:
     table = good.terminal_report()[0]
-    assert isinstance(table, Table)
+    assert isinstance(table, TerminalTable)
     assert [column.title for column in table.columns] == [
         "set", "published", "paper's ± U", "(runs)", "better ± U (k=2)", "coefficient",
         "usable ± U",

@@ -12,7 +12,7 @@ from support.angle_recording import small_campaign
 from support.angle_runs import TABLE_1, drawn_rig
 from support.markup import outline
 
-from rigd.analysis.report import Attachment, Facts, Provenance
+from rigd.analysis.report import Facts, Provenance, ReportAttachment
 from rigd_analyses.approach_angle.campaign import analyse_campaign
 from rigd_analyses.approach_angle.data import (
     AngleCalibration,
@@ -29,7 +29,9 @@ from rigd_analyses.approach_angle.report.view import typical_run
 from rigd_analyses.approach_angle.result import CampaignResult, RunResult
 
 HOSTILE = "<script>alert(1)</script> & \"x\" 'y' $\\alpha$ ]]> --> {{ 7*7 }}"
-PROVENANCE = Provenance((Facts("campaign.mcap", {"sha256": "9f2c"}),), (Attachment("a", "b: 1"),))
+PROVENANCE = Provenance(
+    (Facts("campaign.mcap", {"sha256": "9f2c"}),), (ReportAttachment("a", "b: 1"),)
+)
 
 
 def known_runs() -> list[KnownRun]:

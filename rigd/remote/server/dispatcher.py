@@ -23,7 +23,7 @@ from rigd.remote.protocol import (
     Lane,
     Message,
     Refusal,
-    Request,
+    RemoteRequest,
     Role,
     Verb,
     as_json,
@@ -34,12 +34,12 @@ from rigd.remote.protocol import (
     find_verb,
     request_kind,
 )
-from rigd.remote.protocol.arguments import Reason
+from rigd.remote.protocol.arguments import ReasonArguments
 from rigd.remote.protocol.limits import MAX_REQUEST_BYTES
 from rigd.remote.protocol.message import check_size
 from rigd.remote.server.lease import Lease
 from rigd.remote.server.refused import Refused
-from rigd.remote.server.requests import Answer, Requests
+from rigd.remote.server.requests import Requests, StoredReply
 from rigd.remote.server.service import Result, Service
 
 _log = logging.getLogger(__name__)
@@ -49,7 +49,7 @@ LOCAL_ROLE: Final = Role.OPERATOR
 
 
 @dataclass(frozen=True)
-class Letter:
+class RoutedRequest:
     """A request as it came, sorted by its key alone."""
 
     key: str
@@ -67,7 +67,7 @@ def role_of(setup: RemoteSetup, identity: str) -> Role | None:
     return LOCAL_ROLE if setup.tls is None else None
 
 
-class Desk:
+class Dispatcher:
     """Answers requests with what the service does.
 
     :meth:`sort` may be called from any thread, :meth:`answer` from one thread per lane.
@@ -93,7 +93,7 @@ class Desk:
             lane: Requests(clock=clock, wall=wall) for lane in Lane
         }
 
-    def sort(self, key: str, payload: bytes) -> Letter:
+    def sort(self, key: str, payload: bytes) -> RoutedRequest:
         """Return the request as a letter, which says in which lane it is to be answered.
 
         Raises:
@@ -110,14 +110,14 @@ class Desk:
             )
         verb = find_verb(address.kind, address.verb)
         check_role(role, verb, address.verb)
-        return Letter(key, address, role, verb, payload)
+        return RoutedRequest(key, address, role, verb, payload)
 
-    def refuse(self, key: str, refusal: Refusal, request_id: str = "") -> Answer:
+    def refuse(self, key: str, refusal: Refusal, request_id: str = "") -> StoredReply:
         """Return the answer to what is not carried out, and count it."""
         self._refused.count(key, refusal)
-        return Answer(False, encode_refusal(request_id, refusal))
+        return StoredReply(False, encode_refusal(request_id, refusal))
 
-    def answer(self, letter: Letter) -> Answer:
+    def answer(self, letter: RoutedRequest) -> StoredReply:
         """Carry out a request."""
         request_id = ""
         try:
@@ -133,7 +133,7 @@ class Desk:
         except Exception:  # noqa: BLE001 - as below: the thread that answers must not end
             return self._bug(letter, request_id)
 
-    def _once(self, letter: Letter, request: Request[Message]) -> Answer:
+    def _once(self, letter: RoutedRequest, request: RemoteRequest[Message]) -> StoredReply:
         """Carry out what changes something, unless that was done already.
 
         A stop is taken whatever the clocks say and however many came before it.
@@ -149,13 +149,13 @@ class Desk:
             memory.remember(identity, request.id, digest, answer)
         return answer
 
-    def _carry_out(self, letter: Letter, request: Request[Message]) -> Answer:
+    def _carry_out(self, letter: RoutedRequest, request: RemoteRequest[Message]) -> StoredReply:
         try:
             if letter.verb.needs_lease:
                 self._lease.check(letter.address.identity)
             result = self._do(letter, request.args, request.user)
             plain = as_json(result) if isinstance(result, Message) else result
-            return Answer(True, encode_reply(request.id, plain))
+            return StoredReply(True, encode_reply(request.id, plain))
         except Refusal as refusal:
             return self.refuse(letter.key, refusal, request.id)
         except RigdError as error:
@@ -164,7 +164,7 @@ class Desk:
         except Exception:  # noqa: BLE001 - told to the client and logged; the daemon lives on
             return self._bug(letter, request.id)
 
-    def _stop_unread(self, letter: Letter, refusal: Refusal) -> Refusal:
+    def _stop_unread(self, letter: RoutedRequest, refusal: Refusal) -> Refusal:
         """Carry out a stop of another version: its key says all that counts.
 
         The reply is in the one form that every version reads.
@@ -173,7 +173,7 @@ class Desk:
         self._service.stop(who, verb, "asked for in another version of the protocol", "")
         return Refusal(refusal.code, f"{verb}: carried out; {refusal.message}", hint=refusal.hint)
 
-    def _bug(self, letter: Letter, request_id: str) -> Answer:
+    def _bug(self, letter: RoutedRequest, request_id: str) -> StoredReply:
         _log.exception("%s failed", letter.key)
         bug = Refusal(
             Code.INTERNAL,
@@ -182,9 +182,9 @@ class Desk:
         )
         return self.refuse(letter.key, bug, request_id)
 
-    def _do(self, letter: Letter, args: Message, user: str) -> Result:
+    def _do(self, letter: RoutedRequest, args: Message, user: str) -> Result:
         address, role = letter.address, letter.role
-        if isinstance(args, Reason):
+        if isinstance(args, ReasonArguments):
             return self._service.stop(address.identity, address.verb, args.reason, user)
         if address.kind is Kind.ASK:
             return self._service.ask(address.identity, role, address.verb, args)

@@ -40,8 +40,8 @@ FOLDER: Final = ".look"
 PATIENCE_S: Final = 600.0
 
 
-class Look:
-    """A rig that is being looked at; made by :func:`look_at`.
+class UnarmedSession:
+    """A rig that is being looked at; made by :func:`open_unarmed`.
 
     ``rig`` is as its file says. ``on_rows`` gets what has come of each stream, several times a
     second, in time order.
@@ -162,9 +162,9 @@ class Look:
 
 
 @contextmanager
-def look_at(
+def open_unarmed(
     rig: RigConfig, control: Control, *, command: str, held: RunFolder | None = None
-) -> Iterator[Look]:
+) -> Iterator[UnarmedSession]:
     """Take ``rig`` and make it ready to be opened; on every way out it is safe, closed and free.
 
     ``command`` is told to whoever wants the rig meanwhile. ``held`` is the rig's folder where the
@@ -186,7 +186,7 @@ def look_at(
         prepare(rig, folder, job, record=every_row, ring_s=RING_S)
         host = launch(_harmless(rig), folder, job, control, record=every_row)
         try:
-            yield Look(rig, host, folder, control)
+            yield UnarmedSession(rig, host, folder, control)
         finally:
             host.make_safe()
             host.close()

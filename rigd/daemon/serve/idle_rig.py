@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed, Monitor
-from rigd.daemon.manual import check_action, look_at, only
+from rigd.daemon.manual import check_action, only, open_unarmed
 from rigd.engine.control import Control
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import ConfigError
 from rigd.remote.protocol import Code, Refusal
 
 
-class Looks:
+class IdleRig:
     """Looks at ``rig``, whose ``folder`` this process holds; one look at a time, and no run.
 
     ``monitored``: :meth:`show` shows the channels to ``feed``; else it does nothing. ``told`` gets
@@ -64,7 +64,7 @@ class Looks:
             RigdError: the device has failed, or refuses.
         """
         part, command = only(self._rig, {device}), f"rigd serve, {action} of {device}"
-        with look_at(part, control, command=command, held=self._folder) as look:
+        with open_unarmed(part, control, command=command, held=self._folder) as look:
             reasons = look.open()
             if reasons:
                 raise Refusal(Code.REFUSED, f"{device} cannot be opened: {'; '.join(reasons)}")

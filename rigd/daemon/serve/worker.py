@@ -1,6 +1,6 @@
 """Runs checks, dry runs and analyses in a worker process with bounds on time and memory.
 
-``python -m rigd.daemon.serve.aside`` reads one job as JSON, does it at low priority and prints
+``python -m rigd.daemon.serve.worker`` reads one job as JSON, does it at low priority and prints
 the result, or what was wrong, as JSON.
 """
 
@@ -19,7 +19,7 @@ from typing import Any, Final
 from rigd.engine.child import Child, module
 from rigd.model.errors import ConfigError, RigdError
 from rigd.remote.protocol import Code, Message, Refusal
-from rigd.remote.protocol.results import Check, DryRun, Reported
+from rigd.remote.protocol.results import CheckReport, DryRun, Reported
 
 #: A calculation that takes longer is given up: a little less than a client waits for it.
 PATIENCE_S: Final = 890.0
@@ -31,7 +31,7 @@ MEMORY: Final = 4 << 30
 NICENESS: Final = 15
 
 
-class Aside:
+class CalculationWorker:
     """Does one calculation at a time; :meth:`close` gives up the one under way.
 
     A calculation is given up too when it takes longer than ``patience_s`` or more than ``memory``
@@ -60,14 +60,14 @@ class Aside:
 
     def check(
         self, rig: str, rig_path: Path, procedure: str, name: str, settings: Mapping[str, str]
-    ) -> Check:
+    ) -> CheckReport:
         """Return whether a procedure can run on a rig, both given as texts.
 
         Raises:
             Refusal: it took too long, or too much memory.
         """
         job = _job(rig, rig_path, procedure, name, settings)
-        return Check.model_validate_json(json.dumps(self._do("check", job)))
+        return CheckReport.model_validate_json(json.dumps(self._do("check", job)))
 
     def identify(self, recording: Path) -> Reported:
         """Identify what a recording holds, and write the report beside it.
@@ -165,7 +165,7 @@ def _job(
     }
 
 
-def _check(job: Mapping[str, Any]) -> Check:
+def _check(job: Mapping[str, Any]) -> CheckReport:
     from rigd.config.loader import parse_rig
     from rigd.daemon.serve.library import check
     from rigd.remote.protocol.arguments import Checked, ProcedureFile
