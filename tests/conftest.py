@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Generator
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -20,8 +22,9 @@ from support import warm
 for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # before numpy is imported
     os.environ.setdefault(name, "1")
 
-# The commands that tests start keep what they compile: it costs more than many of them do.
+# Tests and the commands that they start keep what they compile: it costs more than many of them.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # A suite started with nohup, or in the background of a script, is told to ignore these. What it
 # starts would inherit that, and rigd heeds it: no test of a Ctrl-C or a lost terminal could pass.
@@ -91,6 +94,7 @@ DATED_DOCUMENTS = ("[calibration.md]",)
 MARKED = {"side_by_side": SIDE_BY_SIDE, "quick": QUICK, "dates": DATES}
 
 
+@cache
 def is_in(path: Path, listed: tuple[Path, ...]) -> bool:
     """Return whether a file stands in one of these folders, or is one of these files."""
     return any(path.is_relative_to(place) for place in listed)
