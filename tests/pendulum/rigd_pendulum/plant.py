@@ -8,9 +8,8 @@ from typing import Annotated, ClassVar
 
 from annotated_types import Ge, Gt
 
-from rigd.sdk import In, Plant, PlantConfig
+from rigd.sdk import GridPlant, In, PlantConfig
 
-STEP_NS = 250_000
 #: How fast the clamp takes the pendulum to its angle.
 CLAMP_RAD_S = 3.0
 
@@ -30,11 +29,12 @@ class PendulumConfig(PlantConfig):
     """Standard deviation of the encoder."""
 
 
-class PendulumPlant(Plant):
+class PendulumPlant(GridPlant):
     """Physics and encoder of the pendulum."""
 
     Config: ClassVar[type[PlantConfig]] = PendulumConfig
     title: ClassVar[str] = "pendulum with Coulomb and viscous friction"
+    step_ns: ClassVar[int] = 250_000
     config: PendulumConfig
 
     def __init__(self, config: PendulumConfig, *, period_ns: int, seed: int) -> None:
@@ -44,25 +44,13 @@ class PendulumPlant(Plant):
         self.angle = 0.0
         self.speed = 0.0
         self._random = random.Random(seed)
-        self._t_ns: int | None = None
-
-    def advance(self, t_ns: int) -> None:
-        """Bring the pendulum to ``t_ns`` in steps of 0.25 ms."""
-        if self._t_ns is None:
-            self._t_ns = t_ns
-        while self._t_ns < t_ns:
-            self._step(STEP_NS * 1e-9)
-            self._t_ns += STEP_NS
-
-    def change(self, quantity: str, value: float | str) -> None:
-        """Refuse: nothing is changed by hand."""
-        raise ValueError(f"the pendulum has no {quantity!r} to change")
 
     def shown(self) -> float:
         """Return the angle with the noise of the encoder, in rad."""
         return self.angle + self._random.gauss(0.0, self.config.noise)
 
-    def _step(self, step_s: float) -> None:
+    def step(self, step_s: float) -> None:
+        """Integrate over one step, in s."""
         if self.clamped:
             far = CLAMP_RAD_S * step_s
             self.angle += min(max(self.clamp_at - self.angle, -far), far)
