@@ -39,6 +39,8 @@ def test_the_wheel_holds_what_is_needed_and_no_more(wheel: Path) -> None:
         "rigd/_bundled/configs/eds/rigd_servo.eds",
         "rigd/_bundled/schemas/procedure.schema.json",
         "rigd/analysis/report/templates/report.css",
+        "rigd/cli/templates/analysis/MODULE/analysis.py.jinja",
+        "rigd_analyses/approach_angle/report/templates/campaign.html.jinja",
     } <= names
     tops = {name.partition("/")[0] for name in names}
     assert {top for top in tops if not top.endswith(".dist-info")} == {
