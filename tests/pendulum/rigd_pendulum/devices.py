@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from rigd.sdk import Channel, Driver, DriverConfig
+from rigd.sdk import Channel, Driver, DriverConfig, PlantSensor
 from rigd_pendulum.plant import PendulumPlant
 
 
@@ -53,7 +53,7 @@ class EncoderConfig(DriverConfig):
     """No options."""
 
 
-class Encoder(Driver):
+class Encoder(PlantSensor):
     """Shows the angle; moves nothing."""
 
     Config: ClassVar[type[DriverConfig]] = EncoderConfig
@@ -61,16 +61,7 @@ class Encoder(Driver):
     channels = (Channel("angle", "rad", "from where it hangs", -4.0, 4.0),)
     link: PendulumPlant
 
-    def open(self) -> None:
-        """Do nothing: the plant stands as soon as the rig does."""
-
-    def arm(self) -> None:
-        """Do nothing: it only measures."""
-
     def read(self, t_ns: int) -> Sequence[float]:
         """Return the angle."""
         self.link.advance(t_ns)
         return (self.link.shown(),)
-
-    def make_safe(self) -> None:
-        """Do nothing: it only measures."""
