@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 from rigd.model.errors import RigdError
-from rigd.sdk.check.subject import Unfit, described
+from rigd.sdk.check.subject import UnfitSubject, described
 from rigd.sdk.driver import BlockDriver, Driver
 from rigd.sdk.plant import Energy, Plant, PlantConfig
 
@@ -91,7 +91,7 @@ class PlantBench:
                 block.open()
                 block.start()
         except Exception as error:
-            raise Unfit(f"its devices cannot be armed: {described(error)}") from error
+            raise UnfitSubject(f"its devices cannot be armed: {described(error)}") from error
         self.seen.rows = {name: [] for name in subject.devices}
 
     def _mount(self, name: str, driver_class: type[Any], options: Mapping[str, Any]) -> None:
@@ -161,7 +161,7 @@ class PlantBench:
             self.plant.advance(self.now_ns)
             self.look()
         except Exception as error:
-            raise Unfit(f"cycle {self._cycle} raises {described(error)}") from error
+            raise UnfitSubject(f"cycle {self._cycle} raises {described(error)}") from error
         if commands is None:
             return
         for name, driver in self._drivers.items():
@@ -172,7 +172,7 @@ class PlantBench:
             except RigdError as error:
                 self.seen.refused.append(f"{name}: {error}")
             except Exception as error:
-                raise Unfit(f"{name}.write() raises {described(error)}") from error
+                raise UnfitSubject(f"{name}.write() raises {described(error)}") from error
 
 
 def gentle(driver: Driver, cycle: int) -> Sequence[float]:

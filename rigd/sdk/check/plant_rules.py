@@ -20,7 +20,7 @@ from rigd.sdk.check.plant_bench import (
     gentle,
     wild,
 )
-from rigd.sdk.check.subject import Unfit, described
+from rigd.sdk.check.subject import UnfitSubject, described
 from rigd.sdk.options import options_of
 from rigd.sdk.parameters import ParametersConfig
 from rigd.sdk.plant import Plant, PlantConfig
@@ -135,7 +135,7 @@ def _takes(model: Any, tree: Any, path: tuple[str, ...], sign: str, unit: str) -
     except ValidationError:
         return False
     except Exception as error:
-        raise Unfit(
+        raise UnfitSubject(
             f"{'.'.join(path)} of {sign}1e30 {unit} raises {described(error)}, not a ValueError"
         ) from error
     return True
@@ -258,7 +258,7 @@ def _finite(subject: PlantSubject) -> Iterator[str]:
             continue
         try:
             found = list(_not_finite(bench, bench.play(CYCLES // 2, wild)))
-        except Unfit as unfit:
+        except UnfitSubject as unfit:
             found = [str(unfit)]
         problems |= dict.fromkeys(f"{problem}{where}" for problem in found)
     yield from list(problems)[:5]

@@ -11,7 +11,7 @@ from rigd.sdk.check.plant_bench import Device, PlantSubject
 from rigd.sdk.check.plant_physics import RULES
 from rigd.sdk.check.plant_rules import CLASS_RULES, CONSTRUCTOR, PLANT_RULES
 from rigd.sdk.check.report import Finding, NonConforming, Report
-from rigd.sdk.check.subject import Unfit
+from rigd.sdk.check.subject import UnfitSubject
 from rigd.sdk.plant import Plant
 
 _STAGES: Final = (CLASS_RULES, CONSTRUCTOR, PLANT_RULES, RULES)
@@ -90,6 +90,6 @@ def examine_plant(
                 findings += [
                     Finding(rule.name, problem, rule.demand) for problem in rule.check(subject)
                 ]
-            except Unfit as unfit:
+            except UnfitSubject as unfit:
                 findings.append(Finding(rule.name, str(unfit), rule.demand))
     return Report(plant_class.__name__, tuple(findings), tuple(checked), skipped)
