@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,14 @@ class Whole:
     content: bytes
     rows: Mapping[str, Rows]
     recording: Recording
+
+    @cached_property
+    def places(self) -> dict[str, dict[bytes, int]]:
+        """The place of each row in its stream, by the row's bytes."""
+        return {
+            name: {row.tobytes(): place for place, row in enumerate(rows)}
+            for name, rows in self.rows.items()
+        }
 
     def untouched(self, damaged: bytes) -> dict[str, list[bytes]]:
         """Return the rows, as bytes, of chunks that are as they were, by stream."""
@@ -114,10 +123,8 @@ def check(whole: Whole, damaged: bytes, path: Path) -> None:
     for read in (rows_before, rows_of(repaired), rows_by_mcap(path)):
         for name, rows in expected.items():
             got = read.get(name, [])
-            given = [row.tobytes() for row in whole.rows[name]]
             assert set(rows) <= set(got), f"rows of {name} are lost"
-            places = {row: place for place, row in enumerate(given)}
-            order = [places[row] for row in got]  # a KeyError: a row that was never recorded
+            order = [whole.places[name][row] for row in got]  # a KeyError: never recorded
             assert order == sorted(set(order)), f"rows of {name} twice or out of order"
     assert recover(path).intact
     if report.original is not None:
