@@ -54,7 +54,7 @@ def play(seed: int, individual: int, *, load_cell: bool = False) -> Campaign:
     start = time.process_time()
     trials = list(campaign(seed=seed, individual=individual, load_cell=load_cell))
     between = time.process_time()
-    result = analyse_campaign([one.known for one in trials], PUBLISHED)
+    result = analyse_campaign([item.known for item in trials], PUBLISHED)
     return Campaign(trials, result, between - start, time.process_time() - between)
 
 
@@ -79,7 +79,7 @@ def by_set(played: Sequence[Campaign]) -> None:
     print("\nmaximum relative to Table 1 in %, mean and worst of the rigs; U of ours (k = 2)")
     print(f"{'set':10s} {'paper':>14s} {'better':>14s} {'U':>6s} {'inside U':>9s}")
     for k, name in enumerate(SETS):
-        sets = [one.result.sets[k] for one in played]
+        sets = [item.result.sets[k] for item in played]
         paper = [100 * (s.paper.value / TABLE_1[name] - 1) for s in sets if s.paper.value]
         ours = [s.maximum for s in sets if s.maximum is not None]
         better = [100 * (m.value / TABLE_1[name] - 1) for m in ours]
@@ -96,20 +96,20 @@ def maxima(played: Sequence[Campaign]) -> None:
     """Report targets 2 and 3: maxima, slopes, and the slip."""
     by_set(played)
     outside = 0
-    for one in played:
-        for s in one.result.sets:
+    for item in played:
+        for s in item.result.sets:
             low, high = WINDOWS[s.name]
             error = math.inf if s.paper.value is None else s.paper.value / TABLE_1[s.name] - 1.0
             outside += not low <= error <= high
     at_most("2 paper: set maxima outside of their windows", outside, 0, "")
-    worst = max(abs(e) for one in played for e in set_errors(one.result))
+    worst = max(abs(e) for item in played for e in set_errors(item.result))
     at_most("3 better: worst set against Table 1", 100 * worst, 5, "%")
     for source, target in (("better", 4), ("paper", 10)):
-        worst = max(abs(slope_error(one.result, source)) for one in played)
+        worst = max(abs(slope_error(item.result, source)) for item in played)
         at_most(f"3 {source}: worst slope over the angle", 100 * worst, target, "%")
     ours, paper = [], []
-    for one in played:
-        for played_run, found in zip(one.trials, one.result.runs, strict=True):
+    for item in played:
+        for played_run, found in zip(item.trials, item.result.runs, strict=True):
             run = played_run.simulated
             true = steady(run, BetterSettings().start_s).slip_corrected
             ours.append(slip_error(found.better.slip_corrected, (1.0 + true) * TRUE_RADIUS - 1.0))
@@ -123,8 +123,8 @@ def maxima(played: Sequence[Campaign]) -> None:
 def honesty(played: Sequence[Campaign]) -> None:
     """Note how often the claimed intervals hold the truth, per run and per set."""
     z = []
-    for one in played:
-        for played_run, found in zip(one.trials, one.result.runs, strict=True):
+    for item in played:
+        for played_run, found in zip(item.trials, item.result.runs, strict=True):
             blocks, run = found.better.blocks, played_run.simulated
             if not math.isfinite(found.better.mu):
                 continue
@@ -135,7 +135,7 @@ def honesty(played: Sequence[Campaign]) -> None:
             z.append((found.better.mu - np.mean(force) / np.mean(normal)) / found.better.mu_u)
     noted("share of sliding runs whose F_r/N is within U (95 % wanted)",
           100 * float(np.mean(np.abs(z) <= 2)), "%")  # fmt: skip
-    sets = [s for one in played for s in one.result.sets if s.maximum is not None]
+    sets = [s for item in played for s in item.result.sets if s.maximum is not None]
     inside = [s.maximum.low <= TABLE_1[s.name] <= s.maximum.high for s in sets if s.maximum]
     noted(
         "share of sets whose maximum is within U (95 % wanted)", 100 * float(np.mean(inside)), "%"
@@ -147,10 +147,10 @@ def ideal_rig(seed: int) -> None:
     torque, inertia = [], []
     for k, set_name in enumerate(SETS):
         for load_kg, voltage_v in ((4.0, 10.0), (8.0, 10.0), (8.0, 4.0)):
-            one = trial(set_name, load_kg, voltage_v, 1, 1, rig=drawn_rig(0), seed=seed + k,
+            item = trial(set_name, load_kg, voltage_v, 1, 1, rig=drawn_rig(0), seed=seed + k,
                         noise=False, drag=False)  # fmt: skip
-            found = analyse_paper(one.known.run, one.known.calibration, one.known.rig)
-            true = steady(one.simulated, found.t_steady_s)
+            found = analyse_paper(item.known.run, item.known.calibration, item.known.rig)
+            true = steady(item.simulated, found.t_steady_s)
             torque.append(abs(found.torque_nm / true.torque_nm - 1.0))
             inertia.append(abs(found.mu - true.mu - true.inertia))
     at_most("4 ideal rig: worst steady torque", 100 * max(torque), 0.5, "%")
@@ -159,7 +159,7 @@ def ideal_rig(seed: int) -> None:
 
 def times(played: Sequence[Campaign]) -> None:
     """Report target 5."""
-    longest = max(one.simulated.stop_s for c in played for one in c.trials)
+    longest = max(item.simulated.stop_s for c in played for item in c.trials)
     at_most("5 200 runs analysed, s CPU", max(c.analysed_s for c in played), 10, "s")
     at_most("5 one run simulated, ms CPU", 1e3 * max(c.simulated_s for c in played) / 200, 50, "ms")
     at_most("5 longest run", longest, 0.7, "s")
@@ -182,7 +182,7 @@ def clamping(seed: int, rigs: int) -> None:
                                   seed=seed + 1000 * individual + len(rubbing),
                                   individual=seed + individual, rubbing_nm=lost)
                         )  # fmt: skip
-        result = analyse_campaign([one.known for one in trials], PUBLISHED)
+        result = analyse_campaign([item.known for item in trials], PUBLISHED)
         for run, lost in zip(result.runs, rubbing, strict=True):
             flagged = any(flag.code == "rubbing" for flag in run.flags)
             bad, found = bad + (lost > 0), found + (lost > 0 and flagged)
@@ -192,16 +192,16 @@ def clamping(seed: int, rigs: int) -> None:
     at_most("7 good runs flagged for it", 100 * false / good, 1, "%")
 
 
-def variants(one: Campaign, seed: int, individual: int) -> None:
+def variants(item: Campaign, seed: int, individual: int) -> None:
     """Note what knowledge of the normal force is worth on one and the same rig."""
-    runs = [t.known for t in one.trials]
+    runs = [t.known for t in item.trials]
     plain = [replace(k, rig=replace(k.rig, load_rise=UNKNOWN_RISE)) for k in runs]
     unknown = analyse_campaign(plain, PUBLISHED)
     cell = play(seed, individual, load_cell=True)
     print("\nwith what is known of the normal force, one rig: worst set, slope, mean U (k = 2)")
     for name, result in (
         ("scale before the start alone", unknown),
-        ("and its rise along the rails", one.result),
+        ("and its rise along the rails", item.result),
         ("high-rate load cell", cell.result),
     ):
         wide = [s.maximum.expanded / s.maximum.value for s in result.sets if s.maximum]
@@ -222,7 +222,7 @@ def main() -> int:
         [t.known for t in campaign(seed=1, sets=SETS[:1], loads_kg=(4.0,))]
     )  # compiles
     individuals = [seed + k for k in range(arguments.rigs)]
-    played = [play(seed + 100 + k, one) for k, one in enumerate(individuals)]
+    played = [play(seed + 100 + k, individual) for k, individual in enumerate(individuals)]
     maxima(played)
     honesty(played)
     ideal_rig(seed)

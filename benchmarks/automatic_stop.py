@@ -126,7 +126,7 @@ def main() -> int:
     }
     failed = 0
     while left := {block: count for block, count in missing.items() if count > 0}:
-        block = max(left, key=lambda one: left[one])
+        block = max(left, key=lambda item: left[item])
         count = min(SLICE, left[block])
         found = one_slice(block, drives(count, draw))
         if not found:

@@ -57,7 +57,7 @@ class Lateness:
     @classmethod
     def of(cls, late_us: NDArray[np.float64], slots: int, cpu_us: float = float("nan")) -> Self:
         """Return that of a loop whose cycles began so late, shape (n,), in ``slots`` slots."""
-        p50, p99, p999 = (float(one) for one in np.percentile(late_us, (50, 99, 99.9)))
+        p50, p99, p999 = (float(item) for item in np.percentile(late_us, (50, 99, 99.9)))
         return cls(slots, slots - len(late_us), p50, p99, p999, float(late_us.max()), cpu_us)
 
     def line(self, name: str) -> str:

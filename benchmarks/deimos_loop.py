@@ -75,7 +75,9 @@ def threads_cpu() -> dict[str, float]:
 def control_thread() -> int:
     """Return the number of the thread that runs the loop."""
     tasks = Path("/proc/self/task").iterdir()
-    return next(int(one.name) for one in tasks if (one / "comm").read_text() == "controller-run\n")
+    return next(
+        int(task.name) for task in tasks if (task / "comm").read_text() == "controller-run\n"
+    )
 
 
 def main() -> None:

@@ -73,10 +73,10 @@ def play(missing: list[Case], table: Path | None) -> list[Row]:
 def show(rows: list[Row]) -> bool:
     """Print the table; return whether all is as it must be."""
     print(f"{'fault':<48} {'must':<6} {'detected by':<13} {'ms':>6} {'safe ms':>8}  told")
-    known = {one.name: one for one in cases()}
+    known = {item.name: item for item in cases()}
     failed = 0
     rows = [row for row in rows if row["name"] in known]
-    for row in sorted(rows, key=lambda one: str(one["name"])):
+    for row in sorted(rows, key=lambda item: str(item["name"])):
         outcome = _outcome(row)
         case = known[row["name"]]
         print(
@@ -85,8 +85,8 @@ def show(rows: list[Row]) -> bool:
         )
         wrong = verdict(case, outcome)
         failed += bool(wrong)
-        for one in wrong:
-            print(f"{'':<48} WRONG: {one}")
+        for item in wrong:
+            print(f"{'':<48} WRONG: {item}")
     noted("fault campaign, faults", len(rows), "")
     at_most("fault campaign, not as they must be", failed, 0, "faults")
     return not failed
@@ -94,7 +94,7 @@ def show(rows: list[Row]) -> bool:
 
 def markdown(rows: list[Row]) -> Iterator[str]:
     """Yield the table as it stands in docs/faults.md: the worst of devices of the same kind."""
-    known = {one.name: one for one in cases()}
+    known = {case.name: case for case in cases()}
     alike: dict[tuple[str, str, str], list[Outcome]] = defaultdict(list)
     for row in rows:
         if row["name"] in known:
@@ -102,10 +102,10 @@ def markdown(rows: list[Row]) -> Iterator[str]:
     yield "| device | fault | the run must | seen by | after, ms | safe after, ms |"
     yield "|---|---|---|---|---|---|"
     for described, found in sorted(alike.items()):
-        by = ", ".join(sorted({one.detected_by for one in found}))
-        seen = max((one.detected_s for one in found if one.detected_s is not None), default=None)
-        safe = max((one.safe_s for one in found if one.safe_s is not None), default=None)
-        refused = any(one.detected_by == "refused" for one in found)
+        by = ", ".join(sorted({item.detected_by for item in found}))
+        seen = max((item.detected_s for item in found if item.detected_s is not None), default=None)
+        safe = max((item.safe_s for item in found if item.safe_s is not None), default=None)
+        refused = any(item.detected_by == "refused" for item in found)
         after = "" if refused else _ms(seen)
         yield f"| {' | '.join(described)} | {by} | {after} | {_ms(safe)} |"
 
@@ -138,7 +138,7 @@ def main() -> int:
         print(*markdown(rows), sep="\n")
         return 0
     done = {row["name"] for row in rows}
-    missing = [one for one in cases() if args.only in one.name and one.name not in done]
+    missing = [case for case in cases() if args.only in case.name and case.name not in done]
     rows += play(missing, args.table)
     return 0 if show(rows) else 1
 

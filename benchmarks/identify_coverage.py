@@ -110,38 +110,38 @@ def _report(floor: str, rows: list[Row]) -> None:
         f"{'half width':>12}{'spread':>8}"
     )
     found = {name: coverage([row["found"][name] for row in whole]) for name in whole[0]["found"]}
-    for name, one in found.items():
-        print(_line(name, one))
+    for name, item in found.items():
+        print(_line(name, item))
     for name in ("sigma_0", "sigma_2"):
         _judge(f"{floor}: {name}", found[name])
-    curve = [one for name, one in found.items() if name.startswith("g(") and one.quoted]
+    curve = [item for name, item in found.items() if name.startswith("g(") and item.quoted]
     if curve:
-        worst = min(curve, key=lambda one: one.share)
+        worst = min(curve, key=lambda item: item.share)
         # Slip that a rig did not visit is none that it missed.
         _judge(f"{floor}: g, worst of 5 to 50 mm/s", replace(worst, experiments=worst.quoted))
     quoted = [found[name] for name in OFTEN_OPEN]
-    wrong = sum(one.quoted - one.covered for one in quoted)
-    total = sum(one.quoted for one in quoted)
+    wrong = sum(item.quoted - item.covered for item in quoted)
+    total = sum(item.quoted for item in quoted)
     noted(f"{floor}: V_s, mu_c, mu_s quoted as known but missed", wrong, f"of {total}")
 
 
-def _line(name: str, one: Coverage) -> str:
-    low, high = one.limits
-    little = one.quoted > 1 and not one.varies
+def _line(name: str, item: Coverage) -> str:
+    low, high = item.limits
+    little = item.quoted > 1 and not item.varies
     nothing = "  errors hardly vary: too wide, or too narrow a study" if little else ""
     return (
-        f"  {name:<12}{one.quoted:>7}{one.share:>9.0f}{f'{low:.0f} to {high:.0f}':>12}"
-        f"{one.bias:>+11.2f}{one.sd:>10.2f}{one.worst:>10.2f}{one.half_width:>12.2f}"
-        f"{one.ratio:>8.2f}{nothing}"
+        f"  {name:<12}{item.quoted:>7}{item.share:>9.0f}{f'{low:.0f} to {high:.0f}':>12}"
+        f"{item.bias:>+11.2f}{item.sd:>10.2f}{item.worst:>10.2f}{item.half_width:>12.2f}"
+        f"{item.ratio:>8.2f}{nothing}"
     )
 
 
-def _judge(name: str, one: Coverage) -> None:
+def _judge(name: str, item: Coverage) -> None:
     """Report the coverage; an interval that is not quoted does not cover."""
-    low, high = one.limits
-    covered = 100.0 * one.covered / one.experiments
+    low, high = item.limits
+    covered = 100.0 * item.covered / item.experiments
     at_least(f"{name} covered ({low:.0f} to {high:.0f} where quoted)", covered, TARGET, "%")
-    at_least(f"{name} spread of errors over half width", one.ratio, TOO_LITTLE * RIGHT_RATIO, "")
+    at_least(f"{name} spread of errors over half width", item.ratio, TOO_LITTLE * RIGHT_RATIO, "")
 
 
 def main() -> int:

@@ -236,7 +236,7 @@ def cost_to_the_cycle(rig: RigConfig, seconds: float, rounds: int = 3) -> None:
                 feed.attach(folder)
             share(feed, seconds / rounds)
         costs[watched] += cost
-    with_feed, without = (statistics.median(costs[one]) for one in (True, False))
+    with_feed, without = (statistics.median(costs[item]) for item in (True, False))
     noted(f"live {rig.name}: a push, nobody looking on", without, "ns")
     at_most(f"live {rig.name}: a push, with the feed", with_feed / without, 1.2)
 

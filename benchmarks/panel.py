@@ -115,7 +115,7 @@ def move(endpoint: str) -> None:
     """Start a run that needs nobody, and return once it moves."""
     with Client(NAME, endpoint=endpoint) as client, client.control():
         client.start("shake", on_client_loss="continue")
-        next(one for one in client.watch() if one.state == "running")
+        next(item for item in client.watch() if item.state == "running")
 
 
 def cpu_s(pid: int) -> float:
@@ -179,7 +179,7 @@ def measure(page: Page, pids: dict[str, int], seconds: float) -> dict[str, float
     browser = browser_pids()
     before, begun = {name: cpu_s(pid) for name, pid in pids.items()}, time.monotonic()
     drawing_s = sum(map(cpu_s, browser))
-    ages = sorted(1e3 * one for one in page.evaluate(WATCH, seconds))
+    ages = sorted(1e3 * item for item in page.evaluate(WATCH, seconds))
     took_s = time.monotonic() - begun
     found = {name: (cpu_s(pid) - before[name]) / took_s for name, pid in pids.items()}
     found["browser"] = (sum(map(cpu_s, browser)) - drawing_s) / took_s

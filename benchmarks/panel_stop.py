@@ -108,7 +108,7 @@ def crowd(address: str, cookies: Sequence[str]) -> None:
             await reader.readexactly(int(length))
 
     async def run() -> None:
-        await asyncio.gather(*(look(one) for one in cookies), *(flood() for _ in range(FLOOD)))
+        await asyncio.gather(*(look(cooky) for cooky in cookies), *(flood() for _ in range(FLOOD)))
 
     asyncio.run(run())
 
@@ -163,7 +163,7 @@ def stopped(page: Page, endpoint: str, address: str) -> tuple[float, float]:
     page.locator(".stop-stop").click()
     took = float(pressed.evaluate("one => one.promise"))
     with Client(NAME, endpoint=endpoint) as client:
-        next(one for one in client.watch() if one.state == "idle")
+        next(item for item in client.watch() if item.state == "idle")
     move(endpoint)
     return beside, took
 
@@ -201,7 +201,7 @@ def main() -> None:
         stack.callback(browser.close)
         page = enter_unbound(browser, link)
         sessions = [cookie_of(invited(page, "one")) for _ in range(WATCHERS // OF_ONE)]
-        cookies = [one for one in sessions for _ in range(OF_ONE)]
+        cookies = [session for session in sessions for _ in range(OF_ONE)]
         quiet, loaded = [], []
         for _ in range(rounds):
             quiet.append(stopped(page, endpoint, address))

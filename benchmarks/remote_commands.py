@@ -150,8 +150,8 @@ def one_slice(rig: str, count: int) -> list[Commanded]:
                 client.control(),
             ):
                 for number in range(count):
-                    one = commanded(rig, bench, client, procedure, LEAST_S + 0.0137 * number)
-                    found += [] if one is None else [one]
+                    item = commanded(rig, bench, client, procedure, LEAST_S + 0.0137 * number)
+                    found += [] if item is None else [item]
         finally:
             shutil.rmtree(state)
     return found
@@ -248,7 +248,7 @@ def main() -> int:
     runs, failed = SLICE if args.quick else args.runs, 0
     while True:
         missing = {rig: runs - sum(row.rig == rig for row in rows) for rig in RIGS}
-        rig = max(missing, key=lambda one: missing[one])
+        rig = max(missing, key=lambda item: missing[item])
         if missing[rig] <= 0:
             break
         count = min(SLICE, missing[rig])

@@ -146,7 +146,7 @@ def flooded(session: zenoh.Session, endpoint: str, rounds: int) -> None:
                     begun_s = time.perf_counter()
                     replies = list(session.get(key("stop", "eve", "stop"),
                                                payload=request("stop"), timeout=10.0))  # fmt: skip
-                    if [one.ok is not None for one in replies] != [True]:
+                    if [reply.ok is not None for reply in replies] != [True]:
                         raise RuntimeError(f"a stop was not answered: {replies}")
                     times[flood].append(1e3 * (time.perf_counter() - begun_s))
                     time.sleep(0.01)

@@ -199,7 +199,7 @@ class Bench:
         lateness, own = self._lateness(rows, since_ns, until_ns, found, cpu_us)
         return Block(
             load,
-            {name: one / took_s for name, one in used.items()},
+            {name: item / took_s for name, item in used.items()},
             lateness,
             own,
             found.witnesses[self._processor],
@@ -234,39 +234,39 @@ class Bench:
 
 def quantiles(ages_ms: Sequence[float]) -> Sequence[float]:
     """Return p50 and p99; nothing of nothing."""
-    return [float(one) for one in np.quantile(ages_ms, (0.5, 0.99))] if ages_ms else ()
+    return [float(item) for item in np.quantile(ages_ms, (0.5, 0.99))] if ages_ms else ()
 
 
 def middle(found: Sequence[Lateness]) -> Lateness:
     """Return the median of each figure; slots are added up."""
-    whole = [sum(one.slots for one in found), sum(one.missed for one in found)]
+    whole = [sum(item.slots for item in found), sum(item.missed for item in found)]
     names = ("p50_us", "p99_us", "p999_us", "max_us", "cpu_us")
     return Lateness(*whole, *(statistics.median(getattr(o, name) for o in found) for name in names))
 
 
 def report(blocks: Sequence[Block]) -> None:
     """Print the table and the figures: medians of the blocks under one load."""
-    by_load = {load: [one for one in blocks if one.load == load] for load in LOADS}
+    by_load = {load: [block for block in blocks if block.load == load] for load in LOADS}
     for load, found in by_load.items():
         for name in found[0].shares:
-            share = statistics.median(one.shares[name] for one in found)
+            share = statistics.median(item.shares[name] for item in found)
             noted(f"load, {load}: {name}", 100 * share, "% of a core")
-        callback, drawn = [one.callback_ms for one in found], [one.drawn_ms for one in found]
+        callback, drawn = [item.callback_ms for item in found], [item.drawn_ms for item in found]
         for where, ages in (("a callback", callback), ("a page", drawn)):
             if all(ages):
-                p50, p99 = (statistics.median(one[index] for one in ages) for index in (0, 1))
+                p50, p99 = (statistics.median(age[index] for age in ages) for index in (0, 1))
                 noted(f"load, {load}: age of a sample in {where}, p50", p50, "ms")
                 noted(f"load, {load}: age of a sample in {where}, p99", p99, "ms")
         if all(drawn):
-            rate_hz = statistics.median(one.drawn_per_s for one in found)
+            rate_hz = statistics.median(item.drawn_per_s for item in found)
             noted(f"load, {load}: frames drawn", rate_hz, "1/s")
     print("\nlateness in us, medians of the blocks; own: while the host was there")
     print(HEADING)
     alone: dict[str, float] = {}
     for load, found in by_load.items():
-        cycle = middle([one.lateness for one in found])
-        own = middle([one.own for one in found])
-        witness = middle([one.witness for one in found])
+        cycle = middle([item.lateness for item in found])
+        own = middle([item.own for item in found])
+        witness = middle([item.witness for item in found])
         print(load)
         print(cycle.line("  cycle"))
         print(own.line("  cycle, own"))
@@ -275,12 +275,12 @@ def report(blocks: Sequence[Block]) -> None:
         if load == NOBODY:
             alone = p999_us
         else:
-            for what, one in p999_us.items():
+            for what, item in p999_us.items():
                 name = f"load, {load}: lateness p99.9 / nobody{what}"
                 if what == ", witness":
-                    noted(name, one / alone[what], "x")
+                    noted(name, item / alone[what], "x")
                 else:
-                    at_most(name, one / alone[what], LATENESS_RATIO)
+                    at_most(name, item / alone[what], LATENESS_RATIO)
 
 
 def measured(missing: dict[str, int], seconds: float) -> Iterator[Block]:
@@ -309,7 +309,7 @@ def measured(missing: dict[str, int], seconds: float) -> Iterator[Block]:
         }
         bench = Bench(pids, witness, crowd, pages, seconds)
         while max(missing.values()) > 0:
-            load = max(LOADS, key=lambda one: missing[one])
+            load = max(LOADS, key=lambda item: missing[item])
             yield bench.measure(load)
             missing[load] -= 1
 
@@ -324,7 +324,7 @@ def main() -> int:
     blocks: list[Block] = []
     if args.table is not None and args.table.exists():
         blocks = [Block.read(line) for line in args.table.read_text().splitlines()]
-    missing = {load: args.rounds - sum(one.load == load for one in blocks) for load in LOADS}
+    missing = {load: args.rounds - sum(item.load == load for item in blocks) for load in LOADS}
     for block in measured(missing, args.seconds) if max(missing.values()) > 0 else ():
         blocks.append(block)
         if args.table is not None:

@@ -74,8 +74,8 @@ class Master:
         """Map a PDO: disable, set, enable; at every SYNC."""
         self.write(node, base, 1, cob_id | 1 << 31, 4)
         self.write(node, base + 0x200, 0, 0, 1)
-        for place, one in enumerate(objects, start=1):
-            self.write(node, base + 0x200, place, one, 4)
+        for place, item in enumerate(objects, start=1):
+            self.write(node, base + 0x200, place, item, 4)
         self.write(node, base + 0x200, 0, len(objects), 1)
         self.write(node, base, 2, 1, 1)
         if base >= 0x1800:

@@ -47,7 +47,7 @@ def slices(kept: Path) -> list[list[dict[str, float]]]:
             found.append([])
         else:
             found[-1].append(line)
-    return [one for one in found if len(one) >= 8]
+    return [item for item in found if len(item) >= 8]
 
 
 def main() -> None:
@@ -59,10 +59,10 @@ def main() -> None:
     slice_of(args.minutes, args.keep)
     for number, rounds in enumerate(slices(args.keep), 1):
         later = rounds[len(rounds) // 4 :]
-        hours = np.array([one["s"] for one in later]) / 3600
+        hours = np.array([item["s"] for item in later]) / 3600
         print(f"slice {number}: {rounds[-1]['s'] / 60:.1f} min, {len(rounds)} rounds")
         for column in COLUMNS:
-            values = np.array([one[column] for one in later])
+            values = np.array([item[column] for item in later])
             slope = np.polyfit(hours, values, 1)[0]
             print(f"  {column:12} {values[0]:9.0f} -> {values[-1]:9.0f}   {slope:+10.1f} per hour")
 

@@ -141,7 +141,7 @@ def main() -> None:
         for part in (50, 99):
             noted(f"reply of the {name}, p{part}", float(np.percentile(took, part)), "ms")
     for who, report in (("daemon", at_most), ("witness", None)):
-        quiet, loaded = (np.percentile(found[f"{who} {one}"], 99) for one in ("quiet", "loaded"))
+        quiet, loaded = (np.percentile(found[f"{who} {item}"], 99) for item in ("quiet", "loaded"))
         name = f"reply of the {who}, p99, loaded against quiet"
         if report is None:
             noted(name, float(loaded / quiet), "x")

@@ -70,7 +70,7 @@ class CardAnalogConfig(DriverConfig):
     @field_validator("inputs")
     @classmethod
     def _names_differ(cls, inputs: tuple[AnalogInput, ...]) -> tuple[AnalogInput, ...]:
-        names = [channel.name for one in inputs for channel in one.channels()]
+        names = [channel.name for item in inputs for channel in item.channels()]
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f"two channels are called '{name}'")
@@ -89,12 +89,12 @@ class CardAnalog(Driver):
 
     def __init__(self, config: CardAnalogConfig, link: Card | None) -> None:
         super().__init__(config, link)
-        self.channels = tuple(channel for one in config.inputs for channel in one.channels())
-        self._inputs = tuple((one.input, one.per_volt, one.zero) for one in config.inputs)
+        self.channels = tuple(channel for item in config.inputs for channel in item.channels())
+        self._inputs = tuple((item.input, item.per_volt, item.zero) for item in config.inputs)
 
     def open(self) -> None:
         """Take the inputs in from now on."""
-        self.link.use_inputs(analog=(one.input for one in self.config.inputs))
+        self.link.use_inputs(analog=(item.input for item in self.config.inputs))
         self.identity = self.link.identity
 
     def arm(self) -> None:

@@ -103,7 +103,7 @@ class NiCard:
 
     def name(self, *of: str) -> str:
         """Return the name of our task for ``of``: no other machine has one of that name."""
-        parts = (one.replace("/", "_") for one in of)
+        parts = (item.replace("/", "_") for item in of)
         return "_".join(["rigd", socket.gethostname(), self._config.device, *parts])
 
     def new_task(self, name: str) -> Any:

@@ -41,21 +41,21 @@ def refuse_copies(sweeps: Sequence[RecordedSweep]) -> None:
         DataError: one is a copy of another, whole or in part, or an earlier state of it.
         RecordingError: a recording is damaged.
     """
-    for one, other in combinations(sweeps, 2):
-        for first, second in _at_the_same_time(one, other):
-            if _alike(one, first, other, second):
+    for combination, other in combinations(sweeps, 2):
+        for first, second in _at_the_same_time(combination, other):
+            if _alike(combination, first, other, second):
                 raise DataError(
                     f"trial {second.number} of {other.path} is sample for sample trial "
-                    f"{first.number} of {one.path}",
+                    f"{first.number} of {combination.path}",
                     hint="one is a copy of the other, or both were simulated with the same seed: "
                     "give one of them",
                 )
 
 
 def _at_the_same_time(
-    one: RecordedSweep, other: RecordedSweep
+    sweep: RecordedSweep, other: RecordedSweep
 ) -> Iterator[tuple[TrialInfo, TrialInfo]]:
-    for first in one.info.trials:
+    for first in sweep.info.trials:
         for second in other.info.trials:
             if first.start_ns < _end_ns(second) and second.start_ns < _end_ns(first):
                 yield first, second
@@ -66,13 +66,13 @@ def _end_ns(trial: TrialInfo) -> float:
     return math.inf if trial.end_ns is None else trial.end_ns
 
 
-def _alike(one: RecordedSweep, first: TrialInfo, other: RecordedSweep, second: TrialInfo) -> bool:
+def _alike(sweep: RecordedSweep, first: TrialInfo, other: RecordedSweep, second: TrialInfo) -> bool:
     """Whether all rows that both trials have at the same time are the same, and they are many."""
-    streams = {channel.partition(".")[0] for channel in one.plan.signals.values()}
+    streams = {channel.partition(".")[0] for channel in sweep.plan.signals.values()}
     shared = 0
     shorter = 0
-    for name in sorted(streams & one.recording.streams.keys() & other.recording.streams.keys()):
-        rows = one.recording.read(name, first.start_ns, first.end_ns)
+    for name in sorted(streams & sweep.recording.streams.keys() & other.recording.streams.keys()):
+        rows = sweep.recording.read(name, first.start_ns, first.end_ns)
         others = other.recording.read(name, second.start_ns, second.end_ns)
         if rows.dtype != others.dtype:
             return False

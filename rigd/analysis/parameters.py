@@ -87,7 +87,7 @@ class ParameterEvaluation(Evaluation):
         cls, sweeps: Sequence[RecordedSweep], fitted: Sequence[Fitted], options: Options
     ) -> ParameterEvaluation:
         """Return the evaluation of ``sweeps`` from the results of all their groups."""
-        sections = tuple(one.section for one in fitted)
+        sections = tuple(item.section for item in fitted)
         loss = "Huber" if options.robust else "least squares"
         origin = provenance(
             sweeps,
@@ -95,8 +95,8 @@ class ParameterEvaluation(Evaluation):
             {"starts": str(options.starts), "seed": str(options.seed), "loss": loss},
             [_bridged_facts(sweep) for sweep in sweeps],
         )
-        titles = dict.fromkeys(one.result.title for one in fitted)
-        recordings = tuple(one.group.recordings for one in fitted)
+        titles = dict.fromkeys(item.result.title for item in fitted)
+        recordings = tuple(item.group.recordings for item in fitted)
         return cls(", ".join(titles), sections, recordings, origin)
 
     def report(self) -> str:
@@ -192,8 +192,8 @@ def complete_groups(
 
 def _used(sweep: RecordedSweep, sections: Sequence[ReportSection]) -> int:
     """Return how many trials of ``sweep`` entered a fit."""
-    fits = [one for section in sections for one in section.result.trials]
-    return sum(one.recording == str(sweep.path) for one in fits)
+    fits = [trial for section in sections for trial in section.result.trials]
+    return sum(fit.recording == str(sweep.path) for fit in fits)
 
 
 def groups(

@@ -38,9 +38,9 @@ def plain(value: object) -> object:
         case float():
             return float(value) if math.isfinite(value) else None
         case Mapping():
-            return {str(key): plain(one) for key, one in value.items()}
+            return {str(key): plain(item) for key, item in value.items()}
         case list() | tuple():
-            return [plain(one) for one in value]
+            return [plain(item) for item in value]
         case np.ndarray() | np.generic():
             return plain(value.tolist())
         case Path() | date():
@@ -48,7 +48,7 @@ def plain(value: object) -> object:
         case Shaped():
             return plain(value.shape())
     if is_dataclass(value) and not isinstance(value, type):
-        return {one.name: plain(getattr(value, one.name)) for one in fields(value)}
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     raise TypeError(f"{type(value).__name__} has no JSON form: {value!r}")
 
 

@@ -61,8 +61,8 @@ def attachments_of(recordings: Sequence[Recording]) -> tuple[ReportAttachment, .
     """Return each attached file once, however many recordings have it."""
     texts: dict[bytes, str] = {}
     for recording in recordings:
-        for name, one in recording.attachments.items():
-            texts.setdefault(one.data, name)
+        for name, attachment in recording.attachments.items():
+            texts.setdefault(attachment.data, name)
     return tuple(
         ReportAttachment(name, data.decode(errors="replace")) for data, name in texts.items()
     )

@@ -102,22 +102,22 @@ class ResponseModel:
     @cached_property
     def trial_slices(self) -> tuple[slice, ...]:
         """Where each trial stands in the stacked residual."""
-        ends = np.cumsum([len(one.t_s) for one in self.trials]).tolist()
+        ends = np.cumsum([len(trial.t_s) for trial in self.trials]).tolist()
         return tuple(slice(a, b) for a, b in zip([0, *ends], ends, strict=False))
 
     @cached_property
     def mask(self) -> FloatArray:
         """(n,) of 1 where a sample counts and 0 elsewhere."""
-        return np.concatenate([one.used for one in self.trials]).astype(np.float64)
+        return np.concatenate([trial.used for trial in self.trials]).astype(np.float64)
 
     @cached_property
     def x(self) -> FloatArray:
         """(n,) input of all trials."""
-        return np.concatenate([one.x for one in self.trials])
+        return np.concatenate([trial.x for trial in self.trials])
 
     @cached_property
     def _measured(self) -> FloatArray:
-        return np.concatenate([one.measured for one in self.trials])
+        return np.concatenate([trial.measured for trial in self.trials])
 
     def residuals(self, theta: FloatArray) -> FloatArray:
         """Return the stacked residuals (n,)."""
@@ -172,11 +172,11 @@ def identify_response(
         DataError: fewer than 8 samples of a trial count, or the cost is not finite.
     """
     used = int(np.count_nonzero(model.mask))
-    for one in model.trials:
-        if np.count_nonzero(one.used) < _FEWEST:
+    for trial in model.trials:
+        if np.count_nonzero(trial.used) < _FEWEST:
             raise DataError(
-                f"{one.label} has {np.count_nonzero(one.used)} samples that count, {_FEWEST} are "
-                "needed",
+                f"{trial.label} has {np.count_nonzero(trial.used)} samples that count, "
+                f"{_FEWEST} are needed",
                 hint="record longer trials, or leave this one out",
             )
     fits = multi_start(model, starts=options.starts, seed=options.seed)
@@ -190,7 +190,7 @@ def identify_response(
     scans = [_scan(model, best, cov, inflation, i) for i in range(len(model.parameters))]
     pieces = [error[part][model.mask[part] > 0.0] for part in model.trial_slices]
     together = np.concatenate(pieces)
-    shortest = min(len(one) for one in pieces)
+    shortest = min(len(piece) for piece in pieces)
     reached = model.x[model.mask > 0.0]
     low, high = float(np.min(reached)), float(np.max(reached))
     return IdentificationResult(
@@ -198,12 +198,12 @@ def identify_response(
         method=wording.method,
         title=wording.title,
         parameters=tuple(
-            _estimate(model, best, cov, i, one, quantity)
-            for i, (one, quantity) in enumerate(zip(scans, wording.quantities, strict=True))
+            _estimate(model, best, cov, i, item, quantity)
+            for i, (item, quantity) in enumerate(zip(scans, wording.quantities, strict=True))
         ),
         derived=(),
         confidence=0.95,
-        correlation_names=tuple(one.name for one in model.parameters),
+        correlation_names=tuple(parameter.name for parameter in model.parameters),
         correlation=correlation(cov.coloured),
         cost=best.cost,
         samples=used,
@@ -211,14 +211,14 @@ def identify_response(
         inflation=float(np.sqrt(inflation)),
         starts=tuple(
             StartOutcome(
-                named(model, one.start), named(model, one.theta), one.cost, one.iterations,
-                one.converged,
+                named(model, fit.start), named(model, fit.theta), fit.cost, fit.iterations,
+                fit.converged,
             )
-            for one in fits
+            for fit in fits
         ),
         curve=_curve(model, best, cov, wording, (low, high)),
         trials=_trial_fits(model, best, wording),
-        profiles=tuple(_profile(model, i, one) for i, one in enumerate(scans)),
+        profiles=tuple(_profile(model, i, item) for i, item in enumerate(scans)),
         residual_tests=(
             tests.ljung_box(pieces, min(_LJUNG_BOX_LAGS, max(1, shortest // 4))),
             tests.normality(together, 1.0 / inflation),
@@ -299,14 +299,14 @@ def _curve(
 
 def _trial_fits(model: ResponseModel, best: Fit, wording: Wording) -> tuple[TrialFit, ...]:
     found = []
-    for one in model.trials:
-        fitted = model.response(best.theta, one.x)[0]
-        rms, r_squared = tests.goodness(one.measured[one.used], fitted[one.used])
+    for trial in model.trials:
+        fitted = model.response(best.theta, trial.x)[0]
+        rms, r_squared = tests.goodness(trial.measured[trial.used], fitted[trial.used])
         found.append(
             TrialFit(
-                one.label, one.condition, wording.y.name, wording.y.unit, one.t_s, one.measured,
-                fitted, one.used, rms, r_squared, one.recording,
-                {wording.x.name: Signal(wording.x.unit, one.x)},
+                trial.label, trial.condition, wording.y.name, wording.y.unit,
+                trial.t_s, trial.measured, fitted, trial.used, rms, r_squared, trial.recording,
+                {wording.x.name: Signal(wording.x.unit, trial.x)},
             )
         )  # fmt: skip
     return tuple(found)
@@ -314,7 +314,7 @@ def _trial_fits(model: ResponseModel, best: Fit, wording: Wording) -> tuple[Tria
 
 def _profile(model: ResponseModel, index: int, found: ProfileScan) -> Profile:
     parameter = model.parameters[index]
-    values = np.array([parameter.natural(float(one)) for one in found.values])
+    values = np.array([parameter.natural(float(value)) for value in found.values])
     return Profile(
         parameter.name, parameter.unit, values, found.statistic, found.threshold,
         *natural_ends(model, index, found), log_axis=parameter.low > 0.0,
@@ -323,7 +323,7 @@ def _profile(model: ResponseModel, index: int, found: ProfileScan) -> Profile:
 
 def _warnings(model: ResponseModel, fits: Sequence[Fit], cov: Covariance) -> tuple[str, ...]:
     out = []
-    if len(fits) > 1 and sum(one.cost <= fits[0].cost * 1.001 for one in fits) == 1:
+    if len(fits) > 1 and sum(fit.cost <= fits[0].cost * 1.001 for fit in fits) == 1:
         out.append(f"only one of {len(fits)} starts reached the best cost; try more starts")
     pairs = zip(model.parameters, cov.on_bound, strict=True)
     if held := [parameter.name for parameter, bound in pairs if bound]:

@@ -188,7 +188,7 @@ class RecordedSweep:
                 f"which was not recorded (there are: {', '.join(self.recording.streams)})",
                 hint=f"add {device} to `record` in the procedure and run it again",
             )
-        if field not in {one.name for one in stream.channels}:
+        if field not in {item.name for item in stream.channels}:
             raise DataError(f"{self.path}: stream {device!r} has no channel {field!r}")
         return stream, field
 

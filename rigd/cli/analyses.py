@@ -69,13 +69,13 @@ def execute(args: argparse.Namespace) -> int:
         )
     found = [_look_at(point) for point in wanted]
     if args.json:
-        print(json.dumps([asdict(one) for one in found], indent=2, ensure_ascii=False))
+        print(json.dumps([asdict(item) for item in found], indent=2, ensure_ascii=False))
     elif args.name is None:
         _print_list(found)
     else:
-        for one in found:
-            print("\n".join(_in_full(one)))
-    broken = args.name is not None and any(one.broken for one in found)
+        for item in found:
+            print("\n".join(_in_full(item)))
+    broken = args.name is not None and any(item.broken for item in found)
     return int(Exit.BAD_INPUT if broken else Exit.OK)
 
 
@@ -122,28 +122,28 @@ def _print_list(found: list[InstalledAnalysis]) -> None:
     table = Table(box=None, pad_edge=False, show_header=False)
     for _ in range(3):
         table.add_column(overflow="fold")
-    for one in found:
-        text = f"[red]broken: {escape(one.broken)}[/]" if one.broken else escape(one.title)
-        table.add_row(one.name, f"{one.package} {one.version}", text)
+    for item in found:
+        text = f"[red]broken: {escape(item.broken)}[/]" if item.broken else escape(item.title)
+        table.add_row(item.name, f"{item.package} {item.version}", text)
     print_table(console, table)
 
 
-def _in_full(one: InstalledAnalysis) -> Iterator[str]:
-    yield f"{one.name}  analysis of {one.package} {one.version}"
-    if one.broken:
-        yield f"  broken: {one.broken}"
+def _in_full(analysis: InstalledAnalysis) -> Iterator[str]:
+    yield f"{analysis.name}  analysis of {analysis.package} {analysis.version}"
+    if analysis.broken:
+        yield f"  broken: {analysis.broken}"
         return
-    yield from (f"  {line}".rstrip() for line in one.doc.splitlines())
+    yield from (f"  {line}".rstrip() for line in analysis.doc.splitlines())
     for title, names in (
-        ("signals", [f"{name} ({unit})" for name, unit in one.signals.items()]),
-        ("signals it may have", [f"{k} ({unit})" for k, unit in one.optional_signals.items()]),
-        ("constants", one.constants),
-        ("constants it may have", one.optional_constants),
-        ("parameters of trials", one.trial_parameters),
-        ("calibrated values it rests on", one.calibrated),
-        ("calibrated values it measures", one.measures),
-        ("published values it compares with", one.references),
-        ("options of `rigd identify`", [_option(name) for name in one.options]),
+        ("signals", [f"{name} ({unit})" for name, unit in analysis.signals.items()]),
+        ("signals it may have", [f"{k} ({unit})" for k, unit in analysis.optional_signals.items()]),
+        ("constants", analysis.constants),
+        ("constants it may have", analysis.optional_constants),
+        ("parameters of trials", analysis.trial_parameters),
+        ("calibrated values it rests on", analysis.calibrated),
+        ("calibrated values it measures", analysis.measures),
+        ("published values it compares with", analysis.references),
+        ("options of `rigd identify`", [_option(name) for name in analysis.options]),
     ):
         if names:
             yield f"{title}: {', '.join(names)}"

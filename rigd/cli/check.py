@@ -91,7 +91,7 @@ def _missing_devices(error: ConfigError, rig: RigConfig) -> tuple[str, ...]:
     """
     from rigd.procedure.prompts import PLANT
 
-    names = {one.lacks.partition(".")[0] for one in (error, *error.others)}
+    names = {item.lacks.partition(".")[0] for item in (error, *error.others)}
     devices = names - {"rig", PLANT}  # constants and plant of the rig that it belongs to
     if "" in names or devices & set(rig.devices):
         return ()
@@ -227,12 +227,12 @@ def _as_json(report: FileReport) -> dict[str, object]:
         return {"file": report.given, "right": True, "summary": report.summary}
     problems = [
         {
-            "message": one.message,
-            "hint": one.hint,
-            "line": None if one.place is None else one.place.line,
-            "column": None if one.place is None else one.place.column,
+            "message": item.message,
+            "hint": item.hint,
+            "line": None if item.place is None else item.place.line,
+            "column": None if item.place is None else item.place.column,
         }
-        for one in (error, *error.others)
+        for item in (error, *error.others)
     ]
     missing = list(report.missing)
     return {

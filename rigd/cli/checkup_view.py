@@ -46,7 +46,7 @@ class CheckupView:
             text = f"This takes about {seconds + 2:.0f} s. With --rig, a rig is examined too."
         else:
             text = f"This takes about {2 * seconds + 10:.0f} s. Every device of it is opened"
-            if rig.plant is None and any(one.setpoints for one in rig.devices.values()):
+            if rig.plant is None and any(device.setpoints for device in rig.devices.values()):
                 text += (
                     ", and each drive is left without our heartbeat once, to prove that it makes "
                     "itself safe"
@@ -70,13 +70,15 @@ class CheckupView:
         line.append(f"\n{indent}".join(_wrapped(check.found, room)))
         if check.advice:
             line.append(
-                "".join(f"\n{indent}{one}" for one in _wrapped(check.advice, room)), "italic"
+                "".join(f"\n{indent}{item}" for item in _wrapped(check.advice, room)), "italic"
             )
         self._console.print(line, soft_wrap=True)
 
     def conclude(self, checks: Sequence[Check]) -> None:
         """Say what it comes to."""
-        count = {verdict: sum(one.verdict is verdict for one in checks) for verdict in CheckVerdict}
+        count = {
+            verdict: sum(check.verdict is verdict for check in checks) for verdict in CheckVerdict
+        }
         fit = is_fit(checks)
         word = Text(
             "fit" if fit else "not fit",
@@ -100,13 +102,13 @@ def as_json(checks: Sequence[Check], *, whole: bool) -> dict[str, object]:
         "whole": whole,
         "checks": [
             {
-                "group": one.group,
-                "name": one.name,
-                "verdict": one.verdict.value,
-                "found": one.found,
-                "advice": one.advice,
-                **({"figures": dict(one.figures)} if one.figures else {}),
+                "group": check.group,
+                "name": check.name,
+                "verdict": check.verdict.value,
+                "found": check.found,
+                "advice": check.advice,
+                **({"figures": dict(check.figures)} if check.figures else {}),
             }
-            for one in checks
+            for check in checks
         ],
     }

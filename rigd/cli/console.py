@@ -173,7 +173,7 @@ def invitation(prompt: Prompt) -> str:
         case AnswerKind.CHOICE:
             return f"one of {', '.join(prompt.choices)}"
         case AnswerKind.NUMBER if prompt.low is not None and prompt.high is not None:
-            bounds = (format_quantity(one, prompt.unit) for one in (prompt.low, prompt.high))
+            bounds = (format_quantity(item, prompt.unit) for item in (prompt.low, prompt.high))
             return f"value with unit, {' to '.join(bounds)}"
         case AnswerKind.NUMBER:
             return f"value with unit, such as '1 {prompt.unit}'"

@@ -39,7 +39,7 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.model.errors import ConfigError, Exit
 
     everything = list(points())
-    wanted = [one for one in everything if args.name in (None, one[1].name)]
+    wanted = [item for item in everything if args.name in (None, item[1].name)]
     if not wanted:
         names = {point.name for _, point in everything}
         raise ConfigError(
@@ -49,7 +49,7 @@ def execute(args: argparse.Namespace) -> int:
     in_full = args.json or args.name is not None
     found = [look_at(group, point, in_full=in_full) for group, point in wanted]
     if args.json:
-        print(json.dumps([_as_json(one) for one in found], indent=2, ensure_ascii=False))
+        print(json.dumps([_as_json(item) for item in found], indent=2, ensure_ascii=False))
     else:
         from rich.console import Console
 
@@ -58,16 +58,16 @@ def execute(args: argparse.Namespace) -> int:
         if args.name is None:
             _print_list(console, found)
         else:
-            for one in found:
-                _print_one(console, one)
-    broken = args.name is not None and any(one.broken for one in found)
+            for item in found:
+                _print_one(console, item)
+    broken = args.name is not None and any(item.broken for item in found)
     return int(Exit.BAD_INPUT if broken else Exit.OK)
 
 
-def _as_json(one: Installed) -> dict[str, Any]:
+def _as_json(installed: Installed) -> dict[str, Any]:
     from dataclasses import asdict
 
-    data = asdict(one)
+    data = asdict(installed)
     for option in data["options"]:
         del option["bare"]
     for key in ("channels", "setpoints"):
@@ -86,32 +86,42 @@ def _print_list(console: Console, found: list[Installed]) -> None:
     from rigd.cli.screen import print_table
 
     for kind in GROUPS.values():
-        members = [one for one in found if one.kind == kind.name]
+        members = [item for item in found if item.kind == kind.name]
         if not members:
             continue
         console.print(f"[bold]{kind.name}s[/]   {escape(kind.where)}")
         table = Table(box=None, pad_edge=False, show_header=False)
         for _ in range(3):
             table.add_column(overflow="fold")
-        for one in members:
-            text = f"[red]broken: {escape(one.broken)}[/]" if one.broken else escape(one.title)
-            table.add_row(f"  {one.name}", f"{one.package} {one.version}", text)
+        for member in members:
+            text = (
+                f"[red]broken: {escape(member.broken)}[/]"
+                if member.broken
+                else escape(member.title)
+            )
+            table.add_row(f"  {member.name}", f"{member.package} {member.version}", text)
         print_table(console, table)
 
 
-def _print_one(console: Console, one: Installed) -> None:
+def _print_one(console: Console, installed: Installed) -> None:
     from rich.markup import escape
 
     from rigd.cli.screen import wrapped
 
-    console.print(f"[bold]{one.name}[/]  {one.kind} of {one.package} {one.version}")
-    if one.broken:
-        console.print(f"  [red]broken: {escape(one.broken)}[/]", soft_wrap=True)
+    console.print(
+        f"[bold]{installed.name}[/]  {installed.kind} of {installed.package} {installed.version}"
+    )
+    if installed.broken:
+        console.print(f"  [red]broken: {escape(installed.broken)}[/]", soft_wrap=True)
         return
-    for line in one.doc.splitlines():
+    for line in installed.doc.splitlines():
         console.print(wrapped(f"  {line}", console.width), markup=False, soft_wrap=True)
-    if one.kind == "driver":
-        needs = f"a link of kind {one.link_kind!r}" if one.link_kind else "no link of the rig file"
+    if installed.kind == "driver":
+        needs = (
+            f"a link of kind {installed.link_kind!r}"
+            if installed.link_kind
+            else "no link of the rig file"
+        )
         console.print(f"  stands on {needs}")
     rows = [
         (
@@ -120,24 +130,27 @@ def _print_one(console: Console, one: Installed) -> None:
             option.kind,
             option.doc.partition("\n\n")[0].replace("\n", " "),
         )
-        for option in one.options
+        for option in installed.options
     ]
     _print_table(console, "options", ("", "default", "takes", ""), rows)
-    if one.kind != "driver":
+    if installed.kind != "driver":
         return
-    if one.channels is None:
+    if installed.channels is None:
         console.print("channels and setpoints depend on its options")
         return
-    of = f" of {one.example}" if one.example else ""
-    channels = [*map(_channel_row, one.channels)]
-    if one.has_status:
-        words = "".join(f"{word} {mask:#x}, " for word, mask in one.status_bits.items())
+    of = f" of {installed.example}" if installed.example else ""
+    channels = [*map(_channel_row, installed.channels)]
+    if installed.has_status:
+        words = "".join(f"{word} {mask:#x}, " for word, mask in installed.status_bits.items())
         channels.append(("status", "", "", f"bits of the device: {words}stale 0x80000000"))
     _print_table(console, f"channels{of}", ("", "unit", "range", ""), channels)
     _print_table(
-        console, f"setpoints{of}", ("", "unit", "range", ""), [*map(_channel_row, one.setpoints)]
+        console,
+        f"setpoints{of}",
+        ("", "unit", "range", ""),
+        [*map(_channel_row, installed.setpoints)],
     )
-    _print_table(console, "actions", ("", ""), list(one.actions.items()))
+    _print_table(console, "actions", ("", ""), list(installed.actions.items()))
 
 
 def _channel_row(channel: Channel) -> tuple[str, str, str, str]:

@@ -18,13 +18,13 @@ WIDTH = 120
 def print_terminal_report(shown: TerminalReport) -> None:
     """Print tables and paragraphs, an empty line between any two."""
     console = Console(highlight=False, width=None if sys.stdout.isatty() else WIDTH)
-    for index, one in enumerate(shown):
+    for index, item in enumerate(shown):
         if index:
             console.print()
-        if isinstance(one, TerminalTable):
-            print_table(console, _rich(one))
+        if isinstance(item, TerminalTable):
+            print_table(console, _rich(item))
         else:
-            console.print(wrapped(one, console.width), markup=False, soft_wrap=True)
+            console.print(wrapped(item, console.width), markup=False, soft_wrap=True)
 
 
 def _rich(table: TerminalTable) -> RichTable:

@@ -79,16 +79,16 @@ def _opened(path: Path) -> Recording:
 def _write_attachments(recording: Recording, folder: Path) -> None:
     from rigd.model.errors import RecordingError
 
-    for one in recording.attachments.values():
+    for attachment in recording.attachments.values():
         # An attachment's name comes from a file: never let it point outside the folder.
-        name = Path(one.name)
+        name = Path(attachment.name)
         if name.is_absolute() or ".." in name.parts:
             name = Path(name.name)
         target = folder / name
         if target.exists():
             raise RecordingError(f"{target} exists already")
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(one.data)
+        target.write_bytes(attachment.data)
         print(f"wrote {target}")
 
 
@@ -140,10 +140,13 @@ def _print(info: RunInfo) -> None:
     table.add_column("rows", justify="right")
     table.add_column("rate", justify="right")
     table.add_column("channels", overflow="fold")
-    for one in info.streams:
-        channels = ", ".join(f"{c.name} [{c.unit}]" for c in one.stream.channels)
+    for stream in info.streams:
+        channels = ", ".join(f"{c.name} [{c.unit}]" for c in stream.stream.channels)
         table.add_row(
-            escape(one.stream.name), str(one.rows), f"{one.rate_hz:.0f} Hz", escape(channels)
+            escape(stream.stream.name),
+            str(stream.rows),
+            f"{stream.rate_hz:.0f} Hz",
+            escape(channels),
         )
     print_table(console, table)
 

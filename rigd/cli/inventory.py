@@ -61,7 +61,7 @@ class Installed:
 def points() -> Iterator[tuple[str, EntryPoint]]:
     """Yield group and entry point of everything installed, loading nothing."""
     for group in GROUPS:
-        for point in sorted(entry_points(group=group), key=lambda one: one.name):
+        for point in sorted(entry_points(group=group), key=lambda item: item.name):
             yield group, point
 
 

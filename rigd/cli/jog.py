@@ -49,8 +49,8 @@ def execute(args: argparse.Namespace) -> int:
     try:
         procedure = compile_procedure(parse_procedure(text, Path("jog")), rig, {})
     except ConfigError as error:
-        for one in (error, *error.others):
-            one.place = None  # in a text that the person never saw
+        for item in (error, *error.others):
+            item.place = None  # in a text that the person never saw
         raise
     # A simulated rig too is moved at the pace of the wall: a person watches.
     request = RunRequest(procedure, text, rig, seed=1, pace=1.0, folder=args.runs)

@@ -97,8 +97,15 @@ class LineView(ReadingsView):
     def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:
         """Print the lines of now, each with its time."""
         now = iso_time(t_ns)
-        for one in readings:
-            print(now, one.channel, number(one.value), one.unit, age(one.age_s), state(one))
+        for reading in readings:
+            print(
+                now,
+                reading.channel,
+                number(reading.value),
+                reading.unit,
+                age(reading.age_s),
+                state(reading),
+            )
         for trip in standing:
             print(now, interlock_line(trip))
         print(end="", flush=True)
@@ -110,14 +117,14 @@ class JsonView(ReadingsView):
     def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:
         """Print the object of now; what is no number is null."""
         channels = {
-            one.channel: {
-                "value": one.value if math.isfinite(one.value) else None,
-                "unit": one.unit,
-                "age_s": round(one.age_s, 6) if math.isfinite(one.age_s) else None,
-                "state": one.state,
-                "status": one.status,
+            reading.channel: {
+                "value": reading.value if math.isfinite(reading.value) else None,
+                "unit": reading.unit,
+                "age_s": round(reading.age_s, 6) if math.isfinite(reading.age_s) else None,
+                "state": reading.state,
+                "status": reading.status,
             }
-            for one in readings
+            for reading in readings
         }
         interlocks = [
             {
@@ -140,11 +147,13 @@ def picture(readings: Sequence[Reading], standing: Sequence[Trip]) -> Group:
     table.add_column("unit", no_wrap=True)
     table.add_column("age", justify="right", no_wrap=True, min_width=7)
     table.add_column("state", no_wrap=True)
-    for one in readings:
-        colour = _COLOUR[one.state]
-        shown = number(one.value)
-        unit = "" if one.unit == "1" else one.unit
-        table.add_row(one.channel, shown, unit, age(one.age_s), Text(state(one), style=colour))
+    for reading in readings:
+        colour = _COLOUR[reading.state]
+        shown = number(reading.value)
+        unit = "" if reading.unit == "1" else reading.unit
+        table.add_row(
+            reading.channel, shown, unit, age(reading.age_s), Text(state(reading), style=colour)
+        )
     lines = [Text(interlock_line(trip), style="red") for trip in standing]
     return Group(table, *lines)
 

@@ -102,7 +102,7 @@ def _repair(path: Path) -> bool:
     if report.original is None:  # nothing but the end was missing
         print(f"{path}: recovered {rows} messages; its end was missing ({report.problem})")
         return True
-    damaged = sum(one.end - one.start for one in report.damages)
+    damaged = sum(damage.end - damage.start for damage in report.damages)
     print(f"{path}: recovered {rows} messages; {damaged} bytes are damaged ({report.problem})")
     for line in verify(path).lines():
         print(f"  {line}")

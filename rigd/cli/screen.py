@@ -25,7 +25,9 @@ def print_rows(console: Console, table: Table) -> None:
         return
     first, *others = table.columns
     for name, *texts in zip(
-        (first.header, *first.cells), *((one.header, *one.cells) for one in others), strict=True
+        (first.header, *first.cells),
+        *((other.header, *other.cells) for other in others),
+        strict=True,
     ):
         console.print(name, soft_wrap=True)
         console.print(Padding("  ".join(str(text) for text in texts if text), (0, 0, 0, 2)))

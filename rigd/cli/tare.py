@@ -53,10 +53,12 @@ def execute(args: argparse.Namespace) -> int:
         look.next_row(name)
         readings = list(newest.readings(look.t_ns))
     if args.json:
-        values = {one.channel: {"value": one.value, "unit": one.unit} for one in readings}
+        values = {
+            reading.channel: {"value": reading.value, "unit": reading.unit} for reading in readings
+        }
         print(json.dumps({"device": name, "action": action, "said": said, "channels": values}))
     else:
         print(f"{name}: {said}")
-        for one in readings:
-            print(f"  {one.channel} is now {number(one.value)} {one.unit}")
+        for reading in readings:
+            print(f"  {reading.channel} is now {number(reading.value)} {reading.unit}")
     return int(Exit.OK)

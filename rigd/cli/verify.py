@@ -35,22 +35,22 @@ def execute(args: argparse.Namespace) -> int:
     sound, found = True, []
     for path in dict.fromkeys(args.files):
         try:
-            one = verify(path)
+            item = verify(path)
         except RecordingError as error:
             print(f"rigd: {error}", file=sys.stderr)
             sound = False
             found.append({"recording": str(path), "sound": False, "problem": error.message})
             continue
-        sound = sound and one.sound
-        found.append(verification_json(one))
+        sound = sound and item.sound
+        found.append(verification_json(item))
         if args.json:
             continue
-        rows = ", ".join(f"{count} of {topic[1:]}" for topic, count in sorted(one.rows.items()))
-        state = "sound" if one.sound else "damaged"
-        print(f"{path}: {state}, {one.chunks} chunks with {rows or 'no rows'}")
-        for line in one.lines():
+        rows = ", ".join(f"{count} of {topic[1:]}" for topic, count in sorted(item.rows.items()))
+        state = "sound" if item.sound else "damaged"
+        print(f"{path}: {state}, {item.chunks} chunks with {rows or 'no rows'}")
+        for line in item.lines():
             print(f"  {line}")
-        if not one.sound:
+        if not item.sound:
             print(f"  {how_to_recover(path)}")
     if args.json:
         print(json.dumps(found, indent=2))

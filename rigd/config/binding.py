@@ -156,8 +156,8 @@ def _strip(annotation: Any, step: str | int | None) -> tuple[Any, str | None, bo
             unit = _unit(annotation.__metadata__) or unit
             annotation = annotation.__origin__
         elif origin is Union or origin is types.UnionType:
-            members = [one for one in get_args(annotation) if one is not type(None)]
-            tagged = {tag: one for one in members for tag in _tags(one)}
+            members = [item for item in get_args(annotation) if item is not type(None)]
+            tagged = {tag: member for member in members for tag in _tags(member)}
             if step in tagged:
                 return tagged[str(step)], unit, True
             if len(members) != 1:
@@ -169,11 +169,11 @@ def _strip(annotation: Any, step: str | int | None) -> tuple[Any, str | None, bo
 
 def _tags(annotation: Any) -> list[str]:
     metadata = getattr(annotation, "__metadata__", ())
-    return [one.tag for one in metadata if isinstance(one, Tag)]
+    return [item.tag for item in metadata if isinstance(item, Tag)]
 
 
 def _unit(metadata: Sequence[Any]) -> str | None:
-    return next((one.unit for one in metadata if isinstance(one, In)), None)
+    return next((item.unit for item in metadata if isinstance(item, In)), None)
 
 
 def _is_model(annotation: Any) -> bool:
@@ -197,7 +197,7 @@ def _name(model: type[BaseModel] | None, step: str | int) -> str | None:
 
 def _item(annotation: Any) -> Any:
     """Return what a list or mapping type holds."""
-    arguments = [one for one in get_args(annotation) if one is not Ellipsis]
+    arguments = [item for item in get_args(annotation) if item is not Ellipsis]
     return arguments[-1] if arguments else None
 
 

@@ -26,7 +26,7 @@ def unknown(name: str) -> str:
     """Return what to do about a value called ``name`` that no analysis declares."""
     known, broken = _declared()
     hint = suggest(name, known)
-    lacking = "".join(f"; the analysis {one!r} cannot be loaded: rigd analyses" for one in broken)
+    lacking = "".join(f"; the analysis {item!r} cannot be loaded: rigd analyses" for item in broken)
     return hint + lacking
 
 
@@ -41,8 +41,8 @@ def _declared() -> tuple[dict[str, Calibratable], tuple[str, ...]]:
         except ConfigError:
             broken.append(analysis)
             continue
-        for name, one in declared.items():
-            if found.setdefault(name, one) != one:
+        for name, item in declared.items():
+            if found.setdefault(name, item) != item:
                 raise ConfigError(
                     f"the calibrated value {name!r} of analysis {analysis!r} is another value of "
                     "another analysis",

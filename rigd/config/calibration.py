@@ -84,12 +84,14 @@ class Calibration:
     @property
     def made(self) -> date | None:
         """The day of the newest value; None without values."""
-        return max((one.made for one in self.values.values()), default=None)
+        return max((value.made for value in self.values.values()), default=None)
 
     @property
     def valid_until(self) -> date | None:
         """The last day on which every value may be used; None: none of them expires."""
-        days = [one.valid_until for one in self.values.values() if one.valid_until is not None]
+        days = [
+            value.valid_until for value in self.values.values() if value.valid_until is not None
+        ]
         return min(days, default=None)
 
     @property
@@ -149,8 +151,8 @@ def read_setup(name: str | None, folder: Path, problems: Problems) -> Calibratio
     try:
         return CalibrationSetup(path, load_calibration(path))
     except ConfigError as error:
-        for one in (error, *error.others):
-            problems.add(one.place, one.message, one.hint)
+        for item in (error, *error.others):
+            problems.add(item.place, item.message, item.hint)
         return None
 
 
@@ -161,11 +163,11 @@ def _build(document: Document) -> Calibration:
         problems.raise_any()
         raise ConfigError("the calibration file cannot be used", place=document.place(()))
     values = {}
-    for name, one in source.values.items():
+    for name, item in source.values.items():
         path: Path_ = ("values", name)
         known = _known(document.key_place(path), name, problems)
         if known is not None:
-            values[name] = _value(document, path, one, known, problems)
+            values[name] = _value(document, path, item, known, problems)
     history = []
     for index, old in enumerate(source.history):
         known = _known(document.place(("history", index, "name")), old.name, problems)

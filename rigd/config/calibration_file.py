@@ -56,13 +56,13 @@ def renewed(
         data |= written
         head = _head(old.text)
     history = [
-        {"name": one, **data["values"][one], "replaced": on.isoformat()}
-        for one in values
-        if one in data["values"]
+        {"name": item, **data["values"][item], "replaced": on.isoformat()}
+        for item in values
+        if item in data["values"]
     ]
     data["history"] = [*history, *data["history"]]
-    merged = data["values"] | {one: _block(value) for one, value in values.items()}
-    data["values"] = {one: merged[one] for one in calibratable() if one in merged}
+    merged = data["values"] | {item: _block(value) for item, value in values.items()}
+    data["values"] = {item: merged[item] for item in calibratable() if item in merged}
     if not data["history"]:
         del data["history"]
     text = StringIO()
@@ -162,9 +162,9 @@ def _quantity(value: float, unit: str, places: int) -> str:
 def _plain(data: Any, key: str = "") -> Any:
     """Return ``data`` with days and numbers as such: YAML writes them without quotation marks."""
     if isinstance(data, list):
-        return [_plain(one) for one in data]
+        return [_plain(item) for item in data]
     if isinstance(data, dict) and key != "instruments":  # whose devices are called as they like
-        return {name: _plain(one, name) for name, one in data.items()}
+        return {name: _plain(item, name) for name, item in data.items()}
     if isinstance(data, str) and key in _DAYS:
         return date.fromisoformat(data)
     if isinstance(data, str) and key in _NUMBERS:

@@ -16,17 +16,17 @@ def read_links(
 ) -> dict[str, LinkSetup | None]:
     """Return every link by name; None for one that is wrong, so that its devices are spared."""
     links: dict[str, LinkSetup | None] = {}
-    for name, one in source.links.items():
+    for name, link in source.links.items():
         path: Path_ = ("links", name)
         links[name] = None
         try:
-            link_class = find_link(one.type)
+            link_class = find_link(link.type)
         except ConfigError as error:
             problems.add(document.place((*path, "type")), error.message, error.hint)
             continue
-        config = bind(document, link_class.Config, problems, (*path, "options"), data=one.options)
+        config = bind(document, link_class.Config, problems, (*path, "options"), data=link.options)
         if config is not None:
-            links[name] = LinkSetup(name, one.type, link_class, config)
+            links[name] = LinkSetup(name, link.type, link_class, config)
     return links
 
 

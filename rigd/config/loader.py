@@ -69,8 +69,8 @@ def _build(document: Document) -> RigConfig:
     _check_supervision(document, source, problems)
     links = read_links(document, source, problems)
     devices: dict[str, DeviceConfig] = {}
-    for name, one in source.devices.items():
-        device = _device(document, name, one, links, problems)
+    for name, item in source.devices.items():
+        device = _device(document, name, item, links, problems)
         if device is not None:
             _check_ground(document, device, source, problems)
             devices[name] = device
@@ -353,7 +353,7 @@ def _check_staleness(
             place, f"stale_after {source.stale_after:g} s is less than two cycles",
             f"give at least {2e-9 * rig.period_ns:g} s",
         )  # fmt: skip
-    channels = [one for one in (source.source, source.low, source.high) if one]
+    channels = [item for item in (source.source, source.low, source.high) if item]
     for name in dict.fromkeys(channel.partition(".")[0] for channel in channels):
         device = rig.devices.get(name)
         if device is None or not device.oldest_s:

@@ -88,7 +88,7 @@ def explain(error: MarkedYAMLError, text: str, last: Place) -> ConfigError:
     ``last`` is the last thing that was read, the place if the error has none.
     """
     said = f"{error.context or ''}; {error.problem or ''}"
-    mistake = next((one for one in MISTAKES if re.search(one.pattern, said, re.S)), _ANY)
+    mistake = next((item for item in MISTAKES if re.search(item.pattern, said, re.S)), _ANY)
     problem = error.problem_mark or error.context_mark
     context = error.context_mark or error.problem_mark
     mark = context if mistake.at == "context" else problem

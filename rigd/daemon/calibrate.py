@@ -152,15 +152,18 @@ def _measured(
 ) -> Mapping[str, CalibratedValue]:
     return {
         name: CalibratedValue(
-            value=one.value,
-            u=one.u,
-            unit=one.unit,
+            value=item.value,
+            u=item.u,
+            unit=item.unit,
             source="measured",
             origin=evaluation.recording.name,
             made=signature.made,
             operator=signature.operator,
             valid_until=signature.valid_until,
-            instruments={name: instrument_of(one) for name, one in evaluation.instruments.items()},
+            instruments={
+                name: instrument_of(instrument)
+                for name, instrument in evaluation.instruments.items()
+            },
         )
-        for name, one in evaluation.result.measured.items()
+        for name, item in evaluation.result.measured.items()
     }

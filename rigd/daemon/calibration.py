@@ -76,7 +76,7 @@ def instrument_of(identity: str) -> str:
     Versions of software, which stand there too, may change.
     """
     pieces = identity.split(", ")
-    return next((one for one in pieces if one.startswith("serial number ")), identity)
+    return next((piece for piece in pieces if piece.startswith("serial number ")), identity)
 
 
 def calibration_metadata(rig: RigConfig) -> dict[str, dict[str, str]]:
@@ -124,9 +124,9 @@ def _values(rig: RigConfig, held: Calibration, names: Sequence[str], on: date) -
 def _remedy(rig: RigConfig, names: Iterable[str]) -> str:
     """Return what gives ``names`` anew: the procedures that measure them, or a person."""
     measured_by = {name: calibratable()[name].procedure for name in names}
-    procedures = dict.fromkeys(one for one in measured_by.values() if one)
+    procedures = dict.fromkeys(item for item in measured_by.values() if item)
     by_hand = [name for name, procedure in measured_by.items() if not procedure]
-    parts = [command_for(rig, one) for one in procedures]
+    parts = [command_for(rig, item) for item in procedures]
     if by_hand:
         parts.append(f"write {_list(by_hand)} into the file, with where it is from")
     return "; ".join(parts)

@@ -66,7 +66,7 @@ def in_process(
         RecordingError: the recording cannot be written.
     """
     wiring = wire(rig, clock, control, seed)
-    streams = [one for one in wiring.cycle.rig.streams if one.name in kept.record]
+    streams = [stream for stream in wiring.cycle.rig.streams if stream.name in kept.record]
     if kept.resume:
         writer = RecordingWriter.append(kept.path, streams=streams, metadata=kept.metadata)
     else:
@@ -110,7 +110,7 @@ def processes(
             completed = drain_leftovers(folder)
             if completed is not None:
                 control.notices.append(f"{completed}: what a killed run left in memory was added")
-        streams = tuple(one for one in streams_of(rig) if one.name in kept.record)
+        streams = tuple(item for item in streams_of(rig) if item.name in kept.record)
         job = Job(
             rig.name,
             kept.path,

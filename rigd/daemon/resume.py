@@ -65,8 +65,8 @@ def read_resume_point(path: Path) -> ResumePoint:
         rig=run["rig"],
         seed=int(run["seed"]),
         overrides=recording.metadata.get("overrides", {}),
-        done=frozenset(one.number for one in recording.trials if one.complete),
-        texts={name: one.data for name, one in recording.attachments.items()},
+        done=frozenset(trial.number for trial in recording.trials if trial.complete),
+        texts={name: attachment.data for name, attachment in recording.attachments.items()},
         end_ns=recording.end_ns,
         answered_by=str(answers[-1]["by"]) if answers else "",
     )

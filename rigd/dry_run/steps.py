@@ -84,11 +84,11 @@ def _segments(procedure: CompiledProcedure) -> Iterator[tuple[str, Segment]]:
 
 
 def _setpoints(variants: Sequence[Segment], rig: RigConfig) -> Iterator[str]:
-    for name in dict.fromkeys(name for one in variants for name in one.setpoints):
+    for name in dict.fromkeys(name for variant in variants for name in variant.setpoints):
         channel = rig.setpoint(name)
         unit = "1" if channel is None else channel.unit
-        profiles = [one.setpoints[name] for one in variants if name in one.setpoints]
-        constants = [one.value for one in profiles if isinstance(one, Constant)]
+        profiles = [variant.setpoints[name] for variant in variants if name in variant.setpoints]
+        constants = [profile.value for profile in profiles if isinstance(profile, Constant)]
         if len(constants) == len(profiles):
             yield f"{name} = {_range(constants, unit)}"
         else:
@@ -107,13 +107,13 @@ def _ends(variants: Sequence[Segment]) -> Iterator[str]:
     first = variants[0]
     for position, row in enumerate(first.until):
         yield " and ".join(
-            _condition(condition, [one.until[position][place] for one in variants])
+            _condition(condition, [variant.until[position][place] for variant in variants])
             for place, condition in enumerate(row)
         )
     if first.duration_s is not None:
-        yield f"after {_range([one.duration_s or 0.0 for one in variants], 's')}"
+        yield f"after {_range([variant.duration_s or 0.0 for variant in variants], 's')}"
     if first.timeout_s is not None:
-        yield f"at most {_range([one.timeout_s or 0.0 for one in variants], 's')}"
+        yield f"at most {_range([variant.timeout_s or 0.0 for variant in variants], 's')}"
 
 
 def _condition(
@@ -121,7 +121,7 @@ def _condition(
 ) -> str:
     if isinstance(condition, StatusCondition):
         return describe_condition(condition)
-    thresholds = [one.threshold for one in variants if isinstance(one, Condition)]
+    thresholds = [variant.threshold for variant in variants if isinstance(variant, Condition)]
     return describe_condition(condition, _range(thresholds, condition.unit))
 
 

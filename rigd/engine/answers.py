@@ -121,8 +121,8 @@ def _check_bounds(prompt: Prompt, value: float) -> None:
     if low_ok and high_ok and value == value:
         return
     bounds = [
-        "" if one is None else format_quantity(one, prompt.unit)
-        for one in (prompt.low, prompt.high)
+        "" if item is None else format_quantity(item, prompt.unit)
+        for item in (prompt.low, prompt.high)
     ]
     raise AnswerRefused(
         f"prompt {prompt.name!r}: {format_quantity(value, prompt.unit)} is outside "

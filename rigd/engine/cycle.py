@@ -88,8 +88,8 @@ class Cycle:
         self._actuators = [mount for mount in rig.mounts if mount.driver.setpoints]
         self._links = tuple(rig.links.items())
         self._silent_ns = [round(mount.driver.silent_s * 1e9) for mount in rig.mounts]
-        self._stand_ins = [one.driver if isinstance(one.driver, StandIn) else None
-                           for one in rig.mounts]  # fmt: skip
+        self._stand_ins = [item.driver if isinstance(item.driver, StandIn) else None
+                           for item in rig.mounts]  # fmt: skip
         self._widths = [mount.values.stop - mount.values.start for mount in rig.mounts]
         self._steady = [i for i, mount in enumerate(rig.mounts) if mount.driver.every_cycle]
         self._hold_until_ns = 0
@@ -117,7 +117,7 @@ class Cycle:
         """Return why the rig, looked at in rest, is not fit to be armed; a sentence each."""
         reasons = [f"{name} gave no row" for name in sorted(self._mute)]
         violated = self.interlocks.violated(Severity.END_TRIAL)
-        return reasons + [f"interlock {one.name} stands violated at rest" for one in violated]
+        return reasons + [f"interlock {item.name} stands violated at rest" for item in violated]
 
     def unready(self) -> Sequence[str]:
         """Return the names of the devices that are not enabled yet, after they were armed."""

@@ -71,7 +71,7 @@ class CycleProcess:
         self._serial = 0  #: of what plays, 0 where nothing was asked for that has not ended
         self._endings: list[tuple[int, Outcome]] = []  #: by serial; the daemon may not know them
         self._final: Outcome | None = None  #: every device is safe; nothing moves any more
-        self._in_cycle = [one for one in self._cycle.rig.mounts if one.name not in elsewhere]
+        self._in_cycle = [mount for mount in self._cycle.rig.mounts if mount.name not in elsewhere]
         self._acting: tuple[m.Act, Driver] | None = None  #: what was asked, and of what
         self._arming_since: int | None = None
         self._ticking = False
@@ -237,7 +237,7 @@ class CycleProcess:
             if serial and serial == heard:
                 endings = endings[place + 1 :]
                 break
-        return max((one for _, one in endings), key=lambda one: one.severity, default=None)
+        return max((ending for _, ending in endings), key=lambda item: item.severity, default=None)
 
     def _arm(self) -> None:
         self._arming_since = self._cycle.t_ns

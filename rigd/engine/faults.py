@@ -31,13 +31,13 @@ class ShownFaults:
         except (LinkError, ValueError) as error:
             return [f"the faults of the procedure cannot be shown: {error}"]
         reasons = []
-        for one in wanted:
-            if one.part not in parts:
-                hint = suggest(one.part, parts)
-                reasons.append(f"the simulation has no device {one.part!r} to fail: {hint}")
-            elif one.fault not in parts[one.part]:
-                hint = suggest(one.fault, parts[one.part])
-                reasons.append(f"{one.part} cannot show the fault {one.fault!r}: {hint}")
+        for item in wanted:
+            if item.part not in parts:
+                hint = suggest(item.part, parts)
+                reasons.append(f"the simulation has no device {item.part!r} to fail: {hint}")
+            elif item.fault not in parts[item.part]:
+                hint = suggest(item.fault, parts[item.part])
+                reasons.append(f"{item.part} cannot show the fault {item.fault!r}: {hint}")
         return reasons
 
     def show(self, fault: Fault) -> None:

@@ -61,12 +61,16 @@ class InProcessHost:
         self._drain_every = max(1, every_ns // clock.period_ns)
         # Ten times what one drain takes out: room for a disk that pauses.
         room = 10 * self._drain_every + 1000
-        in_blocks = {one.name for one in cycle.rig.mounts if isinstance(one.driver, PlantBlocks)}
+        in_blocks = {
+            mount.name for mount in cycle.rig.mounts if isinstance(mount.driver, PlantBlocks)
+        }
         streams = [stream for stream in cycle.rig.streams if stream.name in record]
         rings = {
-            one.name: RowRing.unshared(one, room) for one in streams if one.name not in in_blocks
+            item.name: RowRing.unshared(item, room)
+            for item in streams
+            if item.name not in in_blocks
         }
-        blocks = {one.name: BlockQueue(one) for one in streams if one.name in in_blocks}
+        blocks = {item.name: BlockQueue(item) for item in streams if item.name in in_blocks}
         cycle.connect(rings, record, self._emit, blocks=blocks)
         self._rings: dict[str, RowRing | BlockQueue] = {**rings, **blocks}
         self.trial = NO_TRIAL  #: number of the trial that events belong to
@@ -104,7 +108,7 @@ class InProcessHost:
         Simulated in process, the devices die with this process: there is no watchdog to prove.
         """
         reasons = open_devices(self.cycle)
-        if said := {name: one for name, one in self.identities().items() if one}:
+        if said := {name: identity for name, identity in self.identities().items() if identity}:
             self.event("devices", said)
         return reasons
 

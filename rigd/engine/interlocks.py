@@ -60,7 +60,7 @@ class InterlockBank:
         units: Mapping[str, str],
         device_of: Sequence[int],
     ) -> None:
-        self._rules = [_bind(one, readings, units, device_of) for one in interlocks]
+        self._rules = [_bind(interlock, readings, units, device_of) for interlock in interlocks]
         self._since: list[int | None] = [None] * len(interlocks)  # when the violation began
         self._tripped = [False] * len(interlocks)
 

@@ -25,7 +25,11 @@ def prepare(
         RecordingError: the folder still holds what an earlier run left, or has no room.
     """
     folder.prepare(
-        job, {one.name: ring_rows(rig, one, ring_s, record[one.name].every) for one in job.streams}
+        job,
+        {
+            stream.name: ring_rows(rig, stream, ring_s, record[stream.name].every)
+            for stream in job.streams
+        },
     )
 
 

@@ -67,7 +67,7 @@ class Player:
     ) -> None:
         self._segments = program.segments
         self._watches = [
-            tuple(tuple(_watch(one, readings) for one in row) for row in segment.until)
+            tuple(tuple(_watch(item, readings) for item in row) for row in segment.until)
             for segment in program.segments
         ]
         self._profiles = [

@@ -400,8 +400,8 @@ class ProcessHost:
         if not self._gone and (death := self._cycle.death()) is not None:
             self._lose(death)
         if recording:
-            for one in self._watched:
-                reason = one.poll()
+            for item in self._watched:
+                reason = item.poll()
                 if reason is not None and self._lost is None:
                     self._end_by(reason)
             if self._finish is not None:

@@ -73,9 +73,9 @@ def wire(
         for setpoint in device.setpoints
     ]
     units = {
-        f"{one.name}.{channel.name}": channel.unit
-        for one in mounted.mounts
-        for channel in one.driver.channels
+        f"{item.name}.{channel.name}": channel.unit
+        for item in mounted.mounts
+        for channel in item.driver.channels
     }
     interlocks = InterlockBank(rig.interlocks, mounted.readings, units, mounted.device_of)
     limiter = Limiter(limits, rig.period_ns * 1e-9)

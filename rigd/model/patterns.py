@@ -25,8 +25,8 @@ def quantity_schema(unit: str | None = None) -> dict[str, Any]:
     are a symbol of another kind or of none, and a decimal comma.
     """
     prefixed, bare = symbols(unit)
-    one = f"[{''.join(PREFIXES)}]?(?:{_any_of(prefixed)})"
-    known = "|".join(filter(None, [one if prefixed else "", _any_of(bare)]))
+    found = f"[{''.join(PREFIXES)}]?(?:{_any_of(prefixed)})"
+    known = "|".join(filter(None, [found if prefixed else "", _any_of(bare)]))
     is_bare = unit is None or parse_unit(unit).dimension == NO_DIMENSION
     optional = "?" if is_bare else ""
     pattern = (

@@ -159,10 +159,10 @@ def _meant(symbol: str) -> str:
     """Return ``, did you mean 'mA'?`` for ``ma``: letters in the wrong case, a blank left out."""
     known = [*_UNITS, *(f"{prefix}{stem}" for stem, (_, _, may) in _UNITS.items() if may
                         for prefix in PREFIXES)]  # fmt: skip
-    same = [one for one in known if one.casefold() == symbol.casefold()]
+    same = [item for item in known if item.casefold() == symbol.casefold()]
     parts = [f"{symbol[:at]} {symbol[at:]}" for at in range(1, len(symbol))
              if symbol[:at] in known and symbol[at:] in known]  # fmt: skip
-    return "".join(f", did you mean {one!r}?" for one in (*parts, *same)[:1])
+    return "".join(f", did you mean {item!r}?" for item in (*parts, *same)[:1])
 
 
 def parse_quantity(text: str) -> Quantity:
@@ -199,7 +199,7 @@ def si_symbol(dimension: Dimension) -> str:
         return _NAMED[dimension]
     above = [_power(base, n) for base, n in zip(BASES, dimension, strict=True) if n > 0]
     below = [_power(base, -n) for base, n in zip(BASES, dimension, strict=True) if n < 0]
-    return (" ".join(above) or "1") + "".join(f"/{one}" for one in below)
+    return (" ".join(above) or "1") + "".join(f"/{item}" for item in below)
 
 
 def _power(base: str, exponent: int) -> str:

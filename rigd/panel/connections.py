@@ -31,9 +31,13 @@ class BrowserConnection(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take a place."""
-        others = [one for one in self.connections if isinstance(one, BrowserConnection)]
+        others = [
+            connection
+            for connection in self.connections
+            if isinstance(connection, BrowserConnection)
+        ]
         if len(others) >= MOST_CONNECTIONS:
-            least = min(others, key=lambda one: (one.is_busy, one.since_s))
+            least = min(others, key=lambda item: (item.is_busy, item.since_s))
             self.connections.discard(least)  # others may come before its end is known
             least.transport.abort()
         super().connection_made(transport)

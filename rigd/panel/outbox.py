@@ -80,6 +80,6 @@ class Outbox:
         self._events.clear()
         if self._frames and self._under_way < MOST_UNDER_WAY:
             self._under_way += 1
-            ready.append(b"".join(encode_frame(one) for one in self._frames.values()))
+            ready.append(b"".join(encode_frame(frame) for frame in self._frames.values()))
             self._frames.clear()
         return ready

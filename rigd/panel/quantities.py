@@ -30,12 +30,12 @@ def complete_event(event: Object) -> Object:
 
 def complete_procedure(view: Object) -> Object:
     """Return what ``procedure`` answers, with the factor of every parameter."""
-    return view | {"parameters": [with_factor(one) for one in view["parameters"]]}
+    return view | {"parameters": [with_factor(item) for item in view["parameters"]]}
 
 
 def complete_run(view: Object) -> Object:
     """Return what ``run`` answers, with the factors of the parameters of each trial."""
-    trials = [_with_factors(one) for one in view["details"].get("trials", [])]
+    trials = [_with_factors(item) for item in view["details"].get("trials", [])]
     return view | {"details": view["details"] | {"trials": trials}}
 
 

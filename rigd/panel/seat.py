@@ -54,7 +54,9 @@ class Seat:
             "user": None if sitting is None else sitting.name,
             "session": None if sitting is None else sitting.number,
             "asked_by": list(lease["asked_by"]),
-            "users_asking": [{"name": one.name, "session": one.number} for one in self._asking()],
+            "users_asking": [
+                {"name": item.name, "session": item.number} for item in self._asking()
+            ],
         }
 
     def heed(self, lease: Mapping[str, Any]) -> None:
@@ -134,9 +136,9 @@ class Seat:
             self.require(session)
             match to:
                 case {"session": int(number)}:
-                    for one in self._asking():
-                        if one.number == number:
-                            self._sit(one)
+                    for item in self._asking():
+                        if item.number == number:
+                            self._sit(item)
                             return {}
                     raise Refusal(Code.NOT_FOUND, "that user is no longer at this panel")
                 case {"client": str(client)}:
@@ -175,13 +177,15 @@ class Seat:
             self._has_failed = False
 
     def _asking(self) -> list[Session]:
-        self._asked_by = [one for one in self._asked_by if not self._sessions.is_gone(one, GRACE_S)]
+        self._asked_by = [
+            item for item in self._asked_by if not self._sessions.is_gone(item, GRACE_S)
+        ]
         return self._asked_by
 
     def _sit(self, session: Session | None) -> None:
         self._holder, self._is_recalled = session, False
         self._sessions.give_control(session)
         self._asked_by = (
-            [] if session is None else [one for one in self._asked_by if one is not session]
+            [] if session is None else [item for item in self._asked_by if item is not session]
         )
         self._changed()

@@ -70,7 +70,7 @@ class Sessions:
         self._forget_old()
         # Of their role, so that who watches takes no code from who commands; the oldest of those
         # that last as long, so that the links told at the start outlive those given since.
-        waiting = [key for key, one in self._codes.items() if one.role == role]
+        waiting = [key for key, item in self._codes.items() if item.role == role]
         if len(waiting) >= MOST_CODES:
             del self._codes[min(waiting, key=lambda key: self._codes[key].until_s)]
         code = secrets.token_urlsafe(32)
@@ -111,12 +111,12 @@ class Sessions:
     @property
     def in_control(self) -> Session | None:
         """The session that has control, which outlives the panel."""
-        return next((one for one in self._sessions.values() if one.has_control), None)
+        return next((session for session in self._sessions.values() if session.has_control), None)
 
     def give_control(self, session: Session | None) -> None:
         """From now on it is this session that has control, or none."""
-        for one in self._sessions.values():
-            one.has_control = one is session
+        for item in self._sessions.values():
+            item.has_control = item is session
         self._keep()
 
     def open_page(self, session: Session) -> None:
@@ -144,16 +144,16 @@ class Sessions:
         if self._book is None:
             return
         since_s, kept = self._book.read()
-        for one in kept:
+        for item in kept:
             # While a page was open, the session was in use up to the end of that process.
-            idle_s = 0.0 if one.idle_s is None else one.idle_s + since_s
+            idle_s = 0.0 if item.idle_s is None else item.idle_s + since_s
             session = Session(
-                one.name, one.role, one.number, self._now() - idle_s,
-                left_s=self._now(), has_control=one.has_control,
+                item.name, item.role, item.number, self._now() - idle_s,
+                left_s=self._now(), has_control=item.has_control,
             )  # fmt: skip
             if not self._is_over(session):
-                self._sessions[bytes.fromhex(one.key_sha256)] = session
-            self._count = max(self._count, one.number)
+                self._sessions[bytes.fromhex(item.key_sha256)] = session
+            self._count = max(self._count, item.number)
 
     def _keep(self) -> None:
         if self._book is None:
@@ -161,16 +161,18 @@ class Sessions:
         now = self._now()
         self._book.write(
             [
-                StoredSession(key.hex(), one.name, one.role, one.number,
-                     None if one.pages else now - one.used_s, one.has_control)
-                for key, one in self._sessions.items()
+                StoredSession(key.hex(), session.name, session.role, session.number,
+                     None if session.pages else now - session.used_s, session.has_control)
+                for key, session in self._sessions.items()
             ]
         )  # fmt: skip
 
     def _forget_old(self) -> None:
         now = self._now()
-        self._codes = {key: one for key, one in self._codes.items() if one.until_s > now}
-        self._sessions = {key: one for key, one in self._sessions.items() if not self._is_over(one)}
+        self._codes = {key: code for key, code in self._codes.items() if code.until_s > now}
+        self._sessions = {
+            key: session for key, session in self._sessions.items() if not self._is_over(session)
+        }
 
 
 def _worth(session: Session) -> tuple[bool, bool, float]:

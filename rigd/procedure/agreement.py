@@ -45,7 +45,7 @@ def objection_to(prompt: Prompt, answer: Answer, stood: Mapping[str, float]) -> 
     if prompt.agrees is not None:
         number = float(answer)
         said = f"the answer was {format_quantity(number, prompt.unit)}, but "
-        low, high = (format_quantity(one, prompt.unit) for one in band(prompt.agrees, number))
+        low, high = (format_quantity(item, prompt.unit) for item in band(prompt.agrees, number))
         expected.append(f"{low} to {high}")
     if prompt.until:
         expected.append(describe_until(prompt.until))

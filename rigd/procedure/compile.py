@@ -87,7 +87,8 @@ def compile_procedure(
 
 def _constants(rig: RigConfig) -> dict[str, Value]:
     return {
-        f"rig.{name}": Number(one.value, one.unit.dimension) for name, one in rig.constants.items()
+        f"rig.{name}": Number(constant.value, constant.unit.dimension)
+        for name, constant in rig.constants.items()
     }
 
 
@@ -106,7 +107,7 @@ def _units(rig: RigConfig, parameters: Parameters, scopes: Sequence[Scope]) -> d
         for name, value in scope.items()
         if isinstance(value, Number)
     }
-    units.update({f"rig.{name}": one.unit.symbol for name, one in rig.constants.items()})
+    units.update({f"rig.{name}": constant.unit.symbol for name, constant in rig.constants.items()})
     units.update(parameters.units)
     return units
 
@@ -131,7 +132,11 @@ def _trials(
             after=compiler.compile(("trial", "after"), source.trial.after, scope),
         )
         if not any(isinstance(step, CycleProgram) for step in trial.steps):
-            words = {name: one for name, one in trial.parameters.items() if isinstance(one, str)}
+            words = {
+                name: parameter
+                for name, parameter in trial.parameters.items()
+                if isinstance(parameter, str)
+            }
             compiler.reader.note_key(("trial", "steps"), f"no step plays in the trial with {words}",
                                      "check each 'when'")  # fmt: skip
         trials.append(trial)
@@ -253,7 +258,7 @@ def _reference(reader: Reader, source: ProcedureSource, base: Scope) -> dict[str
     path: Path_ = ("identify", "reference")
     parameter = source.parameters.get(reference.by)
     if parameter is None or not parameter.choices:
-        with_choices = [name for name, one in source.parameters.items() if one.choices]
+        with_choices = [name for name, item in source.parameters.items() if item.choices]
         reader.note((*path, "by"), f"{reference.by!r} is not a parameter with choices",
                     suggest(reference.by, with_choices))  # fmt: skip
         return {}

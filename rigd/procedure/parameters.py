@@ -93,14 +93,14 @@ def read_parameters(
                 None, f"--set {name}: the procedure has no parameter {name!r}",
                 suggest(name, source.parameters),
             )  # fmt: skip
-    for name, one in source.parameters.items():
-        parameter = _declare(reader, name, one, scope)
+    for name, item in source.parameters.items():
+        parameter = _declare(reader, name, item, scope)
         known[name] = parameter
         if name in overrides:
             value = _override(reader, parameter, overrides[name], scope)
             given[name] = scope[name] = value
-        elif one.default is not None:
-            scope[name] = _default(reader, parameter, one.default, scope)
+        elif item.default is not None:
+            scope[name] = _default(reader, parameter, item.default, scope)
         elif name not in swept:
             reader.note_key(
                 ("parameters", name), f"{name} has no value",
@@ -110,7 +110,7 @@ def read_parameters(
     for name in swept:
         if name not in given:
             scope.pop(name, None)
-    units = {name: one.unit for name, one in known.items() if not one.choices}
+    units = {name: item.unit for name, item in known.items() if not item.choices}
     return Parameters(known, scope, units, given)
 
 
@@ -124,7 +124,7 @@ def read_tables(reader: Reader, source: ProcedureSource, scope: Scope) -> dict[s
         path: Path_ = ("tables", name)
         parameter = source.parameters.get(table.by)
         if parameter is None or parameter.choices is None:
-            with_choices = [key for key, one in source.parameters.items() if one.choices]
+            with_choices = [key for key, item in source.parameters.items() if item.choices]
             reader.note((*path, "by"), f"{table.by!r} is not a parameter with choices",
                         suggest(table.by, with_choices))  # fmt: skip
             continue

@@ -52,8 +52,8 @@ def _question(reader: Reader, path: Path_, source: PromptSource, scope: Scope) -
     if kind is AnswerKind.NUMBER:
         return _number_prompt(reader, path, source, text, scope)
     choices = tuple(
-        reader.text((*path, "choices", index), one, scope)
-        for index, one in enumerate(source.choices or ())
+        reader.text((*path, "choices", index), item, scope)
+        for index, item in enumerate(source.choices or ())
     )
     answer: str | bool | None = True if kind is AnswerKind.CONFIRM else None
     if source.answer is not None:

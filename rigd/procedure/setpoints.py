@@ -175,9 +175,9 @@ def read_setpoint(
     device, _, short = name.partition(".")
     if setpoint is None:
         known = [
-            f"{one.name}.{channel.name}"
-            for one in rig.devices.values()
-            for channel in one.setpoints
+            f"{item.name}.{channel.name}"
+            for item in rig.devices.values()
+            for channel in item.setpoints
         ]
         if rig.channel(name) is not None:
             message = f"{name!r} is measured by the rig {rig.name}, not commanded"

@@ -31,7 +31,9 @@ def describe_standing(until: Until, stood: Mapping[str, float]) -> str:
 
     ``stood`` holds the values by channel, NaN where there was none.
     """
-    return ", ".join(dict.fromkeys(_told(one, stood[one.channel]) for row in until for one in row))
+    return ", ".join(
+        dict.fromkeys(_told(item, stood[item.channel]) for row in until for item in row)
+    )
 
 
 def _told(condition: Condition | StatusCondition, value: float) -> str:

@@ -115,7 +115,7 @@ class StepCompiler:
             where = (*path, "when", name)
             parameter = self.parameters.get(name)
             if parameter is None or parameter.choices is None:
-                known = [key for key, one in self.parameters.items() if one.choices]
+                known = [key for key, item in self.parameters.items() if item.choices]
                 self.reader.note_key(
                     where, f"{name!r} is not a parameter with choices", suggest(name, known)
                 )
@@ -160,9 +160,9 @@ class StepCompiler:
         self, path: Path_, source: MoveSource, scope: Scope, limits: tuple[TrialLimit, ...]
     ) -> Segment:
         setpoints = {}
-        for name, one in source.set.items():
+        for name, item in source.set.items():
             where = (*path, "set", name)
-            profile = read_setpoint(self.reader, where, name, one, scope, self.rig)
+            profile = read_setpoint(self.reader, where, name, item, scope, self.rig)
             if profile is not None:
                 setpoints[name] = profile
         until = (

@@ -98,7 +98,7 @@ def _table(
     if name in recording.streams:
         return recording[name]
     if joined_hz is not None and name == _free_name(JOINED_TABLE, recording):
-        streams = [one for one in chosen if one != EVENTS_STREAM]
+        streams = [item for item in chosen if item != EVENTS_STREAM]
         return joined_table(recording, streams, joined_hz)
     return recording.trials.table
 

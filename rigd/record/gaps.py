@@ -60,10 +60,10 @@ def find_gaps(
     stream = topic.removeprefix("/")
     lost: dict[tuple[int, int], int] = {}
     for span in indexed:
-        if any(one.covers(span) for one in held):
+        if any(item.covers(span) for item in held):
             continue
         # An earlier state of an open chunk may be there, with its first rows.
-        begun = [one for one in held if one.start_ns == span.start_ns]
+        begun = [item for item in held if item.start_ns == span.start_ns]
         first_ns = begun[0].end_ns if begun else span.start_ns
         lost[first_ns, span.end_ns] = span.count - (begun[0].count if begun else 0)
     gaps = [gap for gap in known if gap.stream == stream]
@@ -115,12 +115,12 @@ def gaps_from_json(text: str) -> tuple[Gap, ...]:
     try:
         return tuple(
             Gap(
-                str(one["stream"]),
-                int(one["start_ns"]),
-                int(one["end_ns"]),
-                None if one["rows"] is None else int(one["rows"]),
+                str(load["stream"]),
+                int(load["start_ns"]),
+                int(load["end_ns"]),
+                None if load["rows"] is None else int(load["rows"]),
             )
-            for one in json.loads(text)
+            for load in json.loads(text)
         )
     except (KeyError, TypeError) as error:
         raise ValueError(f"not a list of gaps: {error!r}") from error

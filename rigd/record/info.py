@@ -139,12 +139,12 @@ def info_json(info: RunInfo) -> dict[str, object]:
         ],
         "streams": [
             {
-                "name": one.stream.name,
-                "rows": one.rows,
-                "rate_hz": one.rate_hz,
-                "channels": {c.name: c.unit for c in one.stream.channels},
+                "name": stream.stream.name,
+                "rows": stream.rows,
+                "rate_hz": stream.rate_hz,
+                "channels": {c.name: c.unit for c in stream.stream.channels},
             }
-            for one in info.streams
+            for stream in info.streams
         ],
         "attachments": list(info.attachments),
     }

@@ -278,7 +278,7 @@ class Recording:
             RecordingError: no such stream, or a damaged chunk.
 
         """
-        return stream_table(self, stream, [one.info for one in self.trials], self.steps)
+        return stream_table(self, stream, [trial.info for trial in self.trials], self.steps)
 
     @cached_property
     def attachments(self) -> Mapping[str, Attachment]:

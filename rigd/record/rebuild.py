@@ -138,7 +138,11 @@ def _index(piece: Piece, at: int, found: Scan, contents: Contents) -> None:
         for channel, span in piece.spans.items():
             contents.add_messages(channel, span.count, span.start_ns, span.end_ns)
     elif piece.opcode == Opcode.ATTACHMENT:
-        known = next(one for one in found.contents.attachments if one.offset == piece.start)
+        known = next(
+            attachment
+            for attachment in found.contents.attachments
+            if attachment.offset == piece.start
+        )
         contents.attachments.append(mcap.AttachmentIndex(**{**vars(known), "offset": at}))
     elif piece.opcode == Opcode.METADATA:
         contents.metadata.append(mcap.MetadataIndex(at, len(piece.data), _name(piece)))

@@ -48,7 +48,7 @@ def _scan(buffer: memoryview, trusted: int) -> Scan:
     ending = read_ending(buffer)
     limit = len(buffer) if ending.summary is None else ending.data_end
     reached = walk(buffer[: max(limit, found.data_end)], found)
-    odd = [(one.start, one.end) for one in sorted(found.damages)]
+    odd = [(damage.start, damage.end) for damage in sorted(found.damages)]
     for start, end in [*odd, (reached + DATA_END.size, len(buffer))]:
         if found.another is None:
             found.another = begin_of_another(buffer, start, end)
@@ -62,7 +62,7 @@ def _scan(buffer: memoryview, trusted: int) -> Scan:
     check_ending(buffer, found, ending, reached)
     _define_channels(found)
     found.damages.sort()
-    found.data_end = min((one.start for one in found.damages), default=reached)
+    found.data_end = min((damage.start for damage in found.damages), default=reached)
     found.data_crc = crc32(buffer[: found.data_end])
     return found
 

@@ -147,24 +147,26 @@ def trials_table(attempts: Sequence[TrialInfo], start_ns: int) -> Table:
     ``start``, ``end`` (s since the recording began) and ``duration`` are NaN where the recording
     ends within the trial. A column per parameter has its values in SI (numbers), or as texts.
     """
-    start = np.array([one.start_ns for one in attempts], np.int64)
-    ends = np.array([np.nan if one.end_ns is None else one.end_ns - start_ns for one in attempts])
-    repeats = [np.nan if one.repeat is None else one.repeat for one in attempts]
+    start = np.array([attempt.start_ns for attempt in attempts], np.int64)
+    ends = np.array(
+        [np.nan if attempt.end_ns is None else attempt.end_ns - start_ns for attempt in attempts]
+    )
+    repeats = [np.nan if attempt.repeat is None else attempt.repeat for attempt in attempts]
     columns: dict[str, Column] = {
-        "number": np.array([one.number for one in attempts], np.int32),
+        "number": np.array([attempt.number for attempt in attempts], np.int32),
         "repeat": np.array(repeats, np.float64),
-        "complete": np.array([one.complete for one in attempts], np.bool_),
-        "reason": np.array([one.reason for one in attempts], object),
+        "complete": np.array([attempt.complete for attempt in attempts], np.bool_),
+        "reason": np.array([attempt.reason for attempt in attempts], object),
         "start_ns": start,
         "start": (start - start_ns) * 1e-9,
         "end": ends.astype(np.float64) * 1e-9,
     }
     columns["duration"] = columns["end"] - columns["start"]
     units = {"start_ns": "ns", "start": "s", "end": "s", "duration": "s"}
-    for name in dict.fromkeys(name for one in attempts for name in one.parameters):
+    for name in dict.fromkeys(name for attempt in attempts for name in attempt.parameters):
         column = f"parameter_{name}" if name in columns else name
-        columns[column] = _values([one.parameters.get(name) for one in attempts])
-        written = next((one.units[name] for one in attempts if name in one.units), None)
+        columns[column] = _values([attempt.parameters.get(name) for attempt in attempts])
+        written = next((attempt.units[name] for attempt in attempts if name in attempt.units), None)
         if written is not None:
             units[column] = si_symbol(parse_unit(written).dimension)
     return Table(TRIALS_TABLE, columns, units, {})
@@ -207,8 +209,9 @@ def _free_name(column: str, stream: Stream) -> str:
 def _values(given: Sequence[object]) -> Column:
     """Return a parameter's values: numbers as float64 (NaN for none), else as texts."""
     numbers = all(
-        one is None or (isinstance(one, int | float) and not isinstance(one, bool)) for one in given
+        item is None or (isinstance(item, int | float) and not isinstance(item, bool))
+        for item in given
     )
     if numbers:
-        return np.array([np.nan if one is None else one for one in given], np.float64)
-    return np.array(["" if one is None else str(one) for one in given], object)
+        return np.array([np.nan if item is None else item for item in given], np.float64)
+    return np.array(["" if item is None else str(item) for item in given], object)

@@ -129,7 +129,7 @@ class Trials(Sequence[Trial]):
         return len(self._attempts)
 
     def __iter__(self) -> Iterator[Trial]:
-        return (Trial(self._recording, one) for one in self._attempts)
+        return (Trial(self._recording, attempt) for attempt in self._attempts)
 
     def number(self, number: int) -> Trial:
         """Return the trial of that number: the last attempt that is complete, else the last.
@@ -138,13 +138,13 @@ class Trials(Sequence[Trial]):
             RecordingError: the recording has no trial of that number.
 
         """
-        attempts = [one for one in self._attempts if one.number == number]
+        attempts = [attempt for attempt in self._attempts if attempt.number == number]
         if not attempts:
-            known = sorted({one.number for one in self._attempts})
+            known = sorted({attempt.number for attempt in self._attempts})
             raise RecordingError(
                 f"{self._recording.path} has no trial {number}", hint=f"It has {known}."
             )
-        complete = [one for one in attempts if one.complete]
+        complete = [attempt for attempt in attempts if attempt.complete]
         return Trial(self._recording, (complete or attempts)[-1])
 
     @cached_property

@@ -43,9 +43,9 @@ class Verification:
 
     def lines(self) -> list[str]:
         """Return what there is to say, line by line."""
-        said = [f"damaged: {one}" for one in self.damages]
+        said = [f"damaged: {damage}" for damage in self.damages]
         said += [f"lost: {gap_text(gap, self.start_ns)}" for gap in self.gaps]
-        said += [f"trial {one.number} is not complete: {one.lost}" for one in self.trials]
+        said += [f"trial {trial.number} is not complete: {trial.lost}" for trial in self.trials]
         return said
 
 
@@ -66,7 +66,7 @@ def verify(path: Path) -> Verification:
         start_ns=found.start_ns,
         damages=tuple(found.damages),
         gaps=recording.gaps,
-        trials=tuple(one.info for one in recording.trials if one.info.lost),
+        trials=tuple(trial.info for trial in recording.trials if trial.info.lost),
         rows={topics[number]: count for number, count in found.contents.counts.items()},
         chunks=sum(piece.opcode == Opcode.CHUNK for piece in found.pieces),
     )
@@ -80,9 +80,9 @@ def verification_json(found: Verification) -> dict[str, object]:
         "sound": found.sound,
         "chunks": found.chunks,
         "rows": dict(found.rows),
-        "damages": [one._asdict() for one in found.damages],
+        "damages": [damage._asdict() for damage in found.damages],
         "lost_rows": gaps_json(found.gaps, found.start_ns),
-        "trials": [{"number": one.number, "lost": one.lost} for one in found.trials],
+        "trials": [{"number": trial.number, "lost": trial.lost} for trial in found.trials],
     }
 
 

@@ -43,7 +43,7 @@ def server_config(keys: Keys, setup: RemoteSetup) -> zenoh.Config:
     }
     listened = list(setup.listen)
     if setup.tls is not None:
-        listened = [f"{one}#tls_handshake_timeout_ms={_ACCEPT_MS}" for one in listened]
+        listened = [f"{item}#tls_handshake_timeout_ms={_ACCEPT_MS}" for item in listened]
         link["tls"] = {
             "root_ca_certificate": str(setup.tls.ca),
             "listen_certificate": str(setup.tls.certificate),

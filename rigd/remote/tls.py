@@ -90,7 +90,7 @@ def setup_tls(
         if len(there) == 1:
             raise ConfigError(
                 f"{there[0]} is there without its other half",
-                hint=f"remove it, or bring back {next(one for one in pair if one not in there)}",
+                hint=f"remove it, or bring back {next(item for item in pair if item not in there)}",
             )
         (kept if there else made).extend(pair)
         return not there

@@ -37,7 +37,7 @@ class Documented(BaseModel):
             text = description(cls, name)
             if text is not None and key in properties:
                 described = properties[key]
-                title = {one: described.pop(one) for one in ("title",) if one in described}
+                title = {item: described.pop(item) for item in ("title",) if item in described}
                 described |= {"description": text, **title}
         return schema
 
@@ -47,8 +47,8 @@ def description(model: type[BaseModel], name: str) -> str | None:
     told = model.model_fields[name].description
     if told is not None or not issubclass(model, Documented):
         return told
-    declaring = (one for one in model.__mro__ if name in inspect.get_annotations(one))
-    return next((_beneath(one).get(name) for one in declaring), None)
+    declaring = (item for item in model.__mro__ if name in inspect.get_annotations(item))
+    return next((_beneath(item).get(name) for item in declaring), None)
 
 
 @cache

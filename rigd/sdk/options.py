@@ -64,25 +64,25 @@ def _options(model: type[BaseModel], prefix: str, above: frozenset[Any]) -> Iter
 
 
 def _unit(annotation: Any) -> str | None:
-    for one in getattr(annotation, "__metadata__", ()):
-        if isinstance(one, In):
-            return one.unit
-    return next((unit for one in get_args(annotation) if (unit := _unit(one))), None)
+    for item in getattr(annotation, "__metadata__", ()):
+        if isinstance(item, In):
+            return item.unit
+    return next((unit for item in get_args(annotation) if (unit := _unit(item))), None)
 
 
 def _has_bare_float(annotation: Any) -> bool:
-    if any(isinstance(one, In) for one in getattr(annotation, "__metadata__", ())):
+    if any(isinstance(item, In) for item in getattr(annotation, "__metadata__", ())):
         return False
     return annotation is float or any(
-        _has_bare_float(one) for one in get_args(annotation) if not isinstance(one, str)
+        _has_bare_float(item) for item in get_args(annotation) if not isinstance(item, str)
     )
 
 
 def _parts(annotation: Any) -> Iterator[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
-    for one in get_args(annotation):
-        yield from _parts(one)
+    for item in get_args(annotation):
+        yield from _parts(item)
 
 
 def _kind(annotation: Any, unit: str | None) -> str:
@@ -91,16 +91,16 @@ def _kind(annotation: Any, unit: str | None) -> str:
         inner = _kind(arguments[0], unit)
         return _bounded(inner, arguments[1:], unit if arguments[0] is float else None)
     if origin is Literal:
-        return " or ".join(str(one) for one in arguments)
+        return " or ".join(str(argument) for argument in arguments)
     if origin is Union or origin is types.UnionType:
-        kinds = [_kind(one, unit) for one in arguments if one is not type(None)]
+        kinds = [_kind(argument, unit) for argument in arguments if argument is not type(None)]
         return " or ".join(dict.fromkeys(kinds))
     if origin in (tuple, list) and arguments:
         return f"a list of {_kind(arguments[0], unit)}"
     if origin is not None and len(arguments) == 2:
         return f"names with {_kind(arguments[1], unit)} each"
     if isinstance(annotation, type) and issubclass(annotation, Enum):
-        return " or ".join(str(one.value) for one in annotation)
+        return " or ".join(str(item.value) for item in annotation)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return "keys as below"
     return _WORDS.get(annotation, getattr(annotation, "__name__", str(annotation)))
@@ -115,8 +115,8 @@ def _bounded(kind: str, metadata: tuple[Any, ...], unit: str | None) -> str:
         return f"{bound}" if unit is None else format_quantity(float(bound), unit)
 
     bounds = []
-    for one in metadata:
-        match one:
+    for item in metadata:
+        match item:
             case Ge(ge=bound):
                 bounds.append(f"at least {shown(bound)}")
             case Gt(gt=bound):

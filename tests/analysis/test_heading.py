@@ -62,12 +62,12 @@ def test_virtual_time_is_never_the_date_of_a_run(tmp_path: Path, name: str, said
 
 def test_what_people_said_stands_under_the_title(tmp_path: Path) -> None:
     first = {**REAL, "rig": "bench", "procedure": "quick", "operator": "A. Miller", "note": "dry"}
-    one = info_of(tmp_path / "a.mcap", first, meta={"specimen": "W7"})
+    item = info_of(tmp_path / "a.mcap", first, meta={"specimen": "W7"})
     two = info_of(
         tmp_path / "b.mcap", {**first, "note": ""}, meta={"specimen": "W8"},
         resumed={"operator": "B. Baker"},
     )  # fmt: skip
-    found = heading([one, two], MADE)
+    found = heading([item, two], MADE)
     entries = dict(found.entries)
     assert entries["Rig"] == "bench"
     assert entries["Recordings"] == "a.mcap, b.mcap"

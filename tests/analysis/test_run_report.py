@@ -298,7 +298,7 @@ def test_damaged_chunk_is_passed_over_and_named(tmp_path: Path) -> None:
     assert "run.mcap lacks" in text
     assert "axis.position" in text
     recording = Recording.open(path, partial=True)
-    (gap,) = (one for one in recording.gaps if one.stream == "axis")
+    (gap,) = (item for item in recording.gaps if item.stream == "axis")
     whole = Attempt(0, START_NS, START_NS + 20_000_000_000)
     found = gather(recording, [whole], shared_time([whole], [], ()), {}, {0: 250})
     trace = found.traces[0]["axis.position"]

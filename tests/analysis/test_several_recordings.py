@@ -46,8 +46,8 @@ def test_unlike_recordings_are_reported_and_disagree(
 ) -> None:
     found = fitted(*map(recorded, names))
     result = found.sections[0].result
-    assert len({one.label for one in result.trials}) == len(result.trials) == 6
-    test = next(one for one in result.residual_tests if one.name == "agreement of recordings")
+    assert len({trial.label for trial in result.trials}) == len(result.trials) == 6
+    test = next(item for item in result.residual_tests if item.name == "agreement of recordings")
     assert not test.passed
     assert test.sentence in result.warnings
     assert "disagree" in str(found.terminal_report())
@@ -62,7 +62,7 @@ def test_the_report_names_each_recording(recorded: Recorded) -> None:
 
 def test_repeats_of_one_rig_agree(recorded: Recorded) -> None:
     result = fitted(recorded("before"), recorded("again")).sections[0].result
-    test = next(one for one in result.residual_tests if one.name == "agreement of recordings")
+    test = next(item for item in result.residual_tests if item.name == "agreement of recordings")
     assert test.passed, test.sentence
     assert not any("disagree" in warning for warning in result.warnings)
 
@@ -77,7 +77,7 @@ def test_recordings_can_be_identified_each_by_itself(recorded: Recorded) -> None
 def test_only_trials_that_entered_the_fit_count(recorded: Recorded) -> None:
     """The one at 0.15 A barely moves, and is left out."""
     found = fitted(recorded("before"))
-    facts = {one.title: one.entries for one in found.provenance.facts}
+    facts = {fact.title: fact.entries for fact in found.provenance.facts}
     assert facts["before.mcap"]["trials used"] == "3"
     assert "3 of 4 trials used" in str(found.terminal_report())
     result = found.sections[0].result

@@ -41,7 +41,7 @@ def make(tmp_path: Path) -> Make:
 
     def record(encoder: Rows, card: Rows, first: str = "angle") -> RecordedSweep:
         signals = {"angle": "encoder.angle", "acceleration": "card.acceleration"}
-        ordered = dict(sorted(signals.items(), key=lambda one: one[0] != first))
+        ordered = dict(sorted(signals.items(), key=lambda item: item[0] != first))
         plan = {
             "model": "lugre", "signals": json.dumps(ordered), "constants": "{}", "group_by": "[]",
         }  # fmt: skip
@@ -147,7 +147,9 @@ def test_damage_is_passed_over_and_said(make: Make) -> None:
     assert len(sweep.trials) == 1
     assert sweep.info.losses == ()
     content = bytearray(sweep.path.read_bytes())
-    first = next(one for one in sweep.recording.contents.chunks if 2 in one.message_index_offsets)
+    first = next(
+        chunk for chunk in sweep.recording.contents.chunks if 2 in chunk.message_index_offsets
+    )
     content[first.chunk_start_offset + 200] ^= 1
     sweep.path.write_bytes(content)
     damaged = open_sweep(sweep.path)
@@ -163,7 +165,9 @@ def test_damage_is_passed_over_and_said(make: Make) -> None:
 def test_rows_that_no_signal_needs_cost_no_trial(make: Make) -> None:
     sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 1000))
     content = bytearray(sweep.path.read_bytes())
-    first = next(one for one in sweep.recording.contents.chunks if 4 in one.message_index_offsets)
+    first = next(
+        chunk for chunk in sweep.recording.contents.chunks if 4 in chunk.message_index_offsets
+    )
     content[first.chunk_start_offset + 200] ^= 1
     sweep.path.write_bytes(content)
     damaged = open_sweep(sweep.path)

@@ -36,7 +36,7 @@ def test_what_was_said_is_kept_shown_and_found(
     )  # fmt: skip
 
     main(["runs", str(tmp_path), "--meta", "specimen=W7", "--json"])
-    assert [Path(one["recording"]).name for one in json.loads(capsys.readouterr().out)] == [
+    assert [Path(load["recording"]).name for load in json.loads(capsys.readouterr().out)] == [
         "said.mcap"
     ]
 
@@ -79,7 +79,7 @@ def test_runs_since_a_date_are_listed(tmp_path: Path, capsys: pytest.CaptureFixt
         capsys.readouterr()
         assert main(["runs", str(tmp_path), "--since", since, "--json"]) == 0
         found = json.loads(capsys.readouterr().out)
-        listed[since] = [Path(one["recording"]).name for one in found]
+        listed[since] = [Path(item["recording"]).name for item in found]
     assert listed["2020-02-01"] == names
     assert listed["2026-11-01"] == names[1:]
     assert listed["2026-11-21T08:00:01+00:00"] == []

@@ -37,9 +37,9 @@ def test_one_is_shown_with_what_it_needs(tmp_path: Path) -> None:
     assert shown.code == 0, shown.err
     for text in ("normal_force (V)", "set, load, voltage", "torque_scale", "--calibration"):
         assert text in shown.out
-    (one,) = rigd("analyses", "lugre", "--json", cwd=tmp_path).json
-    assert one["signals"]["acceleration"] == "m/s^2"
-    assert "by_recording" in one["options"]
+    (found,) = rigd("analyses", "lugre", "--json", cwd=tmp_path).json
+    assert found["signals"]["acceleration"] == "m/s^2"
+    assert "by_recording" in found["options"]
 
 
 def test_what_is_broken_hides_nothing(with_broken: Path) -> None:

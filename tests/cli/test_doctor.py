@@ -13,12 +13,12 @@ from rigd.model.errors import Exit
 def judge(done: Ended) -> dict[str, dict[str, object]]:
     """Return its checks by name; its exit code must be what they come to."""
     checks = done.json["checks"]
-    failed = [one for one in checks if one["verdict"] == "fail"]
+    failed = [check for check in checks if check["verdict"] == "fail"]
     assert done.json["fit"] is (not failed)
     assert done.code == (Exit.BLOCKED if failed else Exit.OK)
-    for one in checks:
-        assert bool(one["advice"]) == (one["verdict"] != "ok"), one
-    return {one["name"]: one for one in checks}
+    for check in checks:
+        assert bool(check["advice"]) == (check["verdict"] != "ok"), check
+    return {check["name"]: check for check in checks}
 
 
 def test_the_machine_alone_is_examined_without_a_rig(tmp_path: Path) -> None:

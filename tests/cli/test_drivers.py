@@ -59,16 +59,16 @@ def test_everything_installed_is_listed_by_kind(tmp_path: Path) -> None:
 
 def test_json_holds_options_channels_and_setpoints_of_every_one(tmp_path: Path) -> None:
     found = rigd("drivers", "--json", cwd=tmp_path).json
-    assert {(one["kind"], one["name"]) for one in found} == {
+    assert {(item["kind"], item["name"]) for item in found} == {
         (kind, point.name) for group, kind in GROUPS.items() for point in entry_points(group=group)
     }
-    amplifier = next(one for one in found if one["name"] == "sim-lugre-amplifier")
+    amplifier = next(item for item in found if item["name"] == "sim-lugre-amplifier")
     assert amplifier["title"].startswith("wheel servo")
     assert amplifier["package"] == "rigd"
     assert [channel["name"] for channel in amplifier["channels"]] == ["current", "current_raw"]
     (setpoint,) = amplifier["setpoints"]
     assert (setpoint["name"], setpoint["unit"], setpoint["low"]) == ("current", "A", -2.0)
-    scale = next(one for one in amplifier["options"] if one["name"] == "monitor_scale")
+    scale = next(item for item in amplifier["options"] if item["name"] == "monitor_scale")
     assert scale["unit"] == "A/V"
     assert scale["default"] == "2.5 A/V"
     assert scale["doc"] == "Current per volt of the monitor output."
@@ -119,7 +119,7 @@ def test_what_is_broken_is_told_and_hides_nothing(with_broken: Path) -> None:
     assert any("acme-plant" in line and "AttributeError" in line for line in lines)
 
     found = rigd("drivers", "--json", cwd=with_broken).json
-    broken = {one["name"]: one["broken"] for one in found if one["broken"]}
+    broken = {item["name"]: item["broken"] for item in found if item["broken"]}
     assert broken["acme-construct"] == "OSError: no such port"
     assert broken.keys() == {
         "acme-missing", "acme-raises", "acme-no-driver", "acme-construct", "serial-scale",

@@ -257,8 +257,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         few.unlink()  # it would be found by the name of the campaign
         assert run(f"run quick --rig lugre-1 --output {QUICK}") == 0
         assert run(f"run calibrate_torque --rig angle-1 --output {TORQUE}") == 0
-        one = "--set set=clean_0 --set load=4kg --set voltage=10V --start 2026-11-22"
-        assert run(f"run approach_angles --rig angle-1 {one} --output {ANGLES}") == 0
+        found = "--set set=clean_0 --set load=4kg --set voltage=10V --start 2026-11-22"
+        assert run(f"run approach_angles --rig angle-1 {found} --output {ANGLES}") == 0
         Path("data").symlink_to("runs")
         # A rig elsewhere that is off: what else this machine serves is not known here.
         Path("rigd").mkdir()

@@ -90,7 +90,7 @@ def test_each_trial_is_a_case_with_its_time(tmp_path: Path) -> None:
     assert all(0.39 < time_s < 0.6 for time_s in times[:3])
     assert times[3] > sum(times[:3])
     assert suite.get("timestamp", "")[:2] == "20"
-    properties = {one.get("name"): one.get("value") for one in suite.iter("property")}
+    properties = {item.get("name"): item.get("value") for item in suite.iter("property")}
     assert properties["rig"] == "lugre-1"
     recording = properties["recording"] or ""
     words = ("run", "--resume", recording, "--junit", "again.xml")

@@ -46,9 +46,9 @@ def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def spoil(path: Path, chunk: int) -> bytes:
     content = bytearray(path.read_bytes())
     at = [
-        one.chunk_start_offset
-        for one in Recording.open(path).contents.chunks
-        if 2 in one.message_index_offsets
+        item.chunk_start_offset
+        for item in Recording.open(path).contents.chunks
+        if 2 in item.message_index_offsets
     ]
     content[at[chunk] + 200] ^= 1
     path.write_bytes(content)
@@ -60,7 +60,7 @@ def test_a_sound_file_is_verified(path: Path, capsys: pytest.CaptureFixture[str]
     assert main(["verify", "run.mcap"]) == 0
     assert capsys.readouterr().out.startswith("run.mcap: sound, ")
     assert path.read_bytes() == before
-    assert [one.name for one in path.parent.iterdir()] == ["run.mcap"]
+    assert [item.name for item in path.parent.iterdir()] == ["run.mcap"]
 
 
 def test_several_files_are_shown(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -72,7 +72,7 @@ def test_several_files_are_shown(path: Path, capsys: pytest.CaptureFixture[str])
     assert main(["info", "run.mcap", "missing.mcap", "second.mcap", "--json"]) == 7
     captured = capsys.readouterr()
     found = json.loads(captured.out)
-    assert [one["recording"] for one in found] == ["run.mcap", "second.mcap"]
+    assert [item["recording"] for item in found] == ["run.mcap", "second.mcap"]
     assert "missing.mcap" in captured.err
     assert main(["info", "run.mcap", "second.mcap", "--attachments", "files"]) == 2
     assert not Path("files").exists()
@@ -88,7 +88,7 @@ def test_what_recovering_does_is_foretold(path: Path, capsys: pytest.CaptureFixt
         assert "keeps the damaged file as run.mcap.orig" in said
         assert "a file that only lacks its end is completed in place" in said
         assert main(["recover", "run.mcap"]) == 0
-        assert [one.name for one in path.parent.glob("*.orig")] == originals
+        assert [item.name for item in path.parent.glob("*.orig")] == originals
 
 
 def test_damage_is_placed_and_nothing_changed(

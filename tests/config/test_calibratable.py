@@ -38,7 +38,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
         for cached in caches:
             cached.cache_clear()
 
-    def one(name: str, text: str) -> None:
+    def install_module(name: str, text: str) -> None:
         info = tmp_path / f"{name}-1.0.dist-info"
         info.mkdir()
         (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
@@ -47,7 +47,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
         forget()
 
     monkeypatch.syspath_prepend(tmp_path)
-    yield one
+    yield install_module
     forget()
 
 

@@ -169,7 +169,7 @@ def test_what_is_renewed_goes_to_the_history_and_the_rest_stays_as_written() -> 
     assert (replaced.name, replaced.replaced) == ("torque_scale", TODAY)
     assert replaced.value == old.values["torque_scale"]
     again = parse_calibration(renew(text), "bench.yaml")
-    assert [one.value.operator for one in again.history] == ["C. Doe", "A. Miller"]
+    assert [item.value.operator for item in again.history] == ["C. Doe", "A. Miller"]
 
 
 def test_a_new_file_is_one_that_can_be_read() -> None:

@@ -29,9 +29,9 @@ def check(text: str) -> None:
     try:
         parse_rig(text, FILE)
     except ConfigError as error:
-        for one in (error, *error.others):
-            assert one.place is not None
-            assert one.message
+        for item in (error, *error.others):
+            assert item.place is not None
+            assert item.message
 
 
 @FUZZ

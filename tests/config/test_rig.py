@@ -36,7 +36,7 @@ def test_shipped_rig(rig_path: Path) -> None:
     assert channel.unit == "m"
     assert rig.setpoint("wheel_servo.current") is not None
     assert rig.channel("wheel_servo.nothing") is None
-    near = next(one for one in rig.interlocks if one.name == "overrun_near")
+    near = next(interlock for interlock in rig.interlocks if interlock.name == "overrun_near")
     assert (near.low, near.high, near.action) == (-0.04, None, Severity.ABORT)
     assert near.priority is Priority.CRITICAL
     assert rig.constants["wheel_radius"].value == pytest.approx(0.05)

@@ -35,9 +35,9 @@ def test_a_trial_that_lost_rows_is_played_again(tmp_path: Path) -> None:
         writer.write("axis", rows)
     assert read_resume_point(path).done == {1, 2, 3}
     chunk = next(
-        one
-        for one in Recording.open(path).contents.chunks
-        if 2 in one.message_index_offsets and one.message_start_time == 3 * SECOND
+        item
+        for item in Recording.open(path).contents.chunks
+        if 2 in item.message_index_offsets and item.message_start_time == 3 * SECOND
     )
     content = bytearray(path.read_bytes())
     content[chunk.chunk_start_offset + 200] ^= 1

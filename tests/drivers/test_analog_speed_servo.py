@@ -102,7 +102,7 @@ def test_a_setpoint_that_is_no_number_is_refused_and_those_before_hold(
 
 def test_without_a_clutch_there_is_one_setpoint() -> None:
     rig = Rig(clutch_output=None)
-    assert [one.name for one in rig.belt.setpoints] == ["speed"]
+    assert [setpoint.name for setpoint in rig.belt.setpoints] == ["speed"]
     rig.belt.arm()
     rig.cycle(0.5)
     assert rig.lines == ENABLE

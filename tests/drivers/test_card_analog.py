@@ -41,14 +41,14 @@ def test_values_and_volts_in_the_order_of_the_file() -> None:
     assert force == pytest.approx(-100.0, abs=50 * LSB)
     assert force_raw == pytest.approx(2.0, abs=LSB)
     assert status == 0
-    names = [(one.name, one.unit, one.raw_of) for one in driver.channels]
+    names = [(channel.name, channel.unit, channel.raw_of) for channel in driver.channels]
     assert names == [
         ("acceleration", "m/s^2", None),
         ("acceleration_raw", "V", "acceleration"),
         ("force", "N", None),
         ("force_raw", "V", "force"),
     ]
-    ranges = [(one.low, one.high) for one in driver.channels[::2]]
+    ranges = [(channel.low, channel.high) for channel in driver.channels[::2]]
     assert ranges == [(pytest.approx(-103.005), pytest.approx(93.195)), (-500.0, 500.0)]
 
 

@@ -58,7 +58,7 @@ def test_a_position_the_other_way_round() -> None:
     rig.counts[1] = 100
     link.begin(0)
     assert encoder.read(0) == (pytest.approx(-3e-3), 100.0, 0)
-    assert [one.name for one in encoder.channels] == ["position", "counts"]
+    assert [channel.name for channel in encoder.channels] == ["position", "counts"]
 
 
 @given(

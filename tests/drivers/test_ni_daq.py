@@ -70,20 +70,20 @@ def rows(driver: NiDaq, count: int) -> Block:
     """Return at least ``count`` rows, read as the helper process does."""
     deadline = time.monotonic() + 60
     blocks: list[Block] = []
-    while sum(len(one.times_ns) for one in blocks) < count:
+    while sum(len(item.times_ns) for item in blocks) < count:
         assert time.monotonic() < deadline
         block = driver.read_block(0.1)
         if block is not None:
             blocks.append(block)
     return Block(
-        np.concatenate([one.times_ns for one in blocks]),
-        np.concatenate([one.values for one in blocks]),
+        np.concatenate([item.times_ns for item in blocks]),
+        np.concatenate([item.values for item in blocks]),
     )
 
 
 def test_channels_say_what_is_measured() -> None:
     driver = NiDaq(config())
-    assert [(one.name, one.unit, one.raw_of) for one in driver.channels] == [
+    assert [(channel.name, channel.unit, channel.raw_of) for channel in driver.channels] == [
         ("acceleration", "m/s^2", None),
         ("acceleration_raw", "V", "acceleration"),
         ("force", "N", None),

@@ -73,7 +73,7 @@ def _same(answer: Answer) -> Answer:
 
 
 def says(*answers: Answer) -> Person:
-    return Person(iter([partial(_same, one) for one in answers]))
+    return Person(iter([partial(_same, answer) for answer in answers]))
 
 
 def load_prompt() -> Prompt:
@@ -104,7 +104,7 @@ def run(
 
 
 def data_of(bench: Bench, kind: str) -> list[Mapping[str, object]]:
-    return [data for _, one, _, data in bench.sink.events if one == kind]
+    return [data for _, event, _, data in bench.sink.events if event == kind]
 
 
 def putting_on(bench: Bench, share: float = 1.0) -> Callable[[str, float | str], None]:

@@ -49,7 +49,7 @@ def test_a_fault_is_shown_between_two_steps_and_recorded() -> None:
     faults = ShownFaults(simulation.ask)
     result = bench.run(procedure([move("one", 0.1), SILENT, move("two", 0.1)]), faults=faults)
     assert result.execute().exit_code is Exit.OK
-    assert [one["do"] for one in simulation.asked] == ["faults", "fault"]
+    assert [item["do"] for item in simulation.asked] == ["faults", "fault"]
     assert simulation.asked[1] == {
         "do": "fault", "part": "scale", "fault": "silent", "options": {}, "after_s": 0.1,
         "for_s": 2.0,

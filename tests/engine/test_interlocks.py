@@ -21,31 +21,31 @@ def bank(interlock: Interlock) -> InterlockBank:
 
 
 def feed(
-    one: InterlockBank, values: list[float], *, limit: float = 0.0, fresh: bool = True
+    interlock_bank: InterlockBank, values: list[float], *, limit: float = 0.0, fresh: bool = True
 ) -> list[list[Trip]]:
     return [
-        one.check(k * MS, [value, limit], [k * MS if fresh else 0])
+        interlock_bank.check(k * MS, [value, limit], [k * MS if fresh else 0])
         for k, value in enumerate(values)
     ]
 
 
 def test_trips_once_in_the_cycle_that_sees_it_and_says_value_limit_and_unit() -> None:
     trips = feed(bank(Interlock("far", "a.x", high=1.5)), [1.4, 1.5, 1.6, 1.7])
-    assert [len(one) for one in trips] == [0, 0, 1, 0]
+    assert [len(trip) for trip in trips] == [0, 0, 1, 0]
     assert trips[2][0].reason == "a.x 1.6 m is above its limit 1.5 m"
 
 
 def test_low_limit_and_limit_from_another_channel() -> None:
-    one = bank(Interlock("behind", "a.x", low="a.limit"))
-    assert feed(one, [0.3], limit=0.2) == [[]]
-    (trip,) = feed(one, [0.1], limit=0.2)[0]
+    found = bank(Interlock("behind", "a.x", low="a.limit"))
+    assert feed(found, [0.3], limit=0.2) == [[]]
+    (trip,) = feed(found, [0.1], limit=0.2)[0]
     assert trip.reason == "a.x 0.1 m is below its limit 0.2 m"
 
 
 def test_delay_needs_an_unbroken_violation() -> None:
     delayed = Interlock("far", "a.x", high=1.0, delay_s=0.003)
     assert not any(feed(bank(delayed), [2, 2, 2, 0, 2, 2, 2, 0]))
-    assert [len(one) for one in feed(bank(delayed), [2, 2, 2, 2])] == [0, 0, 0, 1]
+    assert [len(item) for item in feed(bank(delayed), [2, 2, 2, 2])] == [0, 0, 0, 1]
 
 
 @pytest.mark.parametrize("limit", [Interlock("i", "a.x", high=1.0, delay_s=10.0)])
@@ -60,35 +60,35 @@ def test_nan_trips_an_interlock_without_bounds_and_a_nan_bound_trips_too() -> No
 
 
 def test_stale_data_trips_whatever_its_value_and_the_delay() -> None:
-    one = bank(Interlock("alive", "a.x", delay_s=10.0, stale_after_s=0.002))
-    trips = feed(one, [0.0] * 5, fresh=False)
+    found = bank(Interlock("alive", "a.x", delay_s=10.0, stale_after_s=0.002))
+    trips = feed(found, [0.0] * 5, fresh=False)
     assert [len(t) for t in trips] == [0, 0, 0, 1, 0]
     assert "a.x is stale: its last row is 3 ms old, at most 2 ms" in trips[3][0].reason
 
 
 def test_a_bound_that_is_stale_bounds_nothing() -> None:
     low = Interlock("behind", "a.x", low="b.limit", stale_after_s=0.002)
-    one = InterlockBank([low], {"a.x": 0, "b.limit": 1}, UNITS, [0, 1])
-    trips = [one.check(k * MS, [1.0, 0.0], [k * MS, 0]) for k in range(5)]
+    found = InterlockBank([low], {"a.x": 0, "b.limit": 1}, UNITS, [0, 1])
+    trips = [found.check(k * MS, [1.0, 0.0], [k * MS, 0]) for k in range(5)]
     assert [len(t) for t in trips] == [0, 0, 0, 1, 0]
     assert "a bound of a.x is stale: its last row is 3 ms old" in trips[3][0].reason
 
 
 def test_clears_only_a_deadband_inside_and_can_trip_again() -> None:
-    one = bank(Interlock("far", "a.x", high=1.0, deadband=0.1))
-    trips = feed(one, [1.1, 0.95, 1.1, 0.85, 1.1])
+    found = bank(Interlock("far", "a.x", high=1.0, deadband=0.1))
+    trips = feed(found, [1.1, 0.95, 1.1, 0.85, 1.1])
     assert [len(t) for t in trips] == [1, 0, 0, 0, 1]
 
 
 def test_a_latched_trip_stands_until_acknowledged() -> None:
-    one = bank(Interlock("far", "a.x", high=1.0, latch=True))
-    assert [len(t) for t in feed(one, [1.1, 0.0, 1.1])] == [1, 0, 0]
-    assert [i.name for i in one.active()] == ["far"]
-    one.acknowledge("far")
-    assert not one.active()
-    assert len(feed(one, [1.1])[0]) == 1
+    found = bank(Interlock("far", "a.x", high=1.0, latch=True))
+    assert [len(t) for t in feed(found, [1.1, 0.0, 1.1])] == [1, 0, 0]
+    assert [i.name for i in found.active()] == ["far"]
+    found.acknowledge("far")
+    assert not found.active()
+    assert len(feed(found, [1.1])[0]) == 1
     with pytest.raises(KeyError):
-        one.acknowledge("no such interlock")
+        found.acknowledge("no such interlock")
 
 
 @given(
@@ -118,6 +118,6 @@ def test_without_delay_it_trips_exactly_when_the_value_is_not_inside(
 def test_an_interlock_says_what_its_bounds_mean_only_of_a_value_beyond_them(
     high: float | None, values: list[float], fresh: bool, told: str
 ) -> None:
-    one = bank(Interlock("far", "a.x", high=high, message="It moves too far."))
-    (trip,) = (trip for trips in feed(one, values, fresh=fresh) for trip in trips)
+    found = bank(Interlock("far", "a.x", high=high, message="It moves too far."))
+    (trip,) = (trip for trips in feed(found, values, fresh=fresh) for trip in trips)
     assert trip.message == told

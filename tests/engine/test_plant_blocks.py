@@ -62,11 +62,11 @@ class Kept:
 
 
 def host_of(
-    one: RigConfig, record: Mapping[str, Recorded] = ALL, start_ns: int = START_NS
+    config: RigConfig, record: Mapping[str, Recorded] = ALL, start_ns: int = START_NS
 ) -> tuple[InProcessHost, Kept, Control]:
     control, kept = Control(), Kept()
-    clock = VirtualClock(one.period_ns, start_ns)
-    cycle = wire(one, clock, control, 1).cycle
+    clock = VirtualClock(config.period_ns, start_ns)
+    cycle = wire(config, clock, control, 1).cycle
     host = InProcessHost(cycle, clock, virtual=True, sink=kept, record=record)
     assert host.open() == []
     assert host.settle(1) is None
@@ -289,6 +289,6 @@ def test_a_device_of_real_time_still_needs_it(tmp_path: Path) -> None:
 
 
 def test_its_stream_is_the_same_in_both_forms(tmp_path: Path) -> None:
-    one = rig(PlantGrid, tmp_path)
-    wired = wire(one, VirtualClock(PERIOD_NS, START_NS), Control(), 1).cycle.rig.streams
-    assert tuple(streams_of(one)) == wired
+    found = rig(PlantGrid, tmp_path)
+    wired = wire(found, VirtualClock(PERIOD_NS, START_NS), Control(), 1).cycle.rig.streams
+    assert tuple(streams_of(found)) == wired

@@ -379,9 +379,13 @@ def test_without_a_watchdog_nothing_is_armed_but_by_a_waiver(tmp_path: Path) -> 
         (reason,) = host.open()
         assert "no watchdog" in reason
     waiver = Waiver("A. Person", "the motor is unplugged")
-    with host_of(file_axis.rig(tmp_path / "axis", watchdog=False, waiver=waiver)) as (host, one, _):
+    with host_of(file_axis.rig(tmp_path / "axis", watchdog=False, waiver=waiver)) as (
+        host,
+        found,
+        _,
+    ):
         assert host.open() == ()
-        (event,) = [one for one in one.event_ring("cycle").peek() if one.kind == "waiver"]
+        (event,) = [item for item in found.event_ring("cycle").peek() if item.kind == "waiver"]
         assert event.data == {
             "device": "axis",
             "by": "A. Person",

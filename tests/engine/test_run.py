@@ -251,7 +251,7 @@ def test_an_answer_changes_the_plant_and_is_recorded() -> None:
         "floor", "Lay it.", AnswerKind.CHOICE, choices=("pvc",), answer="pvc", changes="floor"
     )
     bench.run(
-        procedure([question, move("one", 0.5)]), change=lambda *one: changes.append(one)
+        procedure([question, move("one", 0.5)]), change=lambda *told: changes.append(told)
     ).execute()
     assert changes == [("floor", "pvc")]
     (answer,) = [data for _, kind, _, data in bench.sink.events if kind == "answer"]

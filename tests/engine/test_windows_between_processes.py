@@ -29,13 +29,13 @@ pytestmark = pytest.mark.usefixtures("own_state")
 
 @contextmanager
 def host_of(
-    one: RigConfig, record: Mapping[str, Recorded]
+    config: RigConfig, record: Mapping[str, Recorded]
 ) -> Iterator[tuple[ProcessHost, RunFolder]]:
-    streams = tuple(streams_of(one))
-    folder = RunFolder.take(one.name, command="test")
-    job = Job(one.name, folder.path / "x.mcap", streams, time.time_ns())
+    streams = tuple(streams_of(config))
+    folder = RunFolder.take(config.name, command="test")
+    job = Job(config.name, folder.path / "x.mcap", streams, time.time_ns())
     folder.prepare(job, {stream.name: 100_000 for stream in streams})
-    host = launch(one, folder, job, Control(), record=record, finish=lambda: None)
+    host = launch(config, folder, job, Control(), record=record, finish=lambda: None)
     try:
         yield host, folder
     finally:
@@ -65,8 +65,8 @@ def test_each_row_of_the_windows_is_recorded_and_no_other(
         assert host.arm() is None
         assert host.play(program).severity is Severity.DONE
         grid = folder.row_rings(folder.job)["grid"]
-        events = [one for one in folder.event_ring("cycle").peek() if one.kind == "step"]
-        begun = {one.data["name"]: one.t_ns for one in events}
+        events = [item for item in folder.event_ring("cycle").peek() if item.kind == "step"]
+        begun = {event.data["name"]: event.t_ns for event in events}
         until(lambda: grid.head > 0 and int(grid.latest(1)["t_ns"][0]) >= begun["back"] - ROW_NS)
         rows = grid.peek()
     # All of the grid, on both sides of what was recorded.

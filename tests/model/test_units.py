@@ -49,7 +49,7 @@ def test_what_is_no_quantity_is_refused(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "same"),
+    ("first", "second", "same"),
     [
         ("N m", "J", True),
         ("V", "W/A", True),
@@ -60,8 +60,8 @@ def test_what_is_no_quantity_is_refused(text: str) -> None:
         ("rad/s", "Hz", False),
     ],
 )
-def test_kinds(one: str, other: str, same: bool) -> None:
-    assert parse_unit(one).same_kind(parse_unit(other)) is same
+def test_kinds(first: str, second: str, same: bool) -> None:
+    assert parse_unit(first).same_kind(parse_unit(second)) is same
 
 
 @given(

@@ -20,11 +20,11 @@ def array_classes() -> Iterator[tuple[str, str]]:
     """Yield the name of each dataclass that holds arrays, and its decorator."""
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).rglob("*.py")):
-            for one in ast.walk(ast.parse(path.read_text("utf-8"))):
-                if isinstance(one, ast.ClassDef):
-                    for decorator in map(ast.unparse, one.decorator_list):
-                        if decorator.startswith("dataclass") and any(map(_is_array, one.body)):
-                            yield f"{path.relative_to(ROOT)}: {one.name}", decorator
+            for item in ast.walk(ast.parse(path.read_text("utf-8"))):
+                if isinstance(item, ast.ClassDef):
+                    for decorator in map(ast.unparse, item.decorator_list):
+                        if decorator.startswith("dataclass") and any(map(_is_array, item.body)):
+                            yield f"{path.relative_to(ROOT)}: {item.name}", decorator
 
 
 def test_dataclasses_with_arrays_are_compared_by_identity() -> None:

@@ -22,7 +22,7 @@ def examples(path: Path, text: str) -> set[int]:
         return found
     for node in ast.parse(text).body:
         targets = node.targets if isinstance(node, ast.Assign) else []
-        names = {one.id for one in targets if isinstance(one, ast.Name)}
+        names = {target.id for target in targets if isinstance(target, ast.Name)}
         if names & {"EXAMPLES", "EPILOG"}:
             found |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     return found

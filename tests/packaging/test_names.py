@@ -17,3 +17,14 @@ def test_no_public_class_name_stands_twice() -> None:
                 places[node.name].append(f"{path.relative_to(ROOT)}:{node.lineno}")
     assert len(places) > 500
     assert {name: found for name, found in places.items() if len(found) > 1} == {}
+
+
+def test_no_variable_has_the_name_one() -> None:
+    places = []
+    for folder in ("rigd", "drivers", "sim_backend", "analyses", "tests", "benchmarks"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                name = node.id if isinstance(node, ast.Name) else getattr(node, "arg", None)
+                if name == "one":
+                    places.append(f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}")
+    assert places == []

@@ -26,6 +26,6 @@ def panel() -> Iterator[ServedPanel]:
 
 @pytest.fixture
 def watched(browser: Browser) -> Iterator[Watched]:
-    one = Watched(browser)
-    yield one
-    one.context.close()
+    found = Watched(browser)
+    yield found
+    found.context.close()

@@ -29,8 +29,8 @@ def test_no_extreme_is_lost(sizes: list[int], most: int) -> None:
 
     assert merged.time_s.size <= most
     assert np.all(np.diff(merged.time_s) > 0)
-    lows = np.concatenate([one.low for one in frames], axis=1)
-    highs = np.concatenate([one.high for one in frames], axis=1)
+    lows = np.concatenate([item.low for item in frames], axis=1)
+    highs = np.concatenate([item.high for item in frames], axis=1)
     np.testing.assert_array_equal(merged.low.min(axis=1), lows.min(axis=1))
     np.testing.assert_array_equal(merged.high.max(axis=1), highs.max(axis=1))
 
@@ -75,7 +75,7 @@ def test_a_browser_that_draws_nothing_gets_two_batches_and_later_one_with_all() 
     for n in range(100):
         outbox.frame(a_frame(33, (2 + n) * 33_000_000, seed=n))
     outbox.tell("panel", {"alive": True})
-    assert [type(one) for one in run_take(outbox)] == [str], "no frame while two are under way"
+    assert [type(item) for item in run_take(outbox)] == [str], "no frame while two are under way"
 
     outbox.drawn()
     (batch,) = run_take(outbox)

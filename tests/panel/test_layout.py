@@ -74,8 +74,8 @@ UNDER = """() => {
 }"""
 
 
-def box_of(one: Locator) -> FloatRect:
-    box = one.bounding_box()
+def box_of(locator: Locator) -> FloatRect:
+    box = locator.bounding_box()
     assert box is not None
     return box
 

@@ -64,7 +64,7 @@ def test_a_run_from_the_choice_of_a_procedure_to_its_stop(
     page.get_by_label("Answer", exact=True).fill("3960,5")
     press(page, "Answer")
     state(page, "Running")
-    assert [one["value"] for one in given(panel, "answer")] == ["stone", pytest.approx(3.9605)]
+    assert [item["value"] for item in given(panel, "answer")] == ["stone", pytest.approx(3.9605)]
 
     expect(page.locator(".run .facts")).to_contain_text("0.55\u202fA")
 
@@ -128,9 +128,11 @@ def test_a_report_is_made_and_read_and_no_script_of_it_runs(
     press(page, "Make the report")
     report = page.frame_locator(".report iframe")
     expect(report.get_by_role("heading")).to_have_text("LuGre model of constant_current")
-    frame = next(one for one in page.frames if "/report" in one.url)
+    frame = next(item for item in page.frames if "/report" in item.url)
     assert frame.title() == "Report"
-    assert any("script" in one for one in watched.complaints), "the browser says that it blocked it"
+    assert any("script" in complaint for complaint in watched.complaints), (
+        "the browser says that it blocked it"
+    )
     with page.expect_download() as download:
         page.get_by_role("link", name=re.compile("Recording")).click()
     assert download.value.suggested_filename == panel.rig.runs[0].run

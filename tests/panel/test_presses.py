@@ -53,8 +53,8 @@ def settle(page: Page) -> None:
     page.clock.run_for(SETTLE_MS + 2 * LOOK_MS)
 
 
-def middle(one: Locator) -> tuple[float, float]:
-    box = one.bounding_box()
+def middle(locator: Locator) -> tuple[float, float]:
+    box = locator.bounding_box()
     assert box is not None
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 

@@ -63,7 +63,7 @@ def test_of_two_who_take_it_at_once_one_has_it(panel: ServedPanel) -> None:
     bob = further(panel, ada, "Bob")
     with ada.page(), bob.page(), ThreadPoolExecutor(2) as pool:
         panel.rig.delay_s = 0.2
-        takes = [pool.submit(one.post, "/api/control/take", args={}) for one in (ada, bob)]
+        takes = [pool.submit(item.post, "/api/control/take", args={}) for item in (ada, bob)]
         assert sorted(take.result()[0] for take in takes) == [200, 409]
 
 

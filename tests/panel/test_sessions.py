@@ -150,7 +150,7 @@ def test_who_is_logged_in_stays_so_when_the_panel_starts_anew(tmp_path: Path) ->
     book = SessionStore(tmp_path / "panel.json", wall)
     before = Sessions(clock, book)
     opened = [before.redeem(before.invite("operator"), name) for name in ("Ada", "Bob", "Eve")]
-    (ada, session), (bob, _), (eve, _) = (one for one in opened if one is not None)
+    (ada, session), (bob, _), (eve, _) = (item for item in opened if item is not None)
     before.open_page(session)
     before.end(eve)
     wall.now += IDLE_S + 1  # Ada's page was open all the time, Bob's tab is closed since yesterday

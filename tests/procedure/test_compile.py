@@ -103,7 +103,7 @@ def test_overrides(compile_text: Compile, small: str) -> None:
 
 def test_repeats_are_trials_of_their_own(compile_text: Compile, small: str) -> None:
     compiled = compile_text(small.replace("prepare:", "repeats: 2\n\nprepare:", 1))
-    shown = [(one.number, one.repeat, one.parameters["current"]) for one in compiled.trials]
+    shown = [(trial.number, trial.repeat, trial.parameters["current"]) for trial in compiled.trials]
     assert shown == [(1, 1, 0.5), (2, 2, 0.5), (3, 1, 1.0), (4, 2, 1.0), (5, 1, 1.5), (6, 2, 1.5)]
 
 

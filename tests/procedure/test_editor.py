@@ -67,7 +67,7 @@ def told(schema: dict[str, Any], data: object) -> list[str]:
 )
 def test_an_editor_refuses_the_slip(changes: dict[str, Any], message: str) -> None:
     step = {key: value for key, value in {**STEP, **changes}.items() if value is not ...}
-    assert any(message in one for one in told(procedure_schema(), procedure_with(step)))
+    assert any(message in item for item in told(procedure_schema(), procedure_with(step)))
     assert told(procedure_schema(), procedure_with(STEP)) == []
     assert told(procedure_schema(), procedure_with({**STEP, **END})) == []
 
@@ -77,7 +77,7 @@ def test_an_editor_refuses_the_slip_in_a_rig() -> None:
     data = YAML(typ="safe", pure=True).load(text)
     assert told(rig_schema(), data) == []
     data["interlocks"][0]["stale_after"] = "20 ma"
-    assert any("the kind of s" in one for one in told(rig_schema(), data))
+    assert any("the kind of s" in item for item in told(rig_schema(), data))
 
 
 def texts_of_tests() -> Iterator[str]:
@@ -113,7 +113,7 @@ PLAIN = st.builds(lambda number, blank, unit: f"{number}{blank}{unit}",
 EXPRESSIONS = st.recursive(
     PLAIN,
     lambda inner: st.one_of(
-        inner.map(lambda one: f"({one})"),
+        inner.map(lambda item: f"({item})"),
         st.builds(lambda a, sign, b: f"{a} {sign} {b}", inner, st.sampled_from("+-*/"), inner),
     ),
     max_leaves=4,

@@ -220,7 +220,7 @@ def test_problems_of_all_blocks_are_reported_together(compile_text: Compile, sma
     )
     with pytest.raises(ConfigError) as caught:
         compile_text(text)
-    lines = [one.place.line for one in (caught.value, *caught.value.others) if one.place]
+    lines = [item.place.line for item in (caught.value, *caught.value.others) if item.place]
     assert len(lines) == 3
     assert lines == sorted(lines)
 

@@ -57,8 +57,8 @@ def test_a_fault_without_times_begins_at_once_and_lasts(wire: RigConfig) -> None
     [("0x2310", 0x2310), ("7", 7), ("0.5", 0.5), ("true", True), ("high", "high")],
 )
 def test_options_are_what_they_look_like(wire: RigConfig, written: str, value: object) -> None:
-    (fault,) = (one for one in compiled(TEXT.replace("delay_s: 0.1", f"one: {written}"), wire)
-                if isinstance(one, Fault))  # fmt: skip
+    (fault,) = (item for item in compiled(TEXT.replace("delay_s: 0.1", f"one: {written}"), wire)
+                if isinstance(item, Fault))  # fmt: skip
     assert fault.options == {"one": value}
     assert type(fault.options["one"]) is type(value)
 

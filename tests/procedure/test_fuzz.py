@@ -31,9 +31,9 @@ def check(text: str) -> None:
     try:
         compile_procedure(parse_procedure(text, FILE), RIG)
     except ConfigError as error:
-        for one in (error, *error.others):
-            assert one.place is not None
-            assert one.message
+        for item in (error, *error.others):
+            assert item.place is not None
+            assert item.message
 
 
 @FUZZ
@@ -52,9 +52,9 @@ def test_values_exchanged(data: st.DataObject) -> None:
     text = TEXTS[data.draw(st.sampled_from(sorted(TEXTS)))]
     lines = text.split("\n")
     pairs = [n for n, line in enumerate(lines) if ": " in line and not line.startswith("#")]
-    one, other = data.draw(st.sampled_from(pairs)), data.draw(st.sampled_from(pairs))
-    head, value = lines[one].split(": ", 1)[0], lines[other].split(": ", 1)[1]
-    lines[one] = f"{head}: {value}"
+    found, other = data.draw(st.sampled_from(pairs)), data.draw(st.sampled_from(pairs))
+    head, value = lines[found].split(": ", 1)[0], lines[other].split(": ", 1)[1]
+    lines[found] = f"{head}: {value}"
     check("\n".join(lines))
 
 

@@ -62,10 +62,10 @@ def test_prbs_autocorrelation_is_flat() -> None:
 
 
 def test_prbs_seeds_shift_one_sequence() -> None:
-    one = [Prbs(1.0, 1.0, 5, seed=1).at(n, 0.0) for n in range(31)]
+    found = [Prbs(1.0, 1.0, 5, seed=1).at(n, 0.0) for n in range(31)]
     other = [Prbs(1.0, 1.0, 5, seed=7).at(n, 0.0) for n in range(31)]
-    assert one != other
-    assert any(one[k:] + one[:k] == other for k in range(31))
+    assert found != other
+    assert any(found[k:] + found[:k] == other for k in range(31))
 
 
 @pytest.mark.parametrize("bit_ms", [1, 3, 7, 10, 20, 30, 70])

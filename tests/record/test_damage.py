@@ -63,7 +63,9 @@ class Whole:
 
 def record(create: Create, rows: MakeRows, start_ns: int, compression: Compression) -> None:
     """Record three trials of two seconds, one after the other."""
-    given = {one.name: rows(one, int(SECONDS * RATE_HZ), rate_hz=RATE_HZ) for one in STREAMS}
+    given = {
+        stream.name: rows(stream, int(SECONDS * RATE_HZ), rate_hz=RATE_HZ) for stream in STREAMS
+    }
     attached = Attachment("procedure.yaml", "application/yaml", b"procedure: sweep\n")
     with create(streams=STREAMS, compression=compression, attachments=(attached,)) as writer:
         writer.event(start_ns, "run_start")
@@ -87,7 +89,9 @@ def whole(
     path = tmp_path / "run.mcap"
     recording = Recording.open(path)
     assert len(recording.contents.chunks) >= 2 * SECONDS - 2
-    given = {one.name: rows(one, int(SECONDS * RATE_HZ), rate_hz=RATE_HZ) for one in STREAMS}
+    given = {
+        stream.name: rows(stream, int(SECONDS * RATE_HZ), rate_hz=RATE_HZ) for stream in STREAMS
+    }
     for name, block in given.items():
         assert recording.read(name).tobytes() == block.tobytes()
     return Whole(path.read_bytes(), given, recording)
@@ -96,14 +100,14 @@ def whole(
 def rows_of(recording: Recording) -> dict[str, list[bytes]]:
     return {
         name: [row.tobytes() for row in recording.read(name)]
-        for name in (one.name for one in STREAMS)
+        for name in (stream.name for stream in STREAMS)
         if name in recording.streams
     }
 
 
 def rows_by_mcap(path: Path) -> dict[str, list[bytes]]:
     """Return the rows as another reader has them, every CRC checked."""
-    found: dict[str, list[bytes]] = {one.name: [] for one in STREAMS}
+    found: dict[str, list[bytes]] = {stream.name: [] for stream in STREAMS}
     with path.open("rb") as file:
         for _, channel, message in make_reader(file, validate_crcs=True).iter_messages():
             if channel.topic[1:] in found:
@@ -317,7 +321,7 @@ def test_the_trials_that_lost_rows_are_not_complete(whole: Whole, tmp_path: Path
     path = tmp_path / "damaged.mcap"
     path.write_bytes(damaged)
     recover(path)
-    states = {one.number: (one.complete, one.reason) for one in Recording.open(path).trials}
+    states = {item.number: (item.complete, item.reason) for item in Recording.open(path).trials}
     assert states[1][0]
     assert states[3][0]
     assert states[2] == (False, "lost: 100 rows of fast")
@@ -328,7 +332,9 @@ def test_what_was_lost_is_still_known_after_going_on(
 ) -> None:
     """The rows that follow are numbered on, so that no later repair finds another gap."""
     path = tmp_path / "damaged.mcap"
-    chunks = [one for one in whole.recording.contents.chunks if 2 in one.message_index_offsets]
+    chunks = [
+        chunk for chunk in whole.recording.contents.chunks if 2 in chunk.message_index_offsets
+    ]
     damaged = bytearray(whole.content)
     damaged[chunks[-1].chunk_start_offset + 90] ^= 1
     path.write_bytes(damaged)
@@ -370,7 +376,7 @@ def test_a_lost_answer_leaves_no_later_trial_complete(
     content[chunks[1].chunk_start_offset + 60] ^= 1
     path.write_bytes(content)
     recover(path)
-    complete = [one.number for one in Recording.open(path).trials if one.complete]
+    complete = [trial.number for trial in Recording.open(path).trials if trial.complete]
     assert complete == ([1] if asks else [1, 3, 4]) or complete == ([] if asks else [3, 4])
 
 
@@ -400,4 +406,4 @@ def test_what_is_no_recording_stays_as_it_is(tmp_path: Path) -> None:
     assert "no MCAP recording" in str(caught.value)
     with pytest.raises(RecordingError, match="cannot be recovered"):
         recover(path)
-    assert [one.name for one in tmp_path.iterdir()] == ["old.csv"]
+    assert [item.name for item in tmp_path.iterdir()] == ["old.csv"]

@@ -37,18 +37,22 @@ def path(
 def definitions(path: Path, opcode: int) -> list[list[Record]]:
     """Return the schemas or channels in order, each with its copy in the summary."""
     end = Recording.open(path).data_end
-    found = [one for one in records(memoryview(path.read_bytes())[:-8], 8) if one.opcode == opcode]
-    assert len([one for one in found if one.start < end]) == 3
+    found = [
+        record
+        for record in records(memoryview(path.read_bytes())[:-8], 8)
+        if record.opcode == opcode
+    ]
+    assert len([item for item in found if item.start < end]) == 3
     return [[found[number], found[3 + number]] for number in range(3)]
 
 
 def spoil(path: Path, copies: list[Record], changed: Change) -> bytes:
     content = bytearray(path.read_bytes())
-    for one in copies:
-        before = bytes(content[one.start : one.end])
+    for copy in copies:
+        before = bytes(content[copy.start : copy.end])
         after = changed(before)
         assert len(after) == len(before) and after != before
-        content[one.start : one.end] = after
+        content[copy.start : copy.end] = after
     path.write_bytes(content)
     return bytes(content)
 
@@ -102,13 +106,15 @@ CASES = [
 def test_a_channel_damaged_twice_keeps_its_names(
     path: Path, rows: MakeRows, servo: Stream, force: Stream, number: int, change: Change
 ) -> None:
-    given = {one.name: rows(one, COUNT).tobytes() for one in (servo, force)}
+    given = {item.name: rows(item, COUNT).tobytes() for item in (servo, force)}
     damaged = spoil(path, definitions(path, Opcode.CHANNEL)[number], change)
     recording = check(path, damaged, given)
     for stream in (servo, force):
-        names = [(one.name, one.unit, one.low, one.high) for one in stream.channels]
+        names = [
+            (channel.name, channel.unit, channel.low, channel.high) for channel in stream.channels
+        ]
         found = recording.streams[stream.name].channels
-        assert [(one.name, one.unit, one.low, one.high) for one in found] == names
+        assert [(item.name, item.unit, item.low, item.high) for item in found] == names
 
 
 @pytest.mark.parametrize("number", range(3))
@@ -116,7 +122,7 @@ def test_a_channel_damaged_twice_keeps_its_names(
 def test_a_schema_damaged_twice_costs_no_row(
     path: Path, rows: MakeRows, servo: Stream, force: Stream, number: int, change: Change
 ) -> None:
-    given = {one.name: rows(one, COUNT).tobytes() for one in (servo, force)}
+    given = {item.name: rows(item, COUNT).tobytes() for item in (servo, force)}
     check(path, spoil(path, definitions(path, Opcode.SCHEMA)[number], change), given)
 
 
@@ -135,6 +141,6 @@ def test_a_schema_that_looks_like_the_end_hides_no_row(
     path: Path, rows: MakeRows, servo: Stream, force: Stream
 ) -> None:
     """One byte of the file; its summary is sound."""
-    given = {one.name: rows(one, COUNT).tobytes() for one in (servo, force)}
+    given = {item.name: rows(item, COUNT).tobytes() for item in (servo, force)}
     damaged = spoil(path, definitions(path, Opcode.SCHEMA)[0][:1], other_opcode)
     check(path, damaged, given)

@@ -58,8 +58,8 @@ def test_odd_events_come_back(
         decoded: list[Any] = [
             reader.deserialize(raw, connection.msgtype) for connection, _, raw in reader.messages()
         ]
-    assert [(one.kind, one.trial) for one in decoded] == [(e.kind, e.trial) for e in expected]
-    assert [json.loads(one.data) for one in decoded] == [event.data for event in expected]
+    assert [(item.kind, item.trial) for item in decoded] == [(e.kind, e.trial) for e in expected]
+    assert [json.loads(item.data) for item in decoded] == [event.data for event in expected]
 
 
 def test_times_before_1970_are_refused_and_leave_no_trace(

@@ -62,7 +62,7 @@ def test_what_was_flushed_stays_readable(tmp_path: Path, limit: int) -> None:
     assert 0 < result["done"] <= len(read) < result["done"] + 130
     assert (read["c0"] == range(len(read))).all()
     assert recover(path).intact
-    assert [one.name for one in tmp_path.iterdir()] == ["run.mcap"]
+    assert [item.name for item in tmp_path.iterdir()] == ["run.mcap"]
 
 
 def test_no_room_even_to_begin_leaves_nothing(tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def test_a_trial_knows_what_was_last_said_of_each_quantity() -> None:
             Event(12, "trial_start", 2),
         ]
     )
-    assert [one.answers for one in found] == [{"load": 5.02}, {"load": 5.02, "angle": 0.5}, {}]
+    assert [item.answers for item in found] == [{"load": 5.02}, {"load": 5.02, "angle": 0.5}, {}]
 
 
 def test_a_run_without_its_end_was_interrupted() -> None:
@@ -95,7 +95,9 @@ def test_a_trial_that_was_cut_off_ends_where_the_run_goes_on() -> None:
             Event(60, "trial_start", 2),
         ]
     )
-    assert [(one.number, one.start_ns, one.end_ns, one.complete) for one in attempts] == [
+    assert [
+        (attempt.number, attempt.start_ns, attempt.end_ns, attempt.complete) for attempt in attempts
+    ] == [
         (1, 10, 30, False),
         (1, 40, 50, True),
         (2, 60, None, False),

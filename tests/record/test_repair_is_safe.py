@@ -107,10 +107,10 @@ def flushed(create: Create, name: str, rows: NDArray[np.void], **options: object
     writer.flush()
     writer.write("wheel_servo", rows[900:950])
     writer.flush()
-    kept = {one: one.read_bytes() for one in (path, journal_path(path))}
+    kept = {item: item.read_bytes() for item in (path, journal_path(path))}
     writer.close()
-    for one, content in kept.items():
-        one.write_bytes(content)
+    for item, content in kept.items():
+        item.write_bytes(content)
     return path
 
 
@@ -173,7 +173,7 @@ def test_a_missing_end_alone_is_written_in_place(
     os.truncate(path, end)
     assert recover(path).original is None
     assert Recording.open(path).read("wheel_servo").tobytes() == given.tobytes()
-    assert [one.name for one in tmp_path.iterdir()] == ["run.mcap"]
+    assert [item.name for item in tmp_path.iterdir()] == ["run.mcap"]
 
 
 def test_a_second_recording_behind_the_end_is_kept(

@@ -55,8 +55,8 @@ def test_going_on_with_a_trusted_file_makes_the_same_bytes(
     shutil.copy(path, other)
     more = rows(servo, 100, seed=2)
     more["t_ns"] += 10_000_000_000
-    for one, trusted in ((path, sealed), (other, 0)):
-        with RecordingWriter.append(one, streams=(servo, force), trusted=trusted) as writer:
+    for item, trusted in ((path, sealed), (other, 0)):
+        with RecordingWriter.append(item, streams=(servo, force), trusted=trusted) as writer:
             writer.write("wheel_servo", more)
     assert path.read_bytes() == other.read_bytes()
     assert Recording.open(path).count("wheel_servo") == 6100

@@ -53,8 +53,8 @@ def test_all_readers_agree(
     given = {stream.name: odd_rows(rows, stream) for stream in STREAMS}
     with create(streams=STREAMS, compression=compression) as writer:
         for start in range(0, 1_300, 90):
-            for name, one in given.items():
-                writer.write(name, one[start : start + 90])
+            for name, item in given.items():
+                writer.write(name, item[start : start + 90])
     recording = Recording.open(path)
     typestore = get_typestore(Stores.EMPTY)
     for stream in STREAMS:
@@ -62,20 +62,20 @@ def test_all_readers_agree(
         assert recording.read(stream.name).tobytes() == expected.tobytes()
         with path.open("rb") as file:
             reader = make_reader(file, validate_crcs=True)
-            payloads = [one.data for _, _, one in reader.iter_messages(f"/{stream.name}")]
+            payloads = [message.data for _, _, message in reader.iter_messages(f"/{stream.name}")]
         assert payloads == [b"\x00\x01\x00\x00" + row.tobytes()[8:] for row in expected]
         with AnyReader([path], default_typestore=typestore) as bag:
-            connections = [one for one in bag.connections if one.topic == f"/{stream.name}"]
+            connections = [item for item in bag.connections if item.topic == f"/{stream.name}"]
             found: list[tuple[int, Any]] = [
                 (t_ns, bag.deserialize(raw, connection.msgtype))
                 for connection, t_ns, raw in bag.messages(connections)
             ]
         assert [t_ns for t_ns, _ in found] == expected["t_ns"].tolist()
         for channel in stream.channels:
-            column = np.array([getattr(one, channel.name) for _, one in found], "<f8")
+            column = np.array([getattr(item, channel.name) for _, item in found], "<f8")
             assert column.tobytes() == expected[channel.name].tobytes()
         if stream.has_status:
-            assert [one.status for _, one in found] == expected["status"].tolist()
+            assert [item.status for _, item in found] == expected["status"].tolist()
 
 
 def test_rows_with_gaps_between_them_are_taken_too(

@@ -141,7 +141,7 @@ def test_rosbags_decodes_it(
 def test_units_stand_in_schema_and_channel(create: Create, tmp_path: Path) -> None:
     create().close()
     contents = Recording.open(tmp_path / "run.mcap").contents
-    (channel,) = [one for one in contents.channels.values() if one.topic == "/wheel_servo"]
+    (channel,) = [item for item in contents.channels.values() if item.topic == "/wheel_servo"]
     text = contents.schemas[channel.schema_id].data.decode()
     assert "# [A]; range -10 .. 10; motor current\nfloat64 current\n" in text
     assert "of the wheel not the motor\nfloat64 speed\n" in text

@@ -14,7 +14,7 @@ KEYS = ("@/**", "@/*/peer/**", "@/*/session/**", "@/{zid}/**", "@/{zid}/session/
 def answers(client: ZenohClient, zid: str) -> list[str]:
     """What the daemon's session answers; that of a client itself shows it its own links."""
     asked = [key.replace("{zid}", zid) for key in KEYS]
-    found = [one["key"] for key in asked for one in client.get(key)]
+    found = [item["key"] for key in asked for item in client.get(key)]
     return [key for key in found if key is None or key.startswith(f"@/{zid}/")]
 
 

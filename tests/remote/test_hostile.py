@@ -231,7 +231,7 @@ def test_a_held_up_thread_delays_no_stop_of_others(
 
 def test_a_flood_of_requests_gets_part_of_a_processor(on_loopback: Served) -> None:
     name = f"remote-{Lane.ASK.value}"
-    (lane,) = (one for one in threading.enumerate() if one.name == name)
+    (lane,) = (item for item in threading.enumerate() if item.name == name)
     assert lane.ident is not None
     computed = time.pthread_getcpuclockid(lane.ident)
     with on_loopback.client() as flooding:

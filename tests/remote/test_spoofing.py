@@ -92,7 +92,7 @@ def test_no_request_is_made_for_several_at_once(
 ) -> None:
     before = list(served.rig.done)
     replies = carol.get(pattern.format(rig=RIG), request("lease_take"))
-    assert all(not one["ok"] for one in replies)
+    assert all(not reply["ok"] for reply in replies)
     assert served.rig.done == before
 
 

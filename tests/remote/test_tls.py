@@ -61,14 +61,14 @@ def test_the_authority_signs_certificates_and_no_other_authority(folder: Path) -
 
 def test_a_client_is_known_by_its_common_name(folder: Path) -> None:
     subject = read(folder / "alice.crt").subject
-    assert [one.value for one in subject.get_attributes_for_oid(NameOID.COMMON_NAME)] == ["alice"]
+    assert [item.value for item in subject.get_attributes_for_oid(NameOID.COMMON_NAME)] == ["alice"]
 
 
 def test_the_server_is_known_by_its_names_and_addresses(folder: Path) -> None:
     names = read(folder / "rigd.crt").extensions.get_extension_for_class(
         x509.SubjectAlternativeName
     )
-    found = [str(one.value) for one in names.value]
+    found = [str(item.value) for item in names.value]
     assert found == [*HOSTS, HERE]  # the last for the panel on its own machine
 
 

@@ -224,8 +224,8 @@ BAD: list[tuple[str, type[BlockDriver], str]] = [
 @pytest.mark.parametrize(("rule", "driver", "words"), BAD)
 def test_a_mistake_is_found_by_its_rule(rule: str, driver: type[BlockDriver], words: str) -> None:
     report = examine_driver(driver, peer=card, only=[rule])
-    assert {one.rule for one in report.findings} == {rule}
-    assert any(words in one.problem for one in report.findings), str(report)
+    assert {finding.rule for finding in report.findings} == {rule}
+    assert any(words in finding.problem for finding in report.findings), str(report)
 
 
 def test_no_rule_is_without_a_driver_that_breaks_it() -> None:

@@ -449,12 +449,12 @@ BAD: list[tuple[str, type[Driver], str]] = [
 
 
 @pytest.mark.parametrize(
-    ("rule", "driver", "words"), BAD, ids=lambda one: getattr(one, "__name__", "")
+    ("rule", "driver", "words"), BAD, ids=lambda item: getattr(item, "__name__", "")
 )
 def test_a_mistake_is_found_by_its_rule(rule: str, driver: type[Driver], words: str) -> None:
     report = examine_driver(driver, peer=motor, only=[rule])
-    assert [one.rule for one in report.findings][:1] == [rule]
-    assert any(words in one.problem for one in report.findings), str(report)
+    assert [finding.rule for finding in report.findings][:1] == [rule]
+    assert any(words in finding.problem for finding in report.findings), str(report)
 
 
 class Pretending(WireLink):
@@ -517,7 +517,7 @@ def test_what_cannot_be_tried_is_said() -> None:
     report = examine_driver(Good, peer=healthy, only=["rows", "dead"])
     assert report.skipped == {"dead": "the peer has no fault 'dead'"}
     report = examine_driver(Closed, peer=motor)
-    assert {one.rule for one in report.findings} == {"opens and arms"}
+    assert {finding.rule for finding in report.findings} == {"opens and arms"}
     assert report.skipped["rows"] == "mend what is above first"
 
 

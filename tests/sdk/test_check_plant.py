@@ -154,10 +154,10 @@ class Generous(Cart):
     """Friction that gives back, in balance."""
 
     def energy(self) -> Energy | None:
-        one = super().energy()
-        assert one is not None
-        given = 0.5 * one.stored
-        return Energy(one.stored, one.supplied + given, one.dissipated + given)
+        found = super().energy()
+        assert found is not None
+        given = 0.5 * found.stored
+        return Energy(found.stored, found.supplied + given, found.dissipated + given)
 
 
 class Unsafe(Motor):
@@ -229,7 +229,9 @@ def test_a_correct_plant_keeps_every_rule() -> None:
 def test_a_fault_is_found(plant: type[Cart], rule: str, words: str) -> None:
     with pytest.raises(NonConforming) as caught:
         check_plant(plant, devices=DEVICES, truth="truth", only={rule})
-    assert any(words in one.problem for one in caught.value.report.findings), str(caught.value)
+    assert any(words in finding.problem for finding in caught.value.report.findings), str(
+        caught.value
+    )
 
 
 @pytest.mark.parametrize(
@@ -241,7 +243,7 @@ def test_a_fault_is_found(plant: type[Cart], rule: str, words: str) -> None:
 )
 def test_a_fault_of_a_device_is_found(driver: type[Motor], rule: str, words: str) -> None:
     report = examine_plant(Cart, devices=motor(driver), truth="truth", only={rule})
-    assert any(words in one.problem for one in report.findings), str(report)
+    assert any(words in finding.problem for finding in report.findings), str(report)
 
 
 class Weight(ParameterGroup):
@@ -275,7 +277,7 @@ def test_a_parameter_without_bounds_is_found(tmp_path: Path) -> None:
         Config: ClassVar[type[PlantConfig]] = Here
 
     report = examine_plant(Weighed, only={"parameters"})
-    assert [one.problem for one in report.findings] == [
+    assert [finding.problem for finding in report.findings] == [
         "ratio is a bare float",
         "ratio has no documentation",
         "length takes any number: 1e30 and -1e30 mm are accepted",

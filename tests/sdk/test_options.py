@@ -58,7 +58,7 @@ class Config(DriverConfig):
 
 
 def test_every_option_is_told() -> None:
-    told = {one.name: one for one in options_of(Config)}
+    told = {item.name: item for item in options_of(Config)}
     assert told["port"] == Option(
         "port", "text", None, True, "", "Where it is.\n\nBest by its serial number."
     )
@@ -78,4 +78,7 @@ def test_every_option_is_told() -> None:
 
 
 def test_a_number_without_a_unit_shows() -> None:
-    assert [one.name for one in options_of(Config) if one.bare] == ["inputs.gain", "reference.gain"]
+    assert [item.name for item in options_of(Config) if item.bare] == [
+        "inputs.gain",
+        "reference.gain",
+    ]

@@ -31,7 +31,9 @@ def devices() -> list[Any]:
     found = []
     for file in sorted(shipped_folder("configs").glob("*.yaml")):
         rig = load_rig(file)
-        found += [pytest.param(one, id=f"{rig.name}-{one.name}") for one in rig.devices.values()]
+        found += [
+            pytest.param(device, id=f"{rig.name}-{device.name}") for device in rig.devices.values()
+        ]
     return found
 
 
@@ -52,7 +54,7 @@ def test_no_driver_is_left_out() -> None:
         for point in entry_points(group="rigd.drivers")
         if point.dist is not None and point.dist.name == "rigd"
     }
-    assert shipped <= {one.values[0].driver for one in devices()} | OPTIONS.keys()
+    assert shipped <= {device.values[0].driver for device in devices()} | OPTIONS.keys()
 
 
 @contextmanager

@@ -64,7 +64,7 @@ def test_individual_rigs_differ_in_phases_starts_and_zeros(make_plant: MakePlant
     assert len({tuple(row) for row in rows}) == 4
     # At the start within 2 mm: 65 counts.
     assert all(abs(row[1]) <= 66 for row in rows)
-    zeros = np.array([one.mean(axis=0) for one in volts]) / shown_bit_v(make_plant)
+    zeros = np.array([volt.mean(axis=0) for volt in volts]) / shown_bit_v(make_plant)
     np.testing.assert_array_equal(zeros[1], zeros[2])
     apart = np.abs(zeros[[1, 3, 4]] - zeros[0])
     assert np.all((apart > 0.01) & (apart < 0.6)), apart

@@ -159,16 +159,16 @@ def write_campaign(
     ) as writer:
         writer.event(START_NS, "run_start", -1, {"procedure": "approach_angles"})
         numbered = numbers or range(1, len(trials) + 1)
-        for index, (number, one) in enumerate(zip(numbered, trials, strict=True)):
-            _write_trial(writer, number, START_NS + round(index * TRIAL_S * 1e9), one)
+        for index, (number, item) in enumerate(zip(numbered, trials, strict=True)):
+            _write_trial(writer, number, START_NS + round(index * TRIAL_S * 1e9), item)
         end = START_NS + round(len(trials) * TRIAL_S * 1e9)
         if state:
             writer.event(end, "run_end", -1, {"state": state, "reason": "all trials played"})
     return path
 
 
-def _write_trial(writer: RecordingWriter, number: int, begin_ns: int, one: Recorded) -> None:
-    run, command_ns = one.run, begin_ns + round(COMMAND_S * 1e9)
+def _write_trial(writer: RecordingWriter, number: int, begin_ns: int, recorded: Recorded) -> None:
+    run, command_ns = recorded.run, begin_ns + round(COMMAND_S * 1e9)
     parameters = {
         "set": run.set_name,
         "load": run.announced_load_kg,
@@ -179,21 +179,21 @@ def _write_trial(writer: RecordingWriter, number: int, begin_ns: int, one: Recor
     writer.event(
         begin_ns, "trial_start", number,
         {
-            "number": number, "repeat": one.repeat, "parameters": parameters,
+            "number": number, "repeat": recorded.repeat, "parameters": parameters,
             "units": {"load": "kg", "voltage": "V", "angle": "deg"},
         },
     )  # fmt: skip
-    for answer in one.answers:
+    for answer in recorded.answers:
         writer.event(begin_ns + 1, "answer", number, answer)
-    writer.write("scale", _scale_rows(one, begin_ns, command_ns))
-    writer.write("relay", _relay_rows(one, begin_ns, command_ns))
-    writer.write("daq", _daq_rows(one, command_ns))
-    end = {"complete": one.complete, "reason": one.reason}
+    writer.write("scale", _scale_rows(recorded, begin_ns, command_ns))
+    writer.write("relay", _relay_rows(recorded, begin_ns, command_ns))
+    writer.write("daq", _daq_rows(recorded, command_ns))
+    end = {"complete": recorded.complete, "reason": recorded.reason}
     writer.event(begin_ns + round((TRIAL_S - 0.5) * 1e9), "trial_end", number, end)
 
 
-def _daq_rows(one: Recorded, command_ns: int) -> Rows:
-    run = one.run
+def _daq_rows(recorded: Recorded, command_ns: int) -> Rows:
+    run = recorded.run
     rows = np.zeros(len(run.t_s), row_dtype(DAQ))
     times_ns = np.rint(run.t_s * 1e9).astype(np.int64)
     # rigd's own time of a row moves a little from block to block; the card's does not.
@@ -205,36 +205,36 @@ def _daq_rows(one: Recorded, command_ns: int) -> Rows:
         ("platform_position", run.platform_v),
     ):
         rows[f"{name}_raw"] = volts
-    rows["device_time"] = 17.0 + one.card_s(run.t_s)
+    rows["device_time"] = 17.0 + recorded.card_s(run.t_s)
     rows["clock_rate"] = RATE_HZ
-    rows["status"][1000:1010] = one.rails
-    if one.stale:
+    rows["status"][1000:1010] = recorded.rails
+    if recorded.stale:
         rows["gauge_a_raw"][500], rows["status"][500] = 7.0, STALE
     return rows
 
 
-def _relay_rows(one: Recorded, begin_ns: int, command_ns: int) -> Rows:
+def _relay_rows(recorded: Recorded, begin_ns: int, command_ns: int) -> Rows:
     count = round((TRIAL_S - 0.5) * 1000)
     rows = np.zeros(count, row_dtype(RELAY))
     rows["t_ns"] = begin_ns + np.arange(count) * 1_000_000
     since_s = (rows["t_ns"] - command_ns) * 1e-9
-    closed = (since_s >= 0.0) & ((since_s < one.run.stop_s) | (not one.stopped))
-    closed |= one.again & (np.abs(since_s - one.run.stop_s - 0.2) < 0.1)
-    rows["closed_setpoint"] = closed & one.driven
+    closed = (since_s >= 0.0) & ((since_s < recorded.run.stop_s) | (not recorded.stopped))
+    closed |= recorded.again & (np.abs(since_s - recorded.run.stop_s - 0.2) < 0.1)
+    rows["closed_setpoint"] = closed & recorded.driven
     return rows
 
 
-def _scale_rows(one: Recorded, begin_ns: int, command_ns: int) -> Rows:
+def _scale_rows(recorded: Recorded, begin_ns: int, command_ns: int) -> Rows:
     """Readings at 4 Hz: those of the weights before, a while of unrest, then what stands there."""
     times_ns = np.arange(begin_ns, command_ns, 250_000_000)
     rows = np.zeros(len(times_ns), row_dtype(SCALE))
     rows["t_ns"] = times_ns
-    rows["mass"] = one.run.scale_kg
+    rows["mass"] = recorded.run.scale_kg
     rows["mass"][:2] = 2.0
     rows["status"] = STABLE
     rows["status"][2] = 0
-    if not one.stable:
+    if not recorded.stable:
         rows["status"] = 0
-    if one.stale:
+    if recorded.stale:
         rows["mass"][-2], rows["status"][-2] = 7.0, STALE | STABLE
     return rows

@@ -124,7 +124,9 @@ class Bench:
 
     def cycle(self) -> Cycle:
         rig = mount({"other": ("stubborn", self.other), "axis": ("axis", self.axis)})
-        units = {f"{one.name}.{c.name}": c.unit for one in rig.mounts for c in one.driver.channels}
+        units = {
+            f"{item.name}.{c.name}": c.unit for item in rig.mounts for c in item.driver.channels
+        }
         return Cycle(
             rig,
             Limiter([self.limit], PERIOD_NS * 1e-9),

@@ -139,10 +139,10 @@ class Campaign:
             recording = Recording.open(run.recording)
             whole = _whole(recording)
             last = self._shown[-1] if self._shown else None
-            for one in self._shown:
-                ended_by_it = one is last and self._code != Exit.STOPPED
-                outcome = self._outcome(recording, one, ended_by_it, safe_ns, whole)
-                self._report(one.case, outcome)
+            for item in self._shown:
+                ended_by_it = item is last and self._code != Exit.STOPPED
+                outcome = self._outcome(recording, item, ended_by_it, safe_ns, whole)
+                self._report(item.case, outcome)
         finally:
             run.end()
             self._clean()
@@ -153,14 +153,14 @@ class Campaign:
         shutil.rmtree(self._place)
 
     def _outcome(
-        self, recording: Recording, one: _Shown, ended_by_it: bool, safe_ns: int, whole: bool
+        self, recording: Recording, _shown: _Shown, ended_by_it: bool, safe_ns: int, whole: bool
     ) -> Outcome:
         told = ""
         if ended_by_it:
             told = _sentence(self._told)
-        detected, at_ns = _detected(recording, one, self._offset_ns)
-        after_s = None if at_ns is None else (at_ns - self._offset_ns - one.began_ns) * 1e-9
-        safe_s = (safe_ns - one.began_ns) * 1e-9 if ended_by_it else None
+        detected, at_ns = _detected(recording, _shown, self._offset_ns)
+        after_s = None if at_ns is None else (at_ns - self._offset_ns - _shown.began_ns) * 1e-9
+        safe_s = (safe_ns - _shown.began_ns) * 1e-9 if ended_by_it else None
         code = self._code if ended_by_it else None
         return Outcome(detected, after_s, safe_s, False, whole, code, told)
 
@@ -305,19 +305,19 @@ def _whole(recording: Recording) -> bool:
     cycles, servo = recording.read("cycle"), recording.read("wheel_servo")
     slots = np.rint(cycles["scheduled"] * 1e3).astype(np.int64)
     events = list(recording.events())
-    late = sum(int(one.data["missed_slots"]) for one in events if one.kind == "late")
+    late = sum(int(event.data["missed_slots"]) for event in events if event.kind == "late")
     skipped = int(slots[-1] - slots[0]) + 1 - len(slots)
-    ended = any(one.kind == "run_end" for one in events)
+    ended = any(event.kind == "run_end" for event in events)
     return ended and skipped == late and len(servo) == len(cycles)
 
 
-def _detected(recording: Recording, one: _Shown, offset_ns: int) -> tuple[str, int | None]:
+def _detected(recording: Recording, _shown: _Shown, offset_ns: int) -> tuple[str, int | None]:
     """Return by what the fault was detected and when first, on the clock of the run."""
-    began, ended = one.began_ns + offset_ns, one.ended_ns + offset_ns
+    began, ended = _shown.began_ns + offset_ns, _shown.ended_ns + offset_ns
     for event in recording.events():
         if event.kind in ("fault", "interlock") and began <= event.t_ns <= ended:
             return ("device fault" if event.kind == "fault" else "interlock"), event.t_ns
-    part = one.case.part  # a bus has no rows of its own: those of all devices tell
+    part = _shown.case.part  # a bus has no rows of its own: those of all devices tell
     streams = [part] if part in recording.streams else sorted({*recording.streams} - {"cycle"})
     marks = [_first_mark(recording, name, began, ended) for name in streams]
     first = min((mark for mark in marks if mark is not None), default=None)

@@ -60,10 +60,10 @@ class Terminals:
 
         return Mf624Registers(
             Wires(
-                volts_in={one: partial(self.volts_in.__getitem__, one) for one in range(8)},
-                volts_out={one: partial(self.volts_out.__setitem__, one) for one in range(8)},
-                counts_in={one: partial(self.counts.__getitem__, one) for one in range(4)},
-                index_in={one: partial(self.index.__getitem__, one) for one in range(4)},
+                volts_in={item: partial(self.volts_in.__getitem__, item) for item in range(8)},
+                volts_out={item: partial(self.volts_out.__setitem__, item) for item in range(8)},
+                counts_in={item: partial(self.counts.__getitem__, item) for item in range(4)},
+                index_in={item: partial(self.index.__getitem__, item) for item in range(4)},
                 lines_in=lines_in,
                 lines_out=put_lines,
             )

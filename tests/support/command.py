@@ -40,7 +40,9 @@ def rigd(*arguments: str | Path, cwd: Path, state: Path | None = None) -> Ended:
     """
     environment = os.environ | ({} if state is None else {"RIGD_STATE": str(state)})
     if warm.wanted:
-        ended = Ended(*warm.run([str(one) for one in arguments], cwd, TIMEOUT_S, environment))
+        ended = Ended(
+            *warm.run([str(argument) for argument in arguments], cwd, TIMEOUT_S, environment)
+        )
         assert "Traceback" not in ended.err, ended.err
         return ended
     done = subprocess.run(

@@ -61,7 +61,7 @@ class Coverage:
 def coverage(found: Sequence[Found]) -> Coverage:
     """Return what ``found``, one quantity in several experiments, says."""
     quoted = [(e, low, high) for e, low, high in found if low is not None and high is not None]
-    errors = 100.0 * (np.array([one[0] for one in (quoted or found)]) - 1.0)
+    errors = 100.0 * (np.array([item[0] for item in (quoted or found)]) - 1.0)
     widths = [50.0 * (high - low) for _, low, high in quoted]
     return Coverage(
         experiments=len(found),

@@ -108,7 +108,7 @@ class Daemon:
         """Wait until the service manager is told ``text``."""
         deadline = time.monotonic() + TIMEOUT_S
         with self._news:
-            while not any(text in one for one in self._notified):
+            while not any(text in item for item in self._notified):
                 assert time.monotonic() < deadline, self.told
                 assert self.process.poll() in (None, 0), self.told
                 self._news.wait(0.2)
@@ -179,7 +179,7 @@ class Daemon:
     @property
     def folder(self) -> RunFolder:
         """The folder of the run under way."""
-        (path,) = (one for one in self.state.iterdir() if RunFolder.at(one).has_job)
+        (path,) = (item for item in self.state.iterdir() if RunFolder.at(item).has_job)
         return RunFolder.at(path)
 
     def pids(self) -> list[int]:

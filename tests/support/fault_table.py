@@ -192,13 +192,13 @@ def _set_up() -> Iterator[Case]:
 def cases() -> list[Case]:
     """Return every case, in an order that lets cases share a run."""
     found = [
-        *(one for part in BUSES for one in _bus(part)),
-        *(one for part in SERVOS for one in _servo(part)),
-        *(one for part in ENCODERS for one in _encoder(part)),
+        *(item for part in BUSES for item in _bus(part)),
+        *(item for part in SERVOS for item in _servo(part)),
+        *(item for part in ENCODERS for item in _encoder(part)),
         Case("carriage", "jump", END, {"counts": 60_000}, words=("overrun_far",)),
         *_card(),
         *_scale(),
         *_transmitter(),
         *_set_up(),
     ]
-    return sorted(found, key=lambda one: (one.before, one.spoils, one.must is END))
+    return sorted(found, key=lambda item: (item.before, item.spoils, item.must is END))

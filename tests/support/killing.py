@@ -151,7 +151,7 @@ class Victim:
     @property
     def folder(self) -> RunFolder:
         """The run's folder in memory."""
-        (path,) = (one for one in self._state.iterdir() if RunFolder.at(one).has_job)
+        (path,) = (item for item in self._state.iterdir() if RunFolder.at(item).has_job)
         return RunFolder.at(path)
 
     def told(self) -> str:

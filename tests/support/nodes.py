@@ -90,8 +90,8 @@ def pdo(
     cob = cob_id.to_bytes(2, "little").hex(" ")
     comm, mapped = f"{number - 1:02x} {base:02x}", f"{number - 1:02x} {base + 2:02x}"
     places = [
-        f"23 {mapped} {place:02x} {bytes.fromhex(one).hex(' ')}"
-        for place, one in enumerate(mapping, start=1)
+        f"23 {mapped} {place:02x} {bytes.fromhex(item).hex(' ')}"
+        for place, item in enumerate(mapping, start=1)
     ]
     inhibit = [] if receive else [f"2b {comm} 03 00 00 00 00"]
     return [

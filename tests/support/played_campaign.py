@@ -68,7 +68,7 @@ STREAMS = {
         )),
     )
 }  # fmt: skip
-CHANNELS = {name: [one.name for one in stream.channels] for name, stream in STREAMS.items()}
+CHANNELS = {name: [channel.name for channel in stream.channels] for name, stream in STREAMS.items()}
 SETPOINTS = (
     SetpointView(name="wheel_servo.current", unit="A", low=-1.6, high=1.6, rate=2000.0),
     SetpointView(name="longitudinal_belt.speed", unit="m/s", low=-0.5, high=0.5, rate=5.0),
@@ -106,8 +106,8 @@ def _procedure(name: str, title: str, *parameters: ParameterView) -> ProcedureVi
 
 
 PROCEDURES = {
-    one.procedure.name: one
-    for one in (
+    item.procedure.name: item
+    for item in (
         _procedure(
             "constant_current", "Identification tests with constant currents on one floor",
             ParameterView(name="floor", doc="Floor under the wheel", default="stone",

@@ -208,9 +208,9 @@ class PlayedRig:
                 )  # fmt: skip
             case "procedures":
                 lines = [
-                    ProcedureLine(name=one.procedure.name, title=one.title,
-                                  sha256=one.procedure.sha256)
-                    for one in PROCEDURES.values()
+                    ProcedureLine(name=procedure.procedure.name, title=procedure.title,
+                                  sha256=procedure.procedure.sha256)
+                    for procedure in PROCEDURES.values()
                 ]  # fmt: skip
                 problem = "the rig lugre-1 has no channel 'scale.mass'"
                 lines.append(ProcedureLine(name="calibrate_scale", title="Calibrate the scale",
@@ -343,7 +343,7 @@ class PlayedRig:
             )
 
     async def _start(self, start: StartArguments) -> None:
-        if self.state != "idle" or any(not one.acknowledged for one in self.trips):
+        if self.state != "idle" or any(not trip.acknowledged for trip in self.trips):
             raise Refusal(Code.CONFLICT, "not now")
         self.carriage = Carriage()
         self.state, self._began = "running", time.monotonic()
@@ -363,9 +363,9 @@ class PlayedRig:
         await self.emit("answer", name=prompt.name, answer=value)
 
     def _acknowledge(self, interlock: object) -> None:
-        if interlock not in [one.interlock for one in self.trips]:
+        if interlock not in [trip.interlock for trip in self.trips]:
             raise Refusal(Code.NOT_FOUND, f"{interlock} has not acted")
-        self.trips = [one for one in self.trips if one.interlock != interlock]
+        self.trips = [trip for trip in self.trips if trip.interlock != interlock]
 
     async def _identify(self, args: Mapping[str, Any]) -> dict[str, Any]:
         await asyncio.sleep(0.2)
@@ -388,9 +388,9 @@ class PlayedRig:
                         units={"current": "A"})  # fmt: skip
 
     def _run(self, args: Mapping[str, Any]) -> RunLine:
-        for one in self.runs:
-            if one.run == args.get("run"):
-                return one
+        for run in self.runs:
+            if run.run == args.get("run"):
+                return run
         raise Refusal(Code.NOT_FOUND, f"there is no recording {args.get('run')!r}")
 
     def _newest(self) -> dict[str, float]:

@@ -66,11 +66,11 @@ def soak(daemon: Daemon, *, unauthenticated: int, clients: int, flood_s: float) 
     port = int(daemon.endpoint.rpartition(":")[2])
     with ExitStack() as connected:
         for number in range(unauthenticated):  # half of them silent
-            one = connected.enter_context(socket.socket())
-            one.setblocking(False)
-            one.connect_ex(("127.0.0.1", port))
+            found = connected.enter_context(socket.socket())
+            found.setblocking(False)
+            found.connect_ex(("127.0.0.1", port))
             with suppress(OSError):
-                one.send(b"\x00" if number % 2 else b"")
+                found.send(b"\x00" if number % 2 else b"")
         for _ in range(clients):
             with daemon.connect() as client:
                 client.subscribe(f"rigd/{NAME}/*")

@@ -119,10 +119,10 @@ def angle_rig(
 def write_procedure(path: Path, drives: Sequence[Drive], rest_s: float = 0.8) -> Path:
     """Write the procedure that does ``drives`` one after the other."""
     columns = {
-        "voltage": [f"{one.voltage_v:g} V" for one in drives],
-        "angle": [f"{SETS[one.set_name][0]} deg" for one in drives],
-        "wheel": [SETS[one.set_name][1] for one in drives],
-        "load": [f"{one.load_kg:g} kg" for one in drives],
+        "voltage": [f"{drive.voltage_v:g} V" for drive in drives],
+        "angle": [f"{SETS[drive.set_name][0]} deg" for drive in drives],
+        "wheel": [SETS[drive.set_name][1] for drive in drives],
+        "load": [f"{drive.load_kg:g} kg" for drive in drives],
     }
     joined = {name: ", ".join(values) for name, values in columns.items()}
     path.write_text(PROCEDURE.format(**joined, rest=rest_s))
@@ -155,7 +155,7 @@ def drive_to_stops(
 def _watch(rig: WireRig, run: subprocess.Popen[bytes]) -> Iterator[Stop]:
     """Yield every stop once the next run begins, or ``run`` has ended and all rests."""
     inputs = load_rig(rig.rig).devices["daq"].config.inputs  # type: ignore[attr-defined]
-    (pot,) = (one for one in inputs if one.name == "platform_position")
+    (pot,) = (item for item in inputs if item.name == "platform_position")
 
     def as_seen(relay: Mapping[str, Any]) -> Stop:
         shown = (relay["opened_volts"] - pot.zero) * pot.gain

@@ -69,7 +69,7 @@ class ZenohClient:
     def get(self, key: str, payload: bytes = b"") -> list[dict[str, Any]]:
         """Query, and return all replies: ``ok``, ``payload`` and, where ok, ``key``."""
         replies = self._order(do="get", key=key, payload=base64.b64encode(payload).decode())
-        return [one | {"payload": base64.b64decode(one["payload"])} for one in replies]
+        return [reply | {"payload": base64.b64decode(reply["payload"])} for reply in replies]
 
     def ask(self, key: str, payload: bytes) -> Any:
         """Query, and return the one reply there must be, as JSON."""
@@ -208,7 +208,7 @@ class _Session:
 
     def alive(self, key: str) -> list[str]:
         replies = self._session.liveliness().get(key, timeout=10.0)
-        return [str(one.ok.key_expr) for one in replies if one.ok is not None]
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
     def received(self, least: int, within_s: float) -> dict[str, int]:
         with self._came:

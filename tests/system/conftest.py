@@ -19,5 +19,5 @@ def open_terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
         return opened[-1]
 
     yield open_it
-    for one in opened:
-        one.close()
+    for item in opened:
+        item.close()

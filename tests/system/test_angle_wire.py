@@ -116,7 +116,7 @@ def test_a_dead_potentiometer_is_stopped_by_the_time_that_a_drive_may_take(
     relay = found.read("relay")
     closed = relay["t_ns"][relay["closed_setpoint"] > 0.5]
     assert (closed[-1] - closed[0]) * 1e-9 == pytest.approx(1.5, abs=STALLED_S)
-    (ended,) = [one for one in found.events() if one.kind == "trial_end"]
+    (ended,) = [event for event in found.events() if event.kind == "trial_end"]
     assert ended.data["complete"] is False
     assert "'drive' did not end within 1.5 s" in str(ended.data["reason"])
 
@@ -129,7 +129,7 @@ def test_a_dead_potentiometer_is_stopped_by_the_time_that_a_drive_may_take(
         ("cycle", signal.SIGSTOP),
         ("daemon", signal.SIGKILL),
     ],
-    ids=lambda one: getattr(one, "name", one),
+    ids=lambda item: getattr(item, "name", item),
 )
 def test_killed_with_the_relay_closed_it_opens(
     bench: WireRig, tmp_path: Path, victim: str, number: signal.Signals

@@ -83,19 +83,19 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_each_prompt_is_put_when_something_changes_and_its_answer_borne_out(whole: Path) -> None:
     recording = recorded(whole)
     answers = of_kind(recording, "answer")
-    assert Counter(one["name"] for one in answers) == {
+    assert Counter(answer["name"] for answer in answers) == {
         "mount_angle": 1, "fit_wheel": 1, "set_voltage": 1, "put_on_weights": 4, "push_back": 8,
     }  # fmt: skip
-    assert {one["by"] for one in answers} == {"procedure"}
-    (mounting,) = (one for one in of_kind(recording, "prompt") if one["name"] == "mount_angle")
+    assert {answer["by"] for answer in answers} == {"procedure"}
+    (mounting,) = (item for item in of_kind(recording, "prompt") if item["name"] == "mount_angle")
     assert "mount the shaft at 30 deg" in mounting["text"]
     weighed = [
-        one for one in of_kind(recording, "answer_checked") if one["name"] == "put_on_weights"
+        item for item in of_kind(recording, "answer_checked") if item["name"] == "put_on_weights"
     ]
-    assert [one["answer"] for one in weighed] == [4.0, 5.0, 6.0, 8.0]
-    for one in weighed:
-        assert one["agreed"]
-        assert one["shown"]["scale.mass"] == pytest.approx(one["answer"], rel=0.05)
+    assert [item["answer"] for item in weighed] == [4.0, 5.0, 6.0, 8.0]
+    for item in weighed:
+        assert item["agreed"]
+        assert item["shown"]["scale.mass"] == pytest.approx(item["answer"], rel=0.05)
 
 
 def test_each_run_is_sampled_whole_from_before_the_command_to_behind_the_stop(whole: Path) -> None:
@@ -185,8 +185,8 @@ def test_a_person_is_asked_again_and_what_they_type_is_recorded(
             terminal.type(answer)
     assert terminal.end() == 0
     recording = recorded(tmp_path)
-    weights = [one for one in of_kind(recording, "answer") if one["name"] == "put_on_weights"]
-    assert [(one["answer"], one["planned"], one["by"]) for one in weights] == [
+    weights = [item for item in of_kind(recording, "answer") if item["name"] == "put_on_weights"]
+    assert [(weight["answer"], weight["planned"], weight["by"]) for weight in weights] == [
         (5.02, 5.0, "operator"), (4.02, 5.0, "operator"),
     ]  # fmt: skip
     assert 0.2 < closed_s(recording) < 0.7
@@ -259,14 +259,14 @@ def test_an_interrupted_campaign_goes_on_and_asks_for_its_set_up_again(
     terminal.expect("Where do they stand?")  # in trial 3
     os.kill(terminal.process.pid, signal.SIGINT)
     assert terminal.end() == 5
-    before = {one.number for one in run_info(recorded(tmp_path)).trials if one.complete}
+    before = {trial.number for trial in run_info(recorded(tmp_path)).trials if trial.complete}
     assert before == {1, 2}
     done = rigd("run", "--resume", "run.mcap", cwd=tmp_path)
     assert done.code == 0, done.err + done.out
     recording = recorded(tmp_path)
-    complete = [one.number for one in run_info(recording).trials if one.complete]
+    complete = [trial.number for trial in run_info(recording).trials if trial.complete]
     assert sorted(complete) == list(range(1, 9))
-    mounted = [one for one in recording.events() if _asks(one, "mount_angle")]
+    mounted = [event for event in recording.events() if _asks(event, "mount_angle")]
     assert len(mounted) == 2
     assert mounted[1].trial == 3
 

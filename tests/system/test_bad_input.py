@@ -40,7 +40,7 @@ def test_a_wrong_procedure_names_the_place_and_the_remedy(
     assert "wrong.yaml:" in done.err
     for word in words:
         assert word in done.err
-    assert [one.name for one in tmp_path.iterdir()] == ["wrong.yaml"]
+    assert [item.name for item in tmp_path.iterdir()] == ["wrong.yaml"]
 
 
 def test_a_setpoint_beyond_the_rigs_limit_is_refused_before_anything_moves(tmp_path: Path) -> None:

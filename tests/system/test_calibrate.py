@@ -75,9 +75,9 @@ def test_the_shipped_calibration_is_what_its_procedures_give(procedure: str, ben
             shipped.values[name].u,
         )
         assert new.values[name].operator == "A. Miller"
-    kept = {name: one for name, one in new.values.items() if name not in measured}
-    assert kept == {name: one for name, one in shipped.values.items() if name not in measured}
-    assert {one.name for one in new.history} == set(measured)
+    kept = {name: value for name, value in new.values.items() if name not in measured}
+    assert kept == {name: value for name, value in shipped.values.items() if name not in measured}
+    assert {item.name for item in new.history} == set(measured)
     assert {k: round(v, 9) for k, v in done.json["deviation"].items()} == dict.fromkeys(measured, 0)
 
 
@@ -303,10 +303,10 @@ def test_identify_shows_a_calibration_and_writes_only_a_report(torque: Path) -> 
 
 def test_the_doctor_tells_the_days_that_are_left(bench: Path) -> None:
     done = rigd("doctor", "--rig", "bench.yaml", "--seconds", "0.5", "--json", cwd=bench)
-    (check,) = [one for one in done.json["checks"] if one["name"] == "calibration"]
+    (check,) = [item for item in done.json["checks"] if item["name"] == "calibration"]
     assert check["verdict"] == "ok"
     assert check["figures"]["days_left"] > 30_000
     edit(bench / "bench.yaml", "calibration: calibrations/", "calibration: nowhere/")
     done = rigd("doctor", "--rig", "bench.yaml", "--seconds", "0.5", "--json", cwd=bench)
-    (check,) = [one for one in done.json["checks"] if one["name"] == "calibration"]
+    (check,) = [item for item in done.json["checks"] if item["name"] == "calibration"]
     assert (done.code, check["verdict"]) == (3, "fail")

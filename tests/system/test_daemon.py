@@ -74,8 +74,8 @@ def start(bench: WireRig, tmp_path: Path) -> Iterator[Start]:
         return daemon
 
     yield serve
-    for one in started:
-        one.__exit__(None, None, None)
+    for item in started:
+        item.__exit__(None, None, None)
     shutil.rmtree(state)
 
 
@@ -170,7 +170,7 @@ def test_a_killed_daemon_leaves_a_safe_rig_and_the_next_goes_on(
     status = again.until(lambda status: status["last"])
     assert status["last"]["ending"] == "complete"
     assert status["interrupted"] == []
-    done = [one.number for one in run_info(Recording.open(recording)).trials if one.complete]
+    done = [trial.number for trial in run_info(Recording.open(recording)).trials if trial.complete]
     assert sorted(done) == [1, 2, 3]
 
 

@@ -30,15 +30,15 @@ REFUSED = (
     "servo_bus second_rigd before",
     "scale unit(unit=lb) before",
 )
-KNOWN = {one.name: one for one in cases()}
+KNOWN = {item.name: item for item in cases()}
 
 
 def sample() -> list[Case]:
     """Three faults that end a run, and three that one run goes through."""
     draw = random.Random(20261121)
-    playable = [one for one in KNOWN.values() if not one.before and not one.spoils]
-    ending = [one for one in playable if one.must is Must.END]
-    going_on = [one for one in playable if one.must is not Must.END and one.watch_s <= 2.0]
+    playable = [item for item in KNOWN.values() if not item.before and not item.spoils]
+    ending = [item for item in playable if item.must is Must.END]
+    going_on = [item for item in playable if item.must is not Must.END and item.watch_s <= 2.0]
     return [*draw.sample(going_on, 3), *draw.sample(ending, 3)]
 
 
@@ -66,7 +66,7 @@ def test_every_fault_that_the_simulation_knows_is_in_the_table(bench: WireRig) -
     parts = bench.ask(do="faults")["parts"]
     known = {(part, fault) for part, faults in parts.items() for fault in faults}
     known -= {("traction", "crc")}  # its line is TCP, which has no check sum of its own
-    injected = {(one.part, one.fault) for one in KNOWN.values() if one.edit is None}
+    injected = {(item.part, item.fault) for item in KNOWN.values() if item.edit is None}
     assert injected - {("servo_bus", "second_rigd")} == known
 
 
@@ -90,7 +90,7 @@ def test_a_verdict_misses_nothing() -> None:
     late = Outcome(**{**vars(sound), "detected_s": 3.0})
     missed = Outcome("nothing", None, None, False, True, None, "")
     torn = Outcome(**{**vars(sound), "whole": False})
-    assert [bool(verdict(case, one)) for one in (late, missed, torn)] == [True] * 3
+    assert [bool(verdict(case, item)) for item in (late, missed, torn)] == [True] * 3
     refused = KNOWN["scale unit(unit=lb) before"]
     driven = Outcome("refused", 1.0, None, True, True, int(Exit.BLOCKED), "shows lb, not kg")
     assert verdict(refused, driven) == ["a drive was driven"]
@@ -118,7 +118,7 @@ def test_a_procedure_shows_a_fault_itself(bench: WireRig, tmp_path: Path) -> Non
     assert done.code == Exit.TRIPPED, done.err
     assert "0x2310" in done.out
     events = list(Recording.open(tmp_path / "run.mcap").events())
-    (shown,) = (one for one in events if one.kind == "fault_shown")
+    (shown,) = (event for event in events if event.kind == "fault_shown")
     assert (shown.data["part"], shown.data["options"]) == ("wheel_servo", {"code": 0x2310})
-    (fault,) = (one for one in events if one.kind == "fault")
+    (fault,) = (event for event in events if event.kind == "fault")
     assert 0.15e9 < fault.t_ns - shown.t_ns < 2e9

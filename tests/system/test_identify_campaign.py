@@ -53,11 +53,11 @@ def test_a_fault_at_the_rig_is_told_and_no_number_comes_of_it(
 ) -> None:
     found = played(tmp_path, spoilt_by(fault), set="clean_0", load="4 kg", voltage="5.5 V")
     assert len(found.result.runs) == 2
-    for one in found.result.runs:
-        assert one.excluded
-        assert codes & {flag.code for flag in one.flags}, one.flags
-        assert one.paper.mu != one.paper.mu
-        assert one.better.mu != one.better.mu
+    for run in found.result.runs:
+        assert run.excluded
+        assert codes & {flag.code for flag in run.flags}, run.flags
+        assert run.paper.mu != run.paper.mu
+        assert run.better.mu != run.better.mu
     (only,) = found.result.sets
     assert only.maximum is None
     assert only.paper.value is None
@@ -67,10 +67,10 @@ def test_a_fault_at_the_rig_is_told_and_no_number_comes_of_it(
 def test_what_an_interlock_ended_is_told_with_its_reason(tmp_path: Path) -> None:
     text = spoilt_by("wheel_pot_at_end")
     found = played(tmp_path, text, set="clean_0", load="4 kg", voltage="5.5 V")
-    (one,) = found.result.runs
-    incomplete = next(flag for flag in one.flags if flag.code == "incomplete")
+    (item,) = found.result.runs
+    incomplete = next(flag for flag in item.flags if flag.code == "incomplete")
     assert "wheel_angle" in incomplete.reason, incomplete
-    assert one.excluded
+    assert item.excluded
     assert "wheel_near_end" in found.result.warnings[0]
     assert "0 of 2 trials are complete" in found.result.warnings[0]
 
@@ -78,11 +78,11 @@ def test_what_an_interlock_ended_is_told_with_its_reason(tmp_path: Path) -> None
 def test_a_run_that_never_slides_is_no_friction_coefficient(tmp_path: Path) -> None:
     text = SHIPPED.read_text("utf-8")
     found = played(tmp_path, text, set="coated_0", load="8 kg", voltage="4 V")
-    for one in found.result.runs:
-        assert one.paper.regime is Regime.ROLLING
-        assert one.better.mu != one.better.mu
-        assert one.better.demand == pytest.approx(one.paper.mu, abs=0.03)
-        assert "no_sliding" in {flag.code for flag in one.flags}
+    for run in found.result.runs:
+        assert run.paper.regime is Regime.ROLLING
+        assert run.better.mu != run.better.mu
+        assert run.better.demand == pytest.approx(run.paper.mu, abs=0.03)
+        assert "no_sliding" in {flag.code for flag in run.flags}
     assert found.result.sets[0].maximum is None
 
 

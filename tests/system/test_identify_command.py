@@ -94,13 +94,13 @@ def test_what_is_not_identifiable_is_called_that(results: dict[str, Any], floor:
 def test_the_json_has_the_promised_shape(results: dict[str, Any], floor: str) -> None:
     result = results[floor]
     assert list(result["parameters"]) == ["V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2"]
-    units = {name: one["unit"] for name, one in result["parameters"].items()}
+    units = {name: item["unit"] for name, item in result["parameters"].items()}
     assert units == {
         "V_s": "m/s", "mu_c": "1", "mu_s": "1", "sigma_0": "1/m", "sigma_1": "s/m",
         "sigma_2": "s/m",
     }  # fmt: skip
-    for one in result["parameters"].values():
-        assert {"estimate", "low", "high", "unit", "identifiable"} <= one.keys()
+    for item in result["parameters"].values():
+        assert {"estimate", "low", "high", "unit", "identifiable"} <= item.keys()
     assert {"V_r", "g", "low", "high"} == result["friction_curve"][0].keys()
     assert result["group"] == floor
 

@@ -37,7 +37,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WireRig]:
         yield rig
 
 
-@pytest.mark.parametrize(("victim", "number"), SAMPLE, ids=lambda one: getattr(one, "name", one))
+@pytest.mark.parametrize(("victim", "number"), SAMPLE, ids=lambda item: getattr(item, "name", item))
 def test_a_kill_leaves_a_safe_rig_and_every_sample(
     bench: WireRig, tmp_path: Path, victim: str, number: signal.Signals
 ) -> None:

@@ -40,12 +40,12 @@ def drives(wire: WireRig) -> dict[str, Any]:
 
 def checks(done: Ended) -> dict[str, dict[str, Any]]:
     """Return the checks of the rig by name; its exit code must be what all come to."""
-    failed = [one for one in done.json["checks"] if one["verdict"] == "fail"]
+    failed = [item for item in done.json["checks"] if item["verdict"] == "fail"]
     assert done.code == (Exit.BLOCKED if failed else Exit.OK)
-    rig = (one for one in done.json["checks"] if one["group"].startswith("rig "))
+    rig = (item for item in done.json["checks"] if item["group"].startswith("rig "))
     found: dict[str, dict[str, Any]] = {}
-    for one in rig:
-        found.setdefault(one["name"], one)  # the first: found or not
+    for item in rig:
+        found.setdefault(item["name"], item)  # the first: found or not
     return found
 
 
@@ -54,7 +54,7 @@ def test_read_shows_every_channel_and_arms_nothing(wire: WireRig, tmp_path: Path
     assert done.code == 0, done.err
     channels = done.json["channels"]
     assert list(channels) == channel_names(load_rig(wire.rig))
-    assert {one["state"] for one in channels.values()} == {"ok"}
+    assert {channel["state"] for channel in channels.values()} == {"ok"}
     shown, unit = str(wire.parts()["scale"]["shown"]).split()
     # Its last digit flickers between the two looks.
     assert (channels["scale.mass"]["value"], unit) == (pytest.approx(float(shown), abs=0.003), "kg")
@@ -147,11 +147,11 @@ def test_doctor_finds_proves_and_measures_everything(wire: WireRig, tmp_path: Pa
         assert found[name]["verdict"] == "ok", found[name]
     assert "USB-6009" in found["accelerometer"]["found"]
     everything = done.json["checks"]
-    proven = [one for one in everything if one["group"] == "watchdogs"]
-    assert {one["name"] for one in proven} == set(drives(wire))
-    for one in proven:
-        assert 0 < one["figures"]["safe_after_s"] <= one["figures"]["bound_s"]
-    named = {one["name"]: one for one in everything}
+    proven = [item for item in everything if item["group"] == "watchdogs"]
+    assert {item["name"] for item in proven} == set(drives(wire))
+    for item in proven:
+        assert 0 < item["figures"]["safe_after_s"] <= item["figures"]["bound_s"]
+    named = {item["name"]: item for item in everything}
     assert set(channel_names(rig)) <= set(named)
     assert named["traction.force"]["figures"]["noise"] > 0
     assert named["accelerometer.device_time"]["found"].startswith("runs on")

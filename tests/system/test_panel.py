@@ -99,9 +99,9 @@ class Serving:
         children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
         # The kernel tells the older first; the younger is the spare that stands by.
         panel, *_ = (
-            int(one)
-            for one in children
-            if b"\0panel\0" in Path(f"/proc/{one}/cmdline").read_bytes()
+            int(child)
+            for child in children
+            if b"\0panel\0" in Path(f"/proc/{child}/cmdline").read_bytes()
         )
         os.kill(panel, signal.SIGKILL)
 

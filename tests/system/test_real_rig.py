@@ -45,8 +45,8 @@ def test_jog_holds_a_setpoint_then_goes_to_rest_and_is_recorded(tmp_path: Path) 
     recording = Recording.open(tmp_path / done.json["recording"])
     rows = recording.read("wheel_servo")
     held = rows["current_setpoint"] == 0.3
-    late = (one for one in recording.events() if one.kind == "late")
-    missed = sum(int(one.data["missed_slots"]) for one in late)
+    late = (event for event in recording.events() if event.kind == "late")
+    missed = sum(int(item.data["missed_slots"]) for item in late)
     # Every cycle that was not missed held it.
     assert 0.39 - missed / 1000 < held.sum() / 1000 <= 0.41
     assert rows["current_setpoint"][-1] == 0.0

@@ -61,7 +61,7 @@ def test_a_run_from_a_script(folder: Path) -> None:
     with Client(RIG) as rig, rig.control():
         run = rig.start(folder / "asking.yaml", {"current": "0.2 A"}, answers="procedure").run
         assert run is not None
-        goes_on = takewhile(lambda one: one.last is None or one.last.run != run, rig.watch())
+        goes_on = takewhile(lambda item: item.last is None or item.last.run != run, rig.watch())
         assert "running" in {status.state for status in goes_on}
         last = rig.wait(run)
         assert (last.ending, last.exit_code) == ("complete", 0)
@@ -84,7 +84,7 @@ def test_only_the_watching_may_end(daemon: Daemon, folder: Path) -> None:
     with Client(RIG, identity="bob") as rig:
         statuses = rig.watch()
         first_ns = next(statuses).t_ns
-        late = next(one for one in statuses if (one.t_ns - first_ns) * 1e-9 > LEASE_S + 1)
+        late = next(status for status in statuses if (status.t_ns - first_ns) * 1e-9 > LEASE_S + 1)
         assert late.state == "running"  # nobody has vanished
         assert rig.stop("enough") is True
         assert late.run is not None
@@ -112,7 +112,9 @@ def test_two_who_want_the_same(folder: Path) -> None:
                 pass
             assert refused.value.code is Code.LEASE_HELD
             bob.lease_request()
-            assert next(one for one in ann.watch() if one.lease.asked_by).lease.asked_by == ("bob",)
+            assert next(item for item in ann.watch() if item.lease.asked_by).lease.asked_by == (
+                "bob",
+            )
             with pytest.raises(Refusal, match="no client of that name has asked"):
                 ann.lease_give("bbo")
             ann.lease_give("bob")

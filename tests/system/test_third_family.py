@@ -62,9 +62,9 @@ def test_its_friction_is_found_and_drawn(recording: Path) -> None:
     found = rigd("identify", "swing.mcap", "--json", cwd=recording.parent)
     assert found.code == 0, found.err
     for name, truth in TRUTH.items():
-        one = found.json["parameters"][name]
-        assert one["low"] < truth < one["high"], one
-        assert one["identifiable"]
+        item = found.json["parameters"][name]
+        assert item["low"] < truth < item["high"], item
+        assert item["identifiable"]
     page = recording.with_suffix(".html").read_text()
     assert "Friction of a pendulum" in page
     assert "torque of friction" in page

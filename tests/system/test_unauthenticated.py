@@ -68,18 +68,18 @@ def unauthenticated(daemon: Daemon, first_words: bytes) -> Iterator[None]:
     host, _, port = daemon.endpoint.partition("/")[2].rpartition(":")
     with ExitStack() as all_of_them:
         for _ in range(CONNECTIONS):
-            one = all_of_them.enter_context(socket.socket())
-            one.setblocking(False)
-            one.connect_ex((host, int(port)))
+            found = all_of_them.enter_context(socket.socket())
+            found.setblocking(False)
+            found.connect_ex((host, int(port)))
             with suppress(BlockingIOError):
-                one.send(first_words)
+                found.send(first_words)
         yield
 
 
 def audited(daemon: Daemon, what: str) -> list[str]:
     """The results of the lines of ``what`` in the audit log."""
     lines = (daemon.runs / f"{NAME}.audit.jsonl").read_text().splitlines()
-    return [one["result"] for one in map(json.loads, lines) if one["what"] == what]
+    return [item["result"] for item in map(json.loads, lines) if item["what"] == what]
 
 
 @pytest.mark.parametrize("first_words", [b"", b"\x16\x03"], ids=["silent", "half a handshake"])

@@ -140,12 +140,12 @@ def _trends(sets: Sequence[SetResult]) -> dict[str, Trend]:
     for source, value in sources.items():
         having = [(s, v) for s in chosen if (v := value(s)) is not None]
         u = [s.maximum.u for s, _ in having if s.maximum] if source == "better" else None
-        one = trend(
+        item = trend(
             source, [s.name for s, _ in having], [s.alpha_rad for s, _ in having],
             [v for _, v in having], u,
         )  # fmt: skip
-        if one is not None:
-            found[source] = one
+        if item is not None:
+            found[source] = item
     return found
 
 

@@ -57,12 +57,12 @@ class CampaignEvaluation(Evaluation):
             "calibrations": [
                 {
                     "recording": str(path),
-                    "name": one.used.name,
-                    "sha256": one.used.sha256,
-                    "replayed": one.replayed,
-                    "changes": list(one.changes),
+                    "name": calibration.used.name,
+                    "sha256": calibration.used.sha256,
+                    "replayed": calibration.replayed,
+                    "changes": list(calibration.changes),
                 }
-                for path, one in self.calibrations.items()
+                for path, calibration in self.calibrations.items()
             ],
         }
 
@@ -74,8 +74,8 @@ class CampaignEvaluation(Evaluation):
     def calibrations_told(self) -> tuple[str, ...]:
         """Which calibration was used for which recordings, and what it changed, a line each."""
         told: dict[tuple[str, tuple[str, ...]], list[str]] = {}
-        for path, one in self.calibrations.items():
-            told.setdefault((one.told, one.changes), []).append(path.name)
+        for path, calibration in self.calibrations.items():
+            told.setdefault((calibration.told, calibration.changes), []).append(path.name)
         several = len(told) > 1
         lines = []
         for (words, changes), names in told.items():

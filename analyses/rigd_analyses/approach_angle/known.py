@@ -79,12 +79,14 @@ def _changes(
     return tuple(lines) or ("no value differs",)
 
 
-def _spread(one: CalibratedValue) -> str:
+def _spread(calibrated_value: CalibratedValue) -> str:
     """Return value ± u in the value's unit, to the digits that u leaves meaning."""
-    factor = parse_unit(one.unit).factor
-    value, u = one.value / factor, one.u / factor
+    factor = parse_unit(calibrated_value.unit).factor
+    value, u = calibrated_value.value / factor, calibrated_value.u / factor
     places = places_for(u)
-    return f"{number(value, places)} ± {number(u, places)} {one.unit}".removesuffix(" 1")
+    return f"{number(value, places)} ± {number(u, places)} {calibrated_value.unit}".removesuffix(
+        " 1"
+    )
 
 
 def angle_calibration(sweep: RecordedSweep, calibration: Calibration) -> AngleCalibration:

@@ -312,8 +312,8 @@ class CampaignResult:
         """Return the keys of the JSON object."""
         return {
             "model": "approach-angle",
-            "coefficients": {one.value: meaning for one, meaning in _MEANING.items()},
-            "sets": {one.name: one for one in self.sets},
+            "coefficients": {item.value: meaning for item, meaning in _MEANING.items()},
+            "sets": {item.name: item for item in self.sets},
             "trends": self.trends,
             "runs": self.runs,
             "reference": self.reference,

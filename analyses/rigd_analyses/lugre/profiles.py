@@ -113,10 +113,10 @@ def _scan(
 def _optima(fits: Sequence[Fit]) -> list[FloatArray]:
     """Return where the fits (best first) ended, one for each different cost."""
     kept: list[Fit] = []
-    for one in fits:
-        if not kept or one.cost > kept[-1].cost * (1.0 + OTHER_OPTIMUM):
-            kept.append(one)
-    return [one.theta for one in kept]
+    for item in fits:
+        if not kept or item.cost > kept[-1].cost * (1.0 + OTHER_OPTIMUM):
+            kept.append(item)
+    return [item.theta for item in kept]
 
 
 def _grid(quantity: Quantity, theta: FloatArray) -> FloatArray:

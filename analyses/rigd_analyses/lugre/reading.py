@@ -70,7 +70,7 @@ def arrays(
         DataError: a signal or constant is missing, or a constant differs between trials.
     """
     several = _several(trials)
-    found = [_trial(sweep, one, _label(sweep, one, several=several)) for sweep, one in trials]
+    found = [_trial(sweep, trial, _label(sweep, trial, several=several)) for sweep, trial in trials]
     return found, _constants(trials)
 
 

@@ -132,9 +132,11 @@ class Servo(Driver):
         count = self._unwrap.follow(node.read(objects.POSITION))
         self._zero = count if self.config.zero is None else self.config.zero
         self._armed = self._enabled = False
-        self._inboxes = tuple(Inbox(one, self.config.node, self.link.syncs) for one in self._tpdos)
-        for one, inbox in zip(self._tpdos, self._inboxes, strict=True):
-            self.link.subscribe(one.identifier, inbox.receive)
+        self._inboxes = tuple(
+            Inbox(tpdo, self.config.node, self.link.syncs) for tpdo in self._tpdos
+        )
+        for item, inbox in zip(self._tpdos, self._inboxes, strict=True):
+            self.link.subscribe(item.identifier, inbox.receive)
         self.link.on_resume(self.config.node, self._resume)
         node.start()
 
@@ -340,9 +342,9 @@ class Servo(Driver):
         return link is not None and link.is_open
 
     def _map(self, node: Node) -> None:
-        for one in self._pdos():
-            node.configure(one)
-        used = sum(1 for one in self._pdos() if not one.transmit)
+        for item in self._pdos():
+            node.configure(item)
+        used = sum(1 for item in self._pdos() if not item.transmit)
         node.switch_off_rest(used, len(self._tpdos))
         # A second watchdog, where the drive has it: targets must keep coming, not only heartbeats.
         node.ensure_optional(self._command.event_timer(), round(self.config.watchdog * 1e3))

@@ -109,11 +109,11 @@ class NiDaqConfig(NiCardConfig):
     @model_validator(mode="after")
     def _inputs_are_distinct(self) -> Self:
         for key in ("name", "channel"):
-            given = [getattr(one, key) for one in self.inputs]
-            twice = next((one for one in given if given.count(one) > 1), None)
+            given = [getattr(item, key) for item in self.inputs]
+            twice = next((item for item in given if given.count(item) > 1), None)
             if twice is not None:
                 raise ValueError(f"two inputs have the {key} {twice!r}; give each its own")
-        names = {one.name for one in self.inputs}
+        names = {item.name for item in self.inputs}
         raws = {f"{name}_raw" for name in names}
         taken = names & (raws | {"device_time", "clock_rate", "status", "t_ns"})
         if taken:

@@ -69,12 +69,12 @@ class Daqmx:
         name = self._card.name()
         self._clear_left_over(name)
         task = self._task = self._card.new_task(name)
-        for one in config.inputs:
+        for item in config.inputs:
             task.ai_channels.add_ai_voltage_chan(
-                f"{config.device}/{one.channel}",
-                terminal_config=TerminalConfiguration[_TERMINALS[one.terminal]],
-                min_val=-one.range,
-                max_val=one.range,
+                f"{config.device}/{item.channel}",
+                terminal_config=TerminalConfiguration[_TERMINALS[item.terminal]],
+                min_val=-item.range,
+                max_val=item.range,
             )
         task.timing.cfg_samp_clk_timing(
             config.rate,
@@ -118,7 +118,11 @@ class Daqmx:
         """Return lowest and highest voltage of each input's range, shape (inputs, 2)."""
         with self._card.doing("ask for the ranges of"):
             return np.array(
-                [(one.ai_rng_low, one.ai_rng_high) for one in self._task.ai_channels], np.float64
+                [
+                    (ai_channel.ai_rng_low, ai_channel.ai_rng_high)
+                    for ai_channel in self._task.ai_channels
+                ],
+                np.float64,
             )
 
     def start(self) -> None:

@@ -40,14 +40,14 @@ class NiDaq(BlockDriver):
         self.silent_s = SILENT_S + 5 * config.block / config.rate
         self.oldest_s = config.block / config.rate  # and what the way to here takes: not known
         self.channels = (
-            *(channel for one in config.inputs for channel in one.channels),
+            *(channel for item in config.inputs for channel in item.channels),
             Channel("device_time", "s", "sample number over nominal rate: the card's own clock"),
             Channel("clock_rate", "Hz", "rate of the card's clock by this machine's, estimated"),
         )
         self._daqmx = Daqmx(config)
         self._volts = np.zeros((len(config.inputs), config.block))
-        self._scale = np.array([one.gain for one in config.inputs])[:, np.newaxis]
-        self._zero = np.array([one.zero for one in config.inputs])[:, np.newaxis]
+        self._scale = np.array([item.gain for item in config.inputs])[:, np.newaxis]
+        self._zero = np.array([item.zero for item in config.inputs])[:, np.newaxis]
         self._bits = (1 << np.arange(len(config.inputs)))[:, np.newaxis]
         self._rails = np.zeros((len(config.inputs), 2))
         self._clock: SampleClock | None = None

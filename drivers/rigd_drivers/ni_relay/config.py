@@ -45,7 +45,7 @@ class NiRelayConfig(NiCardConfig):
         if self.watchdog is None:
             return self
         lines = (self.line, self.watchdog.line, self.watchdog.feedback)
-        twice = next((one for one in lines if lines.count(one) > 1), None)
+        twice = next((line for line in lines if lines.count(line) > 1), None)
         if twice is not None:
             raise ValueError(f"{twice} is named twice; relay, `line` and `feedback` have one each")
         return self

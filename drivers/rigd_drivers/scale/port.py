@@ -170,7 +170,7 @@ class LinePort:
 
 def _cannot_open(path: str, error: serial.SerialException) -> LinkError:
     if error.errno == errno.ENOENT:
-        present = sorted(str(one) for one in Path("/dev/serial/by-id").glob("*"))
+        present = sorted(str(item) for item in Path("/dev/serial/by-id").glob("*"))
         hint = f"present: {', '.join(present)}" if present else "no serial adapter is plugged in"
         return LinkError(f"there is no serial port {path}", hint=hint)
     if error.errno in (errno.EACCES, errno.EPERM):

@@ -90,12 +90,12 @@ def evaluated(steps: Steps, result: CalibrationResult) -> CalibrationEvaluation:
 
 def _values(measured: Mapping[str, Measured]) -> TerminalTable:
     rows = []
-    for name, one in measured.items():
-        places = places_for(one.u)
+    for name, item in measured.items():
+        places = places_for(item.u)
         rows.append(
-            Row((name, f"{number(one.value, places)} ± {number(one.u, places)}", one.unit, ""))
+            Row((name, f"{number(item.value, places)} ± {number(item.u, places)}", item.unit, ""))
         )
-        rows += [Row(("", number(term.u, places), "", term.name), True) for term in one.budget]
+        rows += [Row(("", number(term.u, places), "", term.name), True) for term in item.budget]
     columns = (Column("value"), Column("± u (k=1)", right=True), Column("unit"), Column("from"))
     return TerminalTable(columns, tuple(rows))
 

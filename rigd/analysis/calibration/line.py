@@ -62,4 +62,4 @@ def straight_line(x: FloatArray, y: FloatArray) -> Line:
 
 def hysteresis(x: FloatArray, y: FloatArray) -> float:
     """Return the largest spread of ``y`` between visits to the same ``x``; 0 without any."""
-    return max(float(np.ptp(y[x == one])) for one in np.unique(x))
+    return max(float(np.ptp(y[x == item])) for item in np.unique(x))

@@ -28,7 +28,7 @@ class Measured:
     @property
     def u(self) -> float:
         """Standard uncertainty (k = 1): the terms are independent."""
-        return math.hypot(*(one.u for one in self.budget))
+        return math.hypot(*(item.u for item in self.budget))
 
     def shape(self) -> dict[str, object]:
         """Return the keys of the JSON object."""
@@ -66,12 +66,12 @@ class CalibrationResult:
 
 def together(title: str, results: Sequence[CalibrationResult]) -> CalibrationResult:
     """Return several results as one, which is refused where one of them is."""
-    refused = tuple(f"{one.title}: {why}" for one in results for why in one.refusals)
+    refused = tuple(f"{result.title}: {why}" for result in results for why in result.refusals)
     return CalibrationResult(
         title,
-        {} if refused else {name: v for one in results for name, v in one.measured.items()},
-        tuple(fact for one in results for fact in one.facts),
-        {name: why for one in results for name, why in one.kept.items()},
-        tuple(series for one in results for series in one.series),
+        {} if refused else {name: v for result in results for name, v in result.measured.items()},
+        tuple(fact for result in results for fact in result.facts),
+        {name: why for result in results for name, why in result.kept.items()},
+        tuple(series for result in results for series in result.series),
         refused,
     )

@@ -65,7 +65,7 @@ def examine_analysis(
 ) -> Report:
     """Return what :func:`check_analysis` finds, without raising."""
     bench = _Bench(analysis, folder, read or intervals_of)
-    wrong = [Finding(_DECLARED, *one) for one in bench.declared()]
+    wrong = [Finding(_DECLARED, *item) for item in bench.declared()]
     rules: list[tuple[str, Callable[[], Iterator[tuple[str, str]]]]] = [(_LIGHT, bench.light)]
     for index, case in enumerate(cases, start=1):
         rules += [
@@ -81,7 +81,7 @@ def examine_analysis(
         return Report(analysis.__name__, tuple(wrong), (_DECLARED,), skipped)
     skipped = {_LIGHT: "a module that another process can import"} if bench.heavy is None else {}
     played = [(rule, check) for rule, check in rules if rule not in skipped]
-    findings = [Finding(rule, *one) for rule, check in played for one in check()]
+    findings = [Finding(rule, *item) for rule, check in played for item in check()]
     return Report(
         analysis.__name__, tuple(findings), (_DECLARED, *(rule for rule, _ in played)), skipped
     )
@@ -96,10 +96,10 @@ def intervals_of(evaluation: Evaluation) -> Mapping[str, Interval]:
     found: dict[str, Interval] = {}
     if isinstance(evaluation, ParameterEvaluation):
         for section in evaluation.sections:
-            for one in (*section.result.parameters, *section.result.derived):
-                known = one.quoted is not None and one.identifiable
-                ends = (one.low, one.high)
-                found[one.name] = (
+            for item in (*section.result.parameters, *section.result.derived):
+                known = item.quoted is not None and item.identifiable
+                ends = (item.low, item.high)
+                found[item.name] = (
                     (ends[0], ends[1])
                     if known and ends[0] is not None and ends[1] is not None
                     else None
@@ -202,8 +202,8 @@ class _Bench:
             return  # told by the rule on the truth
         name = f"case{self._written - 1}", f"case{self._written}"
         texts = [
-            json.dumps(one.to_json(), allow_nan=False).replace(path, "case")
-            for one, path in zip((first, second), name, strict=True)
+            json.dumps(item.to_json(), allow_nan=False).replace(path, "case")
+            for item, path in zip((first, second), name, strict=True)
         ]
         if texts[0] != texts[1]:
             yield "two evaluations give two JSON objects", "seed what is drawn from `options.seed`"
@@ -254,8 +254,8 @@ def _ragged(evaluation: Evaluation) -> Iterator[tuple[str, str]]:
 
 def _without(case: Case, name: str) -> Case:
     trials = [
-        replace(one, signals={key: value for key, value in one.signals.items() if key != name})
-        for one in case.trials
+        replace(trial, signals={key: value for key, value in trial.signals.items() if key != name})
+        for trial in case.trials
     ]
     return replace(case, trials=trials)
 

@@ -47,11 +47,11 @@ def build_view(result: CalibrationResult) -> CalibrationView:
 
 def _rows(result: CalibrationResult) -> tuple[ValueRow, ...]:
     rows = []
-    for name, one in result.measured.items():
-        places = places_for(one.u)
-        terms = tuple((term.name, number(term.u, digits=2)) for term in one.budget)
-        text = f"{number(one.value, places)} ± {number(one.u, places)}"
-        rows.append(ValueRow(name, text, one.unit, terms))
+    for name, item in result.measured.items():
+        places = places_for(item.u)
+        terms = tuple((term.name, number(term.u, digits=2)) for term in item.budget)
+        text = f"{number(item.value, places)} ± {number(item.u, places)}"
+        rows.append(ValueRow(name, text, item.unit, terms))
     return tuple(rows)
 
 
@@ -62,16 +62,16 @@ def _drawing(result: CalibrationResult) -> Drawing | None:
     columns = min(_COLUMNS, len(result.series))
     rows = ceil(len(result.series) / columns)
     figure, axes = grid(rows, columns, 3.7 * columns, _ROW_INCHES * rows)
-    for ax, one in zip(axes, result.series, strict=False):
-        few = len(one.x) <= _FEW
-        ax.plot(one.x, one.fitted, color=FITTED, linewidth=1.4)
+    for ax, item in zip(axes, result.series, strict=False):
+        few = len(item.x) <= _FEW
+        ax.plot(item.x, item.fitted, color=FITTED, linewidth=1.4)
         ax.plot(
-            one.x, one.y, color=MEASURED, marker="o" if few else "", markersize=4,
+            item.x, item.y, color=MEASURED, marker="o" if few else "", markersize=4,
             linestyle="" if few else "-", linewidth=0.8,
         )  # fmt: skip
-        ax.set_title(one.title)
-        ax.set_xlabel(one.x_label)
-        ax.set_ylabel(one.y_label)
+        ax.set_title(item.title)
+        ax.set_xlabel(item.x_label)
+        ax.set_ylabel(item.y_label)
     for ax in axes[len(result.series) :]:
         ax.set_visible(False)
     alt = f"{result.title}: what was measured beside what was fitted"

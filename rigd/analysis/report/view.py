@@ -67,10 +67,10 @@ def _chapter(anchor: str, section: ReportSection) -> Chapter:
     result = section.result
     shared = panels(result.trials)
     views = tuple(
-        _trial_view(f"{anchor}-t{i}", one, shared) for i, one in enumerate(result.trials, start=1)
+        _trial_view(f"{anchor}-t{i}", item, shared) for i, item in enumerate(result.trials, start=1)
     )
     large = featured(result.trials) if result.trials else None
-    chosen = next((i for i, one in enumerate(result.trials) if one is large), None)
+    chosen = next((i for i, item in enumerate(result.trials) if item is large), None)
     return Chapter(
         anchor=anchor,
         label=section.label,
@@ -101,20 +101,20 @@ def _facts(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _trial_view(name: str, one: TrialFit, shared: Sequence[Panel]) -> TrialView:
-    used = int(one.used.sum())
-    condition = "" if names_condition(one) else f"{one.condition}: "
+def _trial_view(name: str, fit: TrialFit, shared: Sequence[Panel]) -> TrialView:
+    used = int(fit.used.sum())
+    condition = "" if names_condition(fit) else f"{fit.condition}: "
     quality = (
-        f"{condition}RMS {number(one.rms, digits=3)} {one.unit}, R² {number(one.r_squared, 3)}, "
-        f"{used} of {one.used.size} samples used"
+        f"{condition}RMS {number(fit.rms, digits=3)} {fit.unit}, R² {number(fit.r_squared, 3)}, "
+        f"{used} of {fit.used.size} samples used"
     )
     signals = ", ".join(words(signal) for panel in shared for signal in panel.names)
     alt = (
-        f"Trial {one.label}: {signals or 'no signals'}; measured and fitted {words(one.output)} "
+        f"Trial {fit.label}: {signals or 'no signals'}; measured and fitted {words(fit.output)} "
         f"and their difference over time; {quality}."
     )
-    drawing = draw(trial.one_trial(one, shared), name, alt)
-    return TrialView(one.label, quality, drawing)
+    drawing = draw(trial.one_trial(fit, shared), name, alt)
+    return TrialView(fit.label, quality, drawing)
 
 
 def _symbols(result: IdentificationResult) -> dict[str, str]:

@@ -62,7 +62,7 @@ def facts(
     stale = sum(samples.stale.values())
     found = [
         ("Took", f"{info.duration_s:.1f} s"),
-        ("Samples", count(sum(one.rows for one in info.streams))),
+        ("Samples", count(sum(stream.rows for stream in info.streams))),
         ("Size of the file", f"{info.size / 1e6:.1f} MB"),
         ("Interlocks that acted", _counted(acted) or "none"),
         ("Setpoints cut by a limit", ", ".join(sorted(_cut(events))) or "none"),

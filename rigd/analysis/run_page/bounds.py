@@ -45,7 +45,7 @@ class Bounds:
 
     def of(self, channel: str) -> tuple[Bound, ...]:
         """Return the bounds of ``device.channel``."""
-        return tuple(one for one in self.known if one.channel == channel)
+        return tuple(item for item in self.known if item.channel == channel)
 
 
 def bounds_of(recording: Recording) -> Bounds:
@@ -53,7 +53,10 @@ def bounds_of(recording: Recording) -> Bounds:
 
     A bound that another channel or a swept parameter gives has no one value and is left out.
     """
-    texts = {name: one.data.decode(errors="replace") for name, one in recording.attachments.items()}
+    texts = {
+        name: attachment.data.decode(errors="replace")
+        for name, attachment in recording.attachments.items()
+    }
     if "rig.yaml" not in texts:
         return Bounds(problem="the recording carries no rig file: limits are not drawn")
     units = _units(recording.streams)
@@ -81,25 +84,25 @@ def recorded_during(recording: Recording) -> frozenset[str]:
         return frozenset()
     record = document.get(("record",))
     names: set[str] = set()
-    for one in record.values() if isinstance(record, Mapping) else ():
-        during = one.get("during", ()) if isinstance(one, Mapping) else ()
+    for item in record.values() if isinstance(record, Mapping) else ():
+        during = item.get("during", ()) if isinstance(item, Mapping) else ()
         names.update([during] if isinstance(during, str) else map(str, during or ()))
     return frozenset(names)
 
 
 def _limits(rig: RigSource, units: Mapping[str, str]) -> Iterator[Bound]:
-    for device, one in rig.devices.items():
-        for name, limit in one.limits.items():
+    for device, item in rig.devices.items():
+        for name, limit in item.limits.items():
             channel = f"{device}.{name}{SETPOINT}"
             yield from _pair(channel, limit.low, limit.high, "limit", units)
 
 
 def _interlocks(rig: RigSource, units: Mapping[str, str]) -> Iterator[Bound]:
-    for one in rig.interlocks:
-        by = f"interlock {one.name}"
-        for bound in _pair(one.source, one.low, one.high, by, units):
-            after = f"{by} after {one.delay:g} s" if one.delay else by
-            yield replace(bound, by=after, hard=True, delay_s=one.delay)
+    for interlock in rig.interlocks:
+        by = f"interlock {interlock.name}"
+        for bound in _pair(interlock.source, interlock.low, interlock.high, by, units):
+            after = f"{by} after {interlock.delay:g} s" if interlock.delay else by
+            yield replace(bound, by=after, hard=True, delay_s=interlock.delay)
 
 
 def _of_trial(text: str | None, units: Mapping[str, str]) -> list[Bound]:
@@ -111,10 +114,10 @@ def _of_trial(text: str | None, units: Mapping[str, str]) -> list[Bound]:
         return []
     return [
         bound
-        for channel, one in limits.items()
-        if isinstance(one, Mapping)
+        for channel, limit in limits.items()
+        if isinstance(limit, Mapping)
         for bound in _pair(
-            str(channel), one.get("low"), one.get("high"), "limit of the trial", units
+            str(channel), limit.get("low"), limit.get("high"), "limit of the trial", units
         )
     ]
 

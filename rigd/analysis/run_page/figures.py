@@ -92,10 +92,10 @@ def one_trial(
 ) -> Figure:
     """Return every panel of one trial, its steps shaded and named, bounds and events drawn."""
     figure, axes = _sheet(shown, seconds, "time since the trial began [s]")
-    for ax, one in zip(axes, shown, strict=True):
+    for ax, item in zip(axes, shown, strict=True):
         _shade(ax, steps)
         plain = 0
-        for name, channel in zip(one.panel.names, one.channels, strict=True):
+        for name, channel in zip(item.panel.names, item.channels, strict=True):
             if channel not in traces:
                 continue
             commanded = name.endswith(SETPOINT)
@@ -111,8 +111,8 @@ def one_trial(
             plain += not commanded
         for at in marks:
             ax.axvline(at, color=FITTED, linewidth=0.9, linestyle=(0, (1, 1.5)))
-        _draw_bounds(ax, one, bounds)
-        if len(one.panel.names) > 1:
+        _draw_bounds(ax, item, bounds)
+        if len(item.panel.names) > 1:
             ax.legend(loc="best", ncols=2, fontsize=6.5)
     for ax in axes[:2]:
         _name_steps(figure, ax, steps, seconds)
@@ -128,13 +128,13 @@ def all_trials(
 ) -> Figure:
     """Return every panel with all trials over one another: lines of few, bands of many."""
     figure, axes = _sheet(shown, samples.time.seconds, f"time since {samples.time.since} [s]")
-    for ax, one in zip(axes, shown, strict=True):
-        for channel in one.channels:
+    for ax, item in zip(axes, shown, strict=True):
+        for channel in item.channels:
             if samples.bands:
                 _bands(ax, channel, samples, groups)
             else:
                 _lines(ax, channel, samples, attempts, groups)
-        _draw_bounds(ax, one, bounds)
+        _draw_bounds(ax, item, bounds)
     if groups.by:
         handles = [Line2D([], [], color=shade, linewidth=2.0) for shade in groups.colours]
         figure.legend(
@@ -184,13 +184,13 @@ def _sheet(shown: Sequence[Shown], seconds: float, time: str) -> tuple[Figure, l
     for ax in axes[len(shown) :]:
         ax.remove()
     axes = axes[: len(shown)]
-    for index, (ax, one) in enumerate(zip(axes, shown, strict=True)):
+    for index, (ax, item) in enumerate(zip(axes, shown, strict=True)):
         ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
         ax.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
         ax.yaxis.get_offset_text().set(ha="right")
         ax.set_xlim(0.0, seconds if seconds > 0.0 else 1.0)
-        ax.set_title(words(one.stream), pad=3)
-        ax.set_ylabel(_axis_words(one), fontsize=7)
+        ax.set_title(words(item.stream), pad=3)
+        ax.set_ylabel(_axis_words(item), fontsize=7)
         if index >= len(shown) - columns:
             ax.set_xlabel(time)
         else:
@@ -198,10 +198,10 @@ def _sheet(shown: Sequence[Shown], seconds: float, time: str) -> tuple[Figure, l
     return figure, axes
 
 
-def _axis_words(one: Shown) -> str:
-    plain = [name for name in one.panel.names if not name.endswith(SETPOINT)] or one.panel.names
+def _axis_words(shown: Shown) -> str:
+    plain = [name for name in shown.panel.names if not name.endswith(SETPOINT)] or shown.panel.names
     name = words(plain[0]) if len(plain) == 1 else ""
-    return f"{name} [{unit_text(one.panel.unit)}]".strip()
+    return f"{name} [{unit_text(shown.panel.unit)}]".strip()
 
 
 def _shade(ax: Axes, steps: Sequence[StepSpan]) -> None:
@@ -237,12 +237,12 @@ def _bar(left: float, foot: float, width: float, height: float) -> Rectangle:
     return Rectangle((left, foot), width, height, color=MEASURED, alpha=0.22, linewidth=0)
 
 
-def _draw_bounds(ax: Axes, one: Shown, bounds: Mapping[str, Sequence[Bound]]) -> None:
+def _draw_bounds(ax: Axes, shown: Shown, bounds: Mapping[str, Sequence[Bound]]) -> None:
     """Draw the bounds that are near the data; the others would flatten them."""
     low, high = ax.get_ylim()
     room = NEAR * (high - low)
     labelled: list[float] = []
-    for bound in _bounds_of(one.channels, bounds):
+    for bound in _bounds_of(shown.channels, bounds):
         if not low - room <= bound.value <= high + room:
             continue
         shade = FITTED if bound.hard else MUTED

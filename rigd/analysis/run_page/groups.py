@@ -85,7 +85,7 @@ def _by_value(trials: Sequence[TrialInfo], name: str) -> Groups:
 def _by_range(trials: Sequence[TrialInfo], name: str) -> Groups:
     """Return as equal ranges as the values allow; all in one where they are no numbers."""
     numbers = [trial.parameters.get(name) for trial in trials]
-    if not all(isinstance(one, int | float) for one in numbers):
+    if not all(isinstance(number, int | float) for number in numbers):
         of = {index: 0 for index, _ in enumerate(trials)}
         return Groups("", ("all trials",), (SERIES[0],), of)
     order = sorted(range(len(trials)), key=lambda index: float(numbers[index] or 0.0))

@@ -108,23 +108,23 @@ def shared_time(
     the time is that from the first of them to the end of the last. Before them a person may have
     taken any time.
     """
-    longest = max((one.seconds for one in attempts), default=0.0) or 1.0
+    longest = max((attempt.seconds for attempt in attempts), default=0.0) or 1.0
     origins: dict[int, float] = {}
     seconds, name = 0.0, ""
-    for one in attempts:
+    for attempt in attempts:
         inside = [
             step
             for step in played
-            if step.name in during and one.start_ns <= step.start_ns < one.end_ns
+            if step.name in during and attempt.start_ns <= step.start_ns < attempt.end_ns
         ]
         if not inside:
             continue
         name = name or inside[0].name
-        origins[one.index] = (inside[0].start_ns - one.start_ns) * 1e-9
-        last_ns = min(inside[-1].end_ns or one.end_ns, one.end_ns)
+        origins[attempt.index] = (inside[0].start_ns - attempt.start_ns) * 1e-9
+        last_ns = min(inside[-1].end_ns or attempt.end_ns, attempt.end_ns)
         seconds = max(seconds, (last_ns - inside[0].start_ns) * 1e-9)
     if seconds <= 0.0:
-        return SharedTime("the trial began", {one.index: 0.0 for one in attempts}, longest)
+        return SharedTime("the trial began", {attempt.index: 0.0 for attempt in attempts}, longest)
     return SharedTime(f"{name!r} began", origins, seconds)
 
 
@@ -161,7 +161,7 @@ def gather(
 
 def shown_streams(recording: Recording) -> list[Stream]:
     """Return the streams of the devices, as they stand in the recording."""
-    return [one for one in recording.streams.values() if one.name != CYCLE]
+    return [stream for stream in recording.streams.values() if stream.name != CYCLE]
 
 
 def _pieces(

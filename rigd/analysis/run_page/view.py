@@ -97,7 +97,7 @@ def build_view(recording: Recording, info: RunInfo, numbers: frozenset[int] | No
     chosen = _chosen(info, numbers, _few(recording))
     lines = len(attempts) <= LINES
     played = steps(events)
-    draw_at = dict.fromkeys((one.index for one in attempts), COLUMNS // 2) if lines else {}
+    draw_at = dict.fromkeys((attempt.index for attempt in attempts), COLUMNS // 2) if lines else {}
     draw_at |= dict.fromkeys(chosen, COLUMNS)
     time = shared_time(attempts, played, recorded_during(recording))
     samples = gather(recording, attempts, time, {} if lines else groups.of, draw_at)
@@ -255,7 +255,7 @@ def _trial(
     if marked:
         caption += f" Dotted: {marked}."
     alt = f"{label}: {', '.join(sorted(traces))} over time."
-    present = [one for one in shown if any(channel in traces for channel in one.channels)]
+    present = [item for item in shown if any(channel in traces for channel in item.channels)]
     if not present:
         figure = figures.empty("no samples were recorded in this trial")
     else:

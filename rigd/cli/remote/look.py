@@ -94,9 +94,9 @@ def _print(status: Status, where: str) -> None:
         ack = f"rigd remote ack {trip.interlock}{where}"
         done = "acknowledged" if trip.acknowledged else ack
         say(f"  {trip.interlock} acted ({trip.action}): {trip.message}; {done}", "red")
-    for one in status.interrupted:
-        say(f"  interrupted: {one.run}, {one.trials_done} of {one.trials_total} trials")
-        say(f"    rigd remote resume-run {one.run}{where}")
+    for item in status.interrupted:
+        say(f"  interrupted: {item.run}, {item.trials_done} of {item.trials_total} trials")
+        say(f"    rigd remote resume-run {item.run}{where}")
     if status.last is not None:
         say(f"  last run: {status.last.run}, {status.last.ending}: {status.last.reason}")
     daemon = status.daemon
@@ -136,7 +136,7 @@ def _line(event: RigEvent) -> str:
     told = _told(event.data)
     line = f"{event.seq:6d}  {_clock(event.t_ns)}  {event.kind:12s} {trial:9s} {told}".rstrip()
     # What a client has said is in it: it begins no line of its own, and steers no terminal.
-    return "".join(one if one.isprintable() else " " for one in line)
+    return "".join(item if item.isprintable() else " " for item in line)
 
 
 def _told(data: Mapping[str, JsonValue]) -> str:
@@ -151,7 +151,7 @@ def _told(data: Mapping[str, JsonValue]) -> str:
         if name == "name":
             parts.insert(0, _plain(value))
         elif name == "parameters" and isinstance(value, dict) and isinstance(units, dict):
-            shown = (f"{one} {_plain(of)} {units.get(one) or ''}" for one, of in value.items())
+            shown = (f"{item} {_plain(of)} {units.get(item) or ''}" for item, of in value.items())
             parts.append(", ".join(shown).rstrip())
         else:
             parts.append(f"{name.replace('_', ' ')} {_plain(value)}")
@@ -167,8 +167,8 @@ def _plain(value: JsonValue) -> str:
         case list():
             return ", ".join(map(_plain, value))
         case dict():
-            kept = ((name, one) for name, one in value.items() if name != "sha256")
-            return ", ".join(f"{name} {_plain(one)}" for name, one in kept if one not in _EMPTY)
+            kept = ((name, item) for name, item in value.items() if name != "sha256")
+            return ", ".join(f"{name} {_plain(item)}" for name, item in kept if item not in _EMPTY)
     return str(value)
 
 

@@ -31,8 +31,8 @@ def _procedures(args: argparse.Namespace) -> int:
     table = Table(box=None, pad_edge=False)
     for name in ("procedure", "title", "cannot run here because"):
         table.add_column(name, overflow="fold")
-    for one in found.procedures:
-        table.add_row(*map(escape, (one.name, one.title, one.problem or "")))
+    for procedure in found.procedures:
+        table.add_row(*map(escape, (procedure.name, procedure.title, procedure.problem or "")))
     print_table(console, table)
     return 0
 

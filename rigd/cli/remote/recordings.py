@@ -49,17 +49,17 @@ def _print(found: RunList, where: str) -> None:
     for name in ("trials", "s", "MB"):
         table.add_column(name, justify="right")
     table.add_column("report")
-    for one in found.runs:
-        began = datetime.fromtimestamp(one.started_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M")
+    for run in found.runs:
+        began = datetime.fromtimestamp(run.started_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M")
         texts = (
-            one.run,
-            one.procedure,
-            one.state if one.problem is None else one.problem,
-            began if one.started_ns else "",
-            f"{one.trials_done}/{one.trials_total}",
-            f"{one.duration_s:.0f}",
-            f"{one.size / 1e6:.1f}",
-            "yes" if one.has_report else "",
+            run.run,
+            run.procedure,
+            run.state if run.problem is None else run.problem,
+            began if run.started_ns else "",
+            f"{run.trials_done}/{run.trials_total}",
+            f"{run.duration_s:.0f}",
+            f"{run.size / 1e6:.1f}",
+            "yes" if run.has_report else "",
         )
         table.add_row(*map(escape, texts))
     print_table(console, table)

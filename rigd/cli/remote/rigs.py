@@ -19,7 +19,7 @@ def _execute(args: argparse.Namespace) -> int:
 
     found = asyncio.run(discover_rigs())
     if args.json:
-        print_json([_as_json(one) for one in found])
+        print_json([_as_json(item) for item in found])
     else:
         _print(found)
     return 0
@@ -44,17 +44,17 @@ def _print(found: list[DiscoveredRig]) -> None:
     table = Table(box=None, pad_edge=False)
     for name in ("rig", "address", "state", "procedure", "trials", "control", "title"):
         table.add_column(name, overflow="fold")
-    for one in found:
-        status = one.status
+    for item in found:
+        status = item.status
         if status is None:
             silent = "[red]not reached[/]"
-            table.add_row(escape(one.rig), escape(one.endpoint), silent, "", "", "",
-                          escape(one.problem))  # fmt: skip
+            table.add_row(escape(item.rig), escape(item.endpoint), silent, "", "", "",
+                          escape(item.problem))  # fmt: skip
             continue
         trials = f"{status.trials_done}/{status.trials_total}" if status.procedure else ""
         texts = (
-            one.rig,
-            one.endpoint,
+            item.rig,
+            item.endpoint,
             status.state,
             status.procedure or "",
             trials,

@@ -39,7 +39,7 @@ def _execute(args: argparse.Namespace) -> int:
     made = setup_tls(args.folder, args.host, args.client)
     if args.json:
         kinds = {"made": made.files, "kept": made.kept}
-        print_json({kind: [str(one) for one in files] for kind, files in kinds.items()})
+        print_json({kind: [str(file) for file in files] for kind, files in kinds.items()})
         return 0
     for path in made.files:
         print(f"made  {path}")
@@ -52,7 +52,7 @@ def _execute(args: argparse.Namespace) -> int:
 def _advice(folder: Path, hosts: Sequence[str], clients: Sequence[str]) -> str:
     host = hosts[0] if hosts else "HOST"
     name = clients[0] if clients else "NAME"
-    roles = ", ".join(f"{one}: operator" for one in clients) or "NAME: operator"
+    roles = ", ".join(f"{client}: operator" for client in clients) or "NAME: operator"
     return f"""
 in the rig file, on the machine of the rig:
   remote:

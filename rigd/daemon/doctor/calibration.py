@@ -34,9 +34,9 @@ def examine_calibration(rig: RigConfig, on: date) -> Iterator[Check]:
         return
     count = f"{len(names)} values"
     ends = {
-        name: one.valid_until
-        for name, one in setup.held.values.items()
-        if one.valid_until is not None
+        name: value.valid_until
+        for name, value in setup.held.values.items()
+        if value.valid_until is not None
     }
     if not ends:
         yield Check(group, _NAME, CheckVerdict.OK, f"{setup.held.name}: {count}, none expires")

@@ -33,7 +33,7 @@ class Check:
 
 def is_fit(checks: Iterable[Check]) -> bool:
     """Return whether none of ``checks`` fails."""
-    return all(one.verdict is not CheckVerdict.FAIL for one in checks)
+    return all(check.verdict is not CheckVerdict.FAIL for check in checks)
 
 
 #: Takes every check as soon as it is made.

@@ -53,8 +53,8 @@ def examine(what: Examination, tell: Tell) -> bool:
 
 
 def _needs(rig: RigConfig) -> StorageNeeds:
-    streams = [(one, row_struct(one).size) for one in streams_of(rig)]
+    streams = [(item, row_struct(item).size) for item in streams_of(rig)]
     return StorageNeeds(
-        sum(size * most_rows_hz(rig, one) for one, size in streams),
-        sum(size * ring_rows(rig, one, RING_S) for one, size in streams),
+        sum(size * most_rows_hz(rig, stream) for stream, size in streams),
+        sum(size * ring_rows(rig, stream, RING_S) for stream, size in streams),
     )

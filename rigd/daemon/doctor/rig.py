@@ -97,7 +97,7 @@ def _links_and_devices(
         if event.kind == "devices"
         for name, identity in event.data.items()
     }
-    wrong = {one.name for one in reasons}
+    wrong = {item.name for item in reasons}
     for reason in reasons:
         if reason.name not in rig.devices:
             name = reason.name or "opening"

@@ -75,7 +75,7 @@ class Survey:
         yield silence_check(group, late, self._rig)
 
     def _work(self, group: str, spent_s: NDArray[np.float64]) -> Check:
-        p50_s, p99_s = (float(one) for one in np.quantile(spent_s, [0.5, 0.99]))
+        p50_s, p99_s = (float(item) for item in np.quantile(spent_s, [0.5, 0.99]))
         period_s = self._rig.period_ns * 1e-9
         found = (
             f"takes {p50_s * 1e6:.0f} us (p50), {p99_s * 1e6:.0f} us (p99) of {period_s * 1e6:g} us"

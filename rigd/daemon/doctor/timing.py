@@ -88,7 +88,7 @@ def silence_check(group: str, late: Lateness, rig: RigConfig | None) -> Check:
 def suggested_silence_s(longest_gap_s: float) -> float:
     """Return the shortest usual silence, in s, that is well above ``longest_gap_s``."""
     least_s = _SILENCE_FACTOR * longest_gap_s
-    return next((one for one in _SILENCES if one >= least_s), least_s)
+    return next((silence for silence in _SILENCES if silence >= least_s), least_s)
 
 
 def _us(seconds: float) -> str:

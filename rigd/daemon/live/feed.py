@@ -98,7 +98,7 @@ class Feed:
     def skipped(self) -> int:
         """Rows that were overwritten before they could be shown."""
         with self._lock:
-            return sum(one.skipped for one in self._streams.values())
+            return sum(stream.skipped for stream in self._streams.values())
 
     def start(self) -> None:
         """Begin to show; once."""
@@ -213,9 +213,9 @@ class Feed:
 
     def _show_events(self) -> None:
         came = [event for view in self._views for event in view.read()]
-        came.sort(key=lambda one: one.t_ns)
+        came.sort(key=lambda item: item.t_ns)
         # All are numbered before any is published: who misses one can ask for it.
-        for event in [self._log.add(one) for one in came]:
+        for event in [self._log.add(item) for item in came]:
             self._outlet.event(event)
 
     def _show_rows(self, live: LiveStream) -> None:

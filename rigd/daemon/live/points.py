@@ -43,9 +43,9 @@ class Points:
     def joined(cls, several: Sequence[Points]) -> Self:
         """Return the points of ``several`` (at least one), one after the other."""
         return cls(
-            np.concatenate([one.times_ns for one in several]),
-            np.concatenate([one.low for one in several]),
-            np.concatenate([one.high for one in several]),
+            np.concatenate([item.times_ns for item in several]),
+            np.concatenate([item.low for item in several]),
+            np.concatenate([item.high for item in several]),
         )
 
     def __len__(self) -> int:

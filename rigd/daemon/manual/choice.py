@@ -30,7 +30,7 @@ def chosen_channels(rig: RigConfig, names: Sequence[str]) -> list[str]:
             )
     if not names:
         return every
-    return [one for one in every if one in names or one.partition(".")[0] in names]
+    return [item for item in every if item in names or item.partition(".")[0] in names]
 
 
 def check_action(rig: RigConfig, name: str, action: str) -> None:
@@ -48,7 +48,7 @@ def check_action(rig: RigConfig, name: str, action: str) -> None:
     if known:
         hint = "it has: " + ", ".join(known)
     else:
-        able = [one for one in rig.devices if action in actions_of(rig, one)]
+        able = [item for item in rig.devices if action in actions_of(rig, item)]
         hint = f"it has none; {action} of this rig: {', '.join(able) or 'no device has it'}"
     raise ConfigError(f"{name} ({device.driver}) has no action {action!r}", hint=hint)
 
@@ -68,11 +68,13 @@ def only(rig: RigConfig, devices: Collection[str]) -> RigConfig:
         rig,
         devices=kept,
         links={name: link for name, link in rig.links.items() if name in links},
-        interlocks=tuple(one for one in rig.interlocks if _sources(one) <= set(kept)),
+        interlocks=tuple(
+            interlock for interlock in rig.interlocks if _sources(interlock) <= set(kept)
+        ),
     )
 
 
 def _sources(interlock: Interlock) -> set[str]:
     """Return the devices whose channels an interlock looks at."""
     channels = (interlock.source, interlock.low, interlock.high)
-    return {one.partition(".")[0] for one in channels if isinstance(one, str)}
+    return {channel.partition(".")[0] for channel in channels if isinstance(channel, str)}

@@ -73,8 +73,8 @@ class UnarmedSession:
     @property
     def trips(self) -> Sequence[Trip]:
         """What tripped so far, each with its interlock as the rig file has it; nothing acted."""
-        own = {one.name: one for one in self.rig.interlocks}
-        return [replace(one, interlock=own[one.interlock.name]) for one in self._host.trips]
+        own = {interlock.name: interlock for interlock in self.rig.interlocks}
+        return [replace(trip, interlock=own[trip.interlock.name]) for trip in self._host.trips]
 
     def open(self) -> Sequence[str]:
         """Open every link and device; return what could not be opened, a sentence each."""
@@ -201,5 +201,7 @@ def _harmless(rig: RigConfig) -> RigConfig:
 
     Nothing is armed, so nothing need end in a hurry: a terminal may be stopped (Ctrl-S).
     """
-    told = tuple(replace(one, action=Severity.WARN, latch=False) for one in rig.interlocks)
+    told = tuple(
+        replace(interlock, action=Severity.WARN, latch=False) for interlock in rig.interlocks
+    )
     return replace(rig, interlocks=told, supervision=Supervision(PATIENCE_S, PATIENCE_S))

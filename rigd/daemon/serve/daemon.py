@@ -135,8 +135,8 @@ def serve(options: DaemonOptions, announce: Callable[[str], None]) -> None:
 
         while not signals.reason:
             tick()
-            for one in companions:
-                one.tend()
+            for companion in companions:
+                companion.tend()
         notifier.ending()
         while parts.steering.running is not None:
             tick()

@@ -32,9 +32,9 @@ def describe(rig: RigConfig, role: Role) -> Description:
         title=rig.title,
         simulated=rig.plant is not None or rig.simulation is not None,
         # Numbered as in the frames (rigd.daemon.live).
-        streams=tuple(_stream(rig, n, one) for n, one in enumerate(streams_of(rig))),
+        streams=tuple(_stream(rig, n, item) for n, item in enumerate(streams_of(rig))),
         setpoints=tuple(_setpoints(rig)),
-        interlocks=tuple(_interlock(one) for one in rig.interlocks),
+        interlocks=tuple(_interlock(interlock) for interlock in rig.interlocks),
         actions=tuple(_actions(rig)),
         role=role,
         roles={name: Role(given) for name, given in rig.remote.roles.items()},
@@ -45,7 +45,7 @@ def _stream(rig: RigConfig, number: int, stream: Stream) -> StreamView:
     return StreamView(
         number=number,
         name=stream.name,
-        channels=tuple(_channel(one) for one in stream.channels),
+        channels=tuple(_channel(channel) for channel in stream.channels),
         rate_hz=most_rows_hz(rig, stream),
     )
 

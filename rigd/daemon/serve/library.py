@@ -61,7 +61,7 @@ class Library:
 
     def lines(self) -> Procedures:
         """Return all procedures by name, each with what keeps it from running on this rig."""
-        return Procedures(procedures=tuple(self._line(one) for one in self._all()))
+        return Procedures(procedures=tuple(self._line(item) for item in self._all()))
 
     def view(self, name: str) -> ProcedureView:
         """Return a procedure and what a form for it needs.
@@ -69,7 +69,7 @@ class Library:
         Raises:
             Refusal: there is none of that name, or it is wrong.
         """
-        known = {one.name: one for one in self._all()}
+        known = {item.name: item for item in self._all()}
         found = known.get(name)
         if found is None:
             near = difflib.get_close_matches(name, known, n=1)
@@ -115,13 +115,13 @@ class Library:
 
     def _all(self) -> Sequence[Procedure | _Wrong]:
         found: dict[str, Procedure | _Wrong] = {}
-        for one in self._files():
-            found.setdefault(one.name, one)
+        for file in self._files():
+            found.setdefault(file.name, file)
         return [found[name] for name in sorted(found)]
 
     def _files(self) -> Iterator[Procedure | _Wrong]:
         for folder in self._folders:
-            for path in sorted(one for one in folder.glob("*.yaml") if one.is_file()):
+            for path in sorted(item for item in folder.glob("*.yaml") if item.is_file()):
                 try:
                     yield load_procedure(path)
                 except ConfigError as error:
@@ -141,7 +141,7 @@ def check(args: Checked, rig: RigConfig, most_steps: int = MAX_STEPS) -> CheckRe
     except ConfigError as error:
         if isinstance(error, TooLong) and error.steps <= MAX_STEPS:
             raise
-        problems = tuple(_problem(one) for one in (error, *error.others))
+        problems = tuple(_problem(item) for item in (error, *error.others))
         return CheckReport(ok=False, problems=problems)
     asked = [step for step in compiled.steps() if isinstance(step, Prompt)]
     return CheckReport(ok=True, trials=len(compiled.trials), prompts=len(asked))
@@ -159,15 +159,15 @@ def _view(procedure: Procedure) -> ProcedureView:
     parameters = tuple(
         ParameterView(
             name=name,
-            doc=one.doc,
-            unit=one.unit or "1",
-            choices=tuple(one.choices or ()),
-            default=one.default,
-            min=one.min,
-            max=one.max,
+            doc=parameter.doc,
+            unit=parameter.unit or "1",
+            choices=tuple(parameter.choices or ()),
+            default=parameter.default,
+            min=parameter.min,
+            max=parameter.max,
             swept=name in swept,
         )
-        for name, one in source.parameters.items()
+        for name, parameter in source.parameters.items()
     )
     return ProcedureView(
         procedure=_file_of(procedure),
@@ -183,9 +183,9 @@ def _undecided(procedure: Procedure) -> Mapping[str, object]:
     source = procedure.source
     swept = {*source.sweep.grid, *source.sweep.zip}
     return {
-        name: one
-        for name, one in source.parameters.items()
-        if one.default is None and name not in swept
+        name: parameter
+        for name, parameter in source.parameters.items()
+        if parameter.default is None and name not in swept
     }
 
 

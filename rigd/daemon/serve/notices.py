@@ -44,4 +44,4 @@ class Notices:
 
 def one_line(text: str) -> str:
     """Return ``text`` without what would break a line or steer a terminal."""
-    return "".join(one if one.isprintable() else " " for one in text)
+    return "".join(item if item.isprintable() else " " for item in text)

@@ -50,16 +50,18 @@ class Interruptions:
                 kept = f"; {report.original.name} is as it was" if report.original else ""
                 self._notices.note(f"{path.name} was torn and is repaired: {report.problem}{kept}")
         runs = self._recordings.of(self._rig)
-        offered = [one for run in runs if (one := interrupted(run)) is not None]
+        offered = [found for run in runs if (found := interrupted(run)) is not None]
         self._found = tuple(offered[:OFFERED])
         if runs and interrupted(runs[0]) is not None:
             # What tripped after the daemon could no longer tell.
             events, known_ns = Recording.open(runs[0].path).events(), trips.known_ns
-            trips.note(RememberedTrip.recorded(one) for one in events if _is_news(one, known_ns))
-        for one in offered[:1]:
+            trips.note(
+                RememberedTrip.recorded(event) for event in events if _is_news(event, known_ns)
+            )
+        for item in offered[:1]:
             self._notices.note(
-                f"{one.run} ended after {one.trials_done} of {one.trials_total} trials "
-                f"({one.reason}); `rigd remote resume-run {one.run}` goes on with it",
+                f"{item.run} ended after {item.trials_done} of {item.trials_total} trials "
+                f"({item.reason}); `rigd remote resume-run {item.run}` goes on with it",
                 "warning",
             )
 
@@ -102,7 +104,7 @@ class Interruptions:
 
     def ended(self, run: str) -> None:
         """Look again at a run that has ended; ``run`` is its file, which may not be there."""
-        others = tuple(one for one in self._found if one.run != run)
+        others = tuple(item for item in self._found if item.run != run)
         offered = self._recordings.interrupted(run)
         self._found = others if offered is None else (offered, *others)[:OFFERED]
 

@@ -131,7 +131,7 @@ class RigService:
             lease=parts.lease.view(),
             trips=parts.trips.views(),
             interrupted=tuple(
-                one for one in parts.interruptions.views() if one.run != self._under_way
+                view for view in parts.interruptions.views() if view.run != self._under_way
             ),
             last=parts.steering.last,
             refused=self._refused(),

@@ -228,8 +228,8 @@ class Steering:
 
     def stop(self, stop: Severity, reason: str) -> bool:
         """End what happens on the rig; return whether that is news. Waits for nothing."""
-        busy = [one.control for one in (self._running, self._acting) if one is not None]
-        news = [one for one in busy if one.asked is None or one.asked < stop]
+        busy = [item.control for item in (self._running, self._acting) if item is not None]
+        news = [item for item in busy if item.asked is None or item.asked < stop]
         for control in news:
             control.request(stop, reason)
             control.pause_wanted = False

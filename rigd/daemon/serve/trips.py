@@ -110,9 +110,9 @@ class TripMemory:
     def note(self, trips: Iterable[RememberedTrip]) -> None:
         """Take note of what has tripped; the newest of one interlock stands for all."""
         with self._lock:
-            for one in trips:
-                self._acted[one.interlock] = one
-                self.known_ns = max(self.known_ns, one.since_ns)
+            for trip in trips:
+                self._acted[trip.interlock] = trip
+                self.known_ns = max(self.known_ns, trip.since_ns)
                 self._changed = True
 
     def acknowledge(self, interlock: str, who: str) -> None:
@@ -136,9 +136,9 @@ class TripMemory:
             Refusal: something still waits to be acknowledged.
         """
         with self._lock:
-            barring = [one for one in self._acted.values() if one.bars and not one.by]
+            barring = [item for item in self._acted.values() if item.bars and not item.by]
             if barring:
-                names = ", ".join(one.interlock for one in barring)
+                names = ", ".join(item.interlock for item in barring)
                 raise Refusal(
                     Code.REFUSED,
                     f"{names} tripped: {barring[0].message}",
@@ -151,8 +151,8 @@ class TripMemory:
     def views(self) -> tuple[TripView, ...]:
         """Return what has tripped, the newest first."""
         with self._lock:
-            known = sorted(self._acted.values(), key=lambda one: -one.since_ns)
-        return tuple(one.view for one in known)
+            known = sorted(self._acted.values(), key=lambda item: -item.since_ns)
+        return tuple(item.view for item in known)
 
     def save(self) -> None:
         """Bring what has changed to disk, whole or not at all; a failure is logged, and tried on.
@@ -166,7 +166,7 @@ class TripMemory:
                 self._changed = False
                 known = {
                     "known_ns": self.known_ns,
-                    "trips": [asdict(one) for one in self._acted.values()],
+                    "trips": [asdict(item) for item in self._acted.values()],
                 }
             draft = self._path.with_name(f"{self._path.name}.new")
             try:
@@ -184,7 +184,7 @@ class TripMemory:
             held: Mapping[str, Any] = json.loads(self._path.read_bytes())
             self.known_ns = int(held["known_ns"])
             trips: Sequence[Mapping[str, Any]] = held["trips"]
-            self._acted = {one["interlock"]: RememberedTrip(**one) for one in trips}
+            self._acted = {trip["interlock"]: RememberedTrip(**trip) for trip in trips}
         except OSError as error:
             raise RecordingError(f"cannot read {self._path}: {error.strerror}") from error
         except (KeyError, TypeError, ValueError) as error:

@@ -203,7 +203,9 @@ class Transfer:
                 for name, values in job.metadata.items()
                 if not values.items() <= known.get(name, {}).items()
             },
-            attachments=[one for one in job.attachments if one.name not in held],
+            attachments=[
+                attachment for attachment in job.attachments if attachment.name not in held
+            ],
             compression=job.compression,
             trusted=path.stat().st_size,  # recover has just been through it
         )
@@ -222,7 +224,7 @@ class Transfer:
         since = recording.events()[before["events"] :]
         self._ended = any(event.kind == "run_end" for event in since)
         rows_lost = self._settle_rows(recording, before["rows"])
-        events_lost = self._settle_events([one for one in since if BY_RECORDER not in one.data])
+        events_lost = self._settle_events([item for item in since if BY_RECORDER not in item.data])
         rows_since = any(recording.recorded(name) > before["rows"][name] for name in self._rows)
         if rows_lost or events_lost or ((since or rows_since) and not self._ended):
             self._note_restart("the recorder before was killed", rows_lost, events_lost)

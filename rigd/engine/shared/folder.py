@@ -183,7 +183,7 @@ class RunFolder:
 
     def ring_path(self, job: Job, stream: str) -> Path | None:
         """Return the file of the ring of ``stream``; None where it is not recorded."""
-        names = [one.name for one in job.streams]
+        names = [item.name for item in job.streams]
         return self._rows(names.index(stream)) if stream in names else None
 
     def row_rings(self, job: Job) -> dict[str, RowRing]:

@@ -43,11 +43,11 @@ class Job:
                 "metadata": {name: dict(values) for name, values in self.metadata.items()},
                 "attachments": [
                     {
-                        "name": one.name,
-                        "media_type": one.media_type,
-                        "data": base64.b64encode(one.data).decode(),
+                        "name": attachment.name,
+                        "media_type": attachment.media_type,
+                        "data": base64.b64encode(attachment.data).decode(),
                     }
-                    for one in self.attachments
+                    for attachment in self.attachments
                 ],
                 "compression": self.compression,
                 "resume": self.resume,
@@ -67,12 +67,12 @@ class Job:
             return cls(
                 rig=content["rig"],
                 recording=Path(content["recording"]),
-                streams=tuple(stream_from_json(json.dumps(one)) for one in content["streams"]),
+                streams=tuple(stream_from_json(json.dumps(item)) for item in content["streams"]),
                 start_ns=int(content["start_ns"]),
                 metadata=content["metadata"],
                 attachments=tuple(
-                    Attachment(one["name"], one["media_type"], base64.b64decode(one["data"]))
-                    for one in content["attachments"]
+                    Attachment(item["name"], item["media_type"], base64.b64decode(item["data"]))
+                    for item in content["attachments"]
                 ),
                 compression=content["compression"],
                 resume=bool(content["resume"]),

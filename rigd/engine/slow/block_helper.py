@@ -164,7 +164,7 @@ class BlockHelper:
     def _error(self, failed: Failed) -> RigdError:
         """Return what the helper failed with, with the device's name in front."""
         kinds: dict[str, type[RigdError]] = {
-            one.__name__: one for one in (LinkError, ProtocolError, DeviceError)
+            item.__name__: item for item in (LinkError, ProtocolError, DeviceError)
         }
         kind = kinds.get(failed.kind, DeviceError)
         return kind(f"{self.name}: {failed.message}", hint=failed.hint)

@@ -196,7 +196,7 @@ class SlowDevices:
                 return type(error)(f"{name}: {error.message}", hint=error.hint)
             return None
 
-        found = await asyncio.gather(*(open_one(*one) for one in self._drivers.items()))
+        found = await asyncio.gather(*(open_one(*item) for item in self._drivers.items()))
         failed = [error for error in found if error is not None]
         if failed:
             hints = "; ".join(error.hint for error in failed if error.hint)
@@ -234,7 +234,7 @@ class SlowDevices:
 
     async def _close_all(self) -> bool:
         """Cancel and close all at once; return whether all have ended."""
-        ended = await asyncio.gather(*(self._close(*one) for one in self._drivers.items()))
+        ended = await asyncio.gather(*(self._close(*driver) for driver in self._drivers.items()))
         return all(ended)
 
     async def _close(self, name: str, driver: SlowDriver) -> bool:

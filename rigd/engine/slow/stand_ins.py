@@ -31,7 +31,7 @@ class StandIns:
         self._table = LatestTable.attach(folder / TABLE, streams) if streams else None
         self.windows: Mapping[str, Windows] = {}  #: when their rows are recorded, by stream
         if self._table is not None:
-            self.windows = {one.name: self._table.windows(one.name) for one in streams}
+            self.windows = {stream.name: self._table.windows(stream.name) for stream in streams}
 
     def of(self, device: DeviceConfig) -> Driver:
         """Return what stands in the cycle for ``device``."""

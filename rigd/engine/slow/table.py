@@ -143,7 +143,11 @@ def _slot_bytes(stream: Stream) -> int:
 def _identity(streams: Sequence[Stream]) -> int:
     """Return 64 bits that differ where names, units or order of the values do."""
     layout = [
-        (one.name, [(channel.name, channel.unit) for channel in one.channels], one.has_status)
-        for one in streams
+        (
+            stream.name,
+            [(channel.name, channel.unit) for channel in stream.channels],
+            stream.has_status,
+        )
+        for stream in streams
     ]
     return int.from_bytes(hashlib.blake2b(repr(layout).encode(), digest_size=8).digest(), "little")

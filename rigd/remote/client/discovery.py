@@ -32,10 +32,10 @@ async def discover_rigs() -> list[DiscoveredRig]:
     """
     known = read_remotes()
     async with asyncio.TaskGroup() as group:
-        listed = [group.create_task(_look(name, one)) for name, one in known.items()]
+        listed = [group.create_task(_look(name, item)) for name, item in known.items()]
         here = group.create_task(_look_around(frozenset(known)))
     found = [task.result() for task in listed] + here.result()
-    return sorted(found, key=lambda one: one.rig)
+    return sorted(found, key=lambda item: item.rig)
 
 
 async def _look(rig: str, remote: Remote) -> DiscoveredRig:

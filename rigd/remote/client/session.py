@@ -108,7 +108,7 @@ async def query(
         source_info=zenoh.SourceInfo(session.id, 0),  # should it vanish, so does its calculation
     )
     await done.wait()
-    if any(not one.ok and one.payload == _TIMED_OUT for one in answers):
+    if any(not answer.ok and answer.payload == _TIMED_OUT for answer in answers):
         raise TimedOut
     return answers
 

@@ -102,7 +102,7 @@ class RunWatch:
             return None
         if status.last is not None and status.last.run == self.run:
             return status.last
-        if any(one.run == self.run for one in status.interrupted):
+        if any(item.run == self.run for item in status.interrupted):
             raise LinkError(
                 f"the daemon of {status.rig} ended with {self.run}, and was started anew",
                 hint=f"look at the rig; `rigd remote resume-run {self.run}` goes on with it",

@@ -115,7 +115,7 @@ def _check_json(payload: bytes) -> None:
             if isinstance(outer, dict | list)
             for inner in (outer.values() if isinstance(outer, dict) else outer)
         ]
-    if any(isinstance(one, dict | list) for one in level):
+    if any(isinstance(item, dict | list) for item in level):
         raise _too_deep()
 
 
@@ -139,13 +139,13 @@ def _finite(text: str) -> float:
 
 def _refusal(error: ValidationError) -> Refusal:
     found = error.errors(include_url=False, include_context=False)
-    for one in found:
-        version = one["input"]
-        if one["loc"] == ("v",) and type(version) is int and 0 < version < _NO_VERSION:
+    for item in found:
+        version = item["input"]
+        if item["loc"] == ("v",) and type(version) is int and 0 < version < _NO_VERSION:
             return Refusal(
                 Code.VERSION,
                 f"the message is of version {version} of the protocol, here it is {VERSION}",
                 hint="install the same rigd at both ends",
             )
-    told = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in found[:3])
+    told = "; ".join(f"{'.'.join(map(str, item['loc']))}: {item['msg']}" for item in found[:3])
     return Refusal(Code.BAD_REQUEST, told[:_MAX_TOLD])

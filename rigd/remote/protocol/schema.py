@@ -27,7 +27,7 @@ def remote_schema() -> dict[str, Any]:
     messages += [verb.result for verb in verbs.values()]
     messages += requests.values()
     references, schema = models_json_schema(
-        [(one, "validation") for one in dict.fromkeys(messages)]
+        [(message, "validation") for message in dict.fromkeys(messages)]
     )
     refer = {model: reference for (model, _), reference in references.items()}
     return {

@@ -67,7 +67,7 @@ class Admission:
         self.pauses = 0  #: how often accepting has paused
         self._session = session
         read = map(Endpoint.read, endpoints)
-        self._ports = frozenset(one.port for one in read if one is not None)
+        self._ports = frozenset(item.port for item in read if item is not None)
         self._listening: list[int] = []  # descriptors of our own for zenoh's sockets
         self._paused = False
         self._modes_refused = 0
@@ -78,7 +78,7 @@ class Admission:
 
     def watch(self) -> None:
         """Begin to watch."""
-        found = [one.fileno() for one, listens in self._sockets() if listens]
+        found = [item.fileno() for item, listens in self._sockets() if listens]
         # Not socket.dup(): it lets both block, and zenoh's must not.
         self._listening = [os.dup(number) for number in found]
         self._news = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
@@ -105,12 +105,12 @@ class Admission:
         """
         ended = 0
         clients = self._clients()
-        for one, listens in self._sockets():
-            if listens or _peer(one) in clients:
+        for item, listens in self._sockets():
+            if listens or _peer(item) in clients:
                 continue
             with suppress(OSError):  # it has gone by itself
-                if one.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0] == _ESTABLISHED:
-                    one.shutdown(socket.SHUT_RDWR)
+                if item.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0] == _ESTABLISHED:
+                    item.shutdown(socket.SHUT_RDWR)
                     ended += 1
         return ended
 
@@ -120,11 +120,11 @@ class Admission:
         Its listener cannot: it looks at nothing else while one of them waits.
         """
         refused = 0
-        for one, listens in self._sockets():
+        for item, listens in self._sockets():
             # Each is taken and closed; the listener of zenoh never blocks (O_NONBLOCK).
             while listens and refused < _MOST_WAITING:
                 try:
-                    one.accept()[0].close()
+                    item.accept()[0].close()
                 except OSError:
                     break
                 refused += 1
@@ -146,7 +146,7 @@ class Admission:
     def _look(self) -> None:
         """Pause accepting, or let it go on."""
         clients = self._clients()
-        peers = [_peer(one) for one, listens in self._sockets() if not listens]
+        peers = [_peer(item) for item, listens in self._sockets() if not listens]
         unauthenticated = sum(peer not in clients for peer in peers)
         if not self._paused and unauthenticated > MOST_UNAUTHENTICATED:
             self._paused = True
@@ -161,9 +161,9 @@ class Admission:
 
     def _set(self, level: int, option: int, value: int | bytes) -> None:
         for number in self._listening:
-            with _looked_at(number) as one:
-                if one is not None:
-                    one.setsockopt(level, option, value)
+            with _looked_at(number) as found:
+                if found is not None:
+                    found.setsockopt(level, option, value)
 
     def _came(self, event: zenoh.TransportEvent) -> None:
         """Somebody has opened a session, or ended it; on a thread of zenoh's."""
@@ -173,14 +173,18 @@ class Admission:
     def _refuse_modes(self) -> None:
         """End the connections of those that do not come as clients."""
         info = self._session.info
-        others = [one.zid for one in info.transports() if one.whatami != zenoh.WhatAmI.CLIENT]
+        others = [
+            transport.zid
+            for transport in info.transports()
+            if transport.whatami != zenoh.WhatAmI.CLIENT
+        ]
         if not others:
             return
         theirs = {_address(link) for link in info.links() if link.zid in others}
-        for one, listens in self._sockets():
-            if not listens and (peer := _peer(one)) in theirs:
+        for item, listens in self._sockets():
+            if not listens and (peer := _peer(item)) in theirs:
                 with suppress(OSError):
-                    one.shutdown(socket.SHUT_RDWR)
+                    item.shutdown(socket.SHUT_RDWR)
                 if not self._modes_refused:  # they come again each second
                     _log.warning("%s came as a router or a peer, not as a client: refused", peer)
                 self._modes_refused += 1
@@ -192,31 +196,31 @@ class Admission:
     def _sockets(self) -> Iterator[tuple[socket.socket, bool]]:
         """Yield the sockets on these ports, each with whether it is one that listens."""
         for path in Path("/proc/self/fd").iterdir():
-            with _looked_at(int(path.name)) as one:
-                if one is None:
+            with _looked_at(int(path.name)) as found:
+                if found is None:
                     continue
                 try:
-                    if one.getsockname()[1] not in self._ports:
+                    if found.getsockname()[1] not in self._ports:
                         continue
-                    listens = one.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN) == 1
+                    listens = found.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN) == 1
                 except OSError:  # closed meanwhile
                     continue
-                yield one, listens
+                yield found, listens
 
 
 @contextmanager
 def _looked_at(number: int) -> Iterator[socket.socket | None]:
     """Give a descriptor of this process as a socket, if it is one of TCP; it stays open."""
     try:
-        one = socket.socket(fileno=number)
+        found = socket.socket(fileno=number)
     except OSError:
         yield None
         return
     try:
-        internet = one.family in (socket.AF_INET, socket.AF_INET6)
-        yield one if internet and one.type == socket.SOCK_STREAM else None
+        internet = found.family in (socket.AF_INET, socket.AF_INET6)
+        yield found if internet and found.type == socket.SOCK_STREAM else None
     finally:
-        one.detach()
+        found.detach()
 
 
 def _address(link: zenoh.Link) -> str:
@@ -224,10 +228,10 @@ def _address(link: zenoh.Link) -> str:
     return str(link.dst).rpartition("/")[2]
 
 
-def _peer(one: socket.socket) -> str:
+def _peer(item: socket.socket) -> str:
     """Return the address of the other end as zenoh writes it; "" where it has gone."""
     try:
-        host, port = one.getpeername()[:2]
+        host, port = item.getpeername()[:2]
     except OSError:
         return ""
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"

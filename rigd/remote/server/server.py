@@ -147,7 +147,7 @@ class Server:
 
     def transports(self) -> Sequence[str]:
         """Return the mode of zenoh in which each session is connected; only ``client`` stays."""
-        return [str(one.whatami) for one in self._session.info.transports()]
+        return [str(transport.whatami) for transport in self._session.info.transports()]
 
     def close(self) -> None:
         """Let nobody in any more; what is under way is finished, what waits is not begun."""

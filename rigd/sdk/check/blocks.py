@@ -49,28 +49,28 @@ class BlockBench:
 def bench(subject: Subject, fault: str = "") -> Iterator[tuple[BlockBench, Callable[[], object]]]:
     """Put a new driver, open and started, before a new device; also yield what begins ``fault``."""
     with subject.fresh_peer() as peer, Caller() as caller:
-        one = BlockBench(subject.make(peer, peer.link()), caller)
-        one.must("open", one.driver.open)
-        one.must("start", one.driver.start)
+        found = BlockBench(subject.make(peer, peer.link()), caller)
+        found.must("open", found.driver.open)
+        found.must("start", found.driver.start)
         try:
-            yield one, peer.faults.get(fault, lambda: None)
+            yield found, peer.faults.get(fault, lambda: None)
         finally:
-            caller.call(one.driver.close, OPEN_S)
+            caller.call(found.driver.close, OPEN_S)
 
 
 def _opens(subject: Subject) -> Iterator[str]:
-    with bench(subject) as (one, _):
-        rate = one.driver.rate_hz
+    with bench(subject) as (found, _):
+        rate = found.driver.rate_hz
         if not (np.isfinite(rate) and rate > 0):
             yield f"rate_hz is {rate} once it is open"
 
 
 def _blocks(subject: Subject) -> Iterator[str]:
-    with bench(subject) as (one, _):
+    with bench(subject) as (found, _):
         blocks: list[Block] = []
         end = time.monotonic() + BLOCKS_S
         while len(blocks) < BLOCKS and time.monotonic() < end:
-            outcome = one.read()
+            outcome = found.read()
             if outcome.error is not None:
                 yield f"read_block raises {described(outcome.error)}"
                 return
@@ -79,7 +79,7 @@ def _blocks(subject: Subject) -> Iterator[str]:
         if not blocks:
             yield f"no block in {BLOCKS_S:g} s"
             return
-        problems = [problem for block in blocks for problem in _block_problems(one.driver, block)]
+        problems = [problem for block in blocks for problem in _block_problems(found.driver, block)]
         yield from sorted(set(problems))
         if not problems:
             times = np.concatenate([block.times_ns for block in blocks])
@@ -108,17 +108,17 @@ def _block_problems(driver: BlockDriver, block: object) -> Iterator[str]:
 
 
 def _newest_row(subject: Subject) -> Iterator[str]:
-    with bench(subject) as (one, _):
+    with bench(subject) as (found, _):
         end = time.monotonic() + BLOCKS_S
         block: Any = None
         while block is None and time.monotonic() < end:
-            block = one.must("read_block", lambda: one.driver.read_block(TIMEOUT_S))
+            block = found.must("read_block", lambda: found.driver.read_block(TIMEOUT_S))
         if block is None:
             raise UnfitSubject(f"no block in {BLOCKS_S:g} s")
-        columns = len(one.driver.channels) + one.driver.has_status
+        columns = len(found.driver.channels) + found.driver.has_status
         shortest = Block(block.times_ns[-1:], block.values[-1:])
         for given in (block, shortest):
-            outcome = one.call(partial(one.driver.newest_row, given), OPEN_S)
+            outcome = found.call(partial(found.driver.newest_row, given), OPEN_S)
             rows = len(given.times_ns)
             if outcome.error is not None:
                 yield f"newest_row of a block of {rows} raises {described(outcome.error)}"
@@ -127,26 +127,26 @@ def _newest_row(subject: Subject) -> Iterator[str]:
 
 
 def _timeout(subject: Subject) -> Iterator[str]:
-    with bench(subject) as (one, _):
+    with bench(subject) as (found, _):
         for _ in range(BLOCKS):
-            took_s = one.read().took_s
+            took_s = found.read().took_s
             if took_s > TIMEOUT_S + ROOM_S:
                 yield f"read_block({TIMEOUT_S:g}) takes {took_s:.1f} s"
                 return
 
 
 def _opened_twice(subject: Subject) -> Iterator[str]:
-    with bench(subject) as (one, _):
-        again = one.call(one.driver.open, OPEN_S)
+    with bench(subject) as (found, _):
+        again = found.call(found.driver.open, OPEN_S)
         if again.error is not None and not isinstance(again.error, FAILURES):
             yield f"open() of an open driver raises {described(again.error)}"
 
 
 def _closed_twice(subject: Subject) -> Iterator[str]:
-    with bench(subject) as (one, _):
-        one.read()
+    with bench(subject) as (found, _):
+        found.read()
         for turn in ("close", "close again"):
-            outcome = one.call(one.driver.close, OPEN_S)
+            outcome = found.call(found.driver.close, OPEN_S)
             if outcome.error is not None:
                 yield f"{turn} raises {described(outcome.error)}"
 
@@ -163,13 +163,13 @@ def _reopens(subject: Subject) -> Iterator[str]:
 
 def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
     def check(subject: Subject) -> Iterator[str]:
-        with bench(subject, fault) as (one, begin):
-            one.read()
+        with bench(subject, fault) as (found, begin):
+            found.read()
             begin()
             began = time.monotonic()
-            end = began + TAIL_S + 2 * one.driver.silent_s
+            end = began + TAIL_S + 2 * found.driver.silent_s
             while time.monotonic() < end:
-                outcome = one.read()
+                outcome = found.read()
                 if outcome.error is not None:
                     if not isinstance(outcome.error, FAILURES):
                         yield f"read_block raises {described(outcome.error)}"
@@ -178,7 +178,7 @@ def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
                     yield f"read_block still gives rows {TAIL_S:g} s after the device is {fault}"
                     break
             for turn in ("close", "close again"):
-                outcome = one.call(one.driver.close, OPEN_S)
+                outcome = found.call(found.driver.close, OPEN_S)
                 if outcome.error is not None:
                     yield f"{turn} raises {described(outcome.error)}"
 

@@ -115,7 +115,7 @@ class Bench:
 
 def rest(driver: Driver) -> tuple[float, ...]:
     """Return zero for every setpoint, or what is nearest to it in its range."""
-    return tuple(min(max(0.0, one.low), one.high) for one in driver.setpoints)
+    return tuple(min(max(0.0, setpoint.low), setpoint.high) for setpoint in driver.setpoints)
 
 
 @contextmanager
@@ -123,13 +123,13 @@ def bench(subject: Subject, *, opened: bool = True) -> Iterator[Bench]:
     """Put a new driver before a new device, open it, and leave it safe and closed."""
     with subject.fresh_peer() as peer, Caller() as caller:
         link = peer.link()
-        one = Bench(subject.make(peer, link), link, peer, caller)
+        found = Bench(subject.make(peer, link), link, peer, caller)
         try:
             if opened:
-                outcome = one.open()
+                outcome = found.open()
                 if outcome.error is not None:
                     raise UnfitSubject(f"open raises {described(outcome.error)}")
-            yield one
+            yield found
         finally:
-            one.call(one.driver.make_safe)  # whatever they raise: rules of their own look at it
-            one.close()
+            found.call(found.driver.make_safe)  # whatever they raise: rules of their own look at it
+            found.close()

@@ -24,92 +24,92 @@ WATCHDOG_ROOM_S: Final = 0.25
 
 
 def _opens(subject: Subject) -> Iterator[str]:
-    with bench(subject) as one:
-        reasons = one.must("preflight", one.driver.preflight)
+    with bench(subject) as found:
+        reasons = found.must("preflight", found.driver.preflight)
         if not all(isinstance(reason, str) for reason in reasons):
             yield f"preflight() returns {reasons!r}, expected sentences"
         elif reasons:
             yield f"preflight() finds fault with a healthy device: {'; '.join(reasons)}"
         else:
-            one.arm()
+            found.arm()
 
 
 def _rows(subject: Subject) -> Iterator[str]:
-    with bench(subject) as one:
-        one.arm()
+    with bench(subject) as found:
+        found.arm()
         problems: set[str] = set()
         rows = 0
-        for outcome in one.cycles(max(CYCLES * PERIOD_S, 3 * one.driver.silent_s, 2.0)):
+        for outcome in found.cycles(max(CYCLES * PERIOD_S, 3 * found.driver.silent_s, 2.0)):
             if outcome.error is not None:
                 problems.add(f"read or write raises {described(outcome.error)}")
             elif outcome.value is not None:
                 rows += 1
-                problems.update(row_problems(one.driver, outcome.value))
+                problems.update(row_problems(found.driver, outcome.value))
             if problems or rows >= CYCLES:
                 break
         yield from sorted(problems)
-        if one.driver.channels and not rows:
+        if found.driver.channels and not rows:
             yield "it has channels, and read() gave no row"
 
 
 def _bounded(subject: Subject) -> Iterator[str]:
-    with bench(subject) as one:
-        one.arm()
-        one.reads.clear()
-        one.writes.clear()
+    with bench(subject) as found:
+        found.arm()
+        found.reads.clear()
+        found.writes.clear()
         for _ in range(CYCLES):
-            one.cycle()
-        for name, took in (("read", one.reads), ("write", one.writes)):
+            found.cycle()
+        for name, took in (("read", found.reads), ("write", found.writes)):
             if took and statistics.median(took) > CALL_S:
                 yield f"{name} takes {statistics.median(took) * 1e3:.1f} ms, half of the time more"
 
 
 def _nan(subject: Subject) -> Iterator[str]:
-    with bench(subject) as one:
-        if not one.driver.setpoints:
+    with bench(subject) as found:
+        if not found.driver.setpoints:
             return
-        one.arm()
-        nothing = (math.nan,) * len(one.driver.setpoints)
-        outcome = one.call(lambda: one.driver.write(nothing))
+        found.arm()
+        nothing = (math.nan,) * len(found.driver.setpoints)
+        outcome = found.call(lambda: found.driver.write(nothing))
         if outcome.error is None:
             yield "write() takes NaN as if it were a setpoint"
         elif not isinstance(outcome.error, (*FAILURES, ValueError)):
             yield f"write() of NaN raises {described(outcome.error)}"
-        after = one.cycle()
+        after = found.cycle()
         if after.error is not None:
             yield f"after a NaN was refused, a cycle raises {described(after.error)}"
 
 
 def _beyond(subject: Subject) -> Iterator[str]:
-    with bench(subject) as one:
-        one.arm()
+    with bench(subject) as found:
+        found.arm()
         for pick in ("low", "high"):
-            far = tuple(10 * getattr(channel, pick) for channel in one.driver.setpoints)
-            outcome = one.call(lambda far=far: one.driver.write(far))  # type: ignore[misc]
+            far = tuple(10 * getattr(channel, pick) for channel in found.driver.setpoints)
+            outcome = found.call(lambda far=far: found.driver.write(far))  # type: ignore[misc]
             if outcome.error is not None and not isinstance(outcome.error, (*FAILURES, ValueError)):
                 yield f"write({far}) raises {described(outcome.error)}"
 
 
 def _safe_twice(subject: Subject) -> Iterator[str]:
-    with bench(subject) as one:
-        one.arm()
-        one.cycle()
+    with bench(subject) as found:
+        found.arm()
+        found.cycle()
         for name in ("make_safe", "make_safe again"):
-            outcome = one.call(one.driver.make_safe)
+            outcome = found.call(found.driver.make_safe)
             if outcome.error is not None:
                 yield f"{name} raises {described(outcome.error)}"
-        after = one.cycle()
+        after = found.cycle()
         if after.error is not None:
             yield f"after make_safe, a cycle raises {described(after.error)}"
         for name in ("close", "close again"):
-            outcome = one.call(one.driver.close)
+            outcome = found.call(found.driver.close)
             if outcome.error is not None:
                 yield f"{name} raises {described(outcome.error)}"
 
 
 def _opened_twice(subject: Subject) -> Iterator[str]:
-    with bench(subject) as one:
-        again = one.call(one.driver.open, OPEN_S)
+    with bench(subject) as found:
+        again = found.call(found.driver.open, OPEN_S)
         if again.error is not None and not isinstance(again.error, FAILURES):
             yield f"open() of an open driver raises {described(again.error)}"
 
@@ -118,20 +118,20 @@ def _reopens(subject: Subject) -> Iterator[str]:
     with subject.fresh_peer() as peer, Caller() as caller:
         for turn in ("first", "second"):
             link = peer.link()
-            one = Bench(subject.make(peer, link), link, peer, caller)
-            outcome = one.open()
+            found = Bench(subject.make(peer, link), link, peer, caller)
+            outcome = found.open()
             if outcome.error is not None:
                 yield f"the {turn} of two drivers, one after the other: {described(outcome.error)}"
-            one.call(one.driver.make_safe)
-            one.close()
+            found.call(found.driver.make_safe)
+            found.close()
 
 
 def _watchdog(subject: Subject) -> Iterator[str]:
-    with bench(subject) as one:
-        promised = one.driver.watchdog_s
+    with bench(subject) as found:
+        promised = found.driver.watchdog_s
         if promised is None:
             return
-        proven = one.must("prove_watchdog", one.driver.prove_watchdog, OPEN_S)
+        proven = found.must("prove_watchdog", found.driver.prove_watchdog, OPEN_S)
         if not 0 < proven <= promised + WATCHDOG_ROOM_S:
             yield f"prove_watchdog() returns {proven!r} s, watchdog_s is {promised:g} s"
 
@@ -139,8 +139,8 @@ def _watchdog(subject: Subject) -> Iterator[str]:
 def _rescue(subject: Subject) -> Iterator[str]:
     if not subject.driver_class.second_link:  # type: ignore[attr-defined]
         return
-    with bench(subject, opened=False) as one:
-        rescued = one.call(one.driver.rescue, OPEN_S)
+    with bench(subject, opened=False) as found:
+        rescued = found.call(found.driver.rescue, OPEN_S)
         if rescued.error is not None:
             yield f"rescue() over a fresh link raises {described(rescued.error)}"
         elif rescued.took_s > STALL_S * 2:
@@ -151,18 +151,18 @@ def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
     """Return the check of a device that falls silent: no rows, and words at the most."""
 
     def check(subject: Subject) -> Iterator[str]:
-        with bench(subject) as one:
-            one.arm()
-            one.begin(fault)
+        with bench(subject) as found:
+            found.arm()
+            found.begin(fault)
             began = time.monotonic()
-            for outcome in one.cycles(TAIL_S + 1.0 + 2 * one.driver.silent_s):
+            for outcome in found.cycles(TAIL_S + 1.0 + 2 * found.driver.silent_s):
                 if outcome.error is not None and not isinstance(outcome.error, FAILURES):
                     yield f"a cycle raises {described(outcome.error)}"
                 if outcome.value is not None and time.monotonic() > began + TAIL_S:
                     yield f"read() still gives rows {TAIL_S:g} s after the device is {fault}"
                     break
             for name in ("make_safe", "make_safe again", "close", "close again"):
-                outcome = one.call(getattr(one.driver, name.removesuffix(" again")))
+                outcome = found.call(getattr(found.driver, name.removesuffix(" again")))
                 known = FAILURES if name.startswith("make_safe") else ()
                 if outcome.error is not None and not isinstance(outcome.error, known):
                     yield f"{name} raises {described(outcome.error)}"
@@ -174,18 +174,18 @@ def _bad_answers(fault: str) -> Callable[[Subject], Iterator[str]]:
     """Return the check of a device whose answers cannot be used: bounded, and words at the most."""
 
     def check(subject: Subject) -> Iterator[str]:
-        with bench(subject) as one:
-            one.arm()
-            one.begin(fault)
-            one.reads.clear()
-            one.writes.clear()
+        with bench(subject) as found:
+            found.arm()
+            found.begin(fault)
+            found.reads.clear()
+            found.writes.clear()
             problems: set[str] = set()
-            for outcome in one.cycles(1.0 + 2 * one.driver.silent_s):
+            for outcome in found.cycles(1.0 + 2 * found.driver.silent_s):
                 if outcome.error is not None and not isinstance(outcome.error, FAILURES):
                     problems.add(f"a cycle raises {described(outcome.error)}")
                 elif outcome.value is not None:
-                    problems.update(row_problems(one.driver, outcome.value, in_range=False))
-            for name, took in (("read", one.reads), ("write", one.writes)):
+                    problems.update(row_problems(found.driver, outcome.value, in_range=False))
+            for name, took in (("read", found.reads), ("write", found.writes)):
                 if took and statistics.median(took) > CALL_S:
                     problems.add(f"{name} waits {statistics.median(took) * 1e3:.0f} ms")
             yield from sorted(problems)
@@ -194,16 +194,16 @@ def _bad_answers(fault: str) -> Callable[[Subject], Iterator[str]]:
 
 
 def _not_there(subject: Subject) -> Iterator[str]:
-    with bench(subject, opened=False) as one:
-        one.begin("dead")
-        outcome = one.open()
+    with bench(subject, opened=False) as found:
+        found.begin("dead")
+        outcome = found.open()
         if outcome.error is None:
             yield "open() succeeds although nothing is connected"
         elif not isinstance(outcome.error, FAILURES):
             yield f"open() raises {described(outcome.error)}"
         elif outcome.error.hint is None:
             yield f"open() says {outcome.error.message!r}, and not what to do about it"
-        closed = one.close()
+        closed = found.close()
         if closed.error is not None:
             yield f"close() after that raises {described(closed.error)}"
 
@@ -212,9 +212,9 @@ def _opens_in_words(fault: str) -> Callable[[Subject], Iterator[str]]:
     """Return the check of opening a device that answers badly: it ends, in words if it fails."""
 
     def check(subject: Subject) -> Iterator[str]:
-        with bench(subject, opened=False) as one:
-            one.begin(fault)
-            for name, step in (("open", one.open), ("close", one.close)):
+        with bench(subject, opened=False) as found:
+            found.begin(fault)
+            for name, step in (("open", found.open), ("close", found.close)):
                 outcome = step()
                 known = FAILURES if name == "open" else ()
                 if outcome.error is not None and not isinstance(outcome.error, known):

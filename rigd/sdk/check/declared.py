@@ -36,7 +36,7 @@ def _safe_is_said(subject: Subject) -> Iterator[str]:
     if not own:
         yield f"{cls.__name__}.make_safe has no docstring"
     moves = cls.write is not Driver.write
-    texts = [own, *(one.__doc__ or "" for one in _own_classes(cls))]
+    texts = [own, *(own_class_.__doc__ or "" for own_class_ in _own_classes(cls))]
     if moves and not any("safe" in text.lower() for text in texts):
         yield f"{cls.__name__} takes setpoints, and nowhere says what safe means"
 
@@ -61,7 +61,7 @@ def _options_strict(subject: Subject) -> Iterator[str]:
     try:
         config_class.model_validate({**dict(subject.options), "no_such_option_": 1})
     except ValidationError as error:
-        if any(one["type"] == "extra_forbidden" for one in error.errors()):
+        if any(item["type"] == "extra_forbidden" for item in error.errors()):
             return
     yield "an unknown option is accepted"
 
@@ -96,10 +96,11 @@ def _channels(subject: Subject) -> Iterator[str]:
 def _setpoints(subject: Subject) -> Iterator[str]:
     setpoints = getattr(subject.make(), "setpoints", ())
     yield from _named_well("setpoint", setpoints)
-    for one in setpoints:
-        finite = math.isfinite(one.low) and math.isfinite(one.high)
-        if not finite or not one.low < one.high:
-            yield f"setpoint {one.name!r} has the range {one.low:g} to {one.high:g} {one.unit}"
+    for setpoint in setpoints:
+        finite = math.isfinite(setpoint.low) and math.isfinite(setpoint.high)
+        if not finite or not setpoint.low < setpoint.high:
+            bounds = f"{setpoint.low:g} to {setpoint.high:g} {setpoint.unit}"
+            yield f"setpoint {setpoint.name!r} has the range {bounds}"
     if setpoints and subject.driver_class.write is Driver.write:  # type: ignore[attr-defined]
         yield "it has setpoints, and write() is not its own"
 
@@ -193,7 +194,7 @@ def _named_well(what: str, channels: tuple[Channel, ...]) -> Iterator[str]:
 
 
 def _own_classes(cls: type[AnyDriver]) -> list[type]:
-    return [one for one in inspect.getmro(cls) if one.__module__ != Driver.__module__]
+    return [item for item in inspect.getmro(cls) if item.__module__ != Driver.__module__]
 
 
 #: Rules for the class alone.

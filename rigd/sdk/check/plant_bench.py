@@ -178,9 +178,12 @@ class PlantBench:
 def gentle(driver: Driver, cycle: int) -> Sequence[float]:
     """Return setpoints within the middle four fifths of their ranges, each at a pace of its own."""
     values = []
-    for number, one in enumerate(driver.setpoints):
+    for number, setpoint in enumerate(driver.setpoints):
         phase = 2 * math.pi * (0.9 + 0.7 * number) * cycle * CYCLE_NS * 1e-9
-        values.append(0.5 * (one.low + one.high) + 0.4 * (one.high - one.low) * math.sin(phase))
+        values.append(
+            0.5 * (setpoint.low + setpoint.high)
+            + 0.4 * (setpoint.high - setpoint.low) * math.sin(phase)
+        )
     return values
 
 
@@ -188,8 +191,18 @@ def wild(driver: Driver, cycle: int) -> Sequence[float]:
     """Return setpoints that jump from end to end of their ranges, far beyond them, and to NaN."""
     turn = cycle // 20
     values = []
-    for number, one in enumerate(driver.setpoints):
-        far = 1e6 * (one.high - one.low)
-        jumps = (one.high, one.low, far, one.low, -far, one.high, math.inf, -math.inf, math.nan)
+    for number, setpoint in enumerate(driver.setpoints):
+        far = 1e6 * (setpoint.high - setpoint.low)
+        jumps = (
+            setpoint.high,
+            setpoint.low,
+            far,
+            setpoint.low,
+            -far,
+            setpoint.high,
+            math.inf,
+            -math.inf,
+            math.nan,
+        )
         values.append(jumps[(turn + number) % len(jumps)])
     return values

@@ -49,8 +49,12 @@ def turned_over(energies: Sequence[Energy]) -> float:
     """Return the energy in J that was moved in all."""
     first = energies[0]
     return max(
-        max(abs(one.stored - first.stored), abs(one.supplied - first.supplied), one.dissipated)
-        for one in energies
+        max(
+            abs(energy.stored - first.stored),
+            abs(energy.supplied - first.supplied),
+            energy.dissipated,
+        )
+        for energy in energies
     )
 
 
@@ -63,10 +67,10 @@ def _balances(subject: PlantSubject) -> Iterator[str]:
         return
     first = energies[0]
     excess = [
-        (one.stored - first.stored)
-        - (one.supplied - first.supplied)
-        + (one.dissipated - first.dissipated)
-        for one in energies
+        (energy.stored - first.stored)
+        - (energy.supplied - first.supplied)
+        + (energy.dissipated - first.dissipated)
+        for energy in energies
     ]
     at = max(range(len(excess)), key=lambda cycle: abs(excess[cycle]))
     if not abs(excess[at]) <= subject.accuracy * whole:  # a NaN is no balance either
@@ -81,9 +85,9 @@ def _dissipates(subject: PlantSubject) -> Iterator[str]:
     moving, resting = _driven(subject)
     energies = [*moving, *resting]
     least = -ROUNDING * turned_over(energies)
-    for cycle, (one, other) in enumerate(pairwise(energies)):
-        if other.dissipated - one.dissipated < least:
-            yield f"friction gives {one.dissipated - other.dissipated:.3g} J back after {cycle} ms"
+    for cycle, (item, other) in enumerate(pairwise(energies)):
+        if other.dissipated - item.dissipated < least:
+            yield f"friction gives {item.dissipated - other.dissipated:.3g} J back after {cycle} ms"
             return
 
 
@@ -92,14 +96,14 @@ def _passive(subject: PlantSubject) -> Iterator[str]:
     most = subject.accuracy * turned_over([*moving, *resting])
     lowest = moving[-1]
     least_stored, least_supplied = lowest.stored, lowest.supplied
-    for cycle, one in enumerate(resting):
-        least_stored = min(least_stored, one.stored)
-        least_supplied = min(least_supplied, one.supplied)
-        if one.supplied - least_supplied > most:
-            yield f"the actuators supply {one.supplied - least_supplied:.3g} J within {cycle} ms"
+    for cycle, item in enumerate(resting):
+        least_stored = min(least_stored, item.stored)
+        least_supplied = min(least_supplied, item.supplied)
+        if item.supplied - least_supplied > most:
+            yield f"the actuators supply {item.supplied - least_supplied:.3g} J within {cycle} ms"
             return
-        if one.stored - least_stored > most:
-            yield f"the stored energy rises by {one.stored - least_stored:.3g} J in {cycle} ms"
+        if item.stored - least_stored > most:
+            yield f"the stored energy rises by {item.stored - least_stored:.3g} J in {cycle} ms"
             return
 
 

@@ -89,7 +89,7 @@ class _Rows:
         """Wait for some rows.
 
         Raises:
-            Unfit: they do not come.
+            UnfitSubject: they do not come.
 
         """
         waiting = asyncio.ensure_future(self._enough.wait())

@@ -80,7 +80,7 @@ def examine_driver(
     skipped: dict[str, str] = {}
     for rules in stages:
         # A driver that cannot be constructed, or opened, has nothing else to show.
-        stopped = any(one.rule in GATES for one in findings)
+        stopped = any(finding.rule in GATES for finding in findings)
         for rule in rules:
             if only and rule.name not in only:
                 continue
@@ -90,7 +90,7 @@ def examine_driver(
                 continue
             checked.append(rule.name)
             try:
-                findings += [Finding(rule.name, one, rule.demand) for one in rule.check(subject)]
+                findings += [Finding(rule.name, item, rule.demand) for item in rule.check(subject)]
             except (UnfitSubject, Hung) as unfit:
                 findings.append(Finding(rule.name, str(unfit), rule.demand))
     return Report(driver_class.__name__, tuple(findings), tuple(checked), skipped)

@@ -143,7 +143,7 @@ class Mf624Registers:
             self.lines = value & 0xFF
             self._wires.lines_out(self.lines)
         elif register == _ADCTRL:
-            self._channels = tuple(one for one in range(INPUTS) if value >> one & 1)
+            self._channels = tuple(item for item in range(INPUTS) if value >> item & 1)
 
     def r32(self, register: Register) -> int:
         """Read a 32-bit register; at the FIFO it pops two words."""
@@ -156,7 +156,7 @@ class Mf624Registers:
             self._wires.advance()
             return self._count(encoder)
         if register == _IRC_STATUS:
-            return sum(seen() << (8 * one) for one, seen in self._wires.index_in.items())
+            return sum(seen() << (8 * item) for item, seen in self._wires.index_in.items())
         return self.r16(register) | self.r16((register[0], register[1] + 2)) << 16
 
     def w32(self, register: Register, value: int) -> None:
@@ -182,13 +182,13 @@ class Mf624Registers:
             raise ValueError(f"an MF624 has no fault {fault!r}; it knows {', '.join(self.faults)}")
         checked = _checked(fault, options)
         if fault == "index_reset":
-            one = checked["encoder"]
-            self._offsets[one] = -self._turns[one] * self._wires.counts_in.get(one, int)()
+            found = checked["encoder"]
+            self._offsets[found] = -self._turns[found] * self._wires.counts_in.get(found, int)()
             return
         if fault == "sign_flip":
-            one = checked["encoder"]
-            self._offsets[one] += 2 * self._turns[one] * self._wires.counts_in.get(one, int)()
-            self._turns[one] = -self._turns[one]
+            found = checked["encoder"]
+            self._offsets[found] += 2 * self._turns[found] * self._wires.counts_in.get(found, int)()
+            self._turns[found] = -self._turns[found]
         self._active[fault] = checked
 
     def clear(self, fault: str | None = None) -> None:

@@ -185,7 +185,7 @@ class Sampled:
         world.now()
         load_cell = layout.SIGNALS.index("normal_force") in signals
         self._world = world
-        self._columns = [0 if one is None else one for one in signals]
+        self._columns = [0 if signal is None else signal for signal in signals]
         self._card = Acquisition(
             world.plant, start_ns=start_ns, rate_hz=rate_hz, block=CONVERTED,
             load_cell=load_cell, latency_s=0.0, jitter_s=0.0,

@@ -169,14 +169,14 @@ class Schedule:
 
         """
         chosen = list(self.parts.values()) if part is None else [self._part(part)]
-        names = {one.name for one in chosen}
+        names = {item.name for item in chosen}
         self._planned = [
-            one
-            for one in self._planned
-            if one.entry.part not in names or fault not in (None, one.entry.fault)
+            item
+            for item in self._planned
+            if item.entry.part not in names or fault not in (None, item.entry.fault)
         ]
-        for one in chosen:
-            one.clear(fault)
+        for item in chosen:
+            item.clear(fault)
 
     def _part(self, name: str) -> Part:
         if name not in self.parts:
@@ -237,9 +237,9 @@ def read_fault_file(path: Path) -> list[FaultEntry]:
             place = Place(str(path), line + 1, column + 1)
             problems += [
                 ConfigError(
-                    f"{'.'.join(map(str, one['loc'])) or 'entry'}: {one['msg']}", place=place
+                    f"{'.'.join(map(str, entry['loc'])) or 'entry'}: {entry['msg']}", place=place
                 )
-                for one in error.errors(include_url=False, include_context=False)
+                for entry in error.errors(include_url=False, include_context=False)
             ]
     if problems:
         raise ConfigError.several(problems)

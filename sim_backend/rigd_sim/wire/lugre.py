@@ -309,7 +309,7 @@ class DeviceOptions(SimulationConfig):
 def build_parts(options: DeviceOptions, bench: Bench) -> list[Part]:
     """Return every device that ``options`` name, not yet started."""
     return [
-        build(name, one, bench)
+        build(name, found, bench)
         for name, build in BUILDERS.items()
-        if (one := getattr(options, name)) is not None
+        if (found := getattr(options, name)) is not None
     ]

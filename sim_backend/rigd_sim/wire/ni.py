@@ -58,7 +58,7 @@ class SimNi(Part):
         lines: Lines | None = None,
         sample: Sampling | None = None,
     ) -> None:
-        unknown = [one for one in volts if one not in INPUTS]
+        unknown = [volt for volt in volts if volt not in INPUTS]
         if unknown:
             raise ValueError(f"{name} has no input {unknown[0]!r}; it has {', '.join(INPUTS)}")
         self.name = name
@@ -148,9 +148,9 @@ class SimNi(Part):
         """Stop showing ``fault``, or all; what an overrun has lost stays lost."""
         if fault is not None and fault not in self.faults:
             raise ValueError(f"{self.name} has no fault {fault!r}; it knows {list(self.faults)}")
-        for one in fields(Faults):
-            if fault in (None, one.name):
-                setattr(self._shown, one.name, getattr(Faults(), one.name))
+        for field in fields(Faults):
+            if fault in (None, field.name):
+                setattr(self._shown, field.name, getattr(Faults(), field.name))
 
     def _input(self, channel: str) -> str:
         if channel not in INPUTS:

@@ -67,7 +67,9 @@ def span_for(channel: str, terminal: int, asked_v: float) -> Span:
     if terminal == DEFAULT:
         terminal = DIFFERENTIAL if channel in PAIRS else SINGLE_ENDED
     if terminal == DIFFERENTIAL and channel in PAIRS:
-        fitting = [Span(one, DIFFERENTIAL_CODES) for one in DIFFERENTIAL_RANGES_V if one >= asked_v]
+        fitting = [
+            Span(item, DIFFERENTIAL_CODES) for item in DIFFERENTIAL_RANGES_V if item >= asked_v
+        ]
     elif terminal == SINGLE_ENDED and asked_v <= SINGLE_ENDED_RANGE_V:
         fitting = [Span(SINGLE_ENDED_RANGE_V, SINGLE_ENDED_CODES)]
     else:
@@ -139,9 +141,9 @@ class Following:
         noise_v: float,
         seed: int,
     ) -> None:
-        self._sources = [volts.get(one, lambda: 0.0) for one in inputs]
+        self._sources = [volts.get(item, lambda: 0.0) for item in inputs]
         self._rate_hz = rate_hz
-        self._step_v = np.array([[one.step_v] for one in inputs.values()])
+        self._step_v = np.array([[item.step_v] for item in inputs.values()])
         self._noise_v = noise_v
         self._random = np.random.default_rng(seed)
         self._now_ns = start_ns
@@ -189,9 +191,9 @@ class Acquisition:
         self.overrun = False
         self.taken = 0  #: samples of each input handed over
         self.made = 0  #: samples of each input converted
-        self._lowest = np.array([[-one.range_v] for one in inputs.values()])
-        self._highest = np.array([[one.range_v - one.step_v] for one in inputs.values()])
-        self._step_v = [one.step_v for one in inputs.values()]
+        self._lowest = np.array([[-item.range_v] for item in inputs.values()])
+        self._highest = np.array([[item.range_v - item.step_v] for item in inputs.values()])
+        self._step_v = [item.step_v for item in inputs.values()]
         self._sampler = sampler
         self._connected = connected
         self._buffer = np.zeros((len(inputs), capacity))

@@ -72,8 +72,8 @@ def parsed(lines: str, device: str) -> tuple[str, ...]:
         DaqFault: they are not lines of ``device``.
     """
     found: list[str] = []
-    for one in lines.split(","):
-        owner, _, line = one.strip().partition("/")
+    for item in lines.split(","):
+        owner, _, line = item.strip().partition("/")
         if owner != device:
             raise DaqFault(-200220, f"Device identifier is invalid. Device Specified: {owner}")
         stem, _, numbers = line.rpartition("line")

@@ -133,7 +133,7 @@ class DeviceServer:
     @property
     def running(self) -> Acquisition | None:
         """The acquisition that is under way."""
-        return next((one.running for one in self._tasks.values() if one.running), None)
+        return next((task.running for task in self._tasks.values() if task.running), None)
 
     async def advance(self) -> None:
         """Convert what is due, and wake those who wait for samples."""

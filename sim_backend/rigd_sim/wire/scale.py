@@ -146,8 +146,8 @@ class SimScale(Part):
 
     def clear(self, fault: str | None = None) -> None:
         """Stop showing ``fault``, or all of them."""
-        for one in list(self._active) if fault is None else [fault]:
-            if self._active.pop(one, None) is not None and one == "unplug":
+        for item in list(self._active) if fault is None else [fault]:
+            if self._active.pop(item, None) is not None and item == "unplug":
                 self._plug_in()
         self._apply()
 
@@ -248,7 +248,7 @@ class SimScale(Part):
         if self._happens("late"):
             loop = asyncio.get_running_loop()
             delay_s = float(self._active["late"]["delay_s"])
-            self._later = {one for one in self._later if one.when() > loop.time()}
+            self._later = {item for item in self._later if item.when() > loop.time()}
             self._later.add(loop.call_later(delay_s, self._send, data))
             return
         self._send(data)

@@ -110,7 +110,7 @@ class Sics(Language):
             case b"I0":
                 known = ("@", "I0", "I1", "I2", "I3", "I4", "I5", "S", "SI", "SIR", "T", "Z")
                 *first, last = [f'0 "{name}"'.encode() for name in known]
-                return [*(b"I0 B " + one for one in first), b"I0 A " + last]
+                return [*(b"I0 B " + item for item in first), b"I0 A " + last]
             case b"I1":
                 return [b'I1 A "01" "2.30" "2.22" "" ""']
             case b"I2":

@@ -234,6 +234,6 @@ def _entry(given: Mapping[str, Any]) -> FaultEntry:
     except ValidationError as error:
         problems = error.errors(include_url=False, include_context=False)
         raise ValueError(
-            "; ".join(f"{'.'.join(map(str, one['loc'])) or 'fault'}: {one['msg']}"
-                      for one in problems)
+            "; ".join(f"{'.'.join(map(str, problem['loc'])) or 'fault'}: {problem['msg']}"
+                      for problem in problems)
         ) from error  # fmt: skip

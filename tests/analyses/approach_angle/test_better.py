@@ -37,9 +37,9 @@ def cut(run: AngleRun, at: NDArray[np.bool_]) -> AngleRun:
     )  # fmt: skip
 
 
-def to_stop(one: Any) -> AngleRun:
+def to_stop(item: Any) -> AngleRun:
     """Return a golden run up to its stop: what stands behind it there did not happen."""
-    run: AngleRun = one.whole
+    run: AngleRun = item.whole
     return cut(run, run.t_s <= run.stop_s)
 
 
@@ -57,21 +57,21 @@ def codes(found: BetterRun) -> set[str]:
 def test_a_sliding_golden_run_comes_nearer_to_the_truth_than_the_papers_mu(
     name: str, golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
-    one = golden(name)
-    found = analyse_better(to_stop(one), calibration, rig)
+    item = golden(name)
+    found = analyse_better(to_stop(item), calibration, rig)
     true = true_mu(name)
     assert found.regime is Regime.SLIDING
     assert found.mu == pytest.approx(true, rel=0.03)
     assert abs(found.mu - true) < 2.0 * found.mu_u
-    assert abs(found.mu - true) < 0.3 * abs(one.expected["mu"] - true)
+    assert abs(found.mu - true) < 0.3 * abs(item.expected["mu"] - true)
 
 
 @pytest.mark.parametrize("name", ["r3", "r5"])
 def test_a_golden_run_that_hardly_slides_has_a_demand_and_no_coefficient(
     name: str, golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
-    one = golden(name)
-    found = analyse_better(to_stop(one), calibration, rig)
+    item = golden(name)
+    found = analyse_better(to_stop(item), calibration, rig)
     assert math.isnan(found.mu) and math.isnan(found.mu_u) and found.budget is None
     assert codes(found) == {"no_sliding"} and not found.excluded
     assert found.demand == pytest.approx(true_mu(name), rel=0.06)
@@ -245,9 +245,9 @@ def test_a_known_rise_of_the_load_is_used_without_a_load_cell(
 def test_slip_is_that_of_the_contact_and_its_uncertainty_holds(
     set_name: str, voltage_v: float
 ) -> None:
-    one = trial(set_name, 5.0, voltage_v, 1, 1, rig=drawn_rig(0), seed=5, individual=9)
-    run, truth = one.simulated, one.simulated.truth
-    found = analyse_better(one.known.run, one.known.calibration, one.known.rig)
+    item = trial(set_name, 5.0, voltage_v, 1, 1, rig=drawn_rig(0), seed=5, individual=9)
+    run, truth = item.simulated, item.simulated.truth
+    found = analyse_better(item.known.run, item.known.calibration, item.known.rig)
     at = run.window(BetterSettings().start_s, run.stop_s)
     rim = 0.995 * 0.05 * np.mean(truth["wheel_speed"][at])
     true = rim / (np.mean(truth["platform_speed"][at]) * math.cos(run.alpha_rad)) - 1.0
@@ -264,9 +264,9 @@ def test_on_an_ideal_rig_mu_is_the_truth(set_name: str) -> None:
         roller_drag=Known(0.0), rail_constant=Known(0.0), rail_load=Known(0.0),
         rail_viscous=Known(0.0), load_rise=Known(0.0),
     )  # fmt: skip
-    one = trial(set_name, 4.0, 10.0, 1, 1, rig=rig, seed=1, noise=False, drag=False)
-    found = analyse_better(one.known.run, one.known.calibration, rig)
+    item = trial(set_name, 4.0, 10.0, 1, 1, rig=rig, seed=1, noise=False, drag=False)
+    found = analyse_better(item.known.run, item.known.calibration, rig)
     times = found.blocks.t_s[found.blocks.sliding]
-    truth = one.simulated.true_mu(times[0] - 0.01, times[-1] + 0.01)
+    truth = item.simulated.true_mu(times[0] - 0.01, times[-1] + 0.01)
     assert found.mu == pytest.approx(truth, rel=1e-3)
     assert all(flag.severity is not Severity.EXCLUDED for flag in found.flags)

@@ -47,7 +47,7 @@ class Played:
 
     @property
     def runs(self) -> list[KnownRun]:
-        return [one.known for one in self.trials]
+        return [item.known for item in self.trials]
 
 
 @pytest.fixture(scope="module")
@@ -56,11 +56,11 @@ def played() -> Played:
     trials = list(
         campaign(seed=6, individual=12, loads_kg=(4.0, 5.0, 6.0), voltages_v=(7.0, 8.5, 10.0))
     )
-    return Played(trials, analyse_campaign([one.known for one in trials], PUBLISHED))
+    return Played(trials, analyse_campaign([item.known for item in trials], PUBLISHED))
 
 
 def of_set(result: CampaignResult, name: str) -> SetResult:
-    (found,) = [one for one in result.sets if one.name == name]
+    (found,) = [item for item in result.sets if item.name == name]
     return found
 
 
@@ -100,8 +100,8 @@ def test_the_trend_is_that_of_one_wheel_whatever_its_sets_are_called(played: Pla
 
 def test_slip_is_within_its_target(played: Played) -> None:
     errors = []
-    for one, found in zip(played.trials, played.result.runs, strict=True):
-        run, truth = one.simulated, one.simulated.truth
+    for item, found in zip(played.trials, played.result.runs, strict=True):
+        run, truth = item.simulated, item.simulated.truth
         at = run.window(BetterSettings().start_s, run.stop_s)
         rim = 0.995 * 0.05 * np.mean(truth["wheel_speed"][at])
         ratio = rim / (np.mean(truth["platform_speed"][at]) * math.cos(run.alpha_rad))
@@ -111,12 +111,12 @@ def test_slip_is_within_its_target(played: Played) -> None:
 
 def test_the_uncertainty_of_a_run_is_that_of_its_error(played: Played) -> None:
     z = []
-    for one, found in zip(played.trials, played.result.runs, strict=True):
+    for item, found in zip(played.trials, played.result.runs, strict=True):
         blocks = found.better.blocks
         if math.isfinite(found.better.mu):
-            inside = [one.simulated.window(t - 0.01, t + 0.01) for t in blocks.t_s[blocks.sliding]]
+            inside = [item.simulated.window(t - 0.01, t + 0.01) for t in blocks.t_s[blocks.sliding]]
             at = np.any(inside, axis=0)
-            truth = one.simulated.truth
+            truth = item.simulated.truth
             true = np.mean(truth["rolling_force"][at]) / np.mean(truth["normal_force"][at])
             z.append((found.better.mu - true) / found.better.mu_u)
     assert len(z) > 60
@@ -133,8 +133,8 @@ def test_the_crosstalk_is_learnt_from_the_runs(played: Played) -> None:
     found = fit_bending(samples)
     assert found is not None
     columns, torques = [], []
-    for one in played.trials:
-        run = one.simulated
+    for item in played.trials:
+        run = item.simulated
         angle = run.wheel_scale * run.wheel_v
         turn = np.column_stack([np.cos(angle), np.sin(angle), np.ones_like(angle)])
         turn[:, :2] *= run.truth["normal_force"][:, None]
@@ -171,9 +171,9 @@ def test_a_rolling_run_has_a_demand_and_enters_no_curve(played: Played) -> None:
     assert len(rolling) > 5
     assert all(r.better.regime is not Regime.SLIDING and not r.excluded for r in rolling)
     in_curves = {k for s in played.result.sets if s.curve is not None for k in s.curve.block_run}
-    for one in rolling:
-        assert math.isnan(one.better.mu) and one.better.demand > 0.0
-        assert one.run.number not in in_curves
+    for item in rolling:
+        assert math.isnan(item.better.mu) and item.better.demand > 0.0
+        assert item.run.number not in in_curves
 
 
 def test_bad_clamping_is_found_and_left_out() -> None:
@@ -188,7 +188,7 @@ def test_bad_clamping_is_found_and_left_out() -> None:
                     trial("clean_0", load, voltage, repeat, len(rubbing), rig=rig,
                           seed=900 + len(rubbing), individual=13, rubbing_nm=rubbing[-1])
                 )  # fmt: skip
-    result = analyse_campaign([one.known for one in trials], PUBLISHED)
+    result = analyse_campaign([item.known for item in trials], PUBLISHED)
     flagged = [any(f.code == "rubbing" for f in r.flags) for r in result.runs]
     bad_runs = [f for f, rub in zip(flagged, rubbing, strict=True) if rub]
     assert len(bad_runs) > 8
@@ -218,8 +218,8 @@ def test_missing_repeats_are_named(played: Played) -> None:
 def test_a_set_that_was_run_twice_leaves_no_repeat_missing_in_the_others(played: Played) -> None:
     again = of(played, "clean_45")
     result = analyse_campaign([*again, *played.runs], PUBLISHED)
-    assert [one.name for one in result.sets] == list(SETS)  # by angle, whatever came first
-    assert [one.missing for one in result.sets] == [()] * len(SETS)
+    assert [item.name for item in result.sets] == list(SETS)  # by angle, whatever came first
+    assert [item.missing for item in result.sets] == [()] * len(SETS)
     assert of_set(result, "clean_45").paper.raw == 2 * len(again)
 
 
@@ -281,12 +281,12 @@ def test_a_run_that_its_recording_speaks_against_is_kept_with_the_reason(played:
 def test_the_json_names_every_coefficient_and_holds_no_nan(played: Played) -> None:
     text = json.dumps(played.result.to_json(), allow_nan=False)
     read = json.loads(text)
-    for one in read["sets"].values():
+    for item in read["sets"].values():
         for key in ("published", "paper", "maximum", "curve", "budget"):
-            assert one[key]["coefficient"] == "rolling-direction"
-        assert one["usable"]["coefficient"] == "usable"
-        assert one["resultant"]["coefficient"] == "resultant"
-        assert len(one["budget"]["terms"]) == 13
+            assert item[key]["coefficient"] == "rolling-direction"
+        assert item["usable"]["coefficient"] == "usable"
+        assert item["resultant"]["coefficient"] == "resultant"
+        assert len(item["budget"]["terms"]) == 13
     assert len(read["runs"]) == 90
     assert {run["better"]["coefficient"] for run in read["runs"]} == {"rolling-direction"}
     assert read["trends"]["better"]["line"]["degrees_of_freedom"] == 2

@@ -25,12 +25,12 @@ class Row:
     at_limit: float  #: share of the steady segment with F_r/N at the limit of the surface
 
 
-def analysed(one: Trial) -> PaperRun:
-    return analyse_paper(one.known.run, one.known.calibration, one.known.rig)
+def analysed(item: Trial) -> PaperRun:
+    return analyse_paper(item.known.run, item.known.calibration, item.known.rig)
 
 
-def row(one: Trial) -> Row:
-    found, run = analysed(one), one.simulated
+def row(item: Trial) -> Row:
+    found, run = analysed(item), item.simulated
     at = run.window(found.t_steady_s, run.stop_s)
     truth = {name: signal[at] for name, signal in run.truth.items()}
     share = truth["rolling_force"] / (truth["normal_force"] * truth["friction_limit"])
@@ -45,39 +45,39 @@ def row(one: Trial) -> Row:
 @pytest.fixture(scope="module")
 def rows() -> list[Row]:
     """Return the campaign of the paper, 200 runs, on one rig; some seconds."""
-    return [row(one) for one in campaign(seed=4, individual=11)]
+    return [row(item) for item in campaign(seed=4, individual=11)]
 
 
 def test_no_good_run_is_excluded(rows: list[Row]) -> None:
     assert len(rows) == 200
-    assert [one.found.flags for one in rows if one.found.excluded] == []
-    assert {f.code for one in rows for f in one.found.flags} == {"no_sliding", "partly_sliding"}
+    assert [item.found.flags for item in rows if item.found.excluded] == []
+    assert {f.code for item in rows for f in item.found.flags} == {"no_sliding", "partly_sliding"}
 
 
 def test_the_maximum_of_each_set_is_too_large_as_in_the_reference(rows: list[Row]) -> None:
     largest: dict[str, float] = defaultdict(float)
-    for one in rows:
-        largest[one.set_name] = max(largest[one.set_name], one.found.mu)
+    for item in rows:
+        largest[item.set_name] = max(largest[item.set_name], item.found.mu)
     assert set(largest) == set(TABLE_1)
     for name, (low, high) in WINDOWS.items():
         assert low <= largest[name] / TABLE_1[name] - 1.0 <= high, name
 
 
 def test_the_papers_slip_is_within_4_per_cent(rows: list[Row]) -> None:
-    errors = [slip_error(one.found.slip, one.true.slip) for one in rows]
+    errors = [slip_error(item.found.slip, item.true.slip) for item in rows]
     assert max(np.abs(errors)) < 0.04
     assert 0.0 < np.median(errors) < 0.02  # the speeds end 16 ms before the torque
 
 
 def test_the_regime_is_that_of_the_contact(rows: list[Row]) -> None:
     """It slides where F_r/N is at the limit all through, and rolls where it hardly ever is."""
-    regimes = Counter(one.found.regime for one in rows)
+    regimes = Counter(item.found.regime for item in rows)
     assert min(regimes[regime] for regime in Regime) > 20
-    for one in rows:
-        sliding = one.found.regime is Regime.SLIDING
-        assert math.isfinite(one.found.friction_coefficient) == sliding
-        assert one.at_limit > 0.95 or not sliding
-        assert one.at_limit < 0.5 or one.found.regime is not Regime.ROLLING
+    for item in rows:
+        sliding = item.found.regime is Regime.SLIDING
+        assert math.isfinite(item.found.friction_coefficient) == sliding
+        assert item.at_limit > 0.95 or not sliding
+        assert item.at_limit < 0.5 or item.found.regime is not Regime.ROLLING
 
 
 @pytest.mark.parametrize("set_name", SETS)
@@ -85,11 +85,11 @@ def test_the_regime_is_that_of_the_contact(rows: list[Row]) -> None:
 def test_on_an_ideal_rig_only_the_inertia_is_missing(
     set_name: str, load_kg: float, voltage_v: float
 ) -> None:
-    one = trial(
+    item = trial(
         set_name, load_kg, voltage_v, 1, 1, rig=drawn_rig(0), seed=1, noise=False, drag=False
     )
-    found = analysed(one)
-    true = steady(one.simulated, found.t_steady_s)
+    found = analysed(item)
+    true = steady(item.simulated, found.t_steady_s)
     assert found.torque_nm == pytest.approx(true.torque_nm, rel=0.005)
     assert found.mu - true.mu == pytest.approx(true.inertia, abs=0.002)
     assert found.mu - true.mu > 0.5 * true.inertia > 0.0005
@@ -107,16 +107,16 @@ def test_on_an_ideal_rig_only_the_inertia_is_missing(
     ],
 )
 def test_what_is_spoilt_on_the_rig_is_told(fault: str, codes: set[str], voltage_v: float) -> None:
-    one = trial("clean_15", 5.0, voltage_v, 1, 1, rig=drawn_rig(0), seed=7, fault=fault)
-    found = analysed(one)
+    item = trial("clean_15", 5.0, voltage_v, 1, 1, rig=drawn_rig(0), seed=7, fault=fault)
+    found = analysed(item)
     assert codes <= {flag.code for flag in found.flags}
-    assert ("watchdog" in {flag.code for flag in found.flags}) == one.simulated.watchdog
+    assert ("watchdog" in {flag.code for flag in found.flags}) == item.simulated.watchdog
     assert np.isnan([found.mu, found.torque_nm, found.slip, found.slip_corrected]).all()
 
 
 def test_a_wheel_that_cannot_slide_has_no_friction_coefficient() -> None:
-    one = trial("clean_30", 5.0, 10.0, 1, 1, rig=drawn_rig(0), seed=7, fault="no_sliding")
-    found = analysed(one)
+    item = trial("clean_30", 5.0, 10.0, 1, 1, rig=drawn_rig(0), seed=7, fault="no_sliding")
+    found = analysed(item)
     assert found.regime is Regime.ROLLING
     assert [flag.code for flag in found.flags] == ["no_sliding"]
     assert "not a friction coefficient" in found.flags[0].reason

@@ -59,13 +59,13 @@ def test_the_constant_is_not_the_mean_of_a_short_record_but_the_curve_has_it(
 def test_the_mean_of_the_curve_hardly_depends_on_rcond(golden: Callable[[str], Any]) -> None:
     """The bandwidth does, and with it the edges: rcond is a setting that must be told."""
     run = golden("r3").run
-    one, other = (
+    found, other = (
         fit_fourier(run.t_s, run.gauge_a_v[:, None], highest_hz=19, rcond=rcond).curves[:, 0]
         for rcond in (1e-12, 1e-4)
     )
     steady = run.t_s > 0.1
-    assert np.mean(other[steady]) == pytest.approx(np.mean(one[steady]), rel=0.014)
-    assert np.max(np.abs(other - one)) > 0.01
+    assert np.mean(other[steady]) == pytest.approx(np.mean(found[steady]), rel=0.014)
+    assert np.max(np.abs(other - found)) > 0.01
 
 
 def corrected(eps_x: float, eps_y: float, gamma: float, theta: float) -> tuple[float, float]:

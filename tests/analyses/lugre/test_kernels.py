@@ -98,10 +98,10 @@ def test_fused_normal_equations_are_the_dense_ones() -> None:
 
 
 def test_a_trial_starts_with_the_bristle_at_rest() -> None:
-    one, two = trial(1e-3), trial(1e-3)
-    both = LugreModel([one, two]).predict(Q)
+    found, two = trial(1e-3), trial(1e-3)
+    both = LugreModel([found, two]).predict(Q)
     alone = LugreModel([two]).predict(Q)
-    np.testing.assert_array_equal(both[len(one.force) :], alone)
+    np.testing.assert_array_equal(both[len(found.force) :], alone)
 
 
 def test_the_curve_is_the_corrected_equation_6() -> None:

@@ -82,13 +82,13 @@ def check(trials: Sequence[LugreTrial], known: LugreConstants) -> None:
         assert error.message
         return
     text: Any = json.loads(json.dumps(result.to_json(), allow_nan=False))
-    bounds = {one.name: (one.low, one.high) for one in PARAMETERS}
-    for one in (*result.parameters, *result.derived):
-        found = text["parameters"].get(one.name) or text["derived"][one.name]
-        assert (found["estimate"] is None) == (one.quoted is None)
-        ends = bounds.get(one.name)
-        if ends is not None and any(math.isclose(one.estimate, e, rel_tol=1e-6) for e in ends):
-            assert not one.identifiable, one
+    bounds = {parameter.name: (parameter.low, parameter.high) for parameter in PARAMETERS}
+    for item in (*result.parameters, *result.derived):
+        found = text["parameters"].get(item.name) or text["derived"][item.name]
+        assert (found["estimate"] is None) == (item.quoted is None)
+        ends = bounds.get(item.name)
+        if ends is not None and any(math.isclose(item.estimate, e, rel_tol=1e-6) for e in ends):
+            assert not item.identifiable, item
     speed = result.parameter("V_s")
     if not result.curve.x[0] <= speed.estimate <= result.curve.x[-1]:
         assert not speed.identifiable

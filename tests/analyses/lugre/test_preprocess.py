@@ -78,11 +78,11 @@ def test_driving_backwards_is_the_mirror_image(pvc: Any) -> None:
         acceleration_m_s2=-forward.acceleration_m_s2,
         motor_current_a=-forward.motor_current_a,
     )
-    one = process_trial(forward, pvc.constants, Guards())
+    found = process_trial(forward, pvc.constants, Guards())
     two = process_trial(backward, pvc.constants, Guards())
-    assert isinstance(one, ProcessedTrial) and isinstance(two, ProcessedTrial)
-    np.testing.assert_allclose(one.samples.slip_m_s, two.samples.slip_m_s, atol=1e-12)
-    np.testing.assert_allclose(one.samples.force, two.samples.force, atol=1e-12)
+    assert isinstance(found, ProcessedTrial) and isinstance(two, ProcessedTrial)
+    np.testing.assert_allclose(found.samples.slip_m_s, two.samples.slip_m_s, atol=1e-12)
+    np.testing.assert_allclose(found.samples.force, two.samples.force, atol=1e-12)
 
 
 def test_another_sampling_rate_keeps_the_window_in_time(bench: Callable[..., Any]) -> None:

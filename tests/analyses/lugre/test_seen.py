@@ -28,15 +28,15 @@ def model_of(offset: float, sign: float) -> LugreModel:
 def test_points_follow_the_measurement_not_the_fit(offset: float, sign: float) -> None:
     points = seen(model_of(offset, sign), THETA, VISITED)
     assert len(points) > 10
-    for one in points:
-        assert VISITED[0] <= one.x <= VISITED[1]
-        assert one.count >= LEAST_SEEN
-        expected = float(friction(THETA, np.array([one.x]))[0]) + offset
-        assert one.median == pytest.approx(expected, abs=1e-4)
-        assert one.low <= one.median <= one.high
+    for point in points:
+        assert VISITED[0] <= point.x <= VISITED[1]
+        assert point.count >= LEAST_SEEN
+        expected = float(friction(THETA, np.array([point.x]))[0]) + offset
+        assert point.median == pytest.approx(expected, abs=1e-4)
+        assert point.low <= point.median <= point.high
 
 
 def test_ranges_without_samples_have_no_point() -> None:
     points = seen(model_of(0.0, 1.0), THETA, (0.05, 10.0))
     assert points
-    assert max(one.x for one in points) <= 0.1
+    assert max(point.x for point in points) <= 0.1

@@ -152,7 +152,7 @@ def read(evaluation: Evaluation) -> Mapping[str, Interval]:
 def case() -> Case:
     noise = np.random.default_rng(1).standard_normal((2, 400))
     trials = [
-        SimulatedTrial(np.arange(400) / 1000.0, {"x": TRUTH + 5.0 + 0.1 * one}) for one in noise
+        SimulatedTrial(np.arange(400) / 1000.0, {"x": TRUTH + 5.0 + 0.1 * item}) for item in noise
     ]
     return Case(trials, {"offset": 5.0}, {"mean": TRUTH, "scatter": 0.1}, unknown=("skewness",))
 
@@ -202,7 +202,9 @@ def test_each_broken_promise_is_found(
     broken: type[Analysis], rule: str, words: str, tmp_path: Path
 ) -> None:
     report = examine_analysis(broken, [case()], tmp_path, read=read)
-    assert any(one.rule == rule and words in one.problem for one in report.findings), str(report)
+    assert any(finding.rule == rule and words in finding.problem for finding in report.findings), (
+        str(report)
+    )
     with pytest.raises(NonConforming):
         (tmp_path / "again").mkdir()
         check_analysis(broken, [case()], tmp_path / "again", read=read)

@@ -40,13 +40,13 @@ def test_json_gives_numbers_where_the_table_does(
     result = replace(section.result, parameters=(parameter,), derived=())
     row = summary_rows([replace(section, result=result)])[0]
     found: Any = result.to_json()["parameters"]
-    one = found["sigma_0"]
-    assert one["estimate"] == row.estimate
-    assert (one["estimate"] is None) == (not row.known)
+    item = found["sigma_0"]
+    assert item["estimate"] == row.estimate
+    assert (item["estimate"] is None) == (not row.known)
     assert row.known == any(character.isdigit() for character in row.estimate_text)
     if parameter.verdict in OPEN:
-        assert one["estimate"] is one["low"] is one["high"] is one["standard_error"] is None
-        assert not one["identifiable"]
+        assert item["estimate"] is item["low"] is item["high"] is item["standard_error"] is None
+        assert not item["identifiable"]
 
 
 def test_no_open_parameter_has_a_number_in_the_terminal(

@@ -30,8 +30,8 @@ T = TypeVar("T")
 
 @pytest.fixture
 def remote() -> Iterator[Served]:
-    with served() as one:
-        yield one
+    with served() as found:
+        yield found
 
 
 @pytest.fixture
@@ -204,7 +204,7 @@ def test_list_shows_who_is_alive_and_why_not(ask: Asking, tmp_path: Path) -> Non
         f"remotes:\n  lugre-1: {{endpoint: {ask.remote.endpoint}}}\n"
         "  gone-1: {endpoint: tcp/127.0.0.1:9}\n"
     )
-    found = {one["rig"]: one for one in rigd("remote", "list", "--json", cwd=tmp_path).json}
+    found = {item["rig"]: item for item in rigd("remote", "list", "--json", cwd=tmp_path).json}
     assert found["lugre-1"]["status"]["state"] == "idle"
     assert found["gone-1"]["alive"] is False
     assert "nobody lets us in" in found["gone-1"]["problem"]

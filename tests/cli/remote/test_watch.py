@@ -22,8 +22,8 @@ TIMEOUT_S = 60.0
 
 @pytest.fixture
 def remote() -> Iterator[Served]:
-    with served() as one:
-        yield one
+    with served() as found:
+        yield found
 
 
 @pytest.fixture

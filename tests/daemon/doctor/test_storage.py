@@ -19,7 +19,7 @@ def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def checks(runs: Path, needs: StorageNeeds | None) -> dict[str, Check]:
-    return {one.name: one for one in examine_storage(runs, needs)}
+    return {item.name: item for item in examine_storage(runs, needs)}
 
 
 def test_the_folder_of_recordings_need_not_be_there_and_is_left_as_it_was(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ def rows(stream: str, count: int, period_ns: int = 1_000_000) -> Rows:
 
 
 def verdict_on(name: str, checks: Sequence[Check]) -> Check:
-    (check,) = (one for one in checks if one.name == name)
+    (check,) = (item for item in checks if item.name == name)
     return check
 
 

@@ -18,7 +18,7 @@ def test_events_are_numbered_and_found_again() -> None:
         told = log.add(Event(number, "step", 2, {"x": math.inf, "list": (1, None)}))
         assert (told.seq, told.t_ns, told.kind, told.trial) == (number, number, "step", 2)
         assert told.data == {"x": "inf", "list": [1, None]}
-    assert [one.seq for one in log.since(3)] == [3, 4]
+    assert [item.seq for item in log.since(3)] == [3, 4]
     assert log.since(5) == log.since(99) == []
 
 
@@ -26,8 +26,8 @@ def test_the_oldest_are_forgotten() -> None:
     log = EventLog()
     for number in range(KEPT + 10):
         log.add(Event(number, "step"))
-    assert [one.seq for one in log.since(0)] == list(range(10, KEPT + 10))
-    assert [one.seq for one in log.since(KEPT + 8)] == [KEPT + 8, KEPT + 9]
+    assert [item.seq for item in log.since(0)] == list(range(10, KEPT + 10))
+    assert [item.seq for item in log.since(KEPT + 8)] == [KEPT + 8, KEPT + 9]
 
 
 def test_an_answer_stays_within_a_message() -> None:

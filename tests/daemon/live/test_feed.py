@@ -90,7 +90,7 @@ def test_the_thread_shows_what_another_process_pushes(tmp_path: Path) -> None:
         for name in STREAMS:
             frames = kept.frames[name]
             assert frames[-1].low[0, -1] == pushed - 1
-            assert [one.sequence for one in frames] == list(range(len(frames)))
+            assert [frame.sequence for frame in frames] == list(range(len(frames)))
             assert before[name] <= pushed - raw[name] <= after[name]
         latest = feed.latest()
         newest = latest.values["cycle.actual"]
@@ -98,7 +98,7 @@ def test_the_thread_shows_what_another_process_pushes(tmp_path: Path) -> None:
         # The writer's rows are stamped evenly, whatever the machine was at.
         row_ns = START_NS + (pushed - 1) * STEP_NS
         assert newest.age_s == pytest.approx((latest.t_ns - row_ns) * 1e-9)
-        assert [one.kind for one in kept.events[:2]] == ["mark", "mark"]
+        assert [event.kind for event in kept.events[:2]] == ["mark", "mark"]
 
 
 def test_events_of_both_rings_come_in_order_from_the_first(tmp_path: Path) -> None:
@@ -117,10 +117,10 @@ def test_events_of_both_rings_come_in_order_from_the_first(tmp_path: Path) -> No
     feed.detach()
     daemon.push(10, "never", -1, {})
     feed.tick()
-    assert [one.kind for one in kept.events] == [
+    assert [event.kind for event in kept.events] == [
         "run_start", "trial_start", "trip", "lease", "run_end",
     ]  # fmt: skip
-    assert [one.seq for one in kept.events] == [0, 1, 2, 3, 4]
+    assert [event.seq for event in kept.events] == [0, 1, 2, 3, 4]
     assert kept.events[2].data == {"value": "nan"}
     assert feed.events(3) == (kept.events[3:], 5)
     assert feed.events(5) == ([], 5)
@@ -140,7 +140,7 @@ def test_a_run_that_does_not_record_a_stream_leaves_its_last_value(tmp_path: Pat
     feed.detach()
     feed.detach()
     values = feed.latest().values
-    assert len(values) == sum(len(one.channels) for one in STREAMS.values())
+    assert len(values) == sum(len(stream.channels) for stream in STREAMS.values())
     assert values["cycle.scheduled"].value == 9.0
     history = feed.history("cycle")
     assert history.frame is not None
@@ -220,10 +220,10 @@ def test_a_failure_to_show_is_logged_once_and_outlived(
             folder.event_ring("cycle").push(number, "step", 0, {})
             feed.tick()
     first, *others = STREAMS  # it fails on the first stream only, and hides nothing else
-    assert [one.low[0, 0] for one in broken.frames[first]] == [3, 4]
+    assert [frame.low[0, 0] for frame in broken.frames[first]] == [3, 4]
     for name in others:
-        assert [one.low[0, 0] for one in broken.frames[name]] == [0, 1, 2, 3, 4]
-    assert [one.t_ns for one in broken.events] == [0, 1, 2, 3, 4]
+        assert [frame.low[0, 0] for frame in broken.frames[name]] == [0, 1, 2, 3, 4]
+    assert [event.t_ns for event in broken.events] == [0, 1, 2, 3, 4]
     assert len(caplog.records) == 1
     assert "the cable is out" in caplog.text
 

@@ -61,7 +61,7 @@ def told(client: ClientConnection, op: str) -> dict[str, Any]:
 def topics(client: ClientConnection) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     while len(found) < len(STREAMS):
-        found |= {one["topic"]: one for one in told(client, "advertise")["channels"]}
+        found |= {item["topic"]: item for item in told(client, "advertise")["channels"]}
     return found
 
 
@@ -94,7 +94,9 @@ def test_it_offers_the_streams_of_the_rig_and_nothing_but_looking(
     for name, stream in STREAMS.items():
         topic = found[f"/{name}"]
         assert (topic["encoding"], topic["schemaEncoding"]) == ("cdr", "ros2msg")
-        lines = [one for one in topic["schema"].splitlines() if not one.startswith("#")]
+        lines = [
+            splitline for splitline in topic["schema"].splitlines() if not splitline.startswith("#")
+        ]
         fields = [f"float64 {channel.name}" for channel in stream.channels]
         assert lines == fields + ["uint32 status"] * stream.has_status
         assert stream_from_json(topic["metadata"]["rigd.stream"]) == stream

@@ -49,7 +49,7 @@ def test_a_point_bounds_all_rows_since_the_one_before(count: int, most: int) -> 
             assert points.high[number, index] == stands_for[channel.name].max()
         since = time_ns
     assert since == made["t_ns"][-1]
-    assert points.low[-1].tolist() == [made[one.name][-1] for one in STREAM.channels]
+    assert points.low[-1].tolist() == [made[item.name][-1] for item in STREAM.channels]
     assert points.high[-1].tolist() == points.low[-1].tolist()
 
 
@@ -67,5 +67,5 @@ def test_what_is_reduced_twice_bounds_the_same() -> None:
     parts = [Points.of(STREAM, rows(300, seed)).reduced(40) for seed in range(5)]
     whole = Points.joined(parts).reduced(7)
     assert whole.low.min(axis=0).tolist() == [
-        min(rows(300, seed)[one.name].min() for seed in range(5)) for one in STREAM.channels
+        min(rows(300, seed)[channel.name].min() for seed in range(5)) for channel in STREAM.channels
     ]

@@ -25,7 +25,9 @@ def rows(*times_ns: int, current: float = 0.5, status: int = 7) -> Rows:
 
 
 def current(newest: Newest, now_ns: int) -> Reading:
-    return next(one for one in newest.readings(now_ns) if one.channel == "wheel_servo.current")
+    return next(
+        reading for reading in newest.readings(now_ns) if reading.channel == "wheel_servo.current"
+    )
 
 
 def test_a_channel_has_no_row_then_a_value_that_ages() -> None:

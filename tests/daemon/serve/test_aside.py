@@ -35,7 +35,9 @@ def test_a_dry_run_tells_steps_time_and_peaks() -> None:
     assert done.trials == 1
     assert 4.0 < done.duration_s < 30.0
     assert {"home", "drive", "brake"} <= {step.name for step in done.steps}
-    (current,) = (one for one in done.peaks if one.channel.startswith("wheel_servo.current (set"))
+    (current,) = (
+        peak for peak in done.peaks if peak.channel.startswith("wheel_servo.current (set")
+    )
     assert current.highest == pytest.approx(1.2)
 
 
@@ -163,6 +165,6 @@ def test_one_calculation_at_a_time_and_none_outlives_the_daemon() -> None:
     assert busy is not None
     aside.close()
     work.join()
-    assert [one.message for one in ended] == ["the daemon is ending"]
+    assert [item.message for item in ended] == ["the daemon is ending"]
     with pytest.raises(Refusal, match="the daemon is ending"):
         aside.identify(Path("run.mcap"))

@@ -47,10 +47,10 @@ def test_lines_of_several_threads_do_not_mix(tmp_path: Path) -> None:
             log.write("a" * 500, "stop", {})
 
     work = [threading.Thread(target=write) for _ in range(4)]
-    for one in work:
-        one.start()
-    for one in work:
-        one.join()
+    for item in work:
+        item.start()
+    for item in work:
+        item.join()
     lines = [json.loads(line) for line in log.path.read_text().splitlines()]
     assert len(lines) == 80
 
@@ -81,4 +81,4 @@ def test_a_line_that_a_full_disk_has_torn_spoils_no_other(
     log.write("bob", "pause", {})
     whole, torn, missing, last = log.path.read_text().splitlines()
     assert len(torn) == 20
-    assert [json.loads(one)["who"] for one in (whole, missing, last)] == ["alice", "rigd", "bob"]
+    assert [json.loads(item)["who"] for item in (whole, missing, last)] == ["alice", "rigd", "bob"]

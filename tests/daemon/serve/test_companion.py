@@ -45,7 +45,7 @@ def test_it_lives_as_long_as_the_daemon(tmp_path: Path, monkeypatch: pytest.Monk
         os.kill(first, signal.SIGKILL)
         until(lambda: int(said.read_text()) != first, companion.tend)
         second = int(said.read_text())
-        assert [one.text for one in notices.views()] == [
+        assert [view.text for view in notices.views()] == [
             "the panel ended (signal SIGKILL), and is started again at once"
         ]
     assert not alive(second)
@@ -81,7 +81,7 @@ def test_one_that_cannot_live_is_tried_ever_less_often(monkeypatch: pytest.Monke
         for _ in range(1200):
             now_s += 1.0
             companion.tend()
-    told = [one.text for one in notices.views()]
+    told = [view.text for view in notices.views()]
     assert told[0].startswith("the panel cannot be started (Cannot allocate memory), and")
     assert [text.rpartition("started again ")[2] for text in told] == [
         "at once", "in 0.5 s", "in 1 s", "in 2 s", "in 4 s", "in 8 s", "in 16 s", "in 32 s",

@@ -26,7 +26,7 @@ def library(tmp_path: Path) -> Library:
 
 
 def test_own_procedures_stand_before_shipped_ones_of_the_same_name(tmp_path: Path) -> None:
-    lines = {one.name: one for one in library(tmp_path).lines().procedures}
+    lines = {procedure.name: procedure for procedure in library(tmp_path).lines().procedures}
     assert lines["sweep"].problem is None
     assert lines["quick"].title == "Moves an axis"
     assert "has no channel" in str(lines["approach_angles"].problem)
@@ -35,7 +35,7 @@ def test_own_procedures_stand_before_shipped_ones_of_the_same_name(tmp_path: Pat
 def test_a_file_that_is_wrong_is_listed_and_nothing_runs_in_its_place(tmp_path: Path) -> None:
     made = library(tmp_path)
     (tmp_path / "procedures" / "quick.yaml").write_text(SWEEP.replace("title:", "titel:"))
-    lines = {one.name: one for one in made.lines().procedures}
+    lines = {procedure.name: procedure for procedure in made.lines().procedures}
     assert "title" in str(lines["broken"].problem)
     assert "key 'title' is missing" in str(lines["quick"].problem)
     assert str(tmp_path) not in str(lines["quick"].problem)
@@ -45,10 +45,13 @@ def test_a_file_that_is_wrong_is_listed_and_nothing_runs_in_its_place(tmp_path: 
 
 def test_every_shipped_procedure_is_offered_and_some_rig_can_run_it(tmp_path: Path) -> None:
     problems = [
-        {one.name: one.problem for one in Library(load_rig(rig), tmp_path).lines().procedures}
+        {
+            procedure.name: procedure.problem
+            for procedure in Library(load_rig(rig), tmp_path).lines().procedures
+        }
         for rig in ("lugre-1", "angle-1")
     ]
-    assert {name for name, one in problems[0].items() if one is None} >= {
+    assert {name for name, problem in problems[0].items() if problem is None} >= {
         "quick", "constant_current", "recommended_identification",
     }  # fmt: skip
     assert problems[1]["approach_angles"] is None
@@ -83,4 +86,4 @@ def test_what_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
 def test_a_pipe_among_the_procedures_keeps_nobody_waiting(tmp_path: Path) -> None:
     own = library(tmp_path)
     os.mkfifo(tmp_path / "pipe.yaml")
-    assert "pipe" not in [one.name for one in own.lines().procedures]
+    assert "pipe" not in [procedure.name for procedure in own.lines().procedures]

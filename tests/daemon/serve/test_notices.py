@@ -26,5 +26,5 @@ def test_the_newest_are_kept_the_newest_last() -> None:
     notices = Notices(lambda: news.append(1), clock=lambda: len(news))
     for number in range(KEPT + 5):
         notices.note(str(number))
-    assert [one.text for one in notices.views()] == [str(n) for n in range(5, KEPT + 5)]
+    assert [view.text for view in notices.views()] == [str(n) for n in range(5, KEPT + 5)]
     assert len(news) == KEPT + 5

@@ -50,10 +50,10 @@ def test_the_newest_come_first_and_pages_follow(tmp_path: Path) -> None:
         record(tmp_path / f"20261121-0{hour}0000-sweep.mcap")
     recordings = Recordings(tmp_path)
     page = recordings.lines(2, None, None)
-    assert [one.run[9:11] for one in page.runs] == ["04", "03"]
+    assert [run.run[9:11] for run in page.runs] == ["04", "03"]
     assert page.more
     rest = recordings.lines(10, page.runs[-1].run, None)
-    assert [one.run[9:11] for one in rest.runs] == ["02", "01", "00"]
+    assert [run.run[9:11] for run in rest.runs] == ["02", "01", "00"]
     assert not rest.more
     assert (rest.runs[0].trials_done, rest.runs[0].trials_total) == (1, 2)
     assert rest.runs[0].started_ns == 1_795_248_000_000_000_000
@@ -135,8 +135,8 @@ def test_a_run_without_an_end_is_offered(tmp_path: Path) -> None:
     record(tmp_path / "b.mcap", state="interrupted")
     record(tmp_path / "c.mcap", state="stopped")
     record(tmp_path / "d.mcap", ended=False, rig="another")
-    offered = [interrupted(one) for one in Recordings(tmp_path).of("bench")]
-    assert [one and (one.run, one.reason) for one in offered] == [
+    offered = [interrupted(item) for item in Recordings(tmp_path).of("bench")]
+    assert [item and (item.run, item.reason) for item in offered] == [
         None, ("b.mcap", "why"), ("a.mcap", "its recording has no end"),
     ]  # fmt: skip
 

@@ -48,7 +48,7 @@ def recover(runs: Path) -> tuple[Interruptions, TripMemory, list[str]]:
         found.recover(folder, trips)
     finally:
         folder.release()
-    return found, trips, [one.text for one in notices.views()]
+    return found, trips, [view.text for view in notices.views()]
 
 
 def test_the_newest_interrupted_runs_are_offered(tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ def test_a_torn_recording_is_repaired_and_offered(tmp_path: Path) -> None:
     with pytest.raises(Exception, match="recover"):
         Recording.open(path)
     found, _, told = recover(tmp_path)
-    assert [one.run for one in found.views()] == ["a.mcap"]
+    assert [view.run for view in found.views()] == ["a.mcap"]
     assert told[0].startswith("a.mcap was torn and is repaired")
 
 
@@ -81,7 +81,7 @@ def test_what_cannot_be_repaired_keeps_nothing_from_being_served(tmp_path: Path)
     (tmp_path / "none.mcap").write_bytes(b"")
     record(tmp_path / "a.mcap")
     found, _, told = recover(tmp_path)
-    assert [one.run for one in found.views()] == ["a.mcap"]
+    assert [view.run for view in found.views()] == ["a.mcap"]
     assert any("none.mcap is empty" in line for line in told)
 
 
@@ -112,9 +112,9 @@ def test_a_run_that_was_gone_on_with_is_offered_no_more(tmp_path: Path) -> None:
     assert found.views() == ()
     record(tmp_path / "b.mcap", ended="interrupted")
     found.ended("b.mcap")
-    assert [one.run for one in found.views()] == ["b.mcap"]
+    assert [view.run for view in found.views()] == ["b.mcap"]
     found.ended("c.mcap")  # blocked: it left no file
-    assert [one.run for one in found.views()] == ["b.mcap"]
+    assert [view.run for view in found.views()] == ["b.mcap"]
 
 
 def test_what_another_version_left_is_kept_and_bars_no_run(tmp_path: Path) -> None:

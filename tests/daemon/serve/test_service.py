@@ -186,7 +186,7 @@ def test_prompts_are_answered_by_who_has_the_lease(tmp_path: Path) -> None:
         served.command("answer", prompt_id=second.id, value=2.0)
         served.until_idle()
     given = [e.data for e in Recording.open(served.runs / run).events() if e.kind == "answer"]
-    assert [(one["answer"], one["by"]) for one in given] == [(1.1, "alice"), (2.0, "alice")]
+    assert [(item["answer"], item["by"]) for item in given] == [(1.1, "alice"), (2.0, "alice")]
 
 
 def test_a_stop_takes_the_prompt_away(tmp_path: Path) -> None:
@@ -239,7 +239,7 @@ def test_a_run_whose_page_is_closed_names_the_person(tmp_path: Path) -> None:
         assert last is not None
         assert "Bob's page (panel) was closed or cut off" in last.reason
         assert "Bob's page (panel) was closed or cut off: the run is stopped" in [
-            one.text for one in served.status.notices
+            notice.text for notice in served.status.notices
         ]
     assert ("panel", "Bob", "lease_lost") in [
         (line["who"], line.get("user"), line["what"]) for line in served.audited()
@@ -380,7 +380,7 @@ def test_nothing_starts_that_could_not_be_audited(tmp_path: Path) -> None:
         assert served.service.stop("eve", "stop", "").acted is False
         for _ in range(2):
             served.service.tend()
-        told = [one.text for one in served.status.notices if one.level == "error"]
+        told = [notice.text for notice in served.status.notices if notice.level == "error"]
         assert told == [f"nothing can start: {served.audit.broken}"]
 
 
@@ -393,7 +393,9 @@ def test_a_resumed_run_may_go_on_alone(tmp_path: Path) -> None:
         served.command("resume_run", run=run, on_client_loss="continue")
         served.until(lambda status: status.step == "go")
         vanish(served)
-        assert "alice has vanished: the run goes on" in [one.text for one in served.status.notices]
+        assert "alice has vanished: the run goes on" in [
+            notice.text for notice in served.status.notices
+        ]
         last = served.until_idle().last
         assert last is not None
         assert "vanished" not in last.reason
@@ -415,7 +417,7 @@ def test_a_run_that_was_interrupted_is_offered_and_gone_on_with(tmp_path: Path) 
         with pytest.raises(Refusal, match="there is no recording"):
             served.command("resume_run", run="other.mcap")
     info = run_info(Recording.open(served.runs / run))
-    assert sorted(one.number for one in info.trials if one.complete) == [1, 2, 3]
+    assert sorted(trial.number for trial in info.trials if trial.complete) == [1, 2, 3]
 
 
 def test_a_daemon_that_ends_stops_the_run_and_begins_nothing(tmp_path: Path) -> None:
@@ -433,7 +435,7 @@ def test_what_does_not_change_is_described(tmp_path: Path) -> None:
     with ServedAxis(tmp_path, interlocks=(FAR,)) as served:
         told = served.ask("describe")
     assert told["rig"] == served.rig.name
-    assert [one["name"] for one in told["streams"]] == ["axis", "cycle"]
+    assert [item["name"] for item in told["streams"]] == ["axis", "cycle"]
     assert told["streams"][0]["rate_hz"] == pytest.approx(50.0)
     (setpoint,) = told["setpoints"]
     assert (setpoint["name"], setpoint["low"], setpoint["high"]) == ("axis.speed", -1.5, 1.5)
@@ -465,7 +467,7 @@ def test_a_check_of_too_many_steps_is_refused_at_once(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         found = served.ask("check", procedure=travelling(sweep_of(500, 16_000)), set={})
     told = "16000 trials of 500 steps are 8000000 steps, more than 200000"
-    assert [one["message"] for one in found["problems"]] == [told]
+    assert [item["message"] for item in found["problems"]] == [told]
     assert found["problems"][0]["line"] == 7
 
 

@@ -28,7 +28,7 @@ def unit() -> dict[str, str]:
 def test_the_command_is_one_that_rigd_takes(unit: dict[str, str]) -> None:
     program, *arguments = shlex.split(unit["ExecStart"])
     assert program.endswith("/rigd")
-    args = build_parser().parse_args([one.replace("%i", "lugre-1") for one in arguments])
+    args = build_parser().parse_args([argument.replace("%i", "lugre-1") for argument in arguments])
     assert (args.rig, args.panel) == ("/etc/rigd/lugre-1.yaml", True)
     assert str(args.runs).removeprefix("/var/lib/") == unit["StateDirectory"].replace(
         "%i", "lugre-1"

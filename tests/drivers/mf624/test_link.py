@@ -19,7 +19,7 @@ ADSTART = (2, 0x20)
 GPIOC, INTCSR = (0, 0x54), (0, 0x4C)
 IRCCTRL = IRCSTATUS = (4, 0x6C)
 HOLD, DRIVE, GROUNDED = 0x06C006C0, 0x064006C0, 0x024006C0
-ALL_ZERO_VOLTS = [("w16", 2, 0x20 + 2 * one, 0x2000) for one in range(8)]
+ALL_ZERO_VOLTS = [("w16", 2, 0x20 + 2 * item, 0x2000) for item in range(8)]
 
 
 class Recorder:
@@ -104,7 +104,7 @@ def test_a_scan_is_started_once_and_read_in_order(io: Recorder) -> None:
         *[("r32", *GPIOC)] * 3,
         *[("r16", *ADDATA)] * 3,
     ]
-    assert [link.volts[one] for one in (0, 3, 5)] == [5.0, -5.0, -10.0]
+    assert [link.volts[item] for item in (0, 3, 5)] == [5.0, -5.0, -10.0]
     assert link.volts[1] != link.volts[1], "an input nobody uses has no value"
     assert [link.counts[0], link.counts[2]] == [7, 0xFFFFFFFE]
     assert (link.indexes, link.lines) == (0b100, 0xA5)
@@ -139,7 +139,7 @@ def test_the_one_shot_gets_one_edge_a_cycle(io: Recorder) -> None:
     for _ in range(4):
         link.begin(0)
         link.end(0)
-        levels += [one[3] for one in io.taken() if one[:3] == ("w16", 2, 0x10)]
+        levels += [item[3] for item in io.taken() if item[:3] == ("w16", 2, 0x10)]
     assert levels == [1 << 6, 0, 1 << 6, 0]
     assert not link.one_shot_up, "its output is active low, and high"
     link.put_out()

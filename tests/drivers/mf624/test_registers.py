@@ -44,8 +44,8 @@ def test_analogue_outputs_are_14_bits_offset_binary_and_clip(volts: float, code:
 
 
 def test_addresses_of_what_there_is_several_of() -> None:
-    assert [mf.da(one) for one in (0, 1, 7)] == [(2, 0x20), (2, 0x22), (2, 0x2E)]
-    assert [mf.irc(one) for one in (0, 1, 3)] == [(4, 0x70), (4, 0x74), (4, 0x7C)]
+    assert [mf.da(item) for item in (0, 1, 7)] == [(2, 0x20), (2, 0x22), (2, 0x2E)]
+    assert [mf.irc(item) for item in (0, 1, 3)] == [(4, 0x70), (4, 0x74), (4, 0x7C)]
 
 
 def test_encoders_have_a_byte_each() -> None:

@@ -87,9 +87,9 @@ class Rig:
 def rig() -> Iterator[Rig]:
     bench = Bench()
     with served(bench.part) as on_loop:
-        one = Rig(bench, on_loop)
-        yield one
-        for driver in one.drivers:
+        found = Rig(bench, on_loop)
+        yield found
+        for driver in found.drivers:
             driver.close()
 
 

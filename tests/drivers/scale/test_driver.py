@@ -102,22 +102,22 @@ def near(mass: float) -> Callable[[Sequence[float]], bool]:
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_a_load_is_weighed_tared_and_zeroed(dialect: str, tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path, dialect) as one:
-            await one.driver.open()
-            assert "B021002593" in one.driver.identity
-            async with one.running():
-                await one.rows.until(near(2.0))
-                one.load_kg[0] = 5.0
-                await one.rows.until(near(5.0))
-                said = await one.driver.act("tare")
+        async with bench(tmp_path, dialect) as found:
+            await found.driver.open()
+            assert "B021002593" in found.driver.identity
+            async with found.running():
+                await found.rows.until(near(2.0))
+                found.load_kg[0] = 5.0
+                await found.rows.until(near(5.0))
+                said = await found.driver.act("tare")
                 assert said == ("tare done" if dialect == "and-d" else "tare 5.000 kg")
-                await one.rows.until(near(0.0))
-                one.load_kg[0] = 6.0
-                await one.rows.until(near(1.0))
-                one.load_kg[0] = 0.01
-                await one.rows.until(near(-4.99))
-                assert await one.driver.act("zero") == "zero done"
-                await one.rows.until(near(0.0))
+                await found.rows.until(near(0.0))
+                found.load_kg[0] = 6.0
+                await found.rows.until(near(1.0))
+                found.load_kg[0] = 0.01
+                await found.rows.until(near(-4.99))
+                assert await found.driver.act("zero") == "zero done"
+                await found.rows.until(near(0.0))
 
     asyncio.run(main())
 
@@ -136,16 +136,16 @@ def test_beyond_its_range_the_mass_is_nan(
     monkeypatch.setattr(module, "REST_S", 0.3)
 
     async def main() -> None:
-        async with bench(tmp_path, dialect) as one:
-            await one.driver.open()
-            async with one.running():
-                one.scale.inject(fault)
-                row = await one.rows.until(lambda row: int(row[1]) == bit)
+        async with bench(tmp_path, dialect) as found:
+            await found.driver.open()
+            async with found.running():
+                found.scale.inject(fault)
+                row = await found.rows.until(lambda row: int(row[1]) == bit)
                 assert math.isnan(row[0])
                 with pytest.raises(DeviceError, match=r"did not come to rest|cannot"):
-                    await one.driver.act("tare")
-                one.scale.clear()
-                await one.rows.until(near(2.0))
+                    await found.driver.act("tare")
+                found.scale.clear()
+                await found.rows.until(near(2.0))
 
     asyncio.run(main())
 
@@ -153,25 +153,25 @@ def test_beyond_its_range_the_mass_is_nan(
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_a_stream_left_on_is_ended(dialect: str, tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path, dialect) as one:
-            one.scale.inject("stream")
-            await one.driver.open()
-            assert one.scale.state()["streaming"] is False
-            async with one.running():
-                await one.rows.until(near(2.0))
+        async with bench(tmp_path, dialect) as found:
+            found.scale.inject("stream")
+            await found.driver.open()
+            assert found.scale.state()["streaming"] is False
+            async with found.running():
+                await found.rows.until(near(2.0))
 
     asyncio.run(main())
 
 
 def test_closing_leaves_the_scale_quiet(tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path) as one:
-            await one.driver.open()
-            one.scale.inject("stream")
-            await one.driver.close()
-            await one.driver.close()
+        async with bench(tmp_path) as found:
+            await found.driver.open()
+            found.scale.inject("stream")
+            await found.driver.close()
+            await found.driver.close()
             async with asyncio.timeout(TIMEOUT_S):
-                while one.scale.state()["streaming"]:
+                while found.scale.state()["streaming"]:
                     await asyncio.sleep(0)
 
     asyncio.run(main())
@@ -180,9 +180,9 @@ def test_closing_leaves_the_scale_quiet(tmp_path: Path) -> None:
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_a_scale_in_pounds_is_refused(dialect: str, tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path, dialect, shows="lb") as one:
+        async with bench(tmp_path, dialect, shows="lb") as found:
             with pytest.raises(DeviceError, match="shows lb, the rig expects kg") as caught:
-                await one.driver.open()
+                await found.driver.open()
             assert "press UNIT" in str(caught.value)
             assert "unit: lb" in str(caught.value)
 
@@ -191,11 +191,11 @@ def test_a_scale_in_pounds_is_refused(dialect: str, tmp_path: Path) -> None:
 
 def test_a_unit_changed_at_the_keypad_ends_the_run(tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path) as one:
-            await one.driver.open()
-            one.scale.inject("unit", unit="lb")
-            assert "shows lb" in str(await one.failure())
-            assert one.rows.rows == []  # no pound was taken for a kilogram
+        async with bench(tmp_path) as found:
+            await found.driver.open()
+            found.scale.inject("unit", unit="lb")
+            assert "shows lb" in str(await found.failure())
+            assert found.rows.rows == []  # no pound was taken for a kilogram
 
     asyncio.run(main())
 
@@ -206,11 +206,11 @@ def test_a_unit_changed_at_the_keypad_ends_the_run(tmp_path: Path) -> None:
 )
 def test_every_unit_becomes_si(unit: str, factor: float, channel: str, tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path, unit=unit, shows=unit) as one:
-            assert one.driver.channels[0].name == channel
-            await one.driver.open()
-            async with one.running():
-                await one.rows.until(lambda row: abs(row[0] - 2.0 * factor) < 0.01)
+        async with bench(tmp_path, unit=unit, shows=unit) as found:
+            assert found.driver.channels[0].name == channel
+            await found.driver.open()
+            async with found.running():
+                await found.rows.until(lambda row: abs(row[0] - 2.0 * factor) < 0.01)
 
     asyncio.run(main())
 
@@ -220,13 +220,13 @@ def test_every_unit_becomes_si(unit: str, factor: float, channel: str, tmp_path:
 )
 def test_a_bad_line_now_and_then_costs_a_row_at_most(fault: str, tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path) as one:
-            await one.driver.open()
-            one.scale.inject(fault, probability=0.3)
-            async with one.running():
+        async with bench(tmp_path) as found:
+            await found.driver.open()
+            found.scale.inject(fault, probability=0.3)
+            async with found.running():
                 for _ in range(8):
-                    one.rows.rows.clear()
-                    await one.rows.until(near(2.0))
+                    found.rows.rows.clear()
+                    await found.rows.until(near(2.0))
 
     asyncio.run(main())
 
@@ -254,10 +254,10 @@ def test_a_lasting_fault_ends_the_run_in_words(
     monkeypatch.setattr(module, "GIVE_UP_S", 0.5)
 
     async def main() -> None:
-        async with bench(tmp_path) as one:
-            await one.driver.open()
-            one.scale.inject(fault)
-            error = await one.failure()
+        async with bench(tmp_path) as found:
+            await found.driver.open()
+            found.scale.inject(fault)
+            error = await found.failure()
             assert isinstance(error, kind)
             with pytest.raises(kind, match=words):
                 raise error
@@ -267,17 +267,17 @@ def test_a_lasting_fault_ends_the_run_in_words(
 
 def test_plugged_in_again_it_is_opened_anew(tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path) as one:
-            await one.driver.open()
-            one.scale.inject("unplug")
-            await one.failure()
-            await one.driver.close()
+        async with bench(tmp_path) as found:
+            await found.driver.open()
+            found.scale.inject("unplug")
+            await found.failure()
+            await found.driver.close()
             with pytest.raises(LinkError, match="there is no serial port"):
-                await one.driver.open()
-            one.scale.clear()
-            await one.driver.open()
-            async with one.running():
-                await one.rows.until(near(2.0))
+                await found.driver.open()
+            found.scale.clear()
+            await found.driver.open()
+            async with found.running():
+                await found.rows.until(near(2.0))
 
     asyncio.run(main())
 
@@ -288,15 +288,15 @@ def test_a_load_that_never_rests_is_not_tared(
     monkeypatch.setattr(module, "REST_S", 0.3)
 
     async def main() -> None:
-        async with bench(tmp_path) as one:
-            await one.driver.open()
-            async with one.running():
-                one.scale.inject("never_stable")
+        async with bench(tmp_path) as found:
+            await found.driver.open()
+            async with found.running():
+                found.scale.inject("never_stable")
                 with pytest.raises(DeviceError, match=r"did not come to rest within 0\.3 s"):
-                    await one.driver.act("tare")
-                assert one.scale.weighing.tare_kg == 0.0
-                one.rows.rows.clear()
-                await one.rows.until(lambda row: row[1] == 0)  # rows go on, marked as moving
+                    await found.driver.act("tare")
+                assert found.scale.weighing.tare_kg == 0.0
+                found.rows.rows.clear()
+                await found.rows.until(lambda row: row[1] == 0)  # rows go on, marked as moving
 
     asyncio.run(main())
 
@@ -308,50 +308,50 @@ def test_an_action_that_is_given_up_does_not_happen_later(
     monkeypatch.setattr(module, "ACTION_S", 0.3)
 
     async def main() -> None:
-        async with bench(tmp_path) as one:
-            await one.driver.open()
-            answer = one.scale._language.answer
+        async with bench(tmp_path) as found:
+            await found.driver.open()
+            answer = found.scale._language.answer
 
             def disturbed(command: bytes, now_s: float) -> list[bytes]:
-                one.scale.weighing.never_stable |= command == b"T"
+                found.scale.weighing.never_stable |= command == b"T"
                 return answer(command, now_s)
 
-            monkeypatch.setattr(one.scale._language, "answer", disturbed)
+            monkeypatch.setattr(found.scale._language, "answer", disturbed)
             with pytest.raises(DeviceError, match=r"did not tare within 0\.3 s"):
-                await one.driver.act("tare")
+                await found.driver.act("tare")
             async with asyncio.timeout(STABILITY_S / 2):  # long before it would give up by itself
-                while one.scale._language._waiting is not None:
+                while found.scale._language._waiting is not None:
                     await asyncio.sleep(0)
-            assert one.scale.weighing.tare_kg == 0.0
+            assert found.scale.weighing.tare_kg == 0.0
 
     asyncio.run(main())
 
 
 def test_a_zero_with_a_load_on_is_refused(tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path) as one:
-            await one.driver.open()
-            async with one.running():
+        async with bench(tmp_path) as found:
+            await found.driver.open()
+            async with found.running():
                 with pytest.raises(DeviceError, match=r"refuses to zero: Z \+"):
-                    await one.driver.act("zero")
+                    await found.driver.act("zero")
                 with pytest.raises(ValueError, match="no action 'fly'"):
-                    await one.driver.act("fly")
+                    await found.driver.act("fly")
 
     asyncio.run(main())
 
 
 def test_a_and_d_with_error_codes_says_why_it_refuses(tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path, "and-d") as one:
-            language = one.scale._language
+        async with bench(tmp_path, "and-d") as found:
+            language = found.scale._language
             assert isinstance(language, AndD)
             language.error_codes = True
-            await one.driver.open()
-            async with one.running():
+            await found.driver.open()
+            async with found.running():
                 with pytest.raises(DeviceError, match="refuses to zero: EC,E17"):
-                    await one.driver.act("zero")
-                assert await one.driver.act("tare") == "tare done"
-                await one.rows.until(near(0.0))
+                    await found.driver.act("zero")
+                assert await found.driver.act("tare") == "tare done"
+                await found.rows.until(near(0.0))
 
     asyncio.run(main())
 
@@ -365,10 +365,10 @@ def test_an_adapter_that_cannot_do_what_is_set_says_so(
         raise termios.error(22, "Invalid argument")
 
     async def main() -> None:
-        async with bench(tmp_path) as one:
+        async with bench(tmp_path) as found:
             monkeypatch.setattr(termios, "tcsetattr", refuse)
             with pytest.raises(LinkError, match="cannot be set to 9600 baud, 8 data bits"):
-                await one.driver.open()
+                await found.driver.open()
             monkeypatch.undo()
 
     asyncio.run(main())
@@ -376,37 +376,37 @@ def test_an_adapter_that_cannot_do_what_is_set_says_so(
 
 def test_another_baud_rate_says_so(tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path, baud=19200) as one:
+        async with bench(tmp_path, baud=19200) as found:
             with pytest.raises(ProtocolError, match="baud"):
-                await one.driver.open()
+                await found.driver.open()
 
     asyncio.run(main())
 
 
 def test_nobody_there_says_what_to_check(tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path) as one:
-            one.scale.inject("silent")
+        async with bench(tmp_path) as found:
+            found.scale.inject("silent")
             with pytest.raises(LinkError, match="nothing answers") as caught:
-                await one.driver.open()
+                await found.driver.open()
             assert "is the scale on" in str(caught.value)
-            one.scale.clear()
-            await one.driver.open()
+            found.scale.clear()
+            await found.driver.open()
 
     asyncio.run(main())
 
 
 def test_a_port_belongs_to_one_program(tmp_path: Path) -> None:
     async def main() -> None:
-        async with bench(tmp_path) as one:
-            await one.driver.open()
-            second = SerialScale(one.driver.config, None)
+        async with bench(tmp_path) as found:
+            await found.driver.open()
+            second = SerialScale(found.driver.config, None)
             with pytest.raises(LinkError, match="another program holds"):
                 await second.open()
             with pytest.raises(LinkError, match="is open already"):
-                await one.driver.open()
-            async with one.running():  # and stays open
-                await one.rows.until(near(2.0))
+                await found.driver.open()
+            async with found.running():  # and stays open
+                await found.rows.until(near(2.0))
 
     asyncio.run(main())
 

@@ -125,7 +125,7 @@ def test_killed_while_it_closes(step: int, folder: RunFolder, job: Job) -> None:
     die_at(9 + step, folder, work)
     assert drain_leftovers(folder) == job.recording
     check(job, 40)
-    ends = [one for one in Recording.open(job.recording).events() if one.kind == "run_end"]
+    ends = [event for event in Recording.open(job.recording).events() if event.kind == "run_end"]
     assert [end.data["state"] for end in ends] == ["done"]
 
 
@@ -238,7 +238,7 @@ def test_an_overrun_is_told(folder: RunFolder, job: Job) -> None:
         ring.push(START_NS + i, (i, 0))
     drain_leftovers(folder)
     check_numbered(job.recording, {"slow": CAPACITIES["slow"]})
-    (event,) = [one for one in Recording.open(job.recording).events() if one.kind == "overrun"]
+    (event,) = [item for item in Recording.open(job.recording).events() if item.kind == "overrun"]
     assert (event.data["rows"], event.data["events"]) == ({"slow": 7}, 0)
 
 

@@ -138,51 +138,51 @@ def bench(tmp_path: Path) -> Iterator[Make]:
         return made[-1]
 
     yield make
-    for one in made:
-        for scale in one.scales.values():
+    for item in made:
+        for scale in item.scales.values():
             scale.let_go = True
-        one.devices.stop()
+        item.devices.stop()
 
 
 def test_rows_go_to_the_ring_and_the_newest_to_the_table(bench: Make) -> None:
-    one = bench(left="", right="")
-    one.devices.start()
-    until(lambda: all(len(ring.rows) >= 5 for ring in one.rings.values()))
-    assert one.devices.poll() is None
-    assert one.devices.identities == {"left": "scale 1", "right": "scale 1"}
-    one.devices.stop()
-    rows = one.rings["left"].rows
+    found = bench(left="", right="")
+    found.devices.start()
+    until(lambda: all(len(ring.rows) >= 5 for ring in found.rings.values()))
+    assert found.devices.poll() is None
+    assert found.devices.identities == {"left": "scale 1", "right": "scale 1"}
+    found.devices.stop()
+    rows = found.rings["left"].rows
     assert [row for _, row in rows] == [(index + 1.0,) for index in range(len(rows))]
-    newest = one.table.slot("left").read()
+    newest = found.table.slot("left").read()
     assert newest is not None
     assert (newest[0] + START_NS - ORIGIN_NS, tuple(newest[1])) == rows[-1]
     now_ns = time.monotonic_ns() + START_NS - ORIGIN_NS
     assert all(now_ns - 60e9 < t_ns <= now_ns for t_ns, _ in rows)
-    assert all(scale.cancelled and scale.closed for scale in one.scales.values())
-    assert one.devices.faults == {}
+    assert all(scale.cancelled and scale.closed for scale in found.scales.values())
+    assert found.devices.faults == {}
 
 
 def test_what_cannot_be_opened_is_all_named_and_all_is_closed(bench: Make) -> None:
-    one = bench(good="", gone="absent", wrong="other")
+    found = bench(good="", gone="absent", wrong="other")
     with pytest.raises(LinkError, match="gone: nobody answers; wrong: it is a kettle") as caught:
-        one.devices.start()
+        found.devices.start()
     assert caught.value.hint == "switch it on; fill it"
-    assert all(scale.closed for scale in one.scales.values())
-    assert one.rings["good"].rows == []
+    assert all(scale.closed for scale in found.scales.values())
+    assert found.rings["good"].rows == []
     assert "slow devices" not in {thread.name for thread in threading.enumerate()}
 
 
 def test_opening_is_bounded(bench: Make) -> None:
-    one = bench(deaf="deaf")
+    found = bench(deaf="deaf")
     with pytest.raises(LinkError, match=r"deaf was not open within 0\.2 s"):
-        one.devices.start(timeout_s=0.2)
-    assert one.scales["deaf"].closed
+        found.devices.start(timeout_s=0.2)
+    assert found.scales["deaf"].closed
 
 
 def test_what_keeps_a_device_from_being_armed_is_told(bench: Make) -> None:
-    one = bench(left="loaded", right="")
-    one.devices.start()
-    assert one.devices.unfit == ["left: it is loaded"]
+    found = bench(left="loaded", right="")
+    found.devices.start()
+    assert found.devices.unfit == ["left: it is loaded"]
 
 
 @pytest.mark.parametrize(
@@ -196,38 +196,38 @@ def test_what_keeps_a_device_from_being_armed_is_told(bench: Make) -> None:
     ],
 )
 def test_one_that_fails_does_not_stop_the_others(bench: Make, fault: str, words: str) -> None:
-    one = bench(bad=fault, good="")
-    one.devices.start()
-    until(lambda: one.devices.poll() is not None)
-    assert one.devices.poll() == words
-    assert one.devices.faults == {"bad": words}
-    assert len(one.rings["bad"].rows) == 3
-    seen = len(one.rings["good"].rows)
-    until(lambda: len(one.rings["good"].rows) > seen + 3)
+    found = bench(bad=fault, good="")
+    found.devices.start()
+    until(lambda: found.devices.poll() is not None)
+    assert found.devices.poll() == words
+    assert found.devices.faults == {"bad": words}
+    assert len(found.rings["bad"].rows) == 3
+    seen = len(found.rings["good"].rows)
+    until(lambda: len(found.rings["good"].rows) > seen + 3)
     with pytest.raises(DeviceError, match="bad does not run"):
-        one.devices.act("bad", "tare")
-    assert one.devices.act("good", "tare") == "zero is set"
-    one.devices.stop()
-    assert one.scales["bad"].closed
-    assert one.scales["good"].closed
+        found.devices.act("bad", "tare")
+    assert found.devices.act("good", "tare") == "zero is set"
+    found.devices.stop()
+    assert found.scales["bad"].closed
+    assert found.scales["good"].closed
 
 
 def test_actions_while_it_measures(bench: Make) -> None:
-    one = bench(scale="")
-    one.devices.start()
-    until(lambda: len(one.rings["scale"].rows) > 5)
-    assert one.devices.act("scale", "tare") == "zero is set"
-    until(lambda: [row for _, row in one.rings["scale"].rows].count((1.0,)) == 2)
+    found = bench(scale="")
+    found.devices.start()
+    until(lambda: len(found.rings["scale"].rows) > 5)
+    assert found.devices.act("scale", "tare") == "zero is set"
+    until(lambda: [row for _, row in found.rings["scale"].rows].count((1.0,)) == 2)
     with pytest.raises(DeviceError, match="the load moves"):
-        one.devices.act("scale", "refuse")
+        found.devices.act("scale", "refuse")
     with pytest.raises(DeviceError, match=r"scale did not dawdle within 0\.1 s"):
-        one.devices.act("scale", "dawdle", timeout_s=0.1)
+        found.devices.act("scale", "dawdle", timeout_s=0.1)
     with pytest.raises(DeviceError, match="scale cannot do 'jump'") as caught:
-        one.devices.act("scale", "jump")
+        found.devices.act("scale", "jump")
     assert caught.value.hint == "it can do: tare, dawdle, refuse"
     with pytest.raises(DeviceError, match="there is no slow device 'stool'"):
-        one.devices.act("stool", "tare")
-    assert one.devices.poll() is None
+        found.devices.act("stool", "tare")
+    assert found.devices.poll() is None
 
 
 def test_a_driver_that_blocks_the_loop_is_found_out(
@@ -235,31 +235,31 @@ def test_a_driver_that_blocks_the_loop_is_found_out(
 ) -> None:
     monkeypatch.setattr("rigd.engine.slow.devices.BLOCKED_S", 0.5)
     monkeypatch.setattr("rigd.engine.slow.devices.CLOSE_S", 0.2)
-    one = bench(bad="blocks", good="")
-    one.devices.start()
-    until(lambda: one.devices.poll() is not None)
-    reason = str(one.devices.poll())
+    found = bench(bad="blocks", good="")
+    found.devices.start()
+    until(lambda: found.devices.poll() is not None)
+    reason = str(found.devices.poll())
     assert reason.startswith("the loop of the slow devices (bad, good) has stood still for 0.5 s")
-    one.devices.stop()  # bounded
-    assert not one.scales["good"].closed
+    found.devices.stop()  # bounded
+    assert not found.scales["good"].closed
 
 
 def test_one_that_will_not_be_cancelled_does_not_keep_the_others(
     bench: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rigd.engine.slow.devices.CLOSE_S", 0.5)
-    one = bench(bad="stubborn", good="")
-    one.devices.start()
-    until(lambda: one.scales["bad"].mass > 3)
-    one.devices.stop()
-    assert one.devices.faults == {"bad": "bad: did not stop within 0.5 s"}
-    assert one.scales["good"].closed
+    found = bench(bad="stubborn", good="")
+    found.devices.start()
+    until(lambda: found.scales["bad"].mass > 3)
+    found.devices.stop()
+    assert found.devices.faults == {"bad": "bad: did not stop within 0.5 s"}
+    assert found.scales["good"].closed
 
 
 def test_one_that_cannot_be_closed_is_told(bench: Make) -> None:
-    one = bench(bad="clings", good="")
-    one.devices.start()
-    one.devices.stop()
-    one.devices.stop()  # twice is silent
-    assert one.devices.faults == {"bad": "bad: could not be closed: the port is gone"}
-    assert one.scales["good"].closed
+    found = bench(bad="clings", good="")
+    found.devices.start()
+    found.devices.stop()
+    found.devices.stop()  # twice is silent
+    assert found.devices.faults == {"bad": "bad: could not be closed: the port is gone"}
+    assert found.scales["good"].closed

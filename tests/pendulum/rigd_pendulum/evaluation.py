@@ -53,7 +53,7 @@ def evaluate(
     fitted = []
     for group in complete_groups(sweeps, options, tell):
         trials = tuple(response(sweep, trial) for sweep, trial in group.trials)
-        scale = max(float(np.median(np.abs(one.measured[one.used]))) for one in trials)
+        scale = max(float(np.median(np.abs(item.measured[item.used]))) for item in trials)
         model = ResponseModel(PARAMETERS, friction, trials, scale)
         account = Preprocessing(
             (f"A cubic through each block of {1e3 * BLOCK_S:g} ms of the free swing.",),
@@ -78,7 +78,7 @@ def response(sweep: RecordedSweep, trial: TrialInfo) -> ResponseTrial:
         DataError: a signal or constant is missing, samples are no numbers, or it never swings.
     """
     t_s, signals = sweep.signals(trial)
-    if not all(np.all(np.isfinite(one)) for one in signals.values()):
+    if not all(np.all(np.isfinite(signal)) for signal in signals.values()):
         raise DataError(
             f"{sweep.path}: in trial {trial.number} samples are no numbers",
             hint="look at them: rigd report draws the recording",

@@ -11,5 +11,5 @@ from support.answering_rig import Served, served
 @pytest.fixture
 def remote() -> Iterator[Served]:
     """A rig that answers every verb."""
-    with served() as one:
-        yield one
+    with served() as found:
+        yield found

@@ -29,9 +29,9 @@ with Client("lugre-1", endpoint=sys.argv[1], identity="alice") as rig:
 def test_an_interrupt_stops_the_run_at_once(tmp_path: Path, take: str) -> None:
     script = tmp_path / "script.py"
     script.write_text(SCRIPT.format(take=take))
-    with served() as one:
+    with served() as found:
         ended = subprocess.Popen(
-            [sys.executable, str(script), one.endpoint],
+            [sys.executable, str(script), found.endpoint],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -42,16 +42,16 @@ def test_an_interrupt_stops_the_run_at_once(tmp_path: Path, take: str) -> None:
         ended.send_signal(signal.SIGINT)
         _, told = ended.communicate(timeout=60)
         assert told.rstrip().endswith("KeyboardInterrupt")
-        assert one.rig.done[-1] == ("alice", "stop", "Ctrl-C in a script")
+        assert found.rig.done[-1] == ("alice", "stop", "Ctrl-C in a script")
 
 
 def test_an_interrupt_without_control_stops_nothing() -> None:
     def look() -> None:
-        with Client("lugre-1", endpoint=one.endpoint, identity="bob") as rig:
+        with Client("lugre-1", endpoint=found.endpoint, identity="bob") as rig:
             rig.status()
             raise KeyboardInterrupt
 
-    with served() as one:
+    with served() as found:
         with pytest.raises(KeyboardInterrupt):
             look()
-        assert one.rig.verbs() == []
+        assert found.rig.verbs() == []

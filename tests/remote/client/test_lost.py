@@ -90,7 +90,7 @@ def test_watching_goes_on_with_a_daemon_that_was_started_anew(endpoint: str) -> 
         first.kill()
         first.wait()
         with process(endpoint):
-            assert next(one.daemon.pid for one in statuses if one.daemon.pid != pid) != pid
+            assert next(status.daemon.pid for status in statuses if status.daemon.pid != pid) != pid
 
 
 def test_a_silence_is_told_to_who_watches(endpoint: str) -> None:
@@ -123,8 +123,8 @@ def test_a_daemon_that_falls_silent_is_not_waited_for_however_long_it_may_take(
 def test_a_daemon_that_leaves_between_two_attempts_leaves_a_doubt(
     endpoint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with served(setup=RemoteSetup((endpoint,))) as one, Client(endpoint=endpoint) as rig:
-        one.server.close()
+    with served(setup=RemoteSetup((endpoint,))) as found, Client(endpoint=endpoint) as rig:
+        found.server.close()
         monkeypatch.setattr(connection, "is_connected", lambda session: True)  # not yet noticed
         with pytest.raises(LinkError, match="whether stop was carried out is not known"):
             rig.stop()
@@ -141,9 +141,9 @@ def test_a_request_sent_again_acts_once(endpoint: str) -> None:
             first = await rig._insist(Kind.COMMAND, "pause", payload)
             again = await rig._insist(Kind.COMMAND, "pause", payload)
             assert first == again
-            return [verb for _, verb, _ in one.rig.done].count("pause")
+            return [verb for _, verb, _ in found.rig.done].count("pause")
 
-    with served(setup=RemoteSetup((endpoint,))) as one:
+    with served(setup=RemoteSetup((endpoint,))) as found:
         assert asyncio.run(ask()) == 1
 
 
@@ -155,7 +155,7 @@ def test_over_tls_each_reason_to_be_left_outside_says_what_to_look_at(tmp_path: 
     setup = RemoteSetup(
         (endpoint,), files_of(certificates, SERVER), {"alice": "operator", "bob": "observer"}
     )
-    with served("wire-1", setup) as one:
+    with served("wire-1", setup) as found:
         with Client(endpoint=endpoint, tls=files_of(certificates, "alice")) as alice:
             assert alice.identity == "alice"
             with alice.control():
@@ -170,7 +170,7 @@ def test_over_tls_each_reason_to_be_left_outside_says_what_to_look_at(tmp_path: 
             Client(endpoint=endpoint, tls=files_of(certificates, "mallory"))
         with pytest.raises(LinkError, match=r"(?s)nobody lets us in.*trust .*foreign/ca\.crt"):
             Client("wire-1", endpoint=endpoint, tls=files_of(foreign, "alice"))
-        assert one.rig.verbs() == ["lease_take", "pause", "lease_release", "stop"]
+        assert found.rig.verbs() == ["lease_take", "pause", "lease_release", "stop"]
 
 
 def test_a_client_that_is_never_closed_keeps_no_process(endpoint: str) -> None:

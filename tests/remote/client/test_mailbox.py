@@ -9,8 +9,8 @@ from rigd.remote.client.payload_queue import PayloadQueue
 
 
 def put_all(mailbox: PayloadQueue, payloads: list[bytes]) -> None:
-    for one in payloads:
-        mailbox.put(one)
+    for payload in payloads:
+        mailbox.put(payload)
 
 
 def test_what_one_thread_puts_another_takes_in_order() -> None:

@@ -41,7 +41,7 @@ class Source:
 def test_a_file_comes_whole_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
     path = Source().fetch(tmp_path / "deep" / "a.mcap")
     assert path.read_bytes() == WHOLE
-    assert [one.name for one in path.parent.iterdir()] == ["a.mcap"]
+    assert [item.name for item in path.parent.iterdir()] == ["a.mcap"]
 
 
 def test_an_empty_file_comes_too(tmp_path: Path) -> None:

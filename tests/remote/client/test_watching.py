@@ -23,14 +23,14 @@ def event(seq: int, t_ns: int | None = None) -> RigEvent:
 
 def read(heard: Sequence[RigEvent], known: Sequence[RigEvent], since: int | None) -> list[RigEvent]:
     async def hear() -> AsyncGenerator[RigEvent, None]:
-        for one in heard:
-            yield one
+        for item in heard:
+            yield item
 
     async def ask(seq: int) -> Events:
-        return Events(events=tuple(one for one in known if one.seq >= seq), next=0)
+        return Events(events=tuple(item for item in known if item.seq >= seq), next=0)
 
     async def collect() -> list[RigEvent]:
-        return [one async for one in without_gaps(hear(), ask, since)]
+        return [without_gap async for without_gap in without_gaps(hear(), ask, since)]
 
     return asyncio.run(collect())
 
@@ -47,7 +47,7 @@ def test_from_a_number_on_the_known_come_first_and_none_twice() -> None:
 
 def test_what_the_daemon_has_forgotten_stays_a_gap() -> None:
     told = [event(seq) for seq in range(8)]
-    assert [one.seq for one in read([told[1], told[7]], told[5:], None)] == [1, 5, 6, 7]
+    assert [item.seq for item in read([told[1], told[7]], told[5:], None)] == [1, 5, 6, 7]
 
 
 def test_a_daemon_that_was_started_anew_counts_from_the_start() -> None:

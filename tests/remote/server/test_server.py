@@ -48,9 +48,9 @@ def test_certificates_that_are_not_there_are_told(tmp_path: Path) -> None:
 def own_sockets() -> set[str]:
     """Where this process listens: protocol and address, as proc_pid_net(5) writes them."""
     mine = set()
-    for one in Path("/proc/self/fd").iterdir():
+    for item in Path("/proc/self/fd").iterdir():
         with suppress(FileNotFoundError):  # the one that lists them
-            mine.add(str(one.readlink()))
+            mine.add(str(item.readlink()))
     found = set()
     for protocol in ("tcp", "tcp6", "udp", "udp6"):
         for line in Path(f"/proc/self/net/{protocol}").read_text().splitlines()[1:]:

@@ -60,7 +60,7 @@ def test_a_block_has_quantities_beside_their_volts_and_times_without_gaps(load_c
     daq = started(make_plant(), load_cell=load_cell)
     inputs = 5 if load_cell else 4
     names = [channel.name for channel in daq.channels]
-    expected = [name for one in layout.SIGNALS[:inputs] for name in (one, f"{one}_raw")]
+    expected = [name for signal in layout.SIGNALS[:inputs] for name in (signal, f"{signal}_raw")]
     assert names == [*expected, "device_time", "clock_rate"]
     got = [block for _, block in blocks(daq, 500)]
     times = np.concatenate([block.times_ns for block in got])
@@ -83,7 +83,7 @@ def test_a_block_comes_its_latency_after_its_end_with_an_exponential_tail(
     block: int, latency_ms: float
 ) -> None:
     daq = started(make_plant(), block=block, latency=f"{latency_ms} ms")
-    late = [(now - int(one.times_ns[-1])) * 1e-6 - 1e3 / 9600 for now, one in blocks(daq, 6000)]
+    late = [(now - int(item.times_ns[-1])) * 1e-6 - 1e3 / 9600 for now, item in blocks(daq, 6000)]
     assert min(late) >= latency_ms - 3.0
     # A cycle later on average by half of one.
     assert np.mean(late) == pytest.approx(latency_ms + 0.5, abs=1.2)

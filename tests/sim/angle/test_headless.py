@@ -113,12 +113,12 @@ def test_bearing_and_rolling_add_to_the_torque_of_a_real_one() -> None:
 
 
 def test_seeds_scatter_and_repeat() -> None:
-    one, again, other = (simulate(seed=seed) for seed in (3, 3, 4))
-    assert one.gauge_a_v.tobytes() == again.gauge_a_v.tobytes()
-    assert one.stop_s == again.stop_s
-    assert one.scale_kg != other.scale_kg or one.stop_s != other.stop_s
-    assert one.torque_scale == other.torque_scale  # the same rig
-    assert simulate(seed=3, individual=2).torque_scale != one.torque_scale
+    found, again, other = (simulate(seed=seed) for seed in (3, 3, 4))
+    assert found.gauge_a_v.tobytes() == again.gauge_a_v.tobytes()
+    assert found.stop_s == again.stop_s
+    assert found.scale_kg != other.scale_kg or found.stop_s != other.stop_s
+    assert found.torque_scale == other.torque_scale  # the same rig
+    assert simulate(seed=3, individual=2).torque_scale != found.torque_scale
 
 
 def test_the_load_cell_shows_the_normal_force_while_it_varies() -> None:

@@ -45,7 +45,7 @@ def test_conversion_is_14_bits_in_twos_complement(
 
 
 def test_the_fifo_gives_the_scan_in_order_then_all_ones(terminals: Terminals) -> None:
-    terminals.volts_in = [one * 10 / 8192 for one in range(8)]
+    terminals.volts_in = [item * 10 / 8192 for item in range(8)]
     card = terminals.card()
     assert scan(card, 0b10100110) == [1, 2, 5, 7, *[0xFFFF] * 4]
     card.r16(ADSTART)

@@ -51,72 +51,72 @@ def world(clock: Clock, one_shot_s: float | None = ONE_SHOT_S, **options: Any) -
 
 
 def test_the_relay_needs_its_line_and_the_one_shot(clock: Clock) -> None:
-    one = world(clock)
-    one.ask(closed=True)
+    found = world(clock)
+    found.ask(closed=True)
     clock.pass_ms(50)
-    assert one.state()["platform_position"] == pytest.approx(0, abs=1e-6)
-    assert one.safe_since_ns
-    one.trigger(level=True)
+    assert found.state()["platform_position"] == pytest.approx(0, abs=1e-6)
+    assert found.safe_since_ns
+    found.trigger(level=True)
     clock.pass_ms(100)
-    assert float(one.state()["platform_speed"]) > 0.05
-    assert not one.safe_since_ns
-    one.ask(closed=False)
-    assert one.safe_since_ns == clock.ns
+    assert float(found.state()["platform_speed"]) > 0.05
+    assert not found.safe_since_ns
+    found.ask(closed=False)
+    assert found.safe_since_ns == clock.ns
 
 
 def test_the_one_shot_drops_when_it_should_and_not_when_somebody_looks(clock: Clock) -> None:
-    one = world(clock)
-    one.ask(closed=True)
-    one.trigger(level=True)
+    found = world(clock)
+    found.ask(closed=True)
+    found.trigger(level=True)
     edge_ns = clock.ns
     clock.pass_ms(150)
-    one.trigger(level=False)  # either edge keeps it up
+    found.trigger(level=False)  # either edge keeps it up
     clock.pass_ms(400)  # nobody has looked
-    one.now()
-    assert one.safe_since_ns == edge_ns + 150 * MS + ONE_SHOT_S * 1e9
-    assert one.opened.at_ns == one.safe_since_ns
-    assert 0 < one.opened.position < one.furthest
-    assert not one.one_shot_up()
+    found.now()
+    assert found.safe_since_ns == edge_ns + 150 * MS + ONE_SHOT_S * 1e9
+    assert found.opened.at_ns == found.safe_since_ns
+    assert 0 < found.opened.position < found.furthest
+    assert not found.one_shot_up()
 
 
 def test_what_stood_where_when_it_opened(clock: Clock) -> None:
-    one = world(clock, one_shot_s=None, noise=False)
-    one.ask(closed=True)
-    while float(one.state()["platform_position"]) < 0.1:
+    found = world(clock, one_shot_s=None, noise=False)
+    found.ask(closed=True)
+    while float(found.state()["platform_position"]) < 0.1:
         clock.pass_ms(5)
-    one.ask(closed=False)
-    state = one.state()
-    opened = one.opened
+    found.ask(closed=False)
+    state = found.state()
+    opened = found.opened
     assert opened.position == state["platform_position"]
     assert opened.speed == state["platform_speed"]
-    pots = one.plant.parameters.potentiometers
+    pots = found.plant.parameters.potentiometers
     thread = (opened.position + pots.platform_start) / pots.pulley
     assert opened.volts == pytest.approx(thread * pots.volts_per_rad, rel=1e-9)
     clock.pass_ms(2000)
-    one.now()
-    assert one.furthest > 0.45  # the relay does not stop it, the bumper does
+    found.now()
+    assert found.furthest > 0.45  # the relay does not stop it, the bumper does
 
 
 def test_what_no_friction_is_known_of_is_not_driven(clock: Clock) -> None:
-    one = world(clock, one_shot_s=None)
-    one.change("wheel", "coated")
-    one.change("angle", math.radians(30))
-    one.ask(closed=True)
-    assert "no friction is published for the coated wheel at 30 deg" in one.refused
+    found = world(clock, one_shot_s=None)
+    found.change("wheel", "coated")
+    found.change("angle", math.radians(30))
+    found.ask(closed=True)
+    assert "no friction is published for the coated wheel at 30 deg" in found.refused
     clock.pass_ms(500)
-    assert not one.plant.closed
-    one.change("wheel", "clean")
+    assert not found.plant.closed
+    found.change("wheel", "clean")
     clock.pass_ms(100)
-    one.now()
-    assert one.refused == ""
+    found.now()
+    assert found.refused == ""
     clock.pass_ms(20)
-    one.now()
-    assert one.plant.closed
+    found.now()
+    assert found.plant.closed
 
 
 def test_a_welded_contact_and_a_broken_one(clock: Clock) -> None:
-    one = world(clock)
-    relay = SimRelay("relay", one, "a line")
+    found = world(clock)
+    relay = SimRelay("relay", found, "a line")
     relay.inject("welded")
     clock.pass_ms(100)
     state = relay.state()
@@ -125,8 +125,8 @@ def test_a_welded_contact_and_a_broken_one(clock: Clock) -> None:
     clock.pass_ms(100)
     assert not relay.state()["contact"]
     relay.inject("broken")
-    one.trigger(level=True)
-    one.ask(closed=True)
+    found.trigger(level=True)
+    found.ask(closed=True)
     clock.pass_ms(100)
     state = relay.state()
     assert (state["coil"], state["contact"]) == (True, False)
@@ -136,10 +136,10 @@ def test_a_welded_contact_and_a_broken_one(clock: Clock) -> None:
 
 
 def test_a_one_shot_that_stays_up_keeps_the_relay(clock: Clock) -> None:
-    one = world(clock)
-    relay = SimRelay("relay", one, "a line")
+    found = world(clock)
+    relay = SimRelay("relay", found, "a line")
     relay.inject("one_shot_dead")
-    one.ask(closed=True)
+    found.ask(closed=True)
     clock.pass_ms(1000)
     assert relay.state()["coil"]
     relay.clear("one_shot_dead")
@@ -156,9 +156,9 @@ def test_faults_of_a_relay_that_it_does_not_know(clock: Clock) -> None:
 
 
 def test_the_card_samples_the_plant_at_its_own_rate(clock: Clock) -> None:
-    one = world(clock, noise=False)
+    item = world(clock, noise=False)
     inputs: list[int | None] = [3, None, 0]  # platform, nothing, gauge a: as the task has them
-    sampler = Sampled(one, inputs, 9600.0, clock.ns)
+    sampler = Sampled(item, inputs, 9600.0, clock.ns)
     found = []
     for _ in range(500):
         clock.pass_ms(2)
@@ -166,14 +166,14 @@ def test_the_card_samples_the_plant_at_its_own_rate(clock: Clock) -> None:
     volts = np.hstack(found)
     assert volts.shape[0] == 3
     assert 9600 - 16 <= volts.shape[1] <= 9600
-    pots = one.plant.parameters.potentiometers
+    pots = item.plant.parameters.potentiometers
     at_start = pots.platform_start / pots.pulley * pots.volts_per_rad
     assert volts[0] == pytest.approx(at_start, abs=1e-6)
 
 
 def test_samples_nobody_fetched_for_long_are_lost(clock: Clock) -> None:
-    one = world(clock)
-    sampler = Sampled(one, [0], 9600.0, clock.ns)
+    found = world(clock)
+    sampler = Sampled(found, [0], 9600.0, clock.ns)
     clock.pass_ms(1e3 * (layout.HISTORY_ROWS / layout.STEPS_PER_S + 1))
     with pytest.raises(OverflowError, match="are lost"):
         sampler.due(clock.ns, 0.0)
@@ -181,8 +181,8 @@ def test_samples_nobody_fetched_for_long_are_lost(clock: Clock) -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Iterator[Folder]:
-    with Folder(tmp_path) as one:
-        yield one
+    with Folder(tmp_path) as found:
+        yield found
 
 
 def config(**options: Any) -> WireAngleConfig:

@@ -89,7 +89,7 @@ def test_every_device_is_told_with_its_place_and_none_is_left_behind(folder: Pat
         assert abs(state["t_ns"] - time.monotonic_ns()) < PATIENCE_S * 1e9
         assert state["plant"]["floor"] == "stone"
         assert all(
-            one["nmt"] == "pre_operational" for one in state["parts"].values() if "nmt" in one
+            item["nmt"] == "pre_operational" for item in state["parts"].values() if "nmt" in item
         )
     assert [path.name for path in folder.iterdir()] == ["lock"]
     with pytest.raises(LinkError, match=r"no simulation answers .*\n.*rigd sim"):
@@ -124,8 +124,8 @@ async def _drive(folder: Path, per_mille: int, cycles: int) -> list[bytes]:
 def test_torque_at_the_wire_turns_the_wheel_and_a_reset_ends_it(folder: Path) -> None:
     with served(folder) as (bench, _):
         answers = run(_drive(folder, 500, 300))
-        counts = [int.from_bytes(one[4:], "little", signed=True) for one in answers]
-        torques = [int.from_bytes(one[2:4], "little", signed=True) for one in answers]
+        counts = [int.from_bytes(answer[4:], "little", signed=True) for answer in answers]
+        torques = [int.from_bytes(answer[2:4], "little", signed=True) for answer in answers]
         # The belt holds the carriage, so that the wheel spins: 0.75 A of 1.5 A nominal.
         assert torques[-1] == pytest.approx(500, abs=2)
         assert counts[0] == 0
@@ -256,12 +256,12 @@ def test_faults_at_a_time_and_by_condition(folder: Path) -> None:
         bench.ask({**fault, "after_s": 0.05, "for_s": 0.2})
         carriage = part(bench, "carriage")
         assert carriage()["faults"] == ""
-        wait_for(carriage, lambda one: one["faults"] == "tpdo_stale")
-        wait_for(carriage, lambda one: one["faults"] == "")
+        wait_for(carriage, lambda item: item["faults"] == "tpdo_stale")
+        wait_for(carriage, lambda item: item["faults"] == "")
         bench.ask({**fault, "when": "plant.mass > 5 kg"})
         assert carriage()["faults"] == ""
         bench.ask({"do": "change", "quantity": "mass", "value": 6})
-        wait_for(carriage, lambda one: one["faults"] == "tpdo_stale")
+        wait_for(carriage, lambda item: item["faults"] == "tpdo_stale")
         bench.ask({"do": "clear"})
         assert carriage()["faults"] == ""
 
@@ -269,7 +269,7 @@ def test_faults_at_a_time_and_by_condition(folder: Path) -> None:
 def test_options_that_are_refused_later_show_in_the_state(folder: Path) -> None:
     with served(folder) as (bench, _):
         bench.ask({"do": "fault", "part": "carriage", "fault": "jump", "after_s": 0.01})
-        state = wait_for(lambda: bench.ask({"do": "state"}), lambda one: one["problems"])
+        state = wait_for(lambda: bench.ask({"do": "state"}), lambda item: item["problems"])
         assert "carriage: jump: option 'counts' is missing" in state["problems"][0]
 
 
@@ -295,7 +295,7 @@ def test_the_fault_file_of_the_documentation_is_right(folder: Path) -> None:
         known = bench.ask({"do": "faults"})["parts"]
     # Every fault of buses and nodes is named in the text.
     for part_ in ("servo_bus", "wheel_servo", "carriage"):
-        assert [one for one in known[part_] if f"`{one}`" not in text] == []
+        assert [item for item in known[part_] if f"`{item}`" not in text] == []
 
 
 def test_faults_of_the_rig_file_show_from_the_start(folder: Path) -> None:

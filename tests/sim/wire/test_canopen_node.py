@@ -59,8 +59,8 @@ def test_a_text_is_read_in_segments_with_a_toggle(tmp_path: Path) -> None:
                 for toggle in (0, 1, 0)
             ]
             # Toggle in bit 4, unused bytes in bits 1 to 3, bit 0 in the last one.
-            assert [one[:2] for one in segments] == ["00", "10", "03"]
-            text = b"".join(bytes.fromhex(one)[1:] for one in segments)
+            assert [segment[:2] for segment in segments] == ["00", "10", "03"]
+            text = b"".join(bytes.fromhex(segment)[1:] for segment in segments)
             assert text == b"rigd simulated servo\0"
             again = await client.sdo(SERVO, "60" + "00" * 7)
             assert again == "80 00 00 00 01 00 04 05"  # nothing is under way
@@ -294,8 +294,8 @@ def test_errors_are_remembered_newest_first_until_forgotten(tmp_path: Path) -> N
             node.inject("emergency", code=0x3220)
             assert await client.receive() == (0x081, "20 32 07 00 00 00 00 00")
             read = ["40 03 10 00", "40 03 10 01", "40 03 10 02", "40 01 10 00", "40 3f 60 00"]
-            answers = [await client.sdo(SERVO, f"{one} 00 00 00 00") for one in read]
-            assert [one[12:] for one in answers] == [
+            answers = [await client.sdo(SERVO, f"{item} 00 00 00 00") for item in read]
+            assert [answer[12:] for answer in answers] == [
                 "02 00 00 00", "20 32 00 00", "10 23 00 00", "07 00 00 00", "20 32 00 00",
             ]  # fmt: skip
             assert await client.sdo(SERVO, "2f 03 10 00 01 00 00 00") == "80 03 10 00 30 00 09 06"

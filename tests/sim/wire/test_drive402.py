@@ -80,7 +80,7 @@ def test_it_walks_up_to_torque_and_down_again(tmp_path: Path) -> None:
             await operational(client)
             seen = [await cycle(client, f"{word:02x} 00 f4 01") for word in (6, 7, 15, 15, 0, 0)]
             # Bit 4 voltage, bit 9 remote, bit 12 follows its setpoint.
-            assert [one[:5] for one in seen] == [
+            assert [item[:5] for item in seen] == [
                 "50 02", "31 02", "33 02", "37 12", "37 12", "50 02",
             ]  # fmt: skip
             assert [(d.value, d.powered) for d in physics.demands] == [(0.5, True), (0.0, False)]

@@ -40,9 +40,9 @@ class Lamp(Part):
         self.told.append(f"+{fault}")
 
     def clear(self, fault: str | None = None) -> None:
-        for one in list(self.shown) if fault is None else [fault]:
-            self.shown.pop(one, None)
-            self.told.append(f"-{one}")
+        for item in list(self.shown) if fault is None else [fault]:
+            self.shown.pop(item, None)
+            self.told.append(f"-{item}")
 
 
 def schedule() -> tuple[Schedule, Lamp]:

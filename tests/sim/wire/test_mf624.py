@@ -130,16 +130,16 @@ class Master:
 
 @contextmanager
 def master(bench: Bench) -> Iterator[Master]:
-    one = Master(bench)
-    one.link.open()
+    found = Master(bench)
+    found.link.open()
     try:
-        for device in one.devices.values():
+        for device in found.devices.values():
             device.open()
-        yield one
+        yield found
     finally:
-        for device in one.devices.values():
+        for device in found.devices.values():
             device.close()
-        one.link.close()
+        found.link.close()
 
 
 def test_packets_are_accesses(bench: Bench) -> None:
@@ -187,7 +187,7 @@ def test_the_rig_file_drives_the_rig(bench: Bench) -> None:
 
 def test_every_drive_of_the_rig_file_proves_its_watchdog(brief: Bench) -> None:
     with master(brief) as rig:
-        drives = [one for one in rig.devices.values() if one.watchdog_s is not None]
+        drives = [device for device in rig.devices.values() if device.watchdog_s is not None]
         assert len(drives) == 3
         for drive in drives:
             assert drive.prove_watchdog() > 0.9 * BRIEF_S

@@ -49,8 +49,8 @@ class Client:
 
     def task(self, *channels: str, rate: float = 1000.0, buffer: int = 1000) -> nidaqmx.Task:
         task = nidaqmx.Task("test", grpc_options=self.options("test"))
-        for one in channels:
-            task.ai_channels.add_ai_voltage_chan(f"Dev1/{one}", min_val=-10, max_val=10)
+        for channel in channels:
+            task.ai_channels.add_ai_voltage_chan(f"Dev1/{channel}", min_val=-10, max_val=10)
         task.timing.cfg_samp_clk_timing(
             rate, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=buffer
         )
@@ -75,9 +75,9 @@ class Client:
 def client() -> Iterator[Client]:
     part = SimNi("daq", {"ai0": lambda: 1.0, "ai1": lambda: -3.0}, noise_v=0.0)
     with served(part) as on_loop:
-        one = Client(part, on_loop)
-        yield one
-        one.channel.close()
+        found = Client(part, on_loop)
+        yield found
+        found.channel.close()
 
 
 def read(task: nidaqmx.Task, count: int, timeout: float = 30.0) -> np.ndarray[Any, Any]:
@@ -120,7 +120,7 @@ def test_what_is_not_simulated_is_refused_loudly(client: Client) -> None:
 def test_continuous_reading(client: Client) -> None:
     with client.task("ai0", "ai1", rate=9600.0, buffer=4800) as task:
         assert task.timing.samp_clk_rate == 9600.0
-        assert [one.ai_rng_high for one in task.ai_channels] == [10.0, 10.0]
+        assert [ai_channel.ai_rng_high for ai_channel in task.ai_channels] == [10.0, 10.0]
         task.start()
         for _ in range(20):
             data = read(task, 96)
@@ -136,7 +136,7 @@ def test_single_ended_and_other_ranges(client: Client) -> None:
         add = task.ai_channels.add_ai_voltage_chan
         add("Dev1/ai0", terminal_config=TerminalConfiguration.RSE, min_val=-1, max_val=1)
         add("Dev1/ai1", terminal_config=TerminalConfiguration.DIFF, min_val=-1.1, max_val=1.1)
-        assert [one.ai_rng_high for one in task.ai_channels] == [10.0, 1.25]
+        assert [ai_channel.ai_rng_high for ai_channel in task.ai_channels] == [10.0, 1.25]
 
 
 def test_a_read_that_times_out_hands_over_what_there_is(client: Client) -> None:
@@ -296,39 +296,39 @@ def acquisition(
 
 
 def test_the_crystal_drifts() -> None:
-    one = acquisition(rate_hz=9600.0, capacity=1_000_000)
+    found = acquisition(rate_hz=9600.0, capacity=1_000_000)
     for step in range(1, 5001):
-        one.advance(START_NS + step * 2_000_000, 100e-6, Faults())
-    assert one.made == math.floor(9600 * 10 * 1.0001)
+        found.advance(START_NS + step * 2_000_000, 100e-6, Faults())
+    assert found.made == math.floor(9600 * 10 * 1.0001)
 
 
 def test_between_two_steps_voltages_move_on_a_line() -> None:
     now = {"v": 0.0}
-    one = acquisition(lambda: now["v"])
-    one.advance(START_NS, 0.0, Faults())
+    found = acquisition(lambda: now["v"])
+    found.advance(START_NS, 0.0, Faults())
     now["v"] = 1.0
-    one.advance(START_NS + 10_000_000, 0.0, Faults())
-    assert one.take(10)[0] == pytest.approx(np.arange(1, 11) / 10, abs=LSB_V / 2)
+    found.advance(START_NS + 10_000_000, 0.0, Faults())
+    assert found.take(10)[0] == pytest.approx(np.arange(1, 11) / 10, abs=LSB_V / 2)
 
 
 def test_a_stuck_code_stays_where_it_was() -> None:
     now, faults = {"v": 1.0}, Faults()
-    one = acquisition(lambda: now["v"])
-    one.advance(START_NS + 10_000_000, 0.0, faults)
-    held = one.take(10)[0, -1]
+    found = acquisition(lambda: now["v"])
+    found.advance(START_NS + 10_000_000, 0.0, faults)
+    held = found.take(10)[0, -1]
     faults.stuck_code.add("ai0")
     now["v"] = 2.0
-    one.advance(START_NS + 20_000_000, 0.0, faults)
-    assert np.all(one.take(10) == held)
+    found.advance(START_NS + 20_000_000, 0.0, faults)
+    assert np.all(found.take(10) == held)
 
 
 def test_the_buffer_overflows_by_one_sample() -> None:
-    one = acquisition(capacity=10)
-    one.advance(START_NS + 10_000_000, 0.0, Faults())
-    assert (one.available, one.overrun) == (10, False)
-    one.advance(START_NS + 11_000_000, 0.0, Faults())
+    found = acquisition(capacity=10)
+    found.advance(START_NS + 10_000_000, 0.0, Faults())
+    assert (found.available, found.overrun) == (10, False)
+    found.advance(START_NS + 11_000_000, 0.0, Faults())
     with pytest.raises(DaqFault) as caught:
-        one.take(1)
+        found.take(1)
     assert caught.value.code == -200279
 
 

@@ -15,11 +15,11 @@ PLATE = Nameplate("SIM60", "B021002593")
 
 
 def weighing(load_kg: float = 0.1, unit: str = "g", division_kg: float = 1e-5) -> Weighing:
-    one = Weighing(
+    found = Weighing(
         capacity_kg=6.0, division_kg=division_kg, noise_kg=0.0, settling_s=0.1, unit=unit, seed=1
     )
-    one.advance(0.0, load_kg)
-    return one
+    found.advance(0.0, load_kg)
+    return found
 
 
 def test_mt_sics_replies_are_those_of_the_manual() -> None:

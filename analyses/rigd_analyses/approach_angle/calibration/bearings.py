@@ -60,11 +60,11 @@ def steady_turning(t_s: FloatArray, angle_rad: FloatArray) -> tuple[float, float
 def calibrate_bearings(spins: Sequence[Spin], bench: BearingBench) -> CalibrationResult:
     """Return what ``spins`` tell of the bearings."""
     title = "Friction of the wheel's bearings"
-    speed = np.array([one.speed_rad_s for one in spins])
+    speed = np.array([spin.speed_rad_s for spin in spins])
     torque = np.array(
         [
-            bench.torque_scale * one.difference_v - bench.inertia * one.acceleration_rad_s2
-            for one in spins
+            bench.torque_scale * spin.difference_v - bench.inertia * spin.acceleration_rad_s2
+            for spin in spins
         ]
     )
     refusals = _too_little(spins, speed)
@@ -127,8 +127,8 @@ def _too_little(spins: Sequence[Spin], speed: FloatArray) -> tuple[str, ...]:
             "further apart",
         )
     unsteady = [
-        one for one in spins
-        if abs(one.acceleration_rad_s2) * one.window_s > MOST_CHANGE * one.speed_rad_s
+        spin for spin in spins
+        if abs(spin.acceleration_rad_s2) * spin.window_s > MOST_CHANGE * spin.speed_rad_s
     ]  # fmt: skip
     if unsteady:
         return (

@@ -111,9 +111,9 @@ def calibrate_rails(pushes: Sequence[Push], bench: RailBench) -> CalibrationResu
     series = tuple(
         Series(
             f"Coast {number}", "travel, m", "measured - fitted, mm",
-            one.x_m, 1e3 * residual, np.zeros_like(residual),
+            item.x_m, 1e3 * residual, np.zeros_like(residual),
         )
-        for number, (one, residual) in enumerate(zip(coasts, residuals, strict=True), 1)
+        for number, (item, residual) in enumerate(zip(coasts, residuals, strict=True), 1)
     )  # fmt: skip
     if refusals:
         return CalibrationResult(title, {}, series=series, refusals=tuple(refusals))
@@ -126,7 +126,7 @@ def calibrate_rails(pushes: Sequence[Push], bench: RailBench) -> CalibrationResu
             constant_n - load_n,
             "N",
             (
-                *(Contribution(one.name, one.u * constant_n) for one in common),
+                *(Contribution(item.name, item.u * constant_n) for item in common),
                 Contribution("scatter between pushes", u_constant),
                 Contribution(
                     "share of the load, as it is known",
@@ -140,7 +140,7 @@ def calibrate_rails(pushes: Sequence[Push], bench: RailBench) -> CalibrationResu
         f"left of {constant_n:.3f} N when {load_n:.3f} N are put down to it"
     }
     if viscous > KNOWN_AT * u_viscous:
-        budget = tuple(Contribution(one.name, one.u * viscous) for one in common[:1])
+        budget = tuple(Contribution(item.name, item.u * viscous) for item in common[:1])
         scatter = Contribution("scatter between pushes", u_viscous)
         measured["rail_viscous"] = Measured(viscous, "N s/m", (*budget, scatter))
     else:
@@ -158,8 +158,8 @@ def _fitted(coasts: Sequence[Push]) -> tuple[FloatArray, list[FloatArray]]:
     """Return (A/m, B/m) and the residual of the travel of each coast, by least squares."""
     # x0 and c of each coast are projected out of its rows, which leaves two unknowns for all.
     rows, sides = [], []
-    for one in coasts:
-        t, x = one.t_s, one.x_m
+    for coast in coasts:
+        t, x = coast.t_s, coast.x_m
         own = np.column_stack([np.ones_like(t), t])
         step_s = t[1] - t[0]
         integral = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1])) * step_s])

@@ -71,7 +71,7 @@ def scale_result(steps: Steps) -> CalibrationResult:
     return calibrate_scale(
         np.array([steps.announced(trial, SCALE_WEIGHT, "weight") for trial in trials]),
         np.array(
-            [float(np.mean(steps.signal("load", steps.span(one, MEASURE))[1])) for one in trials]
+            [float(np.mean(steps.signal("load", steps.span(item, MEASURE))[1])) for item in trials]
         ),
         u_weight=steps.constant("weight_uncertainty"),
         division_kg=steps.constant("division"),
@@ -96,9 +96,9 @@ def friction_result(steps: Steps) -> CalibrationResult:
     found = []
     if trials[COAST]:
         bench = _rail_bench(steps)
-        found.append(rails.calibrate_rails([_coast(steps, one) for one in trials[COAST]], bench))
+        found.append(rails.calibrate_rails([_coast(steps, item) for item in trials[COAST]], bench))
     if trials[SPIN]:
-        spins = [_spin(steps, one) for one in trials[SPIN]]
+        spins = [_spin(steps, item) for item in trials[SPIN]]
         found.append(calibrate_bearings(spins, _bearing_bench(steps)))
     return together("Friction of rails and bearings", found)
 

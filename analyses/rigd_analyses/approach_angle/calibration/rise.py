@@ -82,13 +82,13 @@ def calibrate_rise(
     refusals = _too_little(groups) or _bad_pushes(pushes)
     if refusals:
         return CalibrationResult(title, {}, refusals=refusals)
-    rise = float(np.mean([one.rise for one in pushes]))
-    travel_m = float(np.mean([one.travel_m for one in pushes]))
+    rise = float(np.mean([push.rise for push in pushes]))
+    travel_m = float(np.mean([push.travel_m for push in pushes]))
     series = Series(
         "What the scale shows more at the end", "load, kg", "gained, g",
-        np.array([one.load_kg for one in pushes]),
-        1e3 * np.array([one.gained_kg for one in pushes]),
-        1e3 * np.array([rise * one.travel_m * one.load_kg for one in pushes]),
+        np.array([push.load_kg for push in pushes]),
+        1e3 * np.array([push.gained_kg for push in pushes]),
+        1e3 * np.array([rise * push.travel_m * push.load_kg for push in pushes]),
     )  # fmt: skip
     refusals = _outliers(pushes)
     if refusals:
@@ -117,7 +117,7 @@ def calibrate_rise(
         "load, and so may one run",
         loads,
         "back at the start the scale shows as before to within "
-        f"{1e3 * max(abs(one.left_kg) for one in pushes):.1f} g",
+        f"{1e3 * max(abs(push.left_kg) for push in pushes):.1f} g",
     )
     return CalibrationResult(
         title, {"load_rise": Measured(rise, "1/m", budget)}, facts, series=(series,)
@@ -127,18 +127,18 @@ def calibrate_rise(
 def _by_load(pushes: Sequence[Push]) -> dict[float, list[Push]]:
     """Return the pushes by announced load, the lightest first."""
     groups: dict[float, list[Push]] = {}
-    for one in sorted(pushes, key=lambda one: one.announced_kg):
-        groups.setdefault(one.announced_kg, []).append(one)
+    for push in sorted(pushes, key=lambda item: item.announced_kg):
+        groups.setdefault(push.announced_kg, []).append(push)
     return groups
 
 
 def _mean_rise(pushes: Sequence[Push]) -> float:
-    return float(np.mean([one.rise for one in pushes]))
+    return float(np.mean([push.rise for push in pushes]))
 
 
 def _scatter(groups: dict[float, list[Push]]) -> tuple[float, int]:
     """Return the standard deviation of a push among those of its load, and its freedom."""
-    squares = [(one.rise - _mean_rise(own)) ** 2 for own in groups.values() for one in own]
+    squares = [(item.rise - _mean_rise(own)) ** 2 for own in groups.values() for item in own]
     freedom = len(squares) - len(groups)
     return math.sqrt(math.fsum(squares) / freedom), freedom
 
@@ -164,23 +164,23 @@ def _too_little(groups: dict[float, list[Push]]) -> tuple[str, ...]:
 def _bad_pushes(pushes: Sequence[Push]) -> tuple[str, ...]:
     """Return what is wrong with single pushes."""
     found = []
-    for number, one in enumerate(pushes, 1):
-        if not np.all(np.isfinite([one.shown_kg, one.position_m])):
+    for number, push in enumerate(pushes, 1):
+        if not np.all(np.isfinite([push.shown_kg, push.position_m])):
             found.append(f"push {number}: scale or potentiometer gave values that are no numbers")
-        elif abs(one.load_kg - one.announced_kg) > MOST_LOAD_ERROR * one.announced_kg:
+        elif abs(push.load_kg - push.announced_kg) > MOST_LOAD_ERROR * push.announced_kg:
             found.append(
-                f"push {number}: the scale shows {one.load_kg:.2f} kg where {one.announced_kg:g} "
+                f"push {number}: the scale shows {push.load_kg:.2f} kg where {push.announced_kg:g} "
                 "kg were announced: is the wheel on the surface, was the scale tared without it?"
             )
-        elif one.travel_m < LEAST_TRAVEL_M:
+        elif push.travel_m < LEAST_TRAVEL_M:
             found.append(
-                f"push {number}: the platform went by {1e3 * one.travel_m:.0f} mm, less than "
+                f"push {number}: the platform went by {1e3 * push.travel_m:.0f} mm, less than "
                 f"{1e3 * LEAST_TRAVEL_M:.0f} mm: it was not pushed to its end and back, its thread "
                 "is off, or its potentiometer is wired the wrong way round"
             )
-        elif abs(one.left_kg) > MOST_LEFT * one.load_kg:
+        elif abs(push.left_kg) > MOST_LEFT * push.load_kg:
             found.append(
-                f"push {number}: back at the start the scale shows {1e3 * one.left_kg:+.0f} g, "
+                f"push {number}: back at the start the scale shows {1e3 * push.left_kg:+.0f} g, "
                 f"more than {MOST_LEFT:.0%} of the load: the bolts gave way, a hand was on the "
                 "platform, or the wheel was dragged instead of rolled"
             )
@@ -189,10 +189,10 @@ def _bad_pushes(pushes: Sequence[Push]) -> tuple[str, ...]:
 
 def _outliers(pushes: Sequence[Push]) -> tuple[str, ...]:
     """Return which pushes contradict the others."""
-    middle = float(np.median([one.rise for one in pushes]))
+    middle = float(np.median([push.rise for push in pushes]))
     return tuple(
-        f"push {number}: the load rises by {one.rise * one.travel_m:+.1%}, the others by "
-        f"{middle * one.travel_m:+.1%}: something touched the platform or the scale"
-        for number, one in enumerate(pushes, 1)
-        if abs(one.rise - middle) * one.travel_m > MOST_APART
+        f"push {number}: the load rises by {push.rise * push.travel_m:+.1%}, the others by "
+        f"{middle * push.travel_m:+.1%}: something touched the platform or the scale"
+        for number, push in enumerate(pushes, 1)
+        if abs(push.rise - middle) * push.travel_m > MOST_APART
     )

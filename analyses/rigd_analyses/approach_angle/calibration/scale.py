@@ -27,7 +27,7 @@ def calibrate_scale(
     """
     title = "Span of the scale"
     if len(np.unique(weight_kg)) < LEAST_WEIGHTS:
-        found = ", ".join(f"{one:g} kg" for one in np.unique(weight_kg))
+        found = ", ".join(f"{item:g} kg" for item in np.unique(weight_kg))
         reason = f"{LEAST_WEIGHTS} different weights are needed, none among them; there are {found}"
         return CalibrationResult(title, {}, refusals=(reason,))
     line = straight_line(weight_kg, shown_kg)

@@ -48,7 +48,7 @@ def calibrate_torque(
     """Return the torque scale from (n,) masses in the order they hung, and (n,) mean voltages."""
     title = "Torque of the shaft"
     if len(np.unique(mass_kg)) < LEAST_MASSES:
-        found = ", ".join(f"{one:g} kg" for one in np.unique(mass_kg))
+        found = ", ".join(f"{item:g} kg" for item in np.unique(mass_kg))
         reason = f"{LEAST_MASSES} different masses are needed, zero among them; there are {found}"
         return CalibrationResult(title, {}, refusals=(reason,))
     torque = mass_kg * bench.gravity * bench.arm_m

@@ -40,15 +40,15 @@ def friction_over_slip(
     height = SHARED.top + SHARED.bottom + 2.5 * rows
     figure, axes = grid(rows, columns, 5.5 * columns, height, margins=Margins(top=0.62, down=0.7))
     top = _top(runs)
-    for ax, one, colour, letter in zip(axes, sets, colours, "abcdefghij", strict=False):
-        mine = [run for run in runs if run.run.set_name == one.name]
+    for ax, item, colour, letter in zip(axes, sets, colours, "abcdefghij", strict=False):
+        mine = [run for run in runs if run.run.set_name == item.name]
         scatter(ax, mine, colour)
-        rolling = math.cos(one.alpha_rad) - 1.0
+        rolling = math.cos(item.alpha_rad) - 1.0
         ax.axvline(rolling, color=INK, linewidth=0.7, linestyle=":")
-        if one.paper.value is not None:
-            ax.axhline(one.paper.value, color=series(colour), linewidth=0.7, linestyle=(0, (4, 2)))
+        if item.paper.value is not None:
+            ax.axhline(item.paper.value, color=series(colour), linewidth=0.7, linestyle=(0, (4, 2)))
         ax.set_ylim(0.0, top)
-        ax.set_title(f"{letter}) {set_label(one)}")
+        ax.set_title(f"{letter}) {set_label(item)}")
         label(ax, "slip ratio s (paper)", "1", "T/(R N)", "1")
     for ax in axes[len(sets) :]:
         ax.remove()
@@ -61,10 +61,10 @@ def coated_against_clean(
 ) -> Figure:
     """Return the sets of one angle on one axis (Fig. 12)."""
     figure, (ax,) = grid(1, 1, 9.0, 3.6, margins=Margins(top=0.5, right=1.6))
-    for one, colour in zip(sets, colours, strict=True):
-        scatter(ax, [run for run in runs if run.run.set_name == one.name], colour)
-        ax.plot([], [], "o", color=series(colour), markersize=4.5, label=set_label(one))
-    mine = [run for run in runs if run.run.set_name in {one.name for one in sets}]
+    for item, colour in zip(sets, colours, strict=True):
+        scatter(ax, [run for run in runs if run.run.set_name == item.name], colour)
+        ax.plot([], [], "o", color=series(colour), markersize=4.5, label=set_label(item))
+    mine = [run for run in runs if run.run.set_name in {item.name for item in sets}]
     ax.set_ylim(0.0, _top(mine))
     label(ax, "slip ratio s (paper)", "1", "T/(R N)", "1")
     ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
@@ -82,7 +82,7 @@ def scatter(ax: Axes, runs: Sequence[RunResult], colour: int) -> None:
 
 def _runs(ax: Axes, runs: Sequence[RunResult], colour: str, mark: Mark) -> None:
     known = [run.paper for run in runs if np.isfinite(run.paper.slip + run.paper.mu)]
-    dots(ax, [one.slip for one in known], [one.mu for one in known], colour, mark)
+    dots(ax, [item.slip for item in known], [item.mu for item in known], colour, mark)
 
 
 def _top(runs: Sequence[RunResult]) -> float:
@@ -97,16 +97,16 @@ def _marker_legend(figure: Figure) -> None:
 def pooled_curves(sets: Sequence[SetResult], colours: Sequence[int]) -> Figure:
     """Return the friction limit of all sets over the sliding speed, each with its band."""
     figure, (ax,) = grid(1, 1, 9.0, 3.7, margins=Margins(right=1.6))
-    for one, colour in zip(sets, colours, strict=True):
-        if one.curve is not None:
-            _curve(ax, one.curve, colour, set_label(one))
+    for item, colour in zip(sets, colours, strict=True):
+        if item.curve is not None:
+            _curve(ax, item.curve, colour, set_label(item))
     label(ax, "sliding speed", "m/s", "F_r/N", "1")
     ax.set_ylim(bottom=0.0)
     ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     return figure
 
 
-def pooled_blocks(one: SetResult, curve: FrictionCurve, colour: int) -> Figure:
+def pooled_blocks(result: SetResult, curve: FrictionCurve, colour: int) -> Figure:
     """Return the block means of a set that made its curve; faint ones got little weight."""
     figure, (ax,) = grid(1, 1, 9.0, 3.4, margins=Margins(right=1.6))
     speed, mu = curve.block_speed_m_s, curve.block_mu
@@ -114,8 +114,8 @@ def pooled_blocks(one: SetResult, curve: FrictionCurve, colour: int) -> Figure:
     for mark, chosen, size in ((BLOCK, kept, 4.0), (FAINT_BLOCK, ~kept, 2.5)):
         dots(ax, speed[chosen], mu[chosen], MEASURED, mark, size=size, label=mark.label)
     _curve(ax, curve, colour, "pooled")
-    if one.published is not None:
-        ax.axhline(one.published, color=FITTED, linestyle=(0, (4, 2)), label="published")
+    if result.published is not None:
+        ax.axhline(result.published, color=FITTED, linestyle=(0, (4, 2)), label="published")
     label(ax, "sliding speed", "m/s", "F_r/N", "1")
     ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     return figure
@@ -153,9 +153,9 @@ def maximum_over_angle(result: CampaignResult) -> Figure:
         demand = (trend.demand.a + trend.demand.b * np.sin(alpha)) / np.cos(alpha)
         ax.plot(angles, demand, color=colour, linewidth=0.9, linestyle=(0, (2, 2)))
     usable = [
-        (one.angle_deg, one.usable)
-        for one in result.sets
-        if one.usable is not None and _in_trend(one, result)
+        (item.angle_deg, item.usable)
+        for item in result.sets
+        if item.usable is not None and _in_trend(item, result)
     ]
     if usable:
         ax.errorbar(
@@ -178,5 +178,5 @@ def maximum_over_angle(result: CampaignResult) -> Figure:
     return figure
 
 
-def _in_trend(one: SetResult, result: CampaignResult) -> bool:
-    return any(one.name in trend.sets for trend in result.trends.values())
+def _in_trend(set_result: SetResult, result: CampaignResult) -> bool:
+    return any(set_result.name in trend.sets for trend in result.trends.values())

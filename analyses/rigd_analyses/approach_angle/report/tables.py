@@ -34,10 +34,10 @@ SOURCES: Final = {
 }
 
 
-def label(one: SetResult) -> str:
+def label(result: SetResult) -> str:
     """Return a set as a person calls it, such as ``clean, 15°``; the wheel where it is known."""
-    angle = f"{number(one.angle_deg, digits=3)}°"
-    return f"{one.wheel}, {angle}" if one.wheel else angle
+    angle = f"{number(result.angle_deg, digits=3)}°"
+    return f"{result.wheel}, {angle}" if result.wheel else angle
 
 
 def coefficient(value: float | None) -> str:
@@ -50,12 +50,12 @@ def quantity(value: float, places: int) -> str:
     return number(value, places) if np.isfinite(value) else NONE
 
 
-def estimate(one: Estimate | None) -> str:
+def estimate(item: Estimate | None) -> str:
     """Return ``0.1873 ± 0.0052`` with U = 2 u, or a dash."""
-    if one is None:
+    if item is None:
         return NONE
-    places = places_for(one.expanded)
-    return f"{number(one.value, places)} ± {number(one.expanded, places)}"
+    places = places_for(item.expanded)
+    return f"{number(item.value, places)} ± {number(item.expanded, places)}"
 
 
 @dataclass(frozen=True)
@@ -78,42 +78,42 @@ class SetRow:
 
 def set_rows(result: CampaignResult) -> tuple[SetRow, ...]:
     """Return Table 1 of the paper for this campaign, beside the published one."""
-    return tuple(_set_row(one) for one in result.sets)
+    return tuple(_set_row(item) for item in result.sets)
 
 
-def _set_row(one: SetResult) -> SetRow:
-    paper = one.paper
+def _set_row(result: SetResult) -> SetRow:
+    paper = result.paper
     slid = paper.regime in (None, Regime.SLIDING)
     return SetRow(
-        name=one.name,
-        label=label(one),
-        published=coefficient(one.published),
-        paper=_paper(one),
+        name=result.name,
+        label=label(result),
+        published=coefficient(result.published),
+        paper=_paper(result),
         paper_regime="" if slid or paper.regime is None else paper.regime.value,
         counts=f"{paper.used} used, {paper.flagged} left out",
-        maximum=estimate(one.maximum),
-        deviation=_deviation(one),
-        usable=estimate(one.usable),
-        resultant=estimate(one.resultant),
+        maximum=estimate(result.maximum),
+        deviation=_deviation(result),
+        usable=estimate(result.usable),
+        resultant=estimate(result.resultant),
         coefficient=paper.coefficient.value,
-        notes=one.warnings,
+        notes=result.warnings,
     )
 
 
-def _paper(one: SetResult) -> str:
+def _paper(result: SetResult) -> str:
     """Return the paper's maximum with the U of its budget, where there is one."""
-    value = one.paper.value
-    if value is None or one.budget is None:
+    value = result.paper.value
+    if value is None or result.budget is None:
         return coefficient(value)
-    expanded = 2.0 * one.budget.paper * value
+    expanded = 2.0 * result.budget.paper * value
     places = places_for(expanded)
     return f"{number(value, places)} ± {number(expanded, places)}"
 
 
-def _deviation(one: SetResult) -> str:
-    if one.maximum is None or one.published is None or not one.maximum.u > 0.0:
+def _deviation(result: SetResult) -> str:
+    if result.maximum is None or result.published is None or not result.maximum.u > 0.0:
         return ""
-    return f"{number((one.maximum.value - one.published) / one.maximum.u, 1)} u"
+    return f"{number((result.maximum.value - result.published) / result.maximum.u, 1)} u"
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def trend_rows(result: CampaignResult) -> tuple[TrendRow, ...]:
 def trend_sentence(result: CampaignResult) -> str:
     """Return what may be concluded from the best trend there is; empty without any."""
     trends = [
-        result.trends[one] for one in ("better", "paper", "published") if one in result.trends
+        result.trends[item] for item in ("better", "paper", "published") if item in result.trends
     ]
     return trends[0].sentence if trends else ""
 
@@ -202,7 +202,7 @@ def share(value: float) -> str:
 
 def trial_of(run: RunResult, result: CampaignResult) -> str:
     """Return ``6``, or ``6 of second.mcap`` where the campaign stands in several recordings."""
-    several = len({one.run.recording for one in result.runs}) > 1
+    several = len({item.run.recording for item in result.runs}) > 1
     return f"{run.run.number} of {run.run.recording}" if several else str(run.run.number)
 
 
@@ -263,21 +263,21 @@ def run_rows(name: str, result: CampaignResult) -> tuple[RunRow, ...]:
     """Return a row for each run of the set ``name``, in their order."""
     return tuple(
         RunRow(
-            label=one.run.label,
-            trial=trial_of(one, result),
-            load=quantity(one.run.load_n, 1),
-            torque=quantity(one.paper.torque_nm, 3),
-            regime=NONE if one.paper.regime is None else one.paper.regime.value,
-            paper=quantity(one.paper.mu, PLACES),
-            slip=quantity(one.paper.slip, 3),
-            slip_corrected=quantity(one.better.slip_corrected, 3),
-            better=_with_u(one.better.mu, one.better.mu_u),
-            demand=quantity(one.better.demand, PLACES),
-            excluded=one.excluded,
-            flags=tuple(flag.reason for flag in one.flags),
+            label=run.run.label,
+            trial=trial_of(run, result),
+            load=quantity(run.run.load_n, 1),
+            torque=quantity(run.paper.torque_nm, 3),
+            regime=NONE if run.paper.regime is None else run.paper.regime.value,
+            paper=quantity(run.paper.mu, PLACES),
+            slip=quantity(run.paper.slip, 3),
+            slip_corrected=quantity(run.better.slip_corrected, 3),
+            better=_with_u(run.better.mu, run.better.mu_u),
+            demand=quantity(run.better.demand, PLACES),
+            excluded=run.excluded,
+            flags=tuple(flag.reason for flag in run.flags),
         )
-        for one in result.runs
-        if one.run.set_name == name
+        for run in result.runs
+        if run.run.set_name == name
     )
 
 

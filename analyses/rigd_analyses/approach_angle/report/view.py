@@ -99,11 +99,11 @@ MEANING = {
 def build_campaign_view(result: CampaignResult, calibrations: Sequence[str]) -> CampaignView:
     """Return the view of ``result``; call within :func:`..svg.drawing_style`."""
     rows = set_rows(result)
-    colours = {one.name: index for index, one in enumerate(result.sets)}
+    colours = {item.name: index for index, item in enumerate(result.sets)}
     return CampaignView(
         sets=rows,
         reference=result.reference,
-        coefficients=tuple((one.value, MEANING[one]) for one in Coefficient),
+        coefficients=tuple((item.value, MEANING[item]) for item in Coefficient),
         trends=trend_rows(result),
         trend_sentence=trend_sentence(result),
         maximum=_maximum(result),
@@ -117,19 +117,19 @@ def build_campaign_view(result: CampaignResult, calibrations: Sequence[str]) -> 
         warnings=result.warnings,
         calibrations=tuple(calibrations),
         chapters=tuple(
-            _chapter(f"s{index}", one, row, result, index)
-            for index, (one, row) in enumerate(zip(result.sets, rows, strict=True))
+            _chapter(f"s{index}", item, row, result, index)
+            for index, (item, row) in enumerate(zip(result.sets, rows, strict=True))
         ),
     )
 
 
-def typical_run(one: SetResult, runs: Sequence[RunResult]) -> tuple[RunResult, str] | None:
+def typical_run(result: SetResult, runs: Sequence[RunResult]) -> tuple[RunResult, str] | None:
     """Return the run of a set to show at length, and why it: the median one of those that slid.
 
     Of the runs that were used if none slid, of all that were evaluated if none was used; None
     where not even that leaves one.
     """
-    mine = [r for r in runs if r.run.set_name == one.name and r.paper.curves is not None]
+    mine = [r for r in runs if r.run.set_name == result.name and r.paper.curves is not None]
     mine = [run for run in mine if np.isfinite(run.paper.mu)]
     used = [run for run in mine if not run.excluded]
     slid = [run for run in used if run.paper.regime is Regime.SLIDING]
@@ -154,11 +154,11 @@ def _maximum(result: CampaignResult) -> Drawing | None:
 
 
 def _friction(result: CampaignResult, colours: dict[str, int]) -> Drawing | None:
-    sets = [one for one in result.sets if not _is_second_of_angle(one, result.sets)]
+    sets = [item for item in result.sets if not _is_second_of_angle(item, result.sets)]
     if not sets:
         return None
-    figure = set_plots.friction_over_slip(sets, result.runs, [colours[one.name] for one in sets])
-    names = ", ".join(label(one) for one in sets)
+    figure = set_plots.friction_over_slip(sets, result.runs, [colours[item.name] for item in sets])
+    names = ", ".join(label(item) for item in sets)
     caption = (
         "Each marker is a run by the paper's method. Dotted: slip (as the paper defines it) of a "
         "wheel that rolls without any, cos α − 1. Dashed: the paper's maximum of the used runs."
@@ -166,10 +166,10 @@ def _friction(result: CampaignResult, colours: dict[str, int]) -> Drawing | None
     return draw(figure, "friction", f"T/(R N) over the slip ratio for {names}.", caption)
 
 
-def _is_second_of_angle(one: SetResult, sets: Sequence[SetResult]) -> bool:
+def _is_second_of_angle(result: SetResult, sets: Sequence[SetResult]) -> bool:
     """Whether an earlier set has the same angle: it stands in the comparison of wheels."""
-    first = next(s for s in sets if abs(s.angle_deg - one.angle_deg) < 1e-6)
-    return first is not one
+    first = next(s for s in sets if abs(s.angle_deg - result.angle_deg) < 1e-6)
+    return first is not result
 
 
 def _coated(result: CampaignResult, colours: dict[str, int]) -> Drawing | None:
@@ -178,15 +178,15 @@ def _coated(result: CampaignResult, colours: dict[str, int]) -> Drawing | None:
         same = [s for s in result.sets if abs(s.angle_deg - first.angle_deg) < 1e-6]
         if len(same) > 1:
             figure = set_plots.coated_against_clean(
-                same, result.runs, [colours[one.name] for one in same]
+                same, result.runs, [colours[item.name] for item in same]
             )
-            alt = f"T/(R N) over the slip ratio for {' and '.join(label(one) for one in same)}."
+            alt = f"T/(R N) over the slip ratio for {' and '.join(label(item) for item in same)}."
             return draw(figure, "coated", alt, alt)
     return None
 
 
 def _curves(result: CampaignResult, colours: dict[str, int]) -> Drawing | None:
-    sets = [one for one in result.sets if one.curve is not None]
+    sets = [item for item in result.sets if item.curve is not None]
     if not sets:
         return None
     caption = (
@@ -194,48 +194,52 @@ def _curves(result: CampaignResult, colours: dict[str, int]) -> Drawing | None:
         "that were reached. Bands: ± 2 u between runs; what all runs share (calibration, drags) "
         "stands in the budget."
     )
-    figure = set_plots.pooled_curves(sets, [colours[one.name] for one in sets])
+    figure = set_plots.pooled_curves(sets, [colours[item.name] for item in sets])
     alt = f"Friction limit F_r/N over the sliding speed for {', '.join(label(s) for s in sets)}."
     return draw(figure, "curves", alt, caption)
 
 
 def _chapter(
-    anchor: str, one: SetResult, row: SetRow, result: CampaignResult, colour: int
+    anchor: str, set_result: SetResult, row: SetRow, result: CampaignResult, colour: int
 ) -> SetChapter:
     return SetChapter(
         anchor=anchor,
         row=row,
-        facts=_facts(one),
-        typical=_typical(anchor, one, result),
-        curve=None if one.curve is None else _pooled(anchor, one, one.curve, colour),
-        budget=_budget(one),
-        runs=run_rows(one.name, result),
+        facts=_facts(set_result),
+        typical=_typical(anchor, set_result, result),
+        curve=None
+        if set_result.curve is None
+        else _pooled(anchor, set_result, set_result.curve, colour),
+        budget=_budget(set_result),
+        runs=run_rows(set_result.name, result),
     )
 
 
-def _facts(one: SetResult) -> tuple[tuple[str, str], ...]:
-    paper = one.paper
+def _facts(result: SetResult) -> tuple[tuple[str, str], ...]:
+    paper = result.paper
     facts = [
-        ("Better method: maximum of the pooled curve", estimate(one.maximum)),
-        ("Usable push along the travel", estimate(one.usable)),
-        ("Resultant", estimate(one.resultant)),
+        ("Better method: maximum of the pooled curve", estimate(result.maximum)),
+        ("Usable push along the travel", estimate(result.usable)),
+        ("Resultant", estimate(result.resultant)),
         ("Paper's maximum, from", paper.run or "no run"),
         ("Runs recorded", str(paper.raw)),
         ("Left out", str(paper.flagged)),
         ("Used", str(paper.used)),
-        ("Of these with sliding blocks", str(one.sliding_runs)),
+        ("Of these with sliding blocks", str(result.sliding_runs)),
     ]
     if paper.value_raw is not None and paper.value_raw != paper.value:
         facts.insert(4, ("Paper's maximum, had nothing been left out", number(paper.value_raw, 4)))
-    if one.missing:
-        facts.append(("Missing", "; ".join(one.missing)))
-    if one.statistical_u is not None:
-        facts.append(("Standard uncertainty from the spread", number(one.statistical_u, digits=2)))
+    if result.missing:
+        facts.append(("Missing", "; ".join(result.missing)))
+    if result.statistical_u is not None:
+        facts.append(
+            ("Standard uncertainty from the spread", number(result.statistical_u, digits=2))
+        )
     return tuple(facts)
 
 
-def _typical(anchor: str, one: SetResult, result: CampaignResult) -> Drawing | None:
-    found = typical_run(one, result.runs)
+def _typical(anchor: str, set_result: SetResult, result: CampaignResult) -> Drawing | None:
+    found = typical_run(set_result, result.runs)
     if found is None:
         return None
     run, why = found
@@ -252,17 +256,17 @@ def _typical(anchor: str, one: SetResult, result: CampaignResult) -> Drawing | N
     return draw(figure, f"{anchor}-run", alt, caption)
 
 
-def _pooled(anchor: str, one: SetResult, curve: FrictionCurve, colour: int) -> Drawing:
+def _pooled(anchor: str, result: SetResult, curve: FrictionCurve, colour: int) -> Drawing:
     alt = (
-        f"{label(one)}: F_r/N of {curve.block_mu.size} blocks over the sliding speed, and the "
+        f"{label(result)}: F_r/N of {curve.block_mu.size} blocks over the sliding speed, and the "
         f"curve pooled from them, with its maximum at {number(curve.peak_speed_m_s, 2)} m/s."
     )
-    figure = set_plots.pooled_blocks(one, curve, colour)
+    figure = set_plots.pooled_blocks(result, curve, colour)
     return draw(figure, f"{anchor}-curve", alt, f"{alt} Form: {curve.form}.")
 
 
-def _budget(one: SetResult) -> BudgetView | None:
-    budget = one.budget
+def _budget(result: SetResult) -> BudgetView | None:
+    budget = result.budget
     if budget is None:
         return None
     conditions = (

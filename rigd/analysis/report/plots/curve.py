@@ -55,10 +55,10 @@ def _points(ax: Axes, curve: Curve, colour: str) -> None:
     """Draw what the data show: medians, with bars over the middle half of the samples."""
     if not curve.seen:
         return
-    middle = np.array([one.median for one in curve.seen])
-    bars = [middle - [one.low for one in curve.seen], [one.high for one in curve.seen] - middle]
+    middle = np.array([item.median for item in curve.seen])
+    bars = [middle - [item.low for item in curve.seen], [item.high for item in curve.seen] - middle]
     ax.errorbar(
-        [one.x for one in curve.seen], middle, yerr=bars, color=colour, linestyle="none",
+        [item.x for item in curve.seen], middle, yerr=bars, color=colour, linestyle="none",
         marker="o", markersize=3.0, elinewidth=0.8, alpha=0.8,
     )  # fmt: skip
 
@@ -66,7 +66,7 @@ def _points(ax: Axes, curve: Curve, colour: str) -> None:
 def _limit(ax: Axes, sections: Sequence[ReportSection]) -> None:
     """Cut bands that would flatten every curve, where the data say next to nothing."""
     fitted = np.concatenate([section.result.curve.y for section in sections])
-    points = [(one.low, one.high) for section in sections for one in section.result.curve.seen]
+    points = [(item.low, item.high) for section in sections for item in section.result.curve.seen]
     low = min(float(np.nanmin(section.result.curve.low)) for section in sections)
     high = max(float(np.nanmax(section.result.curve.high)) for section in sections)
     low, high = min([low, *(low for low, _ in points)]), max([high, *(high for _, high in points)])

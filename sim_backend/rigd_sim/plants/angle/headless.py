@@ -146,7 +146,7 @@ def _drive(plant: AnglePlant, card: Acquisition) -> _Drive:
     end_ns = stop_ns + round(POST_S * 1e9)
     while card.times_ns(blocks[-1])[-1] < end_ns:
         blocks.append(card.read_due())
-    whole = Samples(blocks[0].first, np.concatenate([one.volts for one in blocks]))
+    whole = Samples(blocks[0].first, np.concatenate([block.volts for block in blocks]))
     times_ns = card.times_ns(whole)
     count = int(np.searchsorted(times_ns, end_ns, side="right"))
     return _Drive(times_ns[:count], whole.volts[:count], command_ns, stop_ns, not arrived, scale)

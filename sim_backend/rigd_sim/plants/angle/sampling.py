@@ -59,21 +59,21 @@ def sample(
         both, alone = c.hum_correlation, math.sqrt(1.0 - c.hum_correlation * c.hum_correlation)
         hum = c.hum * math.sin(phase)
         hum_b = both * hum + alone * c.hum * math.cos(phase)
-        for one in range(inputs):
-            place = number * c.steps_per_sample + one * c.steps_per_scan
+        for item in range(inputs):
+            place = number * c.steps_per_sample + item * c.steps_per_scan
             step = math.floor(place)
             share = place - step
-            value = history[int(step) % rows, one]
+            value = history[int(step) % rows, item]
             if share > 0.0:
-                value += share * (history[(int(step) + 1) % rows, one] - value)
-            if one == 0:
+                value += share * (history[(int(step) + 1) % rows, item] - value)
+            if item == 0:
                 value += hum + c.gauge_noise * gauge_a
-            elif one == 1:
+            elif item == 1:
                 value += hum_b + c.gauge_noise * gauge_b
-            elif one == 2:
+            elif item == 2:
                 value += c.pot_noise * wheel
-            elif one == 3:
+            elif item == 3:
                 value += c.pot_noise * platform
             else:
                 value += c.cell_noise * normal_pair(seed, 3 * number + 2)[0]
-            volts[k, one] = converted(c, value)
+            volts[k, item] = converted(c, value)

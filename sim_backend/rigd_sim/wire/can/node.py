@@ -83,7 +83,7 @@ class CanopenNode(Part):
         self._tpdos = tuple(pdo(number, TPDO1, receive=False) for number in range(PDOS))
         self._rpdos = tuple(pdo(number, RPDO1, receive=True) for number in range(PDOS))
         self._active_tpdos: tuple[tuple[int, Pdo], ...] = ()
-        self._rpdo_watches = {one: Watch(self._rpdo_late) for one in self._rpdos}
+        self._rpdo_watches = {rpdo: Watch(self._rpdo_late) for rpdo in self._rpdos}
 
     def _describe(self, identity: Identity) -> None:
         add = self.dictionary.add

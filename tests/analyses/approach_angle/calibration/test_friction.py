@@ -49,7 +49,7 @@ def pushes(seed: int, sign: float = 1.0) -> list[Push]:
     random = np.random.default_rng(seed)
     phase = float(random.uniform(0.0, 2 * np.pi))
     found = [push(speed, random, phase) for speed in SPEEDS * 2]
-    return [Push(one.t_s, sign * one.x_m) for one in found]
+    return [Push(item.t_s, sign * item.x_m) for item in found]
 
 
 def test_rails_are_recovered_with_their_interval() -> None:
@@ -93,8 +93,8 @@ def test_too_few_pushes_and_a_bumper_are_refused() -> None:
     (reason,) = calibrate_rails(pushes(1)[:3], RAILS).refusals
     assert "4 pushes are needed" in reason
     hit = [
-        Push(one.t_s, np.minimum(one.x_m, 0.6 * one.x_m.max()) + 0.02 * (one.t_s > 1.0))
-        for one in pushes(1)
+        Push(item.t_s, np.minimum(item.x_m, 0.6 * item.x_m.max()) + 0.02 * (item.t_s > 1.0))
+        for item in pushes(1)
     ]
     assert calibrate_rails(hit, RAILS).refusals
 
@@ -147,9 +147,9 @@ def test_a_viscosity_that_is_not_seen_is_kept_and_said() -> None:
 
 def test_bad_spins_are_refused() -> None:
     good = spins(1)
-    swapped = [replace(one, difference_v=-one.difference_v) for one in good]
-    backwards = [replace(one, speed_rad_s=-one.speed_rad_s) for one in good]
-    alike = [replace(one, speed_rad_s=10.0 + 0.1 * n) for n, one in enumerate(good)]
+    swapped = [replace(item, difference_v=-item.difference_v) for item in good]
+    backwards = [replace(item, speed_rad_s=-item.speed_rad_s) for item in good]
+    alike = [replace(item, speed_rad_s=10.0 + 0.1 * n) for n, item in enumerate(good)]
     unsteady = [replace(good[0], acceleration_rad_s2=5.0), *good[1:]]
     touched = [replace(good[3], difference_v=good[3].difference_v + 0.05), *good[:3], *good[4:]]
     for bad, part in (

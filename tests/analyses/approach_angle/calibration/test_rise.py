@@ -57,7 +57,7 @@ def session(individual: int) -> list[Push]:
 def test_the_true_rise_lies_in_the_interval_on_rigs_that_differ() -> None:
     """Each push has a rise of its own, 1 % of the load at the stop: the mean is what is sought."""
     found = [calibrated(session(individual)).measured["load_rise"] for individual in range(1, 21)]
-    deviations, u = np.array([(one.value - RISE, one.u) for one in found]).T
+    deviations, u = np.array([(item.value - RISE, item.u) for item in found]).T
     assert np.count_nonzero(np.abs(deviations) > 2 * u) <= 2
     assert 0.5 < np.sqrt(np.mean((deviations / u) ** 2)) < 1.3
     spread = shipped().normal_force.rise_spread / TRAVEL
@@ -86,8 +86,8 @@ def test_an_exact_rise_is_found_whatever_its_sign_and_none_is_a_finding(rise: fl
 
 def test_ground_that_gives_way_evenly_and_the_span_of_the_scale_do_not_matter() -> None:
     pushes = [push(load) for load in LOADS]
-    sinking = [replace(one, shown_kg=one.shown_kg - 0.02 * np.arange(3)) for one in pushes]
-    wider = [replace(one, shown_kg=1.003 * one.shown_kg) for one in pushes]
+    sinking = [replace(item, shown_kg=item.shown_kg - 0.02 * np.arange(3)) for item in pushes]
+    wider = [replace(item, shown_kg=1.003 * item.shown_kg) for item in pushes]
     for seen, within in ((sinking, 0.01), (wider, 1e-9)):
         assert calibrated(seen).measured["load_rise"].value == pytest.approx(RISE, rel=within)
 
@@ -95,7 +95,7 @@ def test_ground_that_gives_way_evenly_and_the_span_of_the_scale_do_not_matter() 
 def test_a_rise_that_is_not_in_proportion_to_the_load_is_in_the_uncertainty() -> None:
     """Rails whose bolts are stiff: so many newtons more, whatever the load."""
     result = calibrated([push(load, RISE * 6.0 / load) for load in LOADS])
-    terms = {one.name: one.u for one in result.measured["load_rise"].budget}
+    terms = {item.name: item.u for item in result.measured["load_rise"].budget}
     assert terms["scatter between pushes"] == pytest.approx(0.0, abs=1e-9)
     light, heavy = RISE * 6.0 / 4.0, RISE * 6.0 / 8.0
     assert terms["difference between the loads"] == pytest.approx((light - heavy) / math.sqrt(2))

@@ -46,7 +46,7 @@ def test_zero_linearity_and_hysteresis_are_told() -> None:
 def test_what_is_no_calibration_is_refused(shown: np.ndarray, part: str) -> None:
     result = calibrated(shown)
     assert not result.measured
-    assert any(part in one for one in result.refusals)
+    assert any(part in refusal for refusal in result.refusals)
 
 
 def test_three_weights_are_too_few() -> None:

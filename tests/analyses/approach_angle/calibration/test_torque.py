@@ -58,7 +58,7 @@ def test_ideal_gauges_give_the_scale_and_the_budget_of_the_arm() -> None:
     result = calibrate_torque(MASSES, *gauges(), BENCH)
     found = result.measured["torque_scale"]
     assert found.value == pytest.approx(SCALE, rel=1e-12)
-    terms = {one.name: one.u for one in found.budget}
+    terms = {item.name: item.u for item in found.budget}
     assert terms["length of the arm"] == pytest.approx(SCALE * 5e-4 / 0.2039)
     # 1 degree on each of two gauges, and a mean that moves by 0.01 SCALE of the difference.
     let_through = np.sqrt(2) * np.radians(1.0) * 2 * 1.33 / 0.67 * 0.01 * SCALE
@@ -85,7 +85,7 @@ def test_another_weight_than_announced_is_refused() -> None:
 def test_a_dead_gauge_is_refused() -> None:
     a, _ = gauges(common=0.0)
     reasons = calibrate_torque(MASSES, a, np.zeros(len(MASSES)), BENCH).refusals
-    assert any("one of them is dead" in one for one in reasons)
+    assert any("one of them is dead" in reason for reason in reasons)
 
 
 def test_gauges_that_do_not_answer_are_refused() -> None:

@@ -30,33 +30,33 @@ Record = Callable[..., Path]
 def texts(shown: TerminalReport) -> str:
     """Return all that a terminal shows."""
     lines = []
-    for one in shown:
-        rows = [row.cells for row in one.rows] if isinstance(one, TerminalTable) else [(one,)]
+    for item in shown:
+        rows = [row.cells for row in item.rows] if isinstance(item, TerminalTable) else [(item,)]
         lines += [" ".join(cells) for cells in rows]
     return "\n".join(lines)
 
 
-def changed(one: Recorded, **signals: Any) -> Recorded:
+def changed(recorded: Recorded, **signals: Any) -> Recorded:
     """Return ``one`` with other signals."""
-    return replace(one, run=replace(one.run, **signals))
+    return replace(recorded, run=replace(recorded.run, **signals))
 
 
-def before_the_trigger_removed(one: Recorded) -> Recorded:
-    run = one.run
+def before_the_trigger_removed(recorded: Recorded) -> Recorded:
+    run = recorded.run
     kept = run.t_s >= 0.0
     names = ("t_s", "gauge_a_v", "gauge_b_v", "wheel_v", "platform_v")
-    return changed(one, **{name: getattr(run, name)[kept] for name in names})
+    return changed(recorded, **{name: getattr(run, name)[kept] for name in names})
 
 
-def watchdog(one: Recorded) -> Recorded:
+def watchdog(recorded: Recorded) -> Recorded:
     run = simulate("clean_0", 8.0, 4.0, seed=1, fault="platform_pot_dead")
     reason = "drive: not within 1.5 s: daq.platform_position is 0.00 m"
-    return replace(one, run=as_run(run, one.run), complete=False, reason=reason)
+    return replace(recorded, run=as_run(run, recorded.run), complete=False, reason=reason)
 
 
-def pot_at_end(one: Recorded) -> Recorded:
+def pot_at_end(recorded: Recorded) -> Recorded:
     end = simulate("clean_0", 4.0, 10.0, seed=3, fault="wheel_pot_at_end")
-    return replace(one, run=as_run(end, one.run))
+    return replace(recorded, run=as_run(end, recorded.run))
 
 
 def as_run(run: SimulatedRun, other: SimulatedRun) -> SimulatedRun:
@@ -73,22 +73,22 @@ def as_run(run: SimulatedRun, other: SimulatedRun) -> SimulatedRun:
 BAD: Mapping[str, tuple[Callable[[Recorded], Recorded], str, str]] = {
     "no pre-trigger": (before_the_trigger_removed, "no_pre_trigger", "before the relay command"),
     "swapped gauges": (
-        lambda one: changed(one, gauge_a_v=one.run.gauge_b_v, gauge_b_v=one.run.gauge_a_v),
+        lambda item: changed(item, gauge_a_v=item.run.gauge_b_v, gauge_b_v=item.run.gauge_a_v),
         "negative_torque", "",
     ),
     "swapped leads": (
-        lambda one: changed(one, wheel_v=5.0 - one.run.wheel_v), "negative_speed", "",
+        lambda item: changed(item, wheel_v=5.0 - item.run.wheel_v), "negative_speed", "",
     ),
     "pot at its end": (pot_at_end, "pot_at_end", ""),
     "scale never stable": (
-        lambda one: replace(one, stable=False), "scale_unsteady", "not come to rest",
+        lambda item: replace(item, stable=False), "scale_unsteady", "not come to rest",
     ),
     "stopped by the watchdog": (watchdog, "watchdog", "stopped by time"),
     "ended early": (
-        lambda one: replace(one, complete=False, reason="stopped by hand"),
+        lambda item: replace(item, complete=False, reason="stopped by hand"),
         "incomplete", "stopped by hand",
     ),
-    "never driven": (lambda one: replace(one, driven=False), "not_driven", "never told to close"),
+    "never driven": (lambda item: replace(item, driven=False), "not_driven", "never told to close"),
 }  # fmt: skip
 
 
@@ -119,15 +119,15 @@ def test_the_first_table_names_the_coefficient_of_every_number(good: CampaignEva
         "set", "published", "paper's ± U", "(runs)", "better ± U (k=2)", "coefficient",
         "usable ± U",
     ]  # fmt: skip
-    for row, one in zip(table.rows, good.result.sets, strict=True):
-        assert row.cells[0] == one.name
-        assert row.cells[1] == f"{one.published:.4f}"
+    for row, item in zip(table.rows, good.result.sets, strict=True):
+        assert row.cells[0] == item.name
+        assert row.cells[1] == f"{item.published:.4f}"
         assert row.cells[3] == "6 used, 0 left out"
         assert row.cells[5] == "rolling-direction"
-        assert one.maximum is not None
+        assert item.maximum is not None
         value, _, expanded = row.cells[4].partition(" ± ")
-        assert float(value) == pytest.approx(one.maximum.value, abs=1e-3)
-        assert float(expanded) == pytest.approx(2 * one.maximum.u, rel=0.05)
+        assert float(value) == pytest.approx(item.maximum.value, abs=1e-3)
+        assert float(expanded) == pytest.approx(2 * item.maximum.u, rel=0.05)
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -173,9 +173,9 @@ def test_recordings_of_one_campaign_are_one(
     second = record(campaign[10:], "second.mcap", numbers=range(11, 25))
     found = analyse(first, second)
     assert found.recordings == (first, second)
-    for one, other in zip(found.result.sets, good.result.sets, strict=True):
-        assert one.maximum == other.maximum
-        assert one.paper == other.paper
+    for item, other in zip(found.result.sets, good.result.sets, strict=True):
+        assert item.maximum == other.maximum
+        assert item.paper == other.paper
     assert "first.mcap: the run did not come to its end (stopped" in found.result.warnings[0]
     assert "10 of 200 trials" in found.result.warnings[0]
 
@@ -196,9 +196,9 @@ def test_another_calibration_replays_the_raw_volts(
     other.write_text(calibration_text(campaign[0].run, torque=1.02))
     path = record(campaign[:6])
     before, after = analyse(path), analyse(path, calibration=other)
-    for one, two in zip(before.result.runs, after.result.runs, strict=True):
-        assert two.paper.mu / one.paper.mu == pytest.approx(1.02, rel=1e-6)
-        assert np.array_equal(one.run.gauge_a_v, two.run.gauge_a_v)
+    for item, two in zip(before.result.runs, after.result.runs, strict=True):
+        assert two.paper.mu / item.paper.mu == pytest.approx(1.02, rel=1e-6)
+        assert np.array_equal(item.run.gauge_a_v, two.run.gauge_a_v)
     (line,) = after.calibrations_told
     assert re.search(r"torque_scale: 2\.0\d{3} ± 0\.00\d\d N m/V -> 2\.0\d{3} ± ", line)
     assert "(+2.0 %)" in line
@@ -219,7 +219,7 @@ def test_each_recording_has_its_own_calibration(
     second = record(campaign[6:12], "second.mcap", calibration=wrong)
     found = analyse(first, second)
     pairs = zip(good.result.runs, found.result.runs, strict=False)
-    ratios = [two.paper.mu / one.paper.mu for one, two in pairs]
+    ratios = [two.paper.mu / pair.paper.mu for pair, two in pairs]
     assert ratios == pytest.approx([1.0] * 6 + [1.02] * 6, rel=1e-6)
     assert len(found.calibrations_told) == 2
 

@@ -68,10 +68,10 @@ def test_a_scale_that_never_stands_gives_no_load(
 
 def test_rows_that_are_not_new_are_not_taken(campaign: Sequence[Recorded], record: Record) -> None:
     """What is missing then shows as a gap in the times; see missing_samples."""
-    one = campaign[0]
-    run = read(record([replace(one, stale=True)]))
-    assert np.array_equal(run.gauge_a_v, np.delete(one.run.gauge_a_v, 500))
-    assert run.load_n == pytest.approx(one.run.scale_kg * 9.81)
+    found = campaign[0]
+    run = read(record([replace(found, stale=True)]))
+    assert np.array_equal(run.gauge_a_v, np.delete(found.run.gauge_a_v, 500))
+    assert run.load_n == pytest.approx(found.run.scale_kg * 9.81)
 
 
 def test_of_a_card_that_is_always_recorded_only_what_surrounds_the_drive_is_taken(
@@ -148,7 +148,7 @@ def test_the_last_complete_attempt_at_a_trial_tells() -> None:
         attempt(3, 4, complete=False),
         attempt(3, 5, complete=False),
     ]
-    assert [one.start_ns for one in telling_attempts(attempts)] == [1, 2, 5]
+    assert [item.start_ns for item in telling_attempts(attempts)] == [1, 2, 5]
 
 
 def test_signals_of_two_cards_are_refused(campaign: Sequence[Recorded], record: Record) -> None:

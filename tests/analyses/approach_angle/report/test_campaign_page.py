@@ -37,12 +37,12 @@ PROVENANCE = Provenance(
 def known_runs() -> list[KnownRun]:
     """Return the small campaign, its fourth run without weights on the scale."""
     found = []
-    for number, one in enumerate(small_campaign(), start=1):
-        run = one.run
-        label = f"{run.set_name}, {run.voltage_v:g} V, repeat {one.repeat}"
+    for number, item in enumerate(small_campaign(), start=1):
+        run = item.run
+        label = f"{run.set_name}, {run.voltage_v:g} V, repeat {item.repeat}"
         raw = AngleRun(
             label=label, set_name=run.set_name, alpha_rad=run.alpha_rad,
-            announced_load_kg=run.announced_load_kg, voltage_v=run.voltage_v, repeat=one.repeat,
+            announced_load_kg=run.announced_load_kg, voltage_v=run.voltage_v, repeat=item.repeat,
             t_s=run.t_s, gauge_a_v=run.gauge_a_v, gauge_b_v=run.gauge_b_v, wheel_v=run.wheel_v,
             platform_v=run.platform_v, stop_s=run.stop_s,
             load_n=float("nan") if number == 4 else 9.81 * run.scale_kg,
@@ -101,20 +101,20 @@ def test_every_figure_of_the_paper_is_there_for_every_set(
 ) -> None:
     labels = outline(page).labels
     assert all(labels)
-    assert sum("Maximum coefficient over the approach angle" in one for one in labels) == 1
+    assert sum("Maximum coefficient over the approach angle" in label for label in labels) == 1
     assert "T/(R N) over the slip ratio for clean, 0°, clean, 15°, clean, 45°." in labels
     assert "T/(R N) over the slip ratio for clean, 0° and coated, 0°." in labels
-    for one in result.sets:
-        text = chapter(page, one.name)
+    for item in result.sets:
+        text = chapter(page, item.name)
         for figure in ("(Fig. 6)", "(Figs. 7 and 8)", "(Fig. 9)", "(Fig. 10)"):
             assert figure in text
-        chosen = typical_run(one, result.runs)
+        chosen = typical_run(item, result.runs)
         assert chosen is not None
         assert f"Trial {chosen[0].run.number}, {chosen[0].run.label}: {chosen[1]}." in text
 
 
 def test_nothing_is_drawn_beneath_the_legend_of_the_blocks(result: CampaignResult) -> None:
-    run = next(one for one in result.runs if np.isfinite(one.better.mu))
+    run = next(item for item in result.runs if np.isfinite(item.better.mu))
     figure = one_run(run)
     assert figure is not None
     figure.draw_without_rendering()
@@ -132,32 +132,32 @@ def test_table_1_has_all_three_sources_and_names_each_coefficient(
     table = unescape(page).split('<table class="overview">')[1].split("</table>")[0]
     for name in ("rolling-direction", "usable", "resultant", "Table 1 of the paper"):
         assert name in table
-    for one in result.sets:
-        row = table.split(f'<span class="meaning">{one.name}</span>')[1].split("</tr>")[0]
-        assert f">{TABLE_1[one.name]:.4f}<" in row
-        assert one.paper.value is not None
-        assert one.budget is not None
+    for item in result.sets:
+        row = table.split(f'<span class="meaning">{item.name}</span>')[1].split("</tr>")[0]
+        assert f">{TABLE_1[item.name]:.4f}<" in row
+        assert item.paper.value is not None
+        assert item.budget is not None
         shown = [(float(value), float(u)) for value, u in re.findall(r"([\d.]+) ± ([\d.]+)", row)]
-        expected = [(one.paper.value, 2 * one.budget.paper * one.paper.value)]
-        for estimate in (one.maximum, one.usable, one.resultant):
+        expected = [(item.paper.value, 2 * item.budget.paper * item.paper.value)]
+        for estimate in (item.maximum, item.usable, item.resultant):
             assert estimate is not None
             expected.append((estimate.value, estimate.expanded))
         assert shown == [pytest.approx(pair, abs=6e-4) for pair in expected]
-        used = "5 used, 1 left out" if one.name == "clean_0" else "6 used, 0 left out"
+        used = "5 used, 1 left out" if item.name == "clean_0" else "6 used, 0 left out"
         assert used in row
 
 
 def test_every_term_of_the_budget_is_there_with_both_columns(
     page: str, result: CampaignResult
 ) -> None:
-    for one in result.sets:
-        assert one.budget is not None
-        text = chapter(page, one.name)
-        for term in one.budget.terms:
+    for item in result.sets:
+        assert item.budget is not None
+        text = chapter(page, item.name)
+        for term in item.budget.terms:
             row = text.split(f'<th scope="row">{term.name}')[1].split("</tr>")[0]
             assert f"{100 * term.paper:.2f} %" in row
             assert f"{100 * term.better:.2f} %" in row
-        assert f"{200 * one.budget.better:.2f} %" in text
+        assert f"{200 * item.budget.better:.2f} %" in text
 
 
 def test_the_flagged_run_stands_with_its_reason_and_without_a_number(
@@ -176,10 +176,10 @@ def test_the_flagged_run_stands_with_its_reason_and_without_a_number(
 
 
 def test_a_typical_run_is_one_that_slid_where_there_is_one(result: CampaignResult) -> None:
-    for one in result.sets:
-        chosen = typical_run(one, result.runs)
+    for item in result.sets:
+        chosen = typical_run(item, result.runs)
         assert chosen is not None
-        slid = [r for r in result.runs if r.run.set_name == one.name and not r.excluded
+        slid = [r for r in result.runs if r.run.set_name == item.name and not r.excluded
                 and r.paper.regime is Regime.SLIDING]  # fmt: skip
         if slid:
             assert chosen[0] in slid
@@ -191,12 +191,12 @@ def test_a_typical_run_is_one_that_slid_where_there_is_one(result: CampaignResul
 def test_text_of_users_stays_text(result: CampaignResult) -> None:
     spoilt = [
         RunResult(
-            replace(one.run, label=HOSTILE),
-            one.paper,
-            one.better,
-            (*one.flags, Flag("hostile", HOSTILE)),
+            replace(run.run, label=HOSTILE),
+            run.paper,
+            run.better,
+            (*run.flags, Flag("hostile", HOSTILE)),
         )
-        for one in result.runs[:6]
+        for run in result.runs[:6]
     ]
     hostile = replace(
         result,
@@ -215,7 +215,10 @@ def test_text_of_users_stays_text(result: CampaignResult) -> None:
 
 
 def test_a_campaign_of_bad_runs_only_has_a_page_without_numbers() -> None:
-    known = [replace(one, run=replace(one.run, load_n=float("nan"))) for one in known_runs()[:2]]
+    known = [
+        replace(known_run, run=replace(known_run.run, load_n=float("nan")))
+        for known_run in known_runs()[:2]
+    ]
     result = analyse_campaign(known)
     page = render_campaign(result, PROVENANCE, title="Bad")
     assert outline(page).faults == []

@@ -32,7 +32,7 @@ def test_what_leaves_runs_out_stands_first_and_of_that_the_most_frequent() -> No
     rare, often = Flag("b_rare", "Dead."), Flag("c_often", "Swapped.")
     runs = [flagged(note, often), flagged(note, often), flagged(note, rare)]
     rows = flagged_rows(campaign(runs))
-    assert [(one.code, one.count, one.excluded) for one in rows] == [
+    assert [(row.code, row.count, row.excluded) for row in rows] == [
         ("c_often", 2, True), ("b_rare", 1, True), ("a_note", 3, False),
     ]  # fmt: skip
     assert rows[0].reasons == ("Swapped.", "Swapped.")
@@ -47,8 +47,8 @@ def test_a_maximum_of_the_paper_from_a_run_that_did_not_slide_says_so(
 ) -> None:
     value = None if regime is None else 0.1868
     paper = PaperMaximum(value, value, "4 kg, 10 V", regime, raw=2, flagged=0, used=2)
-    one = SetResult("clean_0", 0.0, "clean", None, paper, None, None, None, None, None, 0, None)
-    (row,) = set_rows(campaign(sets=[one]))
+    found = SetResult("clean_0", 0.0, "clean", None, paper, None, None, None, None, None, 0, None)
+    (row,) = set_rows(campaign(sets=[found]))
     assert row.paper_regime == told
     assert row.paper == ("–" if value is None else "0.1868")
     assert (row.maximum, row.usable, row.resultant, row.deviation) == ("–", "–", "–", "")
