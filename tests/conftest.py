@@ -110,7 +110,11 @@ def pytest_sessionstart() -> None:
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Import no more than a marker asked for by itself needs."""
     asked = str(config.getoption("markexpr"))
-    if asked not in MARKED or collection_path.suffix != ".py":
+    if collection_path.suffix != ".py":
+        return None
+    if asked == "not side_by_side":
+        return is_in(collection_path, SIDE_BY_SIDE) or None
+    if asked not in MARKED:
         return None
     wanted = MARKED[asked] + (places("docs") if asked == "dates" else ())
     return None if is_in(collection_path, wanted) else True
