@@ -1,4 +1,4 @@
-"""``@kernel`` for analyses: compiled functions whose results repeat bit for bit."""
+"""Decorator ``@kernel``: compiles functions of analyses; the same input gives the same bits."""
 
 from rigd.model.kernel import kernel
 

@@ -1,4 +1,4 @@
-"""Standard errors that survive coloured residuals and an imperfect model.
+"""Standard errors that hold with correlated residuals and an imperfect model.
 
 Residuals of a smoothed, vibrating measurement are correlated over tens of milliseconds; the usual
 s^2 (J'J)^-1 then promises two to three times too much. Three remedies stand here: the sandwich

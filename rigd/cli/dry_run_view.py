@@ -1,4 +1,4 @@
-"""Prints a dry run as tables, or returns it as JSON."""
+"""Prints the result of a dry run as tables, or returns it as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shape of a calibration file, documented by its JSON Schema.
+"""Schema of a calibration file: the keys and values that are allowed.
 
 Every value stands for itself: it has its own date, operator, instruments and validity, because
 values are measured one procedure at a time and grow old apart.

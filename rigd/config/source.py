@@ -1,4 +1,4 @@
-"""The shape of a rig file, documented by its JSON Schema."""
+"""Schema of a rig file: the keys and values that are allowed."""
 
 from __future__ import annotations
 

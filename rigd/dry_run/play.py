@@ -1,4 +1,4 @@
-"""Plays a compiled procedure on the plant and returns its duration and distance to limits.
+"""Plays a compiled procedure on the simulated plant; returns duration and margins to limits.
 
 The same engine, the same interlocks and the same plant as the run itself; only the recording is
 left out.

@@ -1,4 +1,4 @@
-"""Checks the blocks of a block device and records their rows in bulk."""
+"""Checks the rows that a block device returns in blocks, and records them in bulk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The daemon's end of the cycle process: start, commands, replies, supervision, kill."""
+"""Starts the cycle process, sends it commands, supervises it, and kills it if it hangs."""
 
 from __future__ import annotations
 

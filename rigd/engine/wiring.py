@@ -1,4 +1,4 @@
-"""Builds the cycle of a rig from its file: plant or links, devices, limiter, interlocks."""
+"""Builds the control cycle of a rig: devices on plant or links, limiter, interlocks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reports and recordings for the page, passed on in pieces."""
+"""Passes reports and recordings on to the page in pieces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The interface to the rig that the panel needs: verbs, status, events, frames.
+"""Interface of the panel to its rig: requests, status, events, frames of live data.
 
 :class:`rigd.remote.client.Connection` is one.
 """

@@ -1,4 +1,4 @@
-"""Compiles the fault steps of a procedure file."""
+"""Compiles the steps of a procedure file that inject faults."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shape of setpoint profiles in a procedure file."""
+"""Schema of setpoint profiles in a procedure file: the keys and values that are allowed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shape of a procedure file, documented by its JSON Schema."""
+"""Schema of a procedure file: the keys and values that are allowed."""
 
 from __future__ import annotations
 

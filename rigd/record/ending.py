@@ -1,4 +1,4 @@
-"""The end of a recording, and its statements about the data before it."""
+"""Reads the end of a recording and checks its index against the data before it."""
 
 from __future__ import annotations
 

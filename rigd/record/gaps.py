@@ -1,4 +1,4 @@
-"""Gaps of a recording: rows that were lost, with their stream and their times.
+"""Lists the rows that a recording has lost, with their stream and their times.
 
 Every message carries its number in its stream, so that what is missing between two chunks is known
 exactly. What stood behind the last sound chunk is known from the summary and from the message

@@ -1,4 +1,4 @@
-"""The trials of a run, read from its events; no sample is read."""
+"""Reads the trials of a run from its events; no sample is read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Base class of sensors simulated on a plant, and the last check of a setpoint."""
+"""Base class of simulated sensors that read a plant; range check of its setpoints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Base class of simulations at the wire: devices behind real connections, in own processes."""
+"""Base class of simulated devices in a process of their own behind real connections."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a terminal shows of a campaign: Table 1, the trend, and what was flagged."""
+"""Prints the result of a campaign at a terminal: Table 1 of the paper, trend, flagged runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recordings of the omni-wheel rig to the arrays of the LuGre identification."""
+"""Converts recordings of the omni-wheel rig to the arrays that its identification needs."""
 
 from __future__ import annotations
 

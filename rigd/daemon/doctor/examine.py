@@ -1,4 +1,4 @@
-"""Runs the checks of machine and rig, those that open devices last."""
+"""Runs the checks of machine and rig; checks that open a device come last."""
 
 from __future__ import annotations
 

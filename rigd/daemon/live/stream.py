@@ -1,4 +1,4 @@
-"""One stream of a rig, prepared for live plots."""
+"""Prepares one stream of a rig for live plots."""
 
 from __future__ import annotations
 

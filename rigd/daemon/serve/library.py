@@ -1,4 +1,4 @@
-"""The procedures that a daemon offers, and their check against its rig."""
+"""Lists the procedures of a daemon and checks them against its rig."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Answers to prompts that come from clients."""
+"""Takes answers to prompts from clients."""
 
 from __future__ import annotations
 

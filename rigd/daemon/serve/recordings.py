@@ -1,4 +1,4 @@
-"""The recordings of a rig for clients: by file name, never by path."""
+"""Lists and reads the recordings of a rig for clients, by file name and never by path."""
 
 from __future__ import annotations
 

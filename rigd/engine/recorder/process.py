@@ -1,4 +1,4 @@
-"""The daemon's end of the recorder process: start, supervise, restart, wait."""
+"""Starts, supervises and restarts the recorder process, and waits until it has finished."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The board: one page of 64-bit words that the processes of a run write and read.
+"""The board: status words and signs of life that the processes of a run share.
 
 Each word has one writer. Signs of life are times of the monotonic clock, which all processes of a
 machine share.

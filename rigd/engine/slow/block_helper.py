@@ -1,4 +1,4 @@
-"""The daemon's end of the helper process of a block device: start, supervise, end."""
+"""Starts, supervises and ends the helper process of a block device."""
 
 from __future__ import annotations
 

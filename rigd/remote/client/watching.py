@@ -1,4 +1,4 @@
-"""Messages of a rig in order, without gaps, and the end of a run."""
+"""Receives the messages of a rig in order and without gaps; waits for the end of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rules for block drivers, on which the helper process depends."""
+"""Checks block drivers against the rules on which their helper process depends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rules for fast drivers, on which the cycle depends."""
+"""Checks fast drivers against the rules on which the control cycle depends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rules for the declarations of a driver and for its behaviour before it is opened."""
+"""Checks the declarations of a driver, and its behaviour before it is opened."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rules for slow drivers, on which the daemon's event loop depends."""
+"""Checks slow drivers against the rules on which the daemon's event loop depends."""
 
 from __future__ import annotations
 

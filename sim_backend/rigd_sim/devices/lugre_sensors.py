@@ -1,4 +1,4 @@
-"""Sensors of the simulated LuGre rig: encoders, accelerometer, hidden truth."""
+"""Simulated sensors of the LuGre rig: encoders, accelerometer, true states for comparison."""
 
 from __future__ import annotations
 

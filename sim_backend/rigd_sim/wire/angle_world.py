@@ -1,4 +1,4 @@
-"""The approach-angle rig in real time: its plant, and the relay with the one-shot before it."""
+"""Simulates the approach-angle rig in real time: plant, relay, and the one-shot of the relay."""
 
 from __future__ import annotations
 

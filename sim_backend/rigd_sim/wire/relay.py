@@ -1,4 +1,4 @@
-"""The contact of the approach-angle rig's relay, observed from outside."""
+"""The simulated relay of the approach-angle rig: state of its contact, and its faults."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The force balance: what the gauges show against what the platform's motion needs.
+"""Force balance: flags runs in which gauges and motion of the platform disagree.
 
 Torque that is lost between gauges and wheel (bad clamping, 0.1 N m and more) looks like friction:
 such runs gave the paper a maximum of 0.5324 where 0.1868 was true. It moves nothing, so it shows

@@ -1,4 +1,4 @@
-"""True load per load that the scale shows, from known weights laid on it, up and down."""
+"""Calibrates a scale: true over shown load, from known weights put on and taken off."""
 
 from __future__ import annotations
 

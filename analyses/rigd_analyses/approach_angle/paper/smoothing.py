@@ -1,4 +1,4 @@
-"""Combined iterative smoothing and the central difference: the paper's Eq. 10.
+"""Smooths a signal iteratively and differentiates it by central differences (paper, Eq. 10).
 
 In each iteration a first-order Butterworth low-pass runs forward and backward over the signal less
 the line through its ends, and a rolling average follows, kept where it overlaps completely. With

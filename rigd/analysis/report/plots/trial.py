@@ -1,4 +1,4 @@
-"""Signals, fit and residual over time: one trial, or all trials of a group in small."""
+"""Plots signals, fit and residual over time: one trial, or small plots of all trials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Disturbances of a CAN bus, independent of its nodes."""
+"""Injects faults into a simulated CAN bus, whatever its nodes do."""
 
 from __future__ import annotations
 
