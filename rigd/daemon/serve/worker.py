@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import resource
+import signal
 import sys
 import threading
 import time
@@ -16,6 +17,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from rigd.config.rig import RigConfig
 from rigd.engine.child import Child, module
 from rigd.model.errors import ConfigError, RigdError
 from rigd.remote.protocol import Code, Message, Refusal
@@ -104,7 +106,9 @@ class CalculationWorker:
                 self._child = None
         if self._closed:
             raise Refusal(Code.CONFLICT, "the daemon is ending")
-        if child.code is not None and child.code < 0:  # by a person, or for want of memory
+        if child.code == -signal.SIGABRT:  # compiled code ends so if it gets no memory
+            raise Refusal(Code.REFUSED, _too_much(what, self._memory))
+        if child.code is not None and child.code < 0:  # by a person, or the kernel for its memory
             raise Refusal(Code.REFUSED, f"{what} was ended from outside ({child.ended})")
         if child.code != 0:
             raise RuntimeError(f"{what} failed aside:\n{errors}")
@@ -165,27 +169,31 @@ def _job(
     }
 
 
-def _check(job: Mapping[str, Any]) -> CheckReport:
+def _read_rig(job: Mapping[str, Any]) -> RigConfig:
+    """Return the rig of a job, with all modules that a check loads."""
     from rigd.config.loader import parse_rig
+    from rigd.daemon.serve import library  # noqa: F401
+
+    return parse_rig(job["rig"], Path(job["rig_path"]))
+
+
+def _check(job: Mapping[str, Any]) -> CheckReport:
     from rigd.daemon.serve.library import check
     from rigd.remote.protocol.arguments import Checked, ProcedureFile
 
     file = ProcedureFile.of(job["name"], job["procedure"])
-    return check(
-        Checked(procedure=file, set=job["set"]), parse_rig(job["rig"], Path(job["rig_path"]))
-    )
+    return check(Checked(procedure=file, set=job["set"]), job["rig"])
 
 
 def _dry_run(job: Mapping[str, Any]) -> DryRun:
     from dataclasses import asdict
 
-    from rigd.config.loader import parse_rig
     from rigd.dry_run import dry_run
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import parse_procedure
     from rigd.remote.protocol.results import PeakView, StepView
 
-    rig = parse_rig(job["rig"], Path(job["rig_path"]))
+    rig: RigConfig = job["rig"]
     source = parse_procedure(job["procedure"], Path(f"{job['name']}.yaml"))
     procedure = compile_procedure(source, rig, job["set"])
     found = dry_run(procedure, rig, seed=1)
@@ -239,6 +247,10 @@ def _finite(value: float) -> float | None:
     return value if abs(value) < float("inf") else None
 
 
+def _too_much(what: str, memory: int) -> str:
+    return f"{what} needs more than {memory >> 20} MB of memory"
+
+
 def _refused(code: Code, error: str, hint: str | None = None) -> dict[str, object]:
     return {"error": error, "hint": hint, "code": code.value}
 
@@ -248,18 +260,20 @@ def main() -> int:
     os.nice(NICENESS)
     job: Mapping[str, Any] = json.load(sys.stdin)
     memory: int = job["memory"]
-    resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
     work: Mapping[str, Callable[[Mapping[str, Any]], Message]] = {
         "check": _check, "draw": _draw, "dry_run": _dry_run, "identify": _identify
     }  # fmt: skip
     try:
+        if "rig" in job:  # the daemon's own: the bound is for what a client sent
+            job = {**job, "rig": _read_rig(job)}
+        resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
         said: Mapping[str, object] = {"result": work[job["do"]](job).model_dump(mode="json")}
     except ConfigError as error:
         said = _refused(Code.WRONG, str(error))
     except RigdError as error:
         said = _refused(Code.REFUSED, error.message, error.hint)
     except MemoryError:
-        said = _refused(Code.REFUSED, f"{job['do']} needs more than {memory >> 20} MB of memory")
+        said = _refused(Code.REFUSED, _too_much(job["do"], memory))
     json.dump(said, sys.stdout)
     return 0
 
