@@ -229,8 +229,8 @@ class Victim:
     def _recover(self) -> None:
         """Recover the recording; refused as long as a helper of the run still ends."""
         place, name, deadline = self.recording.parent, self.recording.name, time.monotonic() + END_S
-        while (done := rigd("recover", name, cwd=place, state=self._state)).code == Exit.BLOCKED:
-            assert time.monotonic() < deadline, done.err
+        while (done := rigd("recover", name, cwd=place, state=self._state)).code != Exit.OK:
+            assert "is in use by" in done.err and time.monotonic() < deadline, done.err
             time.sleep(0.1)
         assert done.code == 0, done.err
 
