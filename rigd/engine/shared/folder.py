@@ -303,12 +303,20 @@ def _in_use(rig: str, fd: int) -> InUse:
     except (KeyError, TypeError, ValueError):
         return InUse(f"rig {rig} is in use by another process, which has only just begun")
     what = f"{command}, recording {recording}" if recording else command
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
+    if not _runs(pid):
         left = f"what process {pid} ({what}) started: it died, and they are still ending"
         return InUse(f"rig {rig} is in use by {left}", lives=False)
-    except PermissionError:
-        pass  # it lives, as another user
     told = f"rig {rig} is in use by process {pid} ({what})"
     return InUse(f"{told}\n  {hint}" if hint else told)
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process runs; one that has ended, and that its parent has not read, does not."""
+    try:
+        os.kill(pid, 0)
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except (ProcessLookupError, FileNotFoundError):
+        return False
+    except PermissionError:
+        return True  # it runs, as another user
+    return state not in ("Z", "X")

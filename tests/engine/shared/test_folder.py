@@ -128,6 +128,20 @@ def test_what_a_dead_process_has_started_is_waited_for() -> None:
         ends.join()
 
 
+def test_a_dead_process_its_parent_ignores_is_dead() -> None:
+    """As under a supervisor that does not read how its processes ended."""
+    command = [sys.executable, "-c", HOLD, "pass on"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
+        os.waitid(os.P_PID, other.pid, os.WEXITED | os.WNOWAIT)
+        with pytest.raises(InUse, match="it died") as caught:
+            RunFolder.take("bench", command="test")
+        assert not caught.value.lives
+        assert other.stdin is not None
+        other.stdin.close()
+        RunFolder.take("bench", command="test", patience_s=30.0).release()
+
+
 def test_a_rig_is_in_use_until_the_last_process_of_the_run_is_gone() -> None:
     command = [sys.executable, "-c", HOLD, "pass on"]
     pipe = subprocess.PIPE
