@@ -40,6 +40,59 @@ def stribeck(v: float, v_s: float, mu_c: float, rise: float) -> tuple[float, flo
 
 
 @kernel
+def _advance(z: float, q: FloatArray, rise: float, v: float, dt: float) -> float:
+    """Return ``z`` after ``dt`` s at the slip ``v`` in m/s."""
+    if v == 0.0:
+        return z
+    g = stribeck(v, q[0], q[1], rise)[0]
+    target = g if v > 0.0 else -g
+    after: float = target + (z - target) * np.exp(-q[3] * abs(v) * dt / g)
+    return after
+
+
+@kernel
+def _advance_all(
+    z: float, z0: float, z1: float, z2: float, z3: float,
+    q: FloatArray, rise: float, v: float, dt: float,
+) -> tuple[float, float, float, float, float]:  # fmt: skip
+    """Return ``z`` and its derivatives to q[0] to q[3] after ``dt`` s at the slip ``v`` in m/s."""
+    if v == 0.0:
+        return z, z0, z1, z2, z3
+    speed = abs(v)
+    g, g0, g1, g2 = stribeck(v, q[0], q[1], rise)
+    sign = 1.0 if v > 0.0 else -1.0
+    rate = q[3] * speed * dt / g
+    e = np.exp(-rate)
+    gap = z - sign * g
+    by_g = sign * (1.0 - e) + gap * e * rate / g
+    return (
+        sign * g + gap * e,
+        e * z0 + by_g * g0,
+        e * z1 + by_g * g1,
+        e * z2 + by_g * g2,
+        e * z3 - gap * e * rate / q[3],
+    )
+
+
+@kernel
+def _derivatives(
+    row: FloatArray, q: FloatArray, rise: float, v: float,
+    z: float, z0: float, z1: float, z2: float, z3: float,
+) -> None:  # fmt: skip
+    """Write d(F/F_N)/dq at the slip ``v`` in m/s into ``row`` (6,)."""
+    speed = abs(v)
+    g, g0, g1, g2 = stribeck(v, q[0], q[1], rise)
+    hold = 1.0 - q[4] * speed / g
+    direct = q[4] * speed * z / (g * g)
+    row[0] = hold * z0 + direct * g0
+    row[1] = hold * z1 + direct * g1
+    row[2] = hold * z2 + direct * g2
+    row[3] = hold * z3
+    row[4] = v - speed * z / g
+    row[5] = v
+
+
+@kernel
 def predict(
     q: FloatArray, v: FloatArray, v_mid: FloatArray, dt: FloatArray, first: FloatArray
 ) -> FloatArray:
@@ -52,12 +105,7 @@ def predict(
     out = np.empty_like(v)
     z = 0.0
     for k in range(v.shape[0]):
-        if first[k] != 0.0:
-            z = 0.0
-        elif v_mid[k] != 0.0:
-            g = stribeck(v_mid[k], q[0], q[1], rise)[0]
-            target = g if v_mid[k] > 0.0 else -g
-            z = target + (z - target) * np.exp(-q[3] * abs(v_mid[k]) * dt[k] / g)
+        z = 0.0 if first[k] != 0.0 else _advance(z, q, rise, v_mid[k], dt[k])
         g = stribeck(v[k], q[0], q[1], rise)[0]
         out[k] = z + q[4] * (v[k] - abs(v[k]) * z / g) + q[5] * v[k]
     return out
@@ -78,12 +126,7 @@ def cost(
     total = 0.0
     z = 0.0
     for k in range(v.shape[0]):
-        if first[k] != 0.0:
-            z = 0.0
-        elif v_mid[k] != 0.0:
-            g = stribeck(v_mid[k], q[0], q[1], rise)[0]
-            target = g if v_mid[k] > 0.0 else -g
-            z = target + (z - target) * np.exp(-q[3] * abs(v_mid[k]) * dt[k] / g)
+        z = 0.0 if first[k] != 0.0 else _advance(z, q, rise, v_mid[k], dt[k])
         if weights[k] != 0.0:
             g = stribeck(v[k], q[0], q[1], rise)[0]
             r = z + q[4] * (v[k] - abs(v[k]) * z / g) + q[5] * v[k] - measured[k]
@@ -103,29 +146,9 @@ def sensitivities(
     for k in range(n):
         if first[k] != 0.0:
             z = z0 = z1 = z2 = z3 = 0.0
-        elif v_mid[k] != 0.0:
-            speed = abs(v_mid[k])
-            g, g0, g1, g2 = stribeck(v_mid[k], q[0], q[1], rise)
-            sign = 1.0 if v_mid[k] > 0.0 else -1.0
-            rate = q[3] * speed * dt[k] / g
-            e = np.exp(-rate)
-            gap = z - sign * g
-            by_g = sign * (1.0 - e) + gap * e * rate / g
-            z0 = e * z0 + by_g * g0
-            z1 = e * z1 + by_g * g1
-            z2 = e * z2 + by_g * g2
-            z3 = e * z3 - gap * e * rate / q[3]
-            z = sign * g + gap * e
-        speed = abs(v[k])
-        g, g0, g1, g2 = stribeck(v[k], q[0], q[1], rise)
-        hold = 1.0 - q[4] * speed / g
-        direct = q[4] * speed * z / (g * g)
-        out[k, 0] = hold * z0 + direct * g0
-        out[k, 1] = hold * z1 + direct * g1
-        out[k, 2] = hold * z2 + direct * g2
-        out[k, 3] = hold * z3
-        out[k, 4] = v[k] - speed * z / g
-        out[k, 5] = v[k]
+        else:
+            z, z0, z1, z2, z3 = _advance_all(z, z0, z1, z2, z3, q, rise, v_mid[k], dt[k])
+        _derivatives(out[k], q, rise, v[k], z, z0, z1, z2, z3)
     return out
 
 
@@ -149,32 +172,12 @@ def normal_equations(
     for k in range(v.shape[0]):
         if first[k] != 0.0:
             z = z0 = z1 = z2 = z3 = 0.0
-        elif v_mid[k] != 0.0:
-            speed = abs(v_mid[k])
-            g, g0, g1, g2 = stribeck(v_mid[k], q[0], q[1], rise)
-            sign = 1.0 if v_mid[k] > 0.0 else -1.0
-            rate = q[3] * speed * dt[k] / g
-            e = np.exp(-rate)
-            gap = z - sign * g
-            by_g = sign * (1.0 - e) + gap * e * rate / g
-            z0 = e * z0 + by_g * g0
-            z1 = e * z1 + by_g * g1
-            z2 = e * z2 + by_g * g2
-            z3 = e * z3 - gap * e * rate / q[3]
-            z = sign * g + gap * e
+        else:
+            z, z0, z1, z2, z3 = _advance_all(z, z0, z1, z2, z3, q, rise, v_mid[k], dt[k])
         weight = weights[k]
         if weight == 0.0:
             continue
-        speed = abs(v[k])
-        g, g0, g1, g2 = stribeck(v[k], q[0], q[1], rise)
-        hold = 1.0 - q[4] * speed / g
-        direct = q[4] * speed * z / (g * g)
-        row[0] = hold * z0 + direct * g0
-        row[1] = hold * z1 + direct * g1
-        row[2] = hold * z2 + direct * g2
-        row[3] = hold * z3
-        row[4] = v[k] - speed * z / g
-        row[5] = v[k]
+        _derivatives(row, q, rise, v[k], z, z0, z1, z2, z3)
         r = z + q[4] * row[4] + q[5] * v[k] - measured[k]
         total += weight * r * r
         for i in range(6):
