@@ -1,4 +1,4 @@
-"""All that the author of an analysis begins with; imports nothing heavy.
+"""Contains the parts that the author of an analysis needs; the import loads no large library.
 
 Recordings: :mod:`.source`, :mod:`.resample`. Estimators: :mod:`.model`, :mod:`.fit`,
 :mod:`.uncertainty`, :mod:`.profile`, :mod:`.identifiability`, :mod:`.residuals`. Results and pages:

@@ -1,4 +1,4 @@
-"""What an analysis is: it declares what it needs, and turns recordings into an evaluation."""
+"""Defines the base class of analyses: a class declares its needs and evaluates recordings."""
 
 from __future__ import annotations
 
@@ -6,23 +6,28 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from rigd.sdk.analysis import DeclaredAnalysis
 
 if TYPE_CHECKING:
+    from rigd.analysis.report import Heading, Opening
     from rigd.analysis.source import RecordedSweep
     from rigd.analysis.terminal import TerminalReport
+    from rigd.analysis.validation.result import Validation
+    from rigd.analysis.validation.saved import SavedModel
 
 
 @dataclass(frozen=True)
 class Options:
-    """How to identify.
+    """Options of an identification.
 
     ``starts``, ``seed`` and ``robust`` are for analyses that fit: number of starts, their seed,
     robust loss instead of least squares. ``calibration`` is for analyses that work from raw volts:
     a file to use instead of the calibration that a recording carries. ``by_recording`` gives each
-    recording groups of its own, so that they can be compared.
+    recording groups of its own, so that they can be compared. ``method`` names one of the ways
+    that the analysis has, ``law`` a friction law that is installed; empty: its own choice.
+    ``compare`` asks which of the installed laws the data support.
     """
 
     starts: int = 8
@@ -30,12 +35,30 @@ class Options:
     robust: bool = False
     calibration: Path | None = None
     by_recording: bool = False
+    method: str = ""
+    law: str = ""
+    compare: bool = False
 
 
 class Evaluation(ABC):
-    """What was found in the recordings."""
+    """The result of evaluating recordings."""
 
     title: str
+
+    @property
+    def fits(self) -> bool:
+        """Whether the numbers may be used; if not, `rigd identify` ends with a code of its own."""
+        return True
+
+    @property
+    def opening(self) -> Opening | None:
+        """What of it may be used and what may not: the first that a person reads."""
+        return None
+
+    @property
+    def heading(self) -> Heading | None:
+        """Where the data are from: simulated or not, rig, operator, specimen, dates."""
+        return None
 
     @abstractmethod
     def report(self) -> str:
@@ -68,5 +91,29 @@ class Analysis(DeclaredAnalysis):
         Raises:
             RecordingError: a recording is damaged.
             ConfigError: a calibration is wrong.
+            DataError: the data cannot answer; the message says why, the hint what to do.
+        """
+
+
+@runtime_checkable
+class Validates(Protocol):
+    """What an analysis has besides if its models can be tried on other recordings."""
+
+    def validate(
+        self,
+        models: Sequence[SavedModel],
+        sweeps: Sequence[RecordedSweep],
+        group: str,
+        tell: Callable[[str], None],
+    ) -> Validation:
+        """Return what ``sweeps`` say of ``models``, those of one file, for `rigd validate`.
+
+        ``group`` names the model to take whatever the recordings name; empty: the one whose
+        conditions are those of the trials (:func:`rigd.analysis.validation.saved.chosen`).
+        ``tell`` gets a line before each step that takes long.
+
+        Raises:
+            RecordingError: a recording is damaged.
+            ConfigError: a model cannot be simulated, or none is for these conditions.
             DataError: the data cannot answer; the message says why, the hint what to do.
         """

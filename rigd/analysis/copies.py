@@ -1,4 +1,4 @@
-"""The same samples twice are no new evidence: copies are refused, whatever they are called."""
+"""Refuses copies of recordings, under any name: the same samples twice are no new evidence."""
 
 from __future__ import annotations
 

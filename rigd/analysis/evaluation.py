@@ -1,4 +1,4 @@
-"""Recordings in; what their analysis makes of them out, with report, JSON and terminal table."""
+"""Evaluates recordings by their analysis; the result has a report, JSON and a terminal table."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Final
 
 from rigd.analysis.analysis import Analysis, Evaluation, Options
 from rigd.analysis.copies import refuse_copies, refuse_same_file
+from rigd.analysis.corrections import Corrections, corrected
 from rigd.analysis.plan import analysis_of
-from rigd.analysis.source import RecordedSweep, open_sweep
+from rigd.analysis.source import Correction, RecordedSweep, open_sweep
 from rigd.model.errors import ConfigError, DataError
 from rigd.sdk.analysis import OptionName
 
@@ -22,6 +23,9 @@ _REFUSED: Final[dict[OptionName, tuple[str, str]]] = {
         "--calibration: model {} is identified from converted values",
         "leave it out; docs/recordings.md shows how to replay raw counts",
     ),
+    "method": ("--method: model {} has one method", "leave it out"),
+    "law": ("--law: model {} fits no friction law of choice", "leave it out"),
+    "compare": ("--compare: model {} fits no friction laws to compare", "leave it out"),
     "by_recording": (
         "--group-by recording: model {} evaluates all recordings as one",
         "identify each recording with a command of its own",
@@ -35,17 +39,37 @@ def evaluate(
     *,
     tell: Callable[[str], None] = lambda _: None,
     passed_over: Callable[[str], None] = lambda _: None,
+    corrections: Corrections | None = None,
+    changed: Callable[[Correction], None] = lambda _: None,
 ) -> Evaluation:
     """Identify what ``paths`` hold; trials of one group may stand in several recordings.
 
     ``tell`` gets a line before each step that takes long, ``passed_over`` one for all that is
-    damaged or lost in a recording.
+    damaged or lost in a recording. ``corrections`` hold instead of what the recordings carry;
+    ``changed`` gets each difference that they make.
 
     Raises:
         RecordingError: a file cannot be read.
-        ConfigError: an option does not fit the analysis, or a calibration is wrong.
+        ConfigError: an option does not fit the analysis, or a calibration or correction is wrong.
         DataError: a file holds nothing to identify, is there twice or beside a copy of itself, or
             the data cannot answer.
+    """
+    sweeps = open_sweeps(paths, passed_over, corrections, changed)
+    return evaluate_sweeps(analysis_of(sweeps[0].plan), sweeps, options or Options(), tell)
+
+
+def open_sweeps(
+    paths: Sequence[Path],
+    passed_over: Callable[[str], None],
+    corrections: Corrections | None,
+    changed: Callable[[Correction], None],
+) -> list[RecordedSweep]:
+    """Return the recordings at ``paths``, all of one model, corrected; see :func:`evaluate`.
+
+    Raises:
+        RecordingError: a file cannot be read.
+        ConfigError: a correction is wrong.
+        DataError: a file says nothing to identify, or is there twice or beside a copy of itself.
     """
     refuse_same_file(paths)
     sweeps = [open_sweep(path) for path in paths]
@@ -55,7 +79,11 @@ def evaluate(
     if len(models) > 1:
         raise DataError(f"the recordings identify different models: {', '.join(sorted(models))}")
     refuse_copies(sweeps)
-    return evaluate_sweeps(analysis_of(sweeps[0].plan), sweeps, options or Options(), tell)
+    if corrections is not None:
+        sweeps = [corrected(sweep, corrections) for sweep in sweeps]
+    for correction in (item for sweep in sweeps for item in sweep.corrections):
+        changed(correction)
+    return sweeps
 
 
 def evaluate_sweeps(
@@ -66,7 +94,8 @@ def evaluate_sweeps(
 ) -> Evaluation:
     """Return what ``analysis`` makes of ``sweeps``; raises as :func:`evaluate` does."""
     _check_options(sweeps[0].plan.model, analysis, options)
-    return analysis().evaluate(sweeps, options, tell)
+    optional = analysis.needs.optional_signals
+    return analysis().evaluate([sweep.without(optional) for sweep in sweeps], options, tell)
 
 
 def _check_options(model: str, analysis: type[Analysis], options: Options) -> None:

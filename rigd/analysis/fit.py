@@ -1,8 +1,9 @@
-"""Levenberg-Marquardt on normal equations in scaled parameters, with a box and many starts.
+"""Fits parameters within bounds from many starts (Levenberg-Marquardt on normal equations).
 
-The damping follows Nielsen (IMM-REP-1999-05); the box is kept by projection with an active set,
-so that a parameter the data push against its bound stops there and the others go on. A robust
-loss is iteratively reweighted least squares around the same minimiser.
+The parameters are scaled. The damping follows Nielsen (IMM-REP-1999-05). Projection with an active
+set keeps the parameters within their bounds: if the data push a parameter against its bound, the
+parameter stops there and the others go on. A robust loss is iteratively reweighted least squares
+around the same minimiser.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ from rigd.model.errors import DataError
 MAX_ITERATIONS = 60  #: starts that need more crawl along a ridge the data do not resolve
 RELATIVE_DECREASE = 1e-12
 STEP_TOLERANCE = 1e-9  #: in scaled coordinates, where one is a factor e
+DAMPING = 1e-3  #: of the first step
+TRUSTED = 1e-4  #: a step with more damping may be short far from the optimum
+REJECTED = 1e-6  #: least damping behind a step that was refused
 MAX_DAMPING = 1e12  #: beyond it the steps are below rounding
 MAX_STEP = 3.0  #: e-folds; a longer step is a linearisation far outside its validity
 HUBER_K = 1.345  #: 95 % efficiency on Gaussian residuals
@@ -28,11 +32,10 @@ MAD_TO_SIGMA = 1.4826
 
 
 class Loss(Enum):
-    """How residuals far outside the bulk count."""
+    """The weight of residuals that are far outside the bulk."""
 
     SQUARES = "squares"
     HUBER = "huber"
-    SOFT_L1 = "soft_l1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +71,7 @@ class Affine:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Where one start ended: ``theta`` natural and ``scaled`` (p,), cost, and the work it took."""
+    """The end of one start: ``theta`` natural and ``scaled`` (p,), cost, numbers of steps."""
 
     theta: FloatArray
     scaled: FloatArray
@@ -78,6 +81,7 @@ class Fit:
     evaluations: int
     converged: bool
     weights: FloatArray | None = None
+    information: FloatArray | None = None  #: (p, p), scaled, where the last step began
 
 
 def fit(
@@ -88,10 +92,14 @@ def fit(
     weights: FloatArray | None = None,
     max_iterations: int = MAX_ITERATIONS,
     relative_decrease: float = RELATIVE_DECREASE,
+    damping: float = DAMPING,
 ) -> Fit:
     """Return the least-squares fit from one start (natural units; the model's own by default).
 
-    It ends with a step that gains less than ``relative_decrease`` of the cost.
+    It ends with a step that gains less than ``relative_decrease`` of the cost, or would by the
+    linearised model. ``damping`` is that of the first step, relative to the diagonal: close to the
+    optimum a smaller one saves steps along ridges.
+
     Raises DataError when the cost is not finite at the start.
     """
     parameters = model.parameters
@@ -104,18 +112,25 @@ def fit(
     def natural(point: FloatArray) -> FloatArray:
         return to_natural(parameters, affine.offset + affine.basis @ point)
 
-    def equations(point: FloatArray) -> NormalEquations:
+    def equations(point: FloatArray) -> tuple[NormalEquations, FloatArray]:
         theta = natural(point)
         full = model.normal_equations(theta, weights)
-        chain = affine.basis * slopes(parameters, theta)[:, None]
+        scale = slopes(parameters, theta)
+        information = full.information * np.outer(scale, scale)
         return NormalEquations(
-            full.cost, chain.T @ full.gradient, chain.T @ full.information @ chain
-        )
+            full.cost,
+            affine.basis.T @ (scale * full.gradient),
+            affine.basis.T @ information @ affine.basis,
+        ), information
 
-    now = equations(w)
+    now, whole = equations(w)
     if not np.isfinite(now.cost):
-        raise DataError("the model's cost is not finite at the start of the fit")
-    damping, growth = 1e-3, 2.0
+        raise DataError(
+            "the model's cost is not finite at the start of the fit",
+            hint="a constant or a signal is far from what the rig has: compare both with the rig "
+            "(`rigd report FILE` shows signals, `rigd identify FILE --set` corrects constants)",
+        )
+    growth = 2.0
     iterations, evaluations, converged = 0, 1, False
     while iterations < max_iterations and not converged:
         iterations += 1
@@ -126,26 +141,33 @@ def fit(
             converged = True
             break
         predicted = -float(now.gradient @ step + 0.5 * step @ now.information @ step)
+        little = 0.0 <= predicted < relative_decrease * now.cost
+        if little and damping <= TRUSTED:
+            converged = True
+            break
         cost = model.cost(natural(target), weights)
         evaluations += 1
         gain = now.cost - cost
         if np.isfinite(cost) and gain > 0.0:
-            converged = gain < relative_decrease * now.cost
+            w = target
+            if gain < relative_decrease * now.cost:
+                now = NormalEquations(cost, now.gradient, now.information)
+                converged = True
+                break
             ratio = gain / predicted if predicted > 0.0 else 1.0
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3)
             growth = 2.0
-            w = target
-            now = equations(w)
+            now, whole = equations(w)
             evaluations += 1
-        elif damping > MAX_DAMPING or 0.0 <= predicted < relative_decrease * now.cost:
+        elif damping > MAX_DAMPING or little:
             converged = True
         else:
-            damping *= growth
+            damping = max(damping * growth, REJECTED)
             growth *= 2.0
     scaled = affine.offset + affine.basis @ w
     return Fit(
         to_natural(parameters, scaled), scaled, theta0, now.cost, iterations, evaluations,
-        converged, weights,
+        converged, weights, whole,
     )  # fmt: skip
 
 
@@ -200,9 +222,7 @@ def robust_weights(residuals: FloatArray, mask: FloatArray, loss: Loss) -> Float
     used = residuals[mask > 0.0]
     scale = MAD_TO_SIGMA * float(np.median(np.abs(used - np.median(used))))
     distance = np.abs(residuals) / max(HUBER_K * scale, np.finfo(float).tiny)
-    if loss is Loss.HUBER:
-        return 1.0 / np.maximum(distance, 1.0)
-    return 1.0 / np.sqrt(1.0 + distance**2)
+    return 1.0 / np.maximum(distance, 1.0)
 
 
 def robust_fit(model: Model, first: Fit, loss: Loss) -> Fit:

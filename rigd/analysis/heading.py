@@ -1,4 +1,7 @@
-"""The first lines of every report: what was measured on, when, by whom, and whether it is real."""
+"""Makes the heading of a report: rig, procedure, recordings, dates, operator, notes and lost rows.
+
+If recordings are simulated, the heading says so.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""What the data know about a parameter, in one word and one sentence, and what would help.
+"""Judges whether the data determine a parameter, gives the reason, and advises on further tests.
 
-A parameter that only its bounds, its start or the model's form decides must not be printed as a
-number among others. The verdict is made from the interval; the advice from the Fisher information
-that a candidate excitation would add.
+If only its bounds, its start or the form of the model decide a parameter, a report must not print
+it as a number among others. The module makes the verdict from the interval, and the advice from the
+Fisher information that a candidate excitation would add.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ WORTHWHILE_SHRINK = 1.5  #: advice that shrinks a standard error by less is not 
 
 @dataclass(frozen=True)
 class Evidence:
-    """All that a verdict on one parameter rests on; ``low``/``high`` None where the end is open.
+    """The basis of the verdict on one parameter; ``low``/``high`` is None if the end is open.
 
     ``bound`` is the end of the box the estimate sits on, if any. ``bias`` is a sentence on a bias
     that the method is known to have for this parameter, empty if none. ``allowed`` is the range
@@ -130,7 +130,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Advice:
-    """The candidate that helps most, and by what factor it shrinks the standard error."""
+    """The candidate that helps most, and the factor by which it reduces the standard error."""
 
     sentence: str
     shrink: float

@@ -1,4 +1,4 @@
-"""Decorator ``@kernel``: compiles functions of analyses; the same input gives the same bits."""
+"""Provides the decorator ``@kernel``: it compiles functions; the same input gives the same bits."""
 
 from rigd.model.kernel import kernel
 

@@ -1,8 +1,8 @@
-"""What the estimators ask of a model: parameters, residuals per trial, and their derivatives.
+"""Defines the interface of models to the estimators: parameters, residuals per trial, derivatives.
 
-A rig family brings one class with these methods; fitting, uncertainty, profiles and verdicts are
-then the same for all rigs. Residuals are dimensionless: the model divides by its noise scale or
-by its normal force, whichever makes them comparable between trials.
+A rig family provides one class with these methods; fitting, uncertainty, profiles and verdicts are
+then the same for all rigs. Residuals are dimensionless: the model divides them by its noise scale
+or by its normal force, so that trials can be compared.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
-from rigd.analysis.result import FloatArray
+from rigd.analysis.result import FittedPoint, FloatArray
 
 
 class Scaling(Enum):
@@ -109,6 +109,35 @@ def stacked_normal_equations(
         cost=0.5 * float(np.dot(weights * residuals, residuals)),
         gradient=weighted.T @ residuals,
         information=weighted.T @ jacobian,
+    )
+
+
+def fitted_point(
+    parameters: Sequence[FitParameter],
+    theta: FloatArray,
+    covariance: FloatArray,
+    moved: Sequence[FloatArray],
+    accepted: FloatArray,
+) -> FittedPoint:
+    """Return where a fit ended, ``theta`` (p,) natural, for the JSON object of a result.
+
+    ``covariance`` (p, p) is in scaled coordinates. ``moved`` are the natural parameters (p,) under
+    other choices of the method, ``accepted`` (m, p) those that profiles accept: of these the ends
+    of each parameter are kept.
+    """
+    ends = (
+        {int(k) for k in (*np.argmin(accepted, 0), *np.argmax(accepted, 0))}
+        if len(accepted)
+        else ()
+    )
+    alternatives = [*moved, *(accepted[k] for k in sorted(ends))]
+    return FittedPoint(
+        names=tuple(item.name for item in parameters),
+        units=tuple(item.unit for item in parameters),
+        scaling=tuple(item.scaling.value for item in parameters),
+        values=np.asarray(theta, dtype=np.float64),
+        covariance=covariance,
+        alternatives=np.reshape(alternatives, (-1, len(theta))).astype(np.float64),
     )
 
 

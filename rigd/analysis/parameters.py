@@ -1,8 +1,8 @@
-"""Evaluation by fitting: parameters with intervals, one set of them per group."""
+"""Evaluates recordings by fitting a model: parameters with intervals, for each group of trials."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
@@ -11,16 +11,19 @@ from typing import Final
 from rigd.analysis.analysis import Evaluation, Options
 from rigd.analysis.provenance import provenance
 from rigd.analysis.report import (
+    Heading,
+    Opening,
     Provenance,
     ReferenceCurve,
     ReportSection,
     SummaryRow,
-    render_report,
     summary_rows,
 )
-from rigd.analysis.result import IdentificationResult, Verdict
+from rigd.analysis.report.models import HEADS, model_rows
+from rigd.analysis.report.opening import opening_of
+from rigd.analysis.result import FitOutcome, IdentificationResult, Verdict
 from rigd.analysis.source import RecordedSweep
-from rigd.analysis.terminal import Column, Row, TerminalReport, TerminalTable
+from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTable
 from rigd.model.errors import DataError
 from rigd.record import TrialInfo
 
@@ -43,6 +46,11 @@ class Group:
         return tuple(dict.fromkeys(sweep.path for sweep, _ in self.trials))
 
     @property
+    def conditions(self) -> dict[str, str]:
+        """What `group_by` names, with the values that the trials have in common."""
+        return conditions(*self.trials[0])
+
+    @property
     def reference(self) -> dict[str, float]:
         """The published values that belong to the first trial; empty if the plan has none."""
         sweep, first = self.trials[0]
@@ -56,7 +64,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Fitted:
-    """A group with its result, and the curve of its published values if they give one."""
+    """A group with its result, and the curve of its published values if there are any."""
 
     group: Group
     result: IdentificationResult
@@ -75,12 +83,29 @@ class Fitted:
 
 @dataclass(frozen=True)
 class ParameterEvaluation(Evaluation):
-    """The result of each group, in the order the recordings were given, and where it is from."""
+    """The results of all groups in the order of the recordings, and the origin of the data."""
 
     title: str
     sections: tuple[ReportSection, ...]
     recordings: tuple[tuple[Path, ...], ...]  #: those of each section
     provenance: Provenance
+    conditions: tuple[Mapping[str, str], ...] = ()  #: of each section, as `group_by` names them
+
+    @property
+    def fits(self) -> bool:
+        """Whether the model fits in all groups, as far as its method can say."""
+        gates = [section.result.gate for section in self.sections]
+        return all(gate is None or gate.outcome is not FitOutcome.MISFIT for gate in gates)
+
+    @property
+    def opening(self) -> Opening:
+        """What of the parameters and curves may be used, and what may not."""
+        return opening_of(self.sections)
+
+    @property
+    def heading(self) -> Heading:
+        """Where the data are from."""
+        return self.provenance.heading
 
     @classmethod
     def of(
@@ -97,11 +122,23 @@ class ParameterEvaluation(Evaluation):
         )
         titles = dict.fromkeys(item.result.title for item in fitted)
         recordings = tuple(item.group.recordings for item in fitted)
-        return cls(", ".join(titles), sections, recordings, origin)
+        values = tuple(item.group.conditions for item in fitted)
+        return cls(", ".join(titles), sections, recordings, origin, values)
 
     def report(self) -> str:
-        """Return the report as a self-contained HTML page."""
-        return render_report(self.sections, self.provenance, title=self.title)
+        """Return the report as a self-contained HTML page; 2.5 s for each group of ten trials.
+
+        Raises:
+            ValueError: no sections, or two with the same label.
+        """
+        # Here, so that a command that only names this module does not wait for matplotlib.
+        from rigd.analysis.report.page import render
+        from rigd.analysis.report.view import build_view
+
+        return render(
+            "report.html.jinja", lambda: build_view(self.sections), self.provenance, self.title,
+            opening=self.opening,
+        )  # fmt: skip
 
     def to_json(self) -> dict[str, object]:
         """Return the results as an object for ``json.dumps``.
@@ -112,10 +149,13 @@ class ParameterEvaluation(Evaluation):
         groups = [
             {
                 "group": section.label,
+                "conditions": dict(values),
                 "recordings": [str(path) for path in paths],
                 **section.result.to_json(),
             }
-            for section, paths in zip(self.sections, self.recordings, strict=True)
+            for section, paths, values in zip(
+                self.sections, self.recordings, self.conditions, strict=True
+            )
         ]
         return groups[0] if len(groups) == 1 else {"groups": groups}
 
@@ -141,7 +181,8 @@ class ParameterEvaluation(Evaluation):
             told = [f"{section.label}: {used} of {used + len(left_out)} trials used"]
             told += [f"  {warning}" for warning in section.result.warnings]
             paragraphs.append("\n".join(told))
-        return (self._table(rows), *paragraphs)
+        compared = [part for section in self.sections for part in _comparison(section)]
+        return (self._table(rows), *paragraphs, *compared)
 
     def _table(self, rows: Sequence[SummaryRow]) -> TerminalTable:
         referenced = sorted({s.reference_label for s in self.sections if s.reference})
@@ -166,9 +207,22 @@ class ParameterEvaluation(Evaluation):
                 *([row.reference_text] if referenced else []),
                 row.verdict.value.removesuffix(FROM_HERE),
             )
-            found.append(Row(cells, faint=not row.known))
+            found.append(TableRow(cells, faint=not row.known))
             last = row.section
         return TerminalTable(tuple(columns), tuple(found))
+
+
+def _comparison(section: ReportSection) -> TerminalReport:
+    """Return which models the data of ``section`` support; nothing where none were compared."""
+    found = section.result.comparison
+    if found is None:
+        return ()
+    heads = (Column("model"), *(Column(head, right=bool(head)) for head in HEADS))
+    rows = tuple(TableRow(row.cells, faint=not row.fits) for row in model_rows(found))
+    return (
+        TerminalTable(heads, rows, f"{section.label}: models compared"),
+        "\n".join(found.sentences),
+    )
 
 
 def complete_groups(
@@ -190,6 +244,15 @@ def complete_groups(
         yield Group(label, trials)
 
 
+def conditions(sweep: RecordedSweep, trial: TrialInfo) -> dict[str, str]:
+    """Return what `group_by` names, as a person writes it, with the values of ``trial``.
+
+    Raises:
+        DataError: neither the trial nor the run has one of them.
+    """
+    return {name: sweep.parameter(trial, name) for name in sweep.plan.group_by}
+
+
 def _used(sweep: RecordedSweep, sections: Sequence[ReportSection]) -> int:
     """Return how many trials of ``sweep`` entered a fit."""
     fits = [trial for section in sections for trial in section.result.trials]
@@ -206,7 +269,7 @@ def groups(
     found: dict[str, list[tuple[RecordedSweep, TrialInfo]]] = {}
     for sweep in sweeps:
         for trial in sweep.trials:
-            words = [sweep.parameter(trial, name) for name in sweep.plan.group_by]
+            words = list(conditions(sweep, trial).values())
             words += [str(sweep.path)] if by_recording else []
             label = ", ".join(words) or sweep.info.procedure
             found.setdefault(label, []).append((sweep, trial))

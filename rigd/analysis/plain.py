@@ -1,4 +1,4 @@
-"""Results as plain data: one function for every dataclass, from which `--json` prints."""
+"""Converts result dataclasses to plain data for JSON, from which `--json` prints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Does a plan of identification give its analysis what that needs? Imports nothing heavy."""
+"""Checks that the `identify` plan of a procedure gives its analysis all that this analysis needs.
+
+Importing this module loads no large library.
+"""
 
 from __future__ import annotations
 
@@ -117,7 +120,7 @@ def _references(reference: Mapping[str, float]) -> list[str]:
 
 
 def _check_unit(signal: str, unit: str, written: str, rig: RigConfig, place: Place | None) -> None:
-    channel = rig.channel(written)
+    channel = rig.recorded(written)
     if channel is None or parse_unit(channel.unit).same_kind(parse_unit(unit)):
         return
     raw = rig.channel(f"{written}_raw")

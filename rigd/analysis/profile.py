@@ -1,8 +1,8 @@
-"""Profile likelihood: the interval to trust where the cost is not a parabola.
+"""Computes profile likelihood intervals, which hold even if the cost is not a parabola.
 
-Along a grid of one parameter (or one combination of scaled parameters) all others are refitted.
-With residuals of variance s^2 and inflation t (integrated autocorrelation time) the statistic
-n/t ln(S/S_min) is compared with the chi-square quantile of one degree of freedom.
+Along a grid of one parameter (or one combination of scaled parameters) the module refits all
+others. With residuals of variance s^2 and inflation t (integrated autocorrelation time) it compares
+the statistic n/t ln(S/S_min) with the chi-square quantile of one degree of freedom.
 """
 
 from __future__ import annotations
@@ -15,15 +15,32 @@ import numpy as np
 from scipy.stats import chi2
 
 from rigd.analysis.fit import Affine, Fit, fit
-from rigd.analysis.model import Model, to_scaled
+from rigd.analysis.model import Model, scaled_bounds, to_natural, to_scaled
 from rigd.analysis.result import FloatArray
+from rigd.analysis.uncertainty import scaled_pinv
+from rigd.model.errors import DataError
 
 FAR = 4.0  #: refits spread no further than this multiple of the threshold
+NEAR = 1e-8  #: first damping of a refit
+#: Relative, of the root of the statistic: near enough to the threshold. If the root bends by so
+#: much until there, the crossing that a straight line gives is a hundredth off.
+AGREES = 0.1
+BETTER = 1.0  #: in the statistic: a point that fits so much better shows another optimum
+MOST_REFITS = 8  #: on each side
+REFIT_ITERATIONS = 12
+FURTHEST = 2.5  #: in scaled coordinates, from one refit to the next
+TINY_STEP = 1e-9  #: in scaled coordinates
+LEAST_VARIANCE = 1e-24
+UNDETERMINED_SD = 0.05  #: to begin with, if the information says nothing
+FAR_OUT = 20.0  #: root of the statistic that counts at most
 
 
 @dataclass(frozen=True, eq=False)
 class ProfileScan:
-    """A profile in scaled coordinates: (n,) ``values``, (n,) ``statistic``, (n, p) ``thetas``."""
+    """A profile in scaled coordinates: (n,) ``values``, (n,) ``statistic``, (n, p) ``thetas``.
+
+    ``better`` (p,) are natural parameters that fit better than what was taken for the best.
+    """
 
     values: FloatArray
     statistic: FloatArray
@@ -31,6 +48,7 @@ class ProfileScan:
     threshold: float
     low: float | None
     high: float | None
+    better: FloatArray | None = None
 
     @property
     def accepted(self) -> FloatArray:
@@ -75,10 +93,13 @@ def scan(
     while waiting:
         index, start = waiting.popleft()
         held = Affine.holding(direction, float(grid[index]))
-        point = fit(
-            model, start, affine=held, weights=best.weights, max_iterations=max_iterations,
-            relative_decrease=0.1 * worth,
-        )  # fmt: skip
+        try:
+            point = fit(
+                model, start, affine=held, weights=best.weights, max_iterations=max_iterations,
+                relative_decrease=0.1 * worth,
+            )  # fmt: skip
+        except DataError:  # the model has no finite cost there: the point is not accepted
+            continue
         if not point.cost < costs[index] * (1.0 - worth):
             continue
         costs[index], thetas[index] = point.cost, point.theta
@@ -90,6 +111,155 @@ def scan(
     statistic = effective * np.log(np.maximum(costs, floor) / max(floor, np.finfo(float).tiny))
     low, high = crossing(grid, statistic, threshold)
     return ProfileScan(grid, statistic, thetas, threshold, low, high)
+
+
+def follow(
+    model: Model,
+    best: Fit,
+    direction: FloatArray,
+    inverse: FloatArray,
+    limits: tuple[float, float],
+    *,
+    others: Sequence[FloatArray] = (),
+    confidence: float = 0.95,
+) -> ProfileScan:
+    """Return the profile of ``direction @ scaled`` where it crosses the threshold, in few refits.
+
+    ``inverse`` (p, p) is that of the information at ``best``. Each refit begins where the model,
+    linearised at the point before, moves the other parameters (Bates and Watts, Nonlinear
+    Regression Analysis, 1988, section 6.1). The first stands where a quadratic would cross; if the
+    signed root of the statistic is there within ``AGREES`` the end is found, else a secant on the
+    root follows. An end stays None when the statistic does not
+    cross within ``limits``. ``others`` are other optima (natural parameters (p,)): if one is
+    accepted too, the interval reaches around it.
+    """
+    threshold = float(chi2.ppf(confidence, 1))
+    path = _Path(model, best, direction, inverse, limits, threshold)
+    begin = path.points[0]
+    ends = [path.end(begin, side) for side in (-1, 1)]
+    for other in others:
+        if path.better is not None:
+            break
+        start = to_scaled(model.parameters, other)
+        value = float(direction @ start)
+        side = -1 if value < begin.value else 1
+        end = ends[side > 0]
+        if end is not None and (value - end) * side > 0.0:
+            point = path.refit(value, start)
+            if point.statistic <= threshold:
+                ends[side > 0] = path.end(point, side)
+    points = sorted(path.points, key=lambda point: point.value)
+    return ProfileScan(
+        np.array([point.value for point in points]),
+        np.array([point.statistic for point in points]),
+        np.array([to_natural(model.parameters, point.scaled) for point in points]),
+        threshold, ends[0], ends[1], path.better,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    value: float
+    statistic: float
+    scaled: FloatArray
+    along: FloatArray  #: d(scaled)/d(value) of the linearised model
+
+    @property
+    def root(self) -> float:
+        """The root of the statistic, which is straight where the cost is a parabola."""
+        return float(np.sqrt(self.statistic))
+
+
+class _Path:
+    """The refits along one direction from a best fit."""
+
+    def __init__(
+        self,
+        model: Model,
+        best: Fit,
+        direction: FloatArray,
+        inverse: FloatArray,
+        limits: tuple[float, float],
+        threshold: float,
+    ) -> None:
+        self._model, self._best, self._direction = model, best, direction
+        self._limits, self._root = limits, float(np.sqrt(threshold))
+        self._samples = float(np.count_nonzero(model.mask))
+        # A gain that moves the statistic by less than a hundredth of the threshold is none.
+        self._worth = 1e-2 * threshold / self._samples
+        variance = float(direction @ inverse @ direction)
+        self.sd = float(np.sqrt(variance)) if variance > LEAST_VARIANCE else UNDETERMINED_SD
+        self.better: FloatArray | None = None
+        value = float(direction @ best.scaled)
+        self.points = [_Point(value, 0.0, best.scaled, self._along(inverse))]
+
+    def _along(self, inverse: FloatArray) -> FloatArray:
+        """Return how the linearised model moves all parameters with the one that is held."""
+        moved, variance = inverse @ self._direction, self._direction @ inverse @ self._direction
+        if not variance > LEAST_VARIANCE:
+            moved, variance = self._direction, self._direction @ self._direction
+        return np.asarray(moved / variance)
+
+    def end(self, begin: _Point, side: int) -> float | None:
+        """Return where the statistic crosses the threshold on ``side`` (-1, 1) of ``begin``."""
+        limit = self._limits[0] if side < 0 else self._limits[1]
+        inside, reach = begin, min(self._root * self.sd, FURTHEST)
+        outside: _Point | None = None
+        for _ in range(MOST_REFITS):
+            if self.better is not None:
+                return None
+            target = float(np.clip(inside.value + side * reach, *self._limits))
+            moved = target - inside.value
+            if abs(moved) < TINY_STEP:
+                return None
+            point = self.refit(target, inside.scaled + moved * inside.along)
+            share = self._share(inside, point)
+            if abs(point.root - self._root) < AGREES * self._root:
+                found = inside.value + share * moved
+                return found if (limit - found) * side > 0.0 else None
+            if point.root > self._root:
+                outside = point
+                reach = min(max(share, 0.1), 0.9) * abs(moved)
+                continue
+            if target == limit:
+                return None
+            if outside is None:
+                reach = min(max(share - 1.0, 0.5) * abs(moved), FURTHEST)
+            else:
+                reach = self._share(point, outside) * abs(outside.value - target)
+            inside = point
+        if outside is None:
+            return None
+        return inside.value + self._share(inside, outside) * (outside.value - inside.value)
+
+    def refit(self, value: float, start: FloatArray) -> _Point:
+        """Return the best fit that has ``value``; of infinite statistic where there is none."""
+        low, high = scaled_bounds(self._model.parameters)
+        held = Affine.holding(self._direction, value)
+        try:
+            found = fit(
+                self._model, to_natural(self._model.parameters, np.clip(start, low, high)),
+                affine=held, weights=self._best.weights, max_iterations=REFIT_ITERATIONS,
+                relative_decrease=self._worth, damping=NEAR,
+            )  # fmt: skip
+        except DataError:  # the model has no finite cost there: the point is not accepted
+            return _Point(value, np.inf, start, self._direction)
+        ratio = found.cost / max(self._best.cost, np.finfo(float).tiny)
+        statistic = self._samples * float(np.log(ratio))
+        if statistic < -BETTER:
+            self.better = found.theta
+        inverse = np.zeros((len(start), len(start)))
+        if found.information is not None:
+            free = np.flatnonzero((found.scaled > low) & (found.scaled < high))
+            inverse[np.ix_(free, free)] = scaled_pinv(found.information[np.ix_(free, free)])
+        point = _Point(value, max(statistic, 0.0), found.scaled, self._along(inverse))
+        self.points.append(point)
+        return point
+
+    def _share(self, inside: _Point, point: _Point) -> float:
+        """Return how far from ``inside`` to ``point`` the root of the statistic is that sought."""
+        rise = min(point.root, FAR_OUT) - inside.root
+        return (self._root - inside.root) / rise if rise > 0.0 else np.inf
 
 
 def crossing(

@@ -1,4 +1,4 @@
-"""Where the numbers of a report come from: the files, what they say of themselves, the software."""
+"""Collects the provenance of a report: the recordings, their metadata, the software versions."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ def provenance(
             sweep.info,
             {
                 "trials used": str(used),
+                **{f"corrected {item.what}": str(item) for item in sweep.corrections},
                 **extra,
                 "what was recorded": f"rigd report {quote(sweep.path.name)} draws it",
             },

@@ -1,8 +1,8 @@
-"""Streams of different rates brought to the same times, and samples that are missing or late.
+"""Converts streams of different rates to the same times; bridges samples that are missing or late.
 
-A stream that is sampled faster is averaged. A few samples that are missing, or repeat an earlier
-one as the device was late, are bridged and counted; more of them are refused, as what is missing
-would look like data.
+The module averages a stream with a faster rate. Some samples may be missing, or repeat an earlier
+one because the device was late. The module bridges and counts a few such samples; it refuses more,
+because invented samples would look like data.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Are the residuals what the fit assumed: white, Gaussian, without outliers?"""
+"""Tests whether the residuals are as the fit assumed: white, Gaussian, without outliers."""
 
 from __future__ import annotations
 

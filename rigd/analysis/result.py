@@ -1,7 +1,7 @@
-"""What an identification hands on: plain frozen data that a report or a file is made from.
+"""Defines the result of an identification as frozen data, from which reports and files are made.
 
-Every number a person reads stands beside its unit, its interval and a verdict. An end of an
-interval that the data leave open is ``None``, never a large number.
+Every reported number has its unit, its interval and a verdict beside it. If the data leave an end
+of an interval open, that end is ``None``, never a large number.
 """
 
 from __future__ import annotations
@@ -20,18 +20,19 @@ BoolArray = NDArray[np.bool_]
 
 
 class Verdict(Enum):
-    """How far the data determine a parameter."""
+    """The degree to which the data determine a parameter."""
 
     IDENTIFIABLE = "identifiable"
     WEAK = "weakly identifiable"
     BIASED = "biased by this method"  #: a narrow interval whose place is wrong; see the sentence
     UNIDENTIFIABLE = "not identifiable from this excitation"
+    MISFIT = "not given: the model does not fit"
     UNRESOLVED = "not identifiable by this method"  #: the data close it, the method moves it
 
 
 @dataclass(frozen=True)
 class ParameterEstimate:
-    """One parameter: ``estimate`` with its interval in ``unit``, and what to think of it.
+    """One parameter: ``estimate`` with its interval in ``unit``, and its verdict.
 
     ``low`` and ``high`` bound the interval at the result's confidence; ``None`` where the data
     leave that end open, and both ``None`` when the parameter is not ``identifiable``. Only
@@ -66,7 +67,7 @@ class ParameterEstimate:
         An interval that is open on both sides, or a verdict that it is not identifiable, leaves
         none: table, report and JSON object agree.
         """
-        if self.verdict in (Verdict.UNIDENTIFIABLE, Verdict.UNRESOLVED):
+        if self.verdict in (Verdict.UNIDENTIFIABLE, Verdict.UNRESOLVED, Verdict.MISFIT):
             return None
         return self.estimate if self.low is not None or self.high is not None else None
 
@@ -102,7 +103,7 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A fitted characteristic with its band, on the range the data visited and no further.
+    """A fitted characteristic with its band, only over the range that the data cover.
 
     ``seen`` is what the data show of it, in ranges of ``x``.
 
@@ -214,7 +215,7 @@ class ResidualTest:
 
 @dataclass(frozen=True, eq=False)
 class Autocorrelation:
-    """Residual autocorrelation: (n,) ``lag_s`` and ``value``; white stays within ``±band``."""
+    """Residual autocorrelation: (n,) ``lag_s``, ``value``; white noise stays within ``±band``."""
 
     lag_s: FloatArray
     value: FloatArray
@@ -223,13 +224,32 @@ class Autocorrelation:
 
 @dataclass(frozen=True)
 class StartOutcome:
-    """Where one start of a multi-start fit went; parameters in their units, by name."""
+    """The end of one start of a multi-start fit; parameters in their units, by name."""
 
     start: Mapping[str, float]
     end: Mapping[str, float]
     cost: float
     iterations: int
     converged: bool
+
+
+@dataclass(frozen=True, eq=False)
+class FittedPoint:
+    """The point at which the fit ended, for a program that simulates the model with it.
+
+    The values belong together: a single one means something only if its verdict says so.
+    ``values`` (p,) are natural, in ``units``. ``covariance`` (p, p) is that of noise and constants
+    in scaled coordinates: of the logarithm where ``scaling`` is ``"log"``. ``alternatives`` (k, p)
+    are other points: those of other choices of the method, and the ends of what profiles accept,
+    which a covariance does not show.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    scaling: tuple[str, ...]
+    values: FloatArray
+    covariance: FloatArray
+    alternatives: FloatArray
 
 
 @dataclass(frozen=True)
@@ -242,7 +262,7 @@ class TrialRejection:
 
 @dataclass(frozen=True)
 class Preprocessing:
-    """What was done to the data before the fit, in words and numbers that can be repeated."""
+    """The processing of the data before the fit, in words and numbers that can be repeated."""
 
     statements: tuple[str, ...]
     settings: Mapping[str, float | str]
@@ -250,14 +270,126 @@ class Preprocessing:
     rejected: tuple[TrialRejection, ...] = ()
 
 
+class FitOutcome(Enum):
+    """The outcome of the gate for a fit."""
+
+    FITS = "fits"
+    CORRECTED = "fits with what is named"
+    MISFIT = "does not fit"
+
+
+class Meaning(Enum):
+    """What something that is added to a model makes of the model's parameters."""
+
+    NUISANCE = "they stand"
+    VARIES = "they are means of what varies"
+    LAW = "they are not those of the law that holds"
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Something that explains a misfit and was fitted: its size in ``unit`` with standard error.
+
+    Of a wave the size is the amplitude. ``stated`` is what was stated of a constant, None for
+    anything else; ``pull`` by how many of its uncertainties the data move it. ``gain`` is the fall
+    of -2 ln L; ``others`` explain nearly as much. ``look`` is what to look at on the rig.
+    """
+
+    name: str
+    unit: str
+    size: float
+    sd: float
+    gain: float
+    look: str = ""
+    stated: float | None = None
+    pull: float = 0.0
+    others: tuple[str, ...] = ()
+    meaning: Meaning = Meaning.NUISANCE
+
+
+@dataclass(frozen=True)
+class Gate:
+    """The outcome, the first sentence of the report, and the findings, the worst first.
+
+    ``explanations`` are in the fit whose numbers are given, or would explain why none are.
+    """
+
+    outcome: FitOutcome
+    sentence: str
+    findings: tuple[str, ...] = ()
+    explanations: tuple[Explanation, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ModelScore:
+    """How well one model explains the data, beside others.
+
+    ``parameters`` is their number, ``delta_bic`` the rise of the Bayesian information criterion
+    over the best model that fits, ``cv_error`` the rms error on trials that were left out of the
+    fit, in the unit of the residuals. ``fits``: the residuals remember no longer than the
+    processing explains. ``on_bound`` are parameters that ended on a bound of their box. ``curve``
+    (n,) is the characteristic at the ``x`` of the comparison.
+    """
+
+    name: str
+    title: str
+    parameters: int
+    delta_bic: float
+    cv_error: float
+    fits: bool
+    on_bound: tuple[str, ...]
+    estimates: Mapping[str, float]
+    curve: FloatArray
+
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object; estimates of a model that does not fit are null."""
+        return {
+            "name": self.name,
+            "title": self.title,
+            "parameters": self.parameters,
+            "delta_bic": self.delta_bic,
+            "cv_error": self.cv_error,
+            "fits": self.fits,
+            "on_bound": self.on_bound,
+            "estimates": self.estimates if self.fits else None,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class ModelComparison:
+    """What the data support: ``scores`` with the lowest BIC first, and the sentences to say of it.
+
+    ``effective_samples`` is the sample size of the BIC; ``x`` (n,) are where the curves stand.
+    """
+
+    sentences: tuple[str, ...]
+    scores: tuple[ModelScore, ...]
+    effective_samples: float
+    unit: str
+    x: FloatArray
+    x_name: str
+    x_unit: str
+    y_name: str
+
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
+        return {
+            "sentences": self.sentences,
+            "models": self.scores,
+            "effective_samples": self.effective_samples,
+            "cv_error_unit": self.unit,
+        }
+
+
 @dataclass(frozen=True, eq=False)
 class IdentificationResult:
-    """Parameters with honest uncertainties, and all that is needed to doubt them.
+    """Parameters with their uncertainties, and all that a reader needs to check them.
 
     ``correlation``: (p, p) of the fitted parameters ``correlation_names``. ``cost`` is half the
     sum of squared residuals in units of ``residual_scale`` squared. ``inflation`` is the factor
     by which the coloured residuals widen a white-noise standard error, over all parameters.
     ``visited`` says which range of the input the data cover, beyond which all is extrapolation.
+    ``point`` is given by an analysis whose models can be validated.
     """
 
     model: str
@@ -281,6 +413,9 @@ class IdentificationResult:
     preprocessing: Preprocessing
     visited: str
     warnings: tuple[str, ...] = ()
+    gate: Gate | None = None
+    point: FittedPoint | None = None
+    comparison: ModelComparison | None = None
 
     def parameter(self, name: str) -> ParameterEstimate:
         """Return the fitted or derived parameter ``name``; raise KeyError if there is none."""
@@ -313,6 +448,7 @@ class IdentificationResult:
                 "samples": self.samples,
                 "effective_samples": self.effective_samples,
                 "inflation": self.inflation,
+                **({} if self.point is None else {"point": self.point}),
             },
             "starts": self.starts,
             "trials": self.trials,
@@ -320,4 +456,6 @@ class IdentificationResult:
             "residual_tests": self.residual_tests,
             "preprocessing": self.preprocessing,
             "warnings": self.warnings,
+            **({} if self.gate is None else {"gate": self.gate}),
+            **({} if self.comparison is None else {"comparison": self.comparison}),
         }

@@ -1,9 +1,16 @@
-"""Recordings as an identification needs them: a plan, and trials with aligned signals."""
+"""Opens a recording for an analysis: gives its plan, its trials, and signals at common times.
+
+The plan is the `identify` block of the procedure that was recorded: it names the model, the
+recorded channel of each signal, and the known constants. A trial is one point of the procedure's
+sweep (its list of parameter values), played once. The signals of a trial come from several devices
+with different sampling times; the module brings them all to the times of the slowest one. Damaged
+parts of a recording are passed over.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +21,7 @@ from numpy.typing import NDArray
 
 from rigd.analysis.resample import bridge, grid, means_around, on_grid, period_ns, stale_rows
 from rigd.model.channels import STALE, STATUS_FIELD, Stream
+from rigd.model.constants import Uncertainty
 from rigd.model.errors import DataError
 from rigd.model.rows import TIME_FIELD
 from rigd.model.units import Quantity, parse_unit
@@ -42,16 +50,33 @@ FloatArray = NDArray[np.float64]
 
 
 class Unusable(DataError):
-    """Too many samples of one trial are missing or late; others may be well."""
+    """Too many samples of one trial are missing or late; other trials may be usable."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A part of the plan that differs from the recorded one; both as text for a reader."""
+
+    recording: Path
+    what: str  #: the name of a constant, or `signal NAME`
+    recorded: str  #: "" if the recording has none
+    used: str
+
+    def __str__(self) -> str:
+        return f"{self.recorded or 'nothing'} in the recording, {self.used or 'nothing'} here"
 
 
 @dataclass(frozen=True)
 class RecordedSweep:
-    """One recording with what it says about its own identification."""
+    """One recording with its plan of identification.
+
+    ``corrections`` are the parts of ``plan`` that the recording has otherwise.
+    """
 
     recording: Recording
     info: RunInfo
     plan: IdentifyPlan
+    corrections: tuple[Correction, ...] = ()
 
     @property
     def path(self) -> Path:
@@ -95,6 +120,15 @@ class RecordedSweep:
             )
         return float(value)
 
+    def uncertainty(self, trial: TrialInfo, name: str) -> float | None:
+        """Return the standard uncertainty of :meth:`constant` in SI; None if none is given.
+
+        Raises:
+            DataError: as :meth:`constant`.
+        """
+        value, u = self.constant(trial, name), self.plan.uncertainties.get(name)
+        return None if u is None else u.of(value)
+
     def reference(self, trial: TrialInfo) -> dict[str, float]:
         """Return the published values of the model's parameters that belong to ``trial``."""
         choices = {value for value in trial.parameters.values() if isinstance(value, str)}
@@ -103,6 +137,19 @@ class RecordedSweep:
             for name, value in self.plan.reference.items()
             if "." not in name or name.rpartition(".")[0] in choices
         }
+
+    def without(self, optional: Collection[str]) -> RecordedSweep:
+        """Return the sweep without those of the ``optional`` signals whose stream is not there."""
+        missing = {
+            name
+            for name in optional
+            if name in self.plan.signals
+            and self.plan.signals[name].partition(".")[0] not in self.recording.streams
+        }
+        if not missing:
+            return self
+        kept = {name: at for name, at in self.plan.signals.items() if name not in missing}
+        return replace(self, plan=replace(self.plan, signals=kept))
 
     def signals(self, trial: TrialInfo) -> tuple[FloatArray, dict[str, FloatArray]]:
         """Return time in s since the trial began (n,) and every signal of the plan (n,), SI.
@@ -205,6 +252,12 @@ def _damaged(recording: Recording) -> str:
     return f"; it is damaged ({recording.problem}): see `rigd verify {path}`, `rigd recover {path}`"
 
 
+def needed_trials(recording: Recording, signals: Mapping[str, str]) -> tuple[TrialInfo, ...]:
+    """Return the trials; one that lost rows of a stream with one of ``signals`` is not complete."""
+    needed = {channel.partition(".")[0] for channel in signals.values()}
+    return tuple(trial.info for trial in recording.trials_for(needed))
+
+
 def open_sweep(path: Path) -> RecordedSweep:
     """Return the recording at ``path`` with its plan of identification.
 
@@ -224,8 +277,7 @@ def open_sweep(path: Path) -> RecordedSweep:
             hint="the procedure needs an `identify` block; `rigd info` shows what the file holds",
         )
     signals: dict[str, str] = json.loads(plan["signals"])
-    needed = {channel.partition(".")[0] for channel in signals.values()}
-    trials = tuple(trial.info for trial in recording.trials_for(needed))
+    trials = needed_trials(recording, signals)
     sweep = RecordedSweep(
         recording,
         replace(run_info(recording), trials=trials),
@@ -236,6 +288,11 @@ def open_sweep(path: Path) -> RecordedSweep:
             group_by=tuple(json.loads(plan["group_by"])),
             reference=json.loads(plan.get("reference", "{}")),
             reference_label=plan.get("reference_label", ""),
+            uncertainties={
+                name: Uncertainty(**u)
+                for name, u in json.loads(plan.get("uncertainties", "{}")).items()
+            },
+            units=json.loads(plan.get("units", "{}")),
         ),
     )
     if not sweep.info.trials:

@@ -1,4 +1,7 @@
-"""What an evaluation shows in a terminal, as plain data: a program may print it as it likes."""
+"""Defines the tables and paragraphs that an evaluation shows in a terminal, as plain data.
+
+The program that prints them chooses their appearance.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +17,8 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Row:
-    """The cells of a row, as text; a faint one holds nothing that is known."""
+class TableRow:
+    """The cells of a row, as text; a faint row holds no known value."""
 
     cells: tuple[str, ...]
     faint: bool = False
@@ -23,10 +26,10 @@ class Row:
 
 @dataclass(frozen=True)
 class TerminalTable:
-    """Columns and rows, under a title where it has one."""
+    """Columns and rows, with an optional title."""
 
     columns: tuple[Column, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[TableRow, ...]
     title: str = ""
 
 

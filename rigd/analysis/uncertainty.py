@@ -1,9 +1,12 @@
-"""Standard errors that hold with correlated residuals and an imperfect model.
+"""Computes standard errors that hold even if residuals are correlated or the model is imperfect.
 
 Residuals of a smoothed, vibrating measurement are correlated over tens of milliseconds; the usual
-s^2 (J'J)^-1 then promises two to three times too much. Three remedies stand here: the sandwich
-covariance with block sums of the scores (HAC), the jackknife over whole trials, and the inflation
-factor, from the integrated autocorrelation time of the residuals.
+covariance s^2 (J'J)^-1 then gives standard errors that are two to three times too small. The module
+has three remedies:
+
+- the sandwich covariance with block sums of the scores (HAC);
+- the jackknife over whole trials;
+- the inflation factor, from the integrated autocorrelation time of the residuals.
 """
 
 from __future__ import annotations

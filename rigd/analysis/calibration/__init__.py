@@ -1,4 +1,4 @@
-"""What the calibration of any rig needs: a recording by its steps, values with their budgets."""
+"""Contains what the calibration of any rig needs: recordings by step, values with their budgets."""
 
 from rigd.config.calibration import (
     ATTACHMENT,

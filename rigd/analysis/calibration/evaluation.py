@@ -1,4 +1,4 @@
-"""The recording of a calibration to its values, as a terminal, a program and a report show them."""
+"""Prepares the result of a calibration for the terminal, for programs and for the report."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from rigd.analysis.calibration.reading import Steps
 from rigd.analysis.calibration.result import CalibrationResult, Measured
 from rigd.analysis.plain import plain_object
 from rigd.analysis.provenance import provenance
-from rigd.analysis.report import Provenance
-from rigd.analysis.report.calibration import render_calibration
+from rigd.analysis.report import Heading, Opening, Provenance
+from rigd.analysis.report.opening import joined, listed
 from rigd.analysis.report.rounding import number, places_for
-from rigd.analysis.terminal import Column, Row, TerminalReport, TerminalTable
+from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTable
 from rigd.record.moment import is_virtual
 
 
 @dataclass(frozen=True)
 class CalibrationEvaluation(Evaluation):
-    """What one recording calibrates: nothing is written; ``rigd calibrate`` does."""
+    """The values that one recording calibrates; it writes no file, ``rigd calibrate`` does."""
 
     title: str
     result: CalibrationResult
@@ -32,9 +32,39 @@ class CalibrationEvaluation(Evaluation):
     made: date | None  #: the day it was recorded; None where that was in virtual time
     provenance: Provenance
 
+    @property
+    def opening(self) -> Opening:
+        """Which values may be used, and which were refused or not measured."""
+        result = self.result
+        if result.refusals:
+            return Opening("no value.", joined(result.refusals, ""))
+        values = listed(list(result.measured))
+        return Opening(
+            joined([values], "no value"),
+            joined(
+                [f"{k}: {why}" for k, why in result.kept.items()],
+                "nothing that this recording measures",
+            ),
+        )
+
+    @property
+    def heading(self) -> Heading:
+        """Where the data are from."""
+        return self.provenance.heading
+
     def report(self) -> str:
         """Return the report as a self-contained HTML page."""
-        return render_calibration(self.result, self.provenance, title=self.title)
+        # Here: matplotlib takes longer to import than a calibration to evaluate.
+        from rigd.analysis.report.calibration_view import build_view
+        from rigd.analysis.report.page import render
+
+        return render(
+            "calibration.html.jinja",
+            lambda: build_view(self.result),
+            self.provenance,
+            self.title,
+            opening=self.opening,
+        )
 
     def to_json(self) -> dict[str, object]:
         """Return values in SI with their uncertainty (k = 1) and its terms, or the refusals."""
@@ -93,9 +123,13 @@ def _values(measured: Mapping[str, Measured]) -> TerminalTable:
     for name, item in measured.items():
         places = places_for(item.u)
         rows.append(
-            Row((name, f"{number(item.value, places)} ± {number(item.u, places)}", item.unit, ""))
+            TableRow(
+                (name, f"{number(item.value, places)} ± {number(item.u, places)}", item.unit, "")
+            )
         )
-        rows += [Row(("", number(term.u, places), "", term.name), True) for term in item.budget]
+        rows += [
+            TableRow(("", number(term.u, places), "", term.name), True) for term in item.budget
+        ]
     columns = (Column("value"), Column("± u (k=1)", right=True), Column("unit"), Column("from"))
     return TerminalTable(columns, tuple(rows))
 

@@ -1,4 +1,4 @@
-"""A straight line through few points, with what its residuals say of its uncertainty."""
+"""Fits a straight line to few points and computes its uncertainty from the residuals."""
 
 from __future__ import annotations
 

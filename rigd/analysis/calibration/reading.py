@@ -1,4 +1,4 @@
-"""What a calibration reads of its recording: means over named steps, and what was announced."""
+"""Reads the recording of a calibration: means over named steps, and the announced values."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Steps:
         """Return times (n,) in s since ``span`` began, and the fresh samples (n,) of a signal, SI.
 
         Raises:
-            DataError: it was not recorded, or has no sample there.
+            DataError: it was not recorded, has no sample there, or one that is no number.
         """
         stream, field = self.sweep.field(name)
         rows = self.sweep.recording.read(stream.name, *span)
@@ -71,7 +71,14 @@ class Steps:
         if not len(rows):
             raise DataError(f"{self.sweep.path}: {stream.name} gave no sample in a step")
         times = (rows[TIME_FIELD] - span[0]) * 1e-9
-        return np.asarray(times), np.asarray(rows[field], dtype=np.float64)
+        values = np.asarray(rows[field], dtype=np.float64)
+        if wrong := int(np.count_nonzero(~np.isfinite(values))):
+            raise DataError(
+                f"{self.sweep.path}: {wrong} of {len(values)} samples of {stream.name}.{field} in "
+                "a step are no numbers",
+                hint="look at the sensor and its cable, and run the calibration again",
+            )
+        return np.asarray(times), values
 
     def mean(self, name: str, span: tuple[int, int]) -> float:
         """Return the mean of a signal over whole periods of the mains at the end of ``span``.
@@ -163,11 +170,13 @@ def steps_of(sweeps: Sequence[RecordedSweep], known: Path | None) -> Steps:
 
     Raises:
         ConfigError: the file is wrong.
-        DataError: there are several recordings.
+        DataError: there are several recordings, or no trial came to its end.
     """
     if len(sweeps) > 1:
         raise DataError(
             f"{len(sweeps)} recordings of calibrations", hint="evaluate them one at a time"
         )
     (sweep,) = sweeps
+    if not sweep.trials:
+        raise DataError(f"{sweep.path}: no trial came to its end", hint="run the calibration again")
     return Steps(sweep, None if known is None else load_calibration(known))

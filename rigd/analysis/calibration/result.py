@@ -1,4 +1,4 @@
-"""What a calibration found: values, what they rest on, what is unknown, why it is refused."""
+"""Defines the result of a calibration: values, their basis, the unknowns, reasons for refusal."""
 
 from __future__ import annotations
 

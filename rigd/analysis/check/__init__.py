@@ -1,12 +1,12 @@
-"""Does an analysis keep its promises? A suite that any author runs in one line of pytest.
+"""Checks that an analysis keeps its promises: a suite that an author calls in one line of pytest.
 
 ::
 
     def test_conforms(tmp_path: Path) -> None:
         check_analysis(CoastAnalysis, [simulated_case()], tmp_path)
 
-A :class:`Case` holds trials simulated from known parameters, by code that the analysis does not
-share, and what must come of them.
+A :class:`Case` holds trials that are simulated from known parameters, and the expected results. The
+code of the simulation must not be code of the analysis.
 """
 
 from rigd.analysis.check.case import Case, SimulatedTrial, write_case

@@ -1,10 +1,11 @@
-"""Trials simulated from known parameters, and the recording that a rig would make of them."""
+"""Holds trials simulated from known parameters and writes them as the recording of a rig."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
@@ -25,16 +26,24 @@ _PAUSE_NS: Final = 1_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class SimulatedTrial:
-    """What one trial records: (n,) times in s, evenly spaced, and (n,) signals in SI by name."""
+    """What one trial records: (n,) times in s, evenly spaced, and (n,) signals in SI by name.
+
+    ``steps`` are those of its procedure that the analysis reads by their names, each with the time
+    in s at which it begins; it ends when the next one begins. ``channels`` are recorded beside the
+    signals and stand in no plan, such as the setpoint that a signal is the reading of: (n,) values
+    without unit.
+    """
 
     t_s: NDArray[np.float64]
     signals: Mapping[str, NDArray[np.float64]]
     parameters: Mapping[str, float | str] = field(default_factory=dict)
+    steps: Mapping[str, float] = field(default_factory=dict)
+    channels: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Trials with what is known of them.
+    """Trials with the values that are known of them.
 
     ``truth`` are the parameters that they were simulated from, which must be found; ``unknown``
     those that they cannot hold, of which no number may be quoted. ``calibration`` is the text of
@@ -56,20 +65,29 @@ def write_case(
     Without ``complete`` no trial comes to its end. ``model`` is the name in the plan.
 
     Raises:
-        ValueError: the trials have different signals, or none of them.
+        ValueError: the trials have different signals or channels, or no signal.
     """
-    names = list(case.trials[0].signals)
-    if not names or any(list(trial.signals) != names for trial in case.trials):
-        raise ValueError("all trials of a case have the same signals, one at least")
+    names, beside = list(case.trials[0].signals), list(case.trials[0].channels)
+    if not names or any(
+        (list(trial.signals), list(trial.channels)) != (names, beside) for trial in case.trials
+    ):
+        raise ValueError("all trials of a case have the same signals, one at least, and channels")
     units = {**analysis.needs.signals, **analysis.needs.optional_signals}
-    stream = Stream(DEVICE, tuple(Channel(name, units.get(name, "1")) for name in names))
+    recorded = (Channel(name, units.get(name, "1")) for name in (*names, *beside))
+    stream = Stream(DEVICE, tuple(recorded))
     plan = {
         "model": model,
         "signals": json.dumps({name: f"{DEVICE}.{name}" for name in names}),
         "constants": json.dumps(dict(case.constants)),
         "group_by": "[]",
     }
-    run = {"procedure": model, "rig": "case", "seed": "1", "trials": str(len(case.trials))}
+    run = {
+        "procedure": model,
+        "rig": "case",
+        "seed": "1",
+        "trials": str(len(case.trials)),
+        "started": datetime.fromtimestamp(_START_NS * 1e-9, UTC).isoformat(),
+    }
     text = case.calibration.encode()
     attached = (Attachment(ATTACHMENT, "application/yaml", text),) if text else ()
     with RecordingWriter.create(
@@ -102,10 +120,13 @@ def _write_trial(
     rows = np.zeros(len(trial.t_s), row_dtype(stream))
     times_ns = np.rint((trial.t_s - trial.t_s[0]) * 1e9).astype(np.int64)
     rows[TIME_FIELD] = begin_ns + times_ns
-    for name, values in trial.signals.items():
+    for name, values in (*trial.signals.items(), *trial.channels.items()):
         rows[name] = values
     about = {"number": number, "repeat": 1, "parameters": dict(trial.parameters), "units": {}}
     writer.event(begin_ns, "trial_start", number, about)
+    for name, begin_s in trial.steps.items():
+        step_ns = begin_ns + round((begin_s - trial.t_s[0]) * 1e9)
+        writer.event(step_ns, "step", number, {"name": name})
     writer.write(stream.name, rows)
     end_ns = int(rows[TIME_FIELD][-1]) + 1
     writer.event(end_ns, "trial_end", number, {"complete": complete, "reason": ""})

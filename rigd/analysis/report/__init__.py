@@ -1,9 +1,9 @@
-"""From identification results to what a person reads: an HTML report and a parameter table."""
+"""Makes an HTML report and a parameter table from the results of an identification."""
 
-from rigd.analysis.report.render import render_report
 from rigd.analysis.report.section import (
     Facts,
     Heading,
+    Opening,
     Provenance,
     ReferenceCurve,
     ReportAttachment,
@@ -14,11 +14,11 @@ from rigd.analysis.report.summary import SummaryRow, summary_rows
 __all__ = [
     "Facts",
     "Heading",
+    "Opening",
     "Provenance",
     "ReferenceCurve",
     "ReportAttachment",
     "ReportSection",
     "SummaryRow",
-    "render_report",
     "summary_rows",
 ]

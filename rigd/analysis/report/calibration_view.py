@@ -1,4 +1,4 @@
-"""What the report of a calibration shows: values, their budgets, every point beside its fit.
+"""Builds the content of a calibration report: values, their budgets, every point beside its fit.
 
 Importing this module imports matplotlib.
 """
@@ -33,7 +33,7 @@ class ValueRow:
 
 @dataclass(frozen=True)
 class CalibrationView:
-    """What the template shows."""
+    """The content that the template shows."""
 
     result: CalibrationResult
     rows: tuple[ValueRow, ...]
@@ -41,7 +41,7 @@ class CalibrationView:
 
 
 def build_view(result: CalibrationResult) -> CalibrationView:
-    """Return what the template shows of ``result``; must be called within ``drawing_style``."""
+    """Return what the template shows of ``result``, for :func:`..page.render`."""
     return CalibrationView(result, _rows(result), _drawing(result))
 
 

@@ -1,4 +1,7 @@
-"""The first page: all groups side by side, as a table of parameters and in common figures."""
+"""Builds the first page of a report, which compares all groups of trials, such as floors.
+
+The page has one table with the parameters of all groups, and common figures.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from rigd.analysis.report.plots.axes import words
 from rigd.analysis.report.plots.curve import curves
 from rigd.analysis.report.plots.trial import fits_side_by_side, signal_overlay
 from rigd.analysis.report.section import ReportSection
-from rigd.analysis.report.summary import SummaryRow, summary_rows
+from rigd.analysis.report.summary import KNOWN_FIRST, SummaryRow, summary_rows
 from rigd.analysis.report.svg import Drawing, draw
 from rigd.analysis.result import TrialFit
 
@@ -30,7 +33,7 @@ class ComparisonLine:
 
 @dataclass(frozen=True)
 class GroupComparison:
-    """The table of all parameters, and the figures that lay the groups over one another."""
+    """The table of all parameters, and the figures that overlay all groups."""
 
     labels: tuple[str, ...]
     references: tuple[str, ...]
@@ -63,7 +66,13 @@ def _lines(sections: Sequence[ReportSection]) -> tuple[ComparisonLine, ...]:
         cells = tuple(table.get(name) for table in tables)
         first = next(cell for cell in cells if cell is not None)
         lines.append(ComparisonLine(first.symbol, name, first.unit, first.meaning, cells))
-    return tuple(lines)
+    return tuple(sorted(lines, key=_unknown))
+
+
+def _unknown(line: ComparisonLine) -> int:
+    """Return how little is known of a parameter over all groups: what is known leads the table."""
+    last = len(KNOWN_FIRST)
+    return sum(last if cell is None else KNOWN_FIRST.index(cell.verdict) for cell in line.cells)
 
 
 def _curves(sections: Sequence[ReportSection]) -> tuple[Drawing, ...]:

@@ -1,4 +1,4 @@
-"""Which trial is shown large, and which signals share an axis."""
+"""Chooses which trial a report shows large, and which signals share an axis."""
 
 from __future__ import annotations
 

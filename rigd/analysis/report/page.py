@@ -1,8 +1,12 @@
-"""The page around the view: templates, style sheet, and the filters they use."""
+"""Renders the HTML page of a report from templates and a style sheet, with their filters.
+
+Importing this module imports matplotlib.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from shlex import quote
 from typing import Final
@@ -13,21 +17,31 @@ from markupsafe import Markup, escape
 from rigd.analysis.report.palette import style_sheet_variables
 from rigd.analysis.report.plots.axes import unit_text, words
 from rigd.analysis.report.rounding import number, probability
-from rigd.analysis.report.section import Provenance
+from rigd.analysis.report.section import Opening, Provenance
+from rigd.analysis.report.svg import drawing_style
 from rigd.model.about import visible
 
 _TEMPLATES: Final = Path(__file__).parent / "templates"
 _SUBSCRIPT: Final = re.compile(r"_(\w+)")
 
 
-def fill_template(
-    name: str, view: object, provenance: Provenance, title: str, folder: Path | None = None
+def render(
+    template: str,
+    build: Callable[[], object],
+    provenance: Provenance,
+    title: str,
+    folder: Path | None = None,
+    opening: Opening | None = None,
 ) -> str:
-    """Return the HTML page that template ``name`` makes of ``view``.
+    """Return the self-contained HTML page that ``template`` makes of the view that ``build`` makes.
 
-    ``folder`` has the templates of an analysis; they may use the shared ones here.
-    Every text of the user's is escaped.
+    ``build`` is called with the report's settings of matplotlib. ``folder`` has the templates of an
+    analysis, which may use the shared ones; ``opening`` stands right below the title. The page
+    loads nothing and runs no script; it prints, and follows the reader's choice of a light or dark
+    screen. The same input gives the same text, byte for byte; every text of the user's is escaped.
     """
+    with drawing_style():
+        view = build()
     environment = Environment(
         loader=FileSystemLoader([_TEMPLATES] if folder is None else [folder, _TEMPLATES]),
         autoescape=True,
@@ -47,10 +61,11 @@ def fill_template(
     )
     # The style sheet is ours and holds quotation marks: it must not be escaped.
     style = (_TEMPLATES / "report.css").read_text(encoding="utf-8")
-    return environment.get_template(name).render(
+    return environment.get_template(template).render(
         title=title,
         view=view,
         provenance=provenance,
+        opening=opening,
         style=Markup(style_sheet_variables() + style),
     )
 

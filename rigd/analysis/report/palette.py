@@ -1,7 +1,7 @@
-"""Colours of the report: drawn in the light shade, shown as a variable the page may darken.
+"""Defines the colours of a report; the style sheet of the page can replace them.
 
 A figure is drawn with the light shades. In the page each of them becomes ``var(--name, #shade)``,
-so that the style sheet, not the figure, decides how it looks on a dark screen or on paper.
+so that the style sheet, not the figure, decides the colour on a dark screen or on paper.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Residuals of a fit, ready to be looked at."""
+"""Computes the residuals of a fit in the form that the plots need."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""Numbers as a person reads them: as many digits as the uncertainty leaves meaning."""
+"""Formats numbers for a reader, with as many digits as their uncertainty justifies."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 #: The uncertainty is shown with two significant digits (GUM, JCGM 100:2008, 7.2.6).
@@ -15,6 +16,9 @@ PLAIN_EXPONENTS: Final = range(-4, 6)
 SMALLEST_P: Final = 1e-6
 #: Arms of an interval that differ by less than this share of the wider one read as one ±.
 SYMMETRY: Final = 0.25
+
+#: Units that small values are shown a thousand times finer in.
+FINER: Final = {"m/s": "mm/s", "m": "mm", "rad/s": "mrad/s", "rad": "mrad"}
 
 _SUPERSCRIPT: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MINUS: Final = "\N{MINUS SIGN}"
@@ -94,6 +98,13 @@ def interval(low: float | None, high: float | None) -> str:
         return f"≥ {number(low, digits=DIGITS)}"
     places = interval_places(low, high)
     return f"{number(low, places)} … {number(high, places)}"
+
+
+def finer(values: Sequence[float], unit: str) -> tuple[list[float], str]:
+    """Return ``values`` below 1 in a finer unit, if people use one: 0.02 m/s is 20 mm/s."""
+    if unit in FINER and all(abs(value) < 1.0 for value in values):
+        return [1e3 * value for value in values], FINER[unit]
+    return list(values), unit
 
 
 def interval_places(low: float | None, high: float | None) -> int | None:

@@ -1,4 +1,4 @@
-"""What a report is made of besides the identification: references, labels, provenance."""
+"""Defines the parts of a report beside the identification: references, labels, provenance."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class ReferenceCurve:
 
 @dataclass(frozen=True)
 class ReportSection:
-    """One group of the report, such as a floor: its result and what to compare it with.
+    """One group of the report, such as a floor: its result and the values to compare with.
 
     ``reference`` maps parameter names to values in the unit of the parameter; names that the
     result does not know are ignored, so that one table may serve several models.
@@ -43,15 +43,31 @@ class Facts:
 
 @dataclass(frozen=True)
 class ReportAttachment:
-    """A text that belongs to the report as it is, such as the procedure file of a run."""
+    """A text that the report contains unchanged, such as the procedure file of a run."""
 
     name: str
     text: str
 
 
 @dataclass(frozen=True)
+class Opening:
+    """The two sentences that a report opens with, without their first words.
+
+    ``usable`` ends "Usable: …", ``not_usable`` ends "Not usable: …", with the reasons.
+    """
+
+    usable: str
+    not_usable: str
+
+    @property
+    def sentences(self) -> tuple[str, str]:
+        """Both, whole."""
+        return f"Usable: {self.usable}", f"Not usable: {self.not_usable}"
+
+
+@dataclass(frozen=True)
 class Heading:
-    """What stands under the title of a report.
+    """The lines under the title of a report.
 
     ``badge`` says that the data are simulated and how; it is empty for real devices. ``entries``
     are names and texts: rig, recordings, operator, dates. ``notes`` are what people wrote,
@@ -66,7 +82,7 @@ class Heading:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the numbers come from, so that another can repeat them.
+    """The origin of the numbers, so that another person can repeat them.
 
     One :class:`Facts` for each recording (file name, sha256, run metadata) and one for the
     software; rig and procedure files as attachments. ``heading`` stands at the top of the page.

@@ -1,4 +1,4 @@
-"""Where the starts of a fit went, as a table."""
+"""Makes a table of the starts of a fit: the cost and the parameters at which each start ended."""
 
 from __future__ import annotations
 

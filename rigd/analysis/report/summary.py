@@ -1,7 +1,7 @@
-"""The parameter table as data: one row per parameter, for a terminal, a page or a test.
+"""Makes the parameter table as data: one row per parameter, for a terminal, a page or a test.
 
-A number that the data do not determine never becomes text here: where the interval is open on
-both sides, or the verdict is "not identifiable", a row holds no estimate at all.
+A number that the data do not determine never becomes text here: if the interval is open on both
+sides, or the verdict is "not identifiable", a row holds no estimate at all.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rigd.analysis.report.section import ReportSection
 from rigd.analysis.result import ParameterEstimate, Verdict
 
 #: What stands where a number would be.
-NO_VALUE: Final = {Verdict.BIASED: "biased, no value"}
+NO_VALUE: Final = {Verdict.MISFIT: "does not fit", Verdict.BIASED: "biased, no value"}
 UNKNOWN: Final = "not identifiable"
 NO_INTERVAL: Final = "none given"
 
@@ -63,17 +63,35 @@ class SummaryRow:
         return self.estimate is not None
 
 
+#: Rows stand in this order of their verdicts: what is known leads.
+KNOWN_FIRST: Final = (
+    Verdict.IDENTIFIABLE,
+    Verdict.WEAK,
+    Verdict.BIASED,
+    Verdict.UNRESOLVED,
+    Verdict.UNIDENTIFIABLE,
+    Verdict.MISFIT,
+)
+
+
 def summary_rows(sections: Sequence[ReportSection]) -> tuple[SummaryRow, ...]:
-    """Return the rows of all sections in their order, fitted parameters before derived ones."""
+    """Return the rows of all sections in their order; of each, what is known first.
+
+    Of the same verdict, fitted parameters stand before derived ones.
+    """
     return tuple(
-        _row(section, parameter, derived)
+        row
         for section in sections
-        for group, derived in ((section.result.parameters, False), (section.result.derived, True))
-        for parameter in group
+        for row in sorted(_rows(section), key=lambda row: KNOWN_FIRST.index(row.verdict))
     )
 
 
-def _row(section: ReportSection, p: ParameterEstimate, derived: bool) -> SummaryRow:
+def _rows(section: ReportSection) -> list[SummaryRow]:
+    fitted = [_row(section, item, derived=False) for item in section.result.parameters]
+    return [*fitted, *(_row(section, item, derived=True) for item in section.result.derived)]
+
+
+def _row(section: ReportSection, p: ParameterEstimate, *, derived: bool) -> SummaryRow:
     known = p.quoted is not None
     low, high = (p.low, p.high) if known else (None, None)
     reference = section.reference.get(p.name)

@@ -1,6 +1,7 @@
-"""Matplotlib figures as SVG that lives in a page: small, themed, reproducible, readable aloud.
+"""Converts matplotlib figures to SVG for an HTML page: small, reproducible, in the page's colours.
 
-Nothing here touches pyplot or leaves a trace in matplotlib's settings.
+A screen reader can read the drawings aloud. The module does not use pyplot and leaves matplotlib's
+settings unchanged.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import matplotlib as mpl
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from rigd.analysis.report.files import save
 from rigd.analysis.report.palette import GRID, INK, MUTED, VARIABLES
 
 # Any: releases of matplotlib differ in whether a setting is a str or a Literal to the checker.
@@ -25,6 +27,7 @@ _SETTINGS: Final[dict[Any, Any]] = {
     # Text stays text: searchable, read aloud, and set in the font of the page.
     "svg.fonttype": "none",
     "svg.hashsalt": "rigd",
+    "pdf.fonttype": 42,  # TrueType: text that other programs can edit
     # Labels come from users: a dollar sign is a dollar sign, never mathematics.
     "text.parse_math": False,
     "axes.formatter.use_mathtext": False,
@@ -83,7 +86,7 @@ _OPENING: Final = re.compile(r'<svg\b[^>]*?viewBox="([^"]*)"[^>]*>')
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure ready for the page: ``<svg>`` text, what it shows in words, and its caption."""
+    """A figure for the page: ``<svg>`` text, a description in words, and its caption."""
 
     svg: Markup
     alt: str
@@ -111,6 +114,7 @@ def draw(figure: Figure, name: str, alt: str, caption: str = "") -> Drawing:
         caption: printed beneath the figure.
 
     """
+    save(figure, name, alt)
     text = StringIO()
     with mpl.rc_context({"svg.hashsalt": name}):
         figure.savefig(text, format="svg", metadata=_NO_METADATA)

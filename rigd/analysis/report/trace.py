@@ -1,7 +1,10 @@
-"""Long signals thinned to what a figure can show, without losing a peak."""
+"""Reduces long signals to the points that a figure can show, and keeps every peak."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from itertools import pairwise
 
 import numpy as np
@@ -10,13 +13,25 @@ from rigd.analysis.result import BoolArray, FloatArray
 
 #: Columns of a figure: two points in each (its least and greatest value) look like all samples.
 COLUMNS = 250
+_WHOLE: ContextVar[bool] = ContextVar("whole traces", default=False)
+
+
+@contextmanager
+def whole_traces() -> Iterator[None]:
+    """Keep every sample within the block, for figures whose data are wanted."""
+    token = _WHOLE.set(True)
+    try:
+        yield
+    finally:
+        _WHOLE.reset(token)
 
 
 def thin(x: FloatArray, y: FloatArray, columns: int = COLUMNS) -> tuple[FloatArray, FloatArray]:
     """Return the least and greatest sample of each of ``columns`` equal pieces, in order of ``x``.
 
-    Signals of at most ``2 * columns`` samples come back as they are. A piece without any finite
-    sample becomes one NaN, so that a gap stays a gap; a gap shorter than a piece closes.
+    Signals of at most ``2 * columns`` samples come back as they are, and all do within
+    :func:`whole_traces`. A piece without any finite sample becomes one NaN, so that a gap stays a
+    gap; a gap shorter than a piece closes.
 
     Args:
         x: (n,) ascending.
@@ -28,7 +43,7 @@ def thin(x: FloatArray, y: FloatArray, columns: int = COLUMNS) -> tuple[FloatArr
 
     """
     n = x.size
-    if n <= 2 * columns:
+    if n <= 2 * columns or _WHOLE.get():
         return x, y
     edges = np.linspace(0, n, columns + 1).astype(np.intp)
     keep: list[int] = []

@@ -1,7 +1,7 @@
-"""What the template shows: the results turned into rows, sentences and drawings.
+"""Builds the content of the report page: converts results to rows, sentences and drawings.
 
-Importing this module imports matplotlib; :mod:`rigd.analysis.report.render` does so only when a
-report is asked for.
+Importing this module imports matplotlib. :mod:`rigd.analysis.report.render` imports this module
+only when a report is requested.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 from rigd.analysis.report.comparison import GroupComparison, comparison
 from rigd.analysis.report.layout import Panel, featured, names_condition, panels
-from rigd.analysis.report.plots import correlation, profile, residual, trial
+from rigd.analysis.report.models import HEADS, ModelRow, model_rows
+from rigd.analysis.report.plots import correlation, models, profile, residual, trial
 from rigd.analysis.report.plots.axes import words
 from rigd.analysis.report.rounding import count, interval, number
 from rigd.analysis.report.section import ReportSection
@@ -23,7 +24,7 @@ from rigd.analysis.result import IdentificationResult, Profile, TrialFit
 
 @dataclass(frozen=True)
 class TrialView:
-    """One trial: a line for its closed state, a drawing for its open one."""
+    """One trial: a line if it is closed on the page, a drawing if it is open."""
 
     label: str
     quality: str
@@ -31,8 +32,20 @@ class TrialView:
 
 
 @dataclass(frozen=True)
+class ModelsView:
+    """The comparison of models: what the data support, the table, and the curves."""
+
+    sentences: tuple[str, ...]
+    heads: tuple[str, ...]
+    rows: tuple[ModelRow, ...]
+    effective: str
+    unit: str
+    drawing: Drawing
+
+
+@dataclass(frozen=True)
 class Chapter:
-    """All about one section."""
+    """The content of one section."""
 
     anchor: str
     label: str
@@ -45,6 +58,7 @@ class Chapter:
     trials: tuple[TrialView, ...]
     residuals: tuple[Drawing, ...]
     profiles: Drawing | None
+    models: ModelsView | None
     correlation: Drawing | None
     starts: StartTable | None
 
@@ -58,7 +72,17 @@ class ReportView:
 
 
 def build_view(sections: Sequence[ReportSection]) -> ReportView:
-    """Return the view of ``sections``; call within :func:`..svg.drawing_style`."""
+    """Return the view of ``sections``, one per group; for :func:`..page.render`.
+
+    Raises:
+        ValueError: no sections, or two with the same label.
+    """
+    if not sections:
+        raise ValueError("a report needs at least one section")
+    labels = [section.label for section in sections]
+    double = sorted({label for label in labels if labels.count(label) > 1})
+    if double:
+        raise ValueError(f"sections of a report need labels of their own; twice: {double}")
     chapters = tuple(_chapter(f"s{i}", section) for i, section in enumerate(sections, start=1))
     return ReportView(comparison(sections), chapters)
 
@@ -83,6 +107,7 @@ def _chapter(anchor: str, section: ReportSection) -> Chapter:
         trials=tuple(view for i, view in enumerate(views) if i != chosen),
         residuals=_residuals(anchor, result),
         profiles=_profiles(anchor, result.profiles, _symbols(result)),
+        models=_models(anchor, result),
         correlation=_correlation(anchor, result),
         starts=start_table(result),
     )
@@ -162,6 +187,23 @@ def _profiles(anchor: str, found: Sequence[Profile], symbols: Mapping[str, str])
     )
     figure = profile.profiles(found, symbols)
     return draw(figure, f"{anchor}-profile", f"Profile likelihoods: {said}.", caption)
+
+
+def _models(anchor: str, result: IdentificationResult) -> ModelsView | None:
+    found = result.comparison
+    if found is None:
+        return None
+    names = ", ".join(score.name for score in found.scores)
+    alt = f"{words(found.y_name)} over {words(found.x_name)} of {names}."
+    caption = "Over the range that the data visited. Dotted: models that do not fit."
+    return ModelsView(
+        sentences=found.sentences,
+        heads=HEADS,
+        rows=model_rows(found),
+        effective=count(found.effective_samples),
+        unit=found.unit,
+        drawing=draw(models.models(found), f"{anchor}-models", alt, caption),
+    )
 
 
 def _correlation(anchor: str, result: IdentificationResult) -> Drawing | None:

@@ -1,4 +1,4 @@
-"""What a recording shows by itself: the report of a run, with or without an identification."""
+"""Makes the report of a run from its recording alone, with or without an identification."""
 
 from rigd.analysis.run_page.report import Selection, parse_selection, run_report
 

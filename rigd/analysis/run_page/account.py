@@ -1,4 +1,4 @@
-"""What became of a run, in words: its facts, its trials, its events, and what to be warned of."""
+"""Describes in words how a run went: its facts, trials and events, and warnings for the reader."""
 
 from __future__ import annotations
 

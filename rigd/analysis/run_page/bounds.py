@@ -1,4 +1,4 @@
-"""The bounds that a run had to keep, from the rig and procedure files that a recording carries."""
+"""Reads the bounds of a run from the rig and procedure files that its recording contains."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SETPOINT: Final = "_setpoint"
 
 @dataclass(frozen=True)
 class Bound:
-    """One value that ``channel`` (``device.channel``) was not to pass, in its SI unit."""
+    """One value that ``channel`` (``device.channel``) must not pass, in its SI unit."""
 
     channel: str
     value: float
@@ -38,7 +38,7 @@ class Bound:
 
 @dataclass(frozen=True)
 class Bounds:
-    """The bounds of a run, and what is to say where they are not known."""
+    """The bounds of a run, and the text to show if they are not known."""
 
     known: tuple[Bound, ...] = ()
     problem: str = ""

@@ -1,4 +1,4 @@
-"""Figures of a run: when its trials were, all of them over one another, and each by itself.
+"""Draws the figures of a run: times of the trials, all trials overlaid, and each trial alone.
 
 Importing this module imports matplotlib.
 """
@@ -56,7 +56,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class StepSpan:
-    """A step of a trial, in s since the trial began."""
+    """The time span of a step of a trial, in s since the trial began."""
 
     start_s: float
     end_s: float

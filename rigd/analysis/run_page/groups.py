@@ -1,4 +1,4 @@
-"""By what the trials of a run are told apart: the parameter that colours them."""
+"""Groups the trials of a run by the parameter that distinguishes them, and colours the groups."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report of a run: one recording as a page, whatever it holds and however it ended."""
+"""Makes the report page of a run from one recording, whatever it holds and however it ended."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _RANGE: Final = re.compile(r"(\d{1,9})(?:-(\d{1,9}))?")
 
 @dataclass(frozen=True)
 class Selection:
-    """Numbers of the trials to draw one by one; None takes a few, those that ended early first."""
+    """Numbers of the trials to draw one by one; None selects a few, early-ended trials first."""
 
     numbers: frozenset[int] | None = None
 
@@ -69,14 +69,15 @@ def run_report(path: Path, selection: Selection | None = None) -> str:
     chosen = selection or Selection()
     chosen.check(info)
     # Here, so that a command that only names this module does not wait for matplotlib.
-    from rigd.analysis.report.page import fill_template
-    from rigd.analysis.report.svg import drawing_style
+    from rigd.analysis.report.page import render
     from rigd.analysis.run_page.view import build_view
 
-    with drawing_style():
-        view = build_view(recording, info, chosen.numbers)
-    title = info.metadata.get("run", {}).get("title") or info.procedure or path.name
-    return fill_template("run.html.jinja", view, _provenance(recording, info), title)
+    return render(
+        "run.html.jinja",
+        lambda: build_view(recording, info, chosen.numbers),
+        _provenance(recording, info),
+        info.metadata.get("run", {}).get("title") or info.procedure or path.name,
+    )
 
 
 def _provenance(recording: Recording, info: RunInfo) -> Provenance:

@@ -1,4 +1,4 @@
-"""The samples of a run, thinned attempt by attempt: memory holds one piece of one stream."""
+"""Reads and thins the samples of a run; at any time, memory holds one piece of one stream."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CYCLE: Final = "cycle"
 
 @dataclass(frozen=True)
 class Attempt:
-    """One attempt at a trial, or the whole recording where no trial began; ns since 1970."""
+    """One attempt at a trial, or the whole recording if no trial began; ns since 1970."""
 
     index: int
     start_ns: int
@@ -49,7 +49,7 @@ class Trace:
 
 @dataclass(eq=False)
 class Band:
-    """Least and greatest value of a channel in each column of time, over several attempts."""
+    """The least and greatest value of a channel in each time column, over several attempts."""
 
     low: FloatArray
     high: FloatArray
@@ -69,7 +69,7 @@ class Band:
 
 @dataclass(frozen=True)
 class SharedTime:
-    """The time that all attempts have in common: it begins ``since`` something in each of them.
+    """The time that all attempts have in common; it begins at the event ``since`` in each of them.
 
     ``origins_s`` is when, in s after the attempt began; ``seconds`` is how long it lasts at most.
     """
@@ -86,7 +86,7 @@ class SharedTime:
 
 @dataclass
 class Samples:
-    """What was gathered: traces of the attempts to draw, bands by group, extremes, stale rows.
+    """The samples read: traces of the attempts to draw, bands by group, extremes, stale rows.
 
     Channels are named ``device.channel``. Traces count from the beginning of their attempt, bands
     from that of the shared time.

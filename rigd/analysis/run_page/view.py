@@ -1,7 +1,7 @@
-"""What the page of a run shows: its samples and events turned into rows, sentences and drawings.
+"""Builds the content of a run page: converts samples and events to rows, sentences and drawings.
 
-Importing this module imports matplotlib; :mod:`rigd.analysis.run_page.report` does so only when a
-page is asked for.
+Importing this module imports matplotlib. :mod:`rigd.analysis.run_page.report` imports this module
+only when a page is requested.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ PANELS: Final = 60
 
 @dataclass(frozen=True)
 class RunTrialView:
-    """One trial: a line for its closed state, a drawing for its open one."""
+    """One trial: a line if it is closed on the page, a drawing if it is open."""
 
     label: str
     ended: str
@@ -55,7 +55,7 @@ class RunTrialView:
 
 @dataclass(frozen=True)
 class ChannelRow:
-    """A channel with what it reached in the trials, and the bounds it had to keep."""
+    """A channel with its extremes in the trials, and the bounds that apply to it."""
 
     name: str
     unit: str
@@ -90,7 +90,7 @@ class RunPageView:
 
 
 def build_view(recording: Recording, info: RunInfo, numbers: frozenset[int] | None) -> RunPageView:
-    """Return the view of a recording; call within :func:`drawing_style`."""
+    """Return the view of a recording, for :func:`rigd.analysis.report.page.render`."""
     events = recording.events()
     attempts = _attempts(recording, info)
     groups, names = groups_of(info), varying(info.trials)

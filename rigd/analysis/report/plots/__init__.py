@@ -1,1 +1,1 @@
-"""The figures of a report: typed results in, matplotlib figures out."""
+"""Draws the figures of a report with matplotlib, from typed results."""

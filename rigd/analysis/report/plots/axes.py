@@ -1,4 +1,4 @@
-"""Figures and axes as this report uses them: labelled with units, laid out in one pass."""
+"""Makes the figures and axes of a report: labels with units, and one layout pass per figure."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from rigd.analysis.report.palette import MEASURED
 from rigd.analysis.report.trace import spans
 from rigd.analysis.result import BoolArray, FloatArray
 
+#: Ticks stand at these multiples of a power of ten.
+STEPS: Final = (1, 2, 5, 10)
 #: Up to so many decades, a logarithmic axis has numbers between them.
 FEW_DECADES: Final = 3
 
 
 @dataclass(frozen=True)
 class Margins:
-    """Room around axes in inches; ``across`` and ``down`` are the gaps between them."""
+    """The margins of axes in inches; ``across`` and ``down`` are the gaps between them."""
 
     left: float = 0.66
     right: float = 0.12
@@ -45,7 +47,8 @@ def grid(
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure of ``width`` x ``height`` inches and its axes, row by row.
 
-    The margins are fixed: measuring every label to find them would double the time of a report.
+    Ticks stand at 1, 2 and 5. The margins are fixed: measuring every label to find them would
+    double the time of a report.
     """
     figure = Figure(figsize=(width, height))
     axes_width = (width - margins.left - margins.right - (columns - 1) * margins.across) / columns
@@ -65,7 +68,11 @@ def grid(
             "hspace": margins.down / axes_height,
         },
     )
-    return figure, [ax for row in axes for ax in row]
+    found = [ax for row in axes for ax in row]
+    for ax in found:
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(MaxNLocator("auto", steps=STEPS))
+    return figure, found
 
 
 def label(ax: Axes, x: str, x_unit: str, y: str, y_unit: str) -> None:
@@ -106,8 +113,8 @@ def plain_log(ax: Axes, which: str) -> None:
 def few_ticks(axes: Iterable[Axes], x: int = 5, y: int = 4) -> None:
     """Limit the ticks of small axes so that their labels do not touch."""
     for ax in axes:
-        ax.xaxis.set_major_locator(MaxNLocator(x))
-        ax.yaxis.set_major_locator(MaxNLocator(y))
+        ax.xaxis.set_major_locator(MaxNLocator(x, steps=STEPS))
+        ax.yaxis.set_major_locator(MaxNLocator(y, steps=STEPS))
 
 
 def shade_unused(ax: Axes, t: FloatArray, used: BoolArray) -> None:

@@ -1,4 +1,4 @@
-"""The correlation matrix of the fitted parameters as a heat map."""
+"""Plots the correlation matrix of the fitted parameters as a heat map."""
 
 from __future__ import annotations
 

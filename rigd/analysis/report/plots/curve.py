@@ -1,4 +1,4 @@
-"""Fitted characteristics with their bands: all groups on one axis."""
+"""Plots fitted characteristic curves with their bands: all groups of trials on one axis."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def curves(sections: Sequence[ReportSection], colours: Sequence[int]) -> Figure:
     figure, (ax,) = grid(1, 1, 9.0, 3.7, margins=Margins(right=2.6))
     for section, index in zip(sections, colours, strict=True):
         curve, colour = section.result.curve, series(index)
+        _points(ax, curve, colour)  # below curve and band
         ax.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.25, linewidth=0)
         ax.plot(curve.x, curve.y, color=colour, linewidth=1.8, label=section.label)
-        _points(ax, curve, colour)
         if section.reference_curve is not None and curve.x.size:
             reference = section.reference_curve
             inside = (reference.x >= curve.x.min()) & (reference.x <= curve.x.max())
@@ -59,7 +59,7 @@ def _points(ax: Axes, curve: Curve, colour: str) -> None:
     bars = [middle - [item.low for item in curve.seen], [item.high for item in curve.seen] - middle]
     ax.errorbar(
         [item.x for item in curve.seen], middle, yerr=bars, color=colour, linestyle="none",
-        marker="o", markersize=3.0, elinewidth=0.8, alpha=0.8,
+        marker="o", markersize=3.0, elinewidth=0.8, alpha=0.55, zorder=1.0, label="_binned",
     )  # fmt: skip
 
 

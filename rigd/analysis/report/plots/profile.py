@@ -1,4 +1,4 @@
-"""Profile likelihoods: how the cost rises when one parameter is held and the rest refitted."""
+"""Plots profile likelihoods: the rise of the cost when one parameter is held, the rest refitted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the residuals look like: over time, their distribution, their memory."""
+"""Plots residuals of a fit: over time, their distribution, and their autocorrelation."""
 
 from __future__ import annotations
 

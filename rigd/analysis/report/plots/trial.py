@@ -53,13 +53,13 @@ def one_trial(trial: TrialFit, panels: Sequence[Panel]) -> Figure:
     return figure
 
 
-def small_multiples(trials: Sequence[TrialFit]) -> Figure:
-    """Return measured and fitted output of all trials on common axes."""
+def small_multiples(trials: Sequence[TrialFit], fitted: str = "fitted") -> Figure:
+    """Return measured and fitted output of all trials on common axes; the latter called so."""
     columns = min(SMALL_COLUMNS, len(trials))
     rows = math.ceil(len(trials) / columns)
     figure, axes = grid(rows, columns, 11.0, SHARED.top + 1.5 * rows, margins=SHARED, share=True)
     for ax, trial in zip(axes, trials, strict=False):
-        _traces(ax, trial, SMALL_TRACE)
+        _traces(ax, trial, SMALL_TRACE, fitted)
         ax.set_title(_clipped(trial.label), fontsize=7.5)
     for ax in axes[len(trials) :]:
         ax.remove()
@@ -115,9 +115,9 @@ def draw_signals(ax: Axes, trial: TrialFit, panel: Panel) -> None:
         ax.legend(loc="best")
 
 
-def draw_fit(ax: Axes, trial: TrialFit, *, legend: bool = True) -> None:
+def draw_fit(ax: Axes, trial: TrialFit, *, legend: bool = True, fitted: str = "fitted") -> None:
     """Draw measured and fitted output over time; samples that were not used are shaded."""
-    _traces(ax, trial, COLUMNS)
+    _traces(ax, trial, COLUMNS, fitted)
     label(ax, *TIME, trial.output, trial.unit)
     if legend:
         ax.legend(loc="best", ncols=2)
@@ -131,10 +131,10 @@ def draw_residual(ax: Axes, trial: TrialFit) -> None:
     label(ax, *TIME, "residual", trial.unit)
 
 
-def _traces(ax: Axes, trial: TrialFit, columns: int) -> None:
+def _traces(ax: Axes, trial: TrialFit, columns: int, fitted: str) -> None:
     measured = thin(trial.t_s, trial.measured, columns)
     ax.plot(*measured, color=MEASURED, linewidth=0.8, label="measured")
-    ax.plot(*thin(trial.t_s, trial.fitted, columns), color=FITTED, linewidth=1.4, label="fitted")
+    ax.plot(*thin(trial.t_s, trial.fitted, columns), color=FITTED, linewidth=1.4, label=fitted)
     shade_unused(ax, trial.t_s, trial.used)
 
 

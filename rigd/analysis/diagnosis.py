@@ -1,0 +1,313 @@
+"""What would explain a misfit? The best of many candidates is fitted with the rest, then the next.
+
+Suspects are everything that a family of rigs can name (:mod:`rigd.analysis.structure`), and each
+constant that is known with an uncertainty, left to the data. The tests cost no fit; only a winner
+is fitted. Forward selection ends when nothing is significant any more, or after ``MOST`` things.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from rigd.analysis.extended import Extended, own_parameters
+from rigd.analysis.model import FitParameter, Scaling
+from rigd.analysis.output_error import OutputErrorFit, System, Unknown, estimate
+from rigd.analysis.result import Explanation, FloatArray, Meaning
+from rigd.analysis.score import Columns, Score, Scores, holm
+from rigd.analysis.structure import Suspect
+from rigd.analysis.whiteness import EXCESS, Jump, LoudBand, largest_jump, levels, loudest_band
+
+LEVEL = 0.005  #: chance of one false alarm in all tests together
+MOST = 3  #: things that are added
+WORTH = 20.0  #: gain in -2 ln L, less chance's, below which nothing is added
+NAMED = 0.7  #: share of the best gain from which a thing with a name is preferred to a dependence
+AS_GOOD = 0.9  #: share from which another explanation is worth a word
+MOST_OTHERS = 2
+DETERMINED = 1e-3  #: share of a constant's variance that the data must take away
+FAR = 1e3  #: standard errors that bound an added value
+
+#: Returns the candidates at parameters (p,) of the system.
+Suspects = Callable[[FloatArray], Iterable[Suspect]]
+
+
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """A candidate, or a constant left to the data (its ``place`` among the shared unknowns)."""
+
+    name: str
+    unit: str
+    score: Score
+    candidate: Suspect | None = None
+    place: int = -1
+
+    @property
+    def special(self) -> bool:
+        """Whether it has a name of its own."""
+        return self.candidate is None or self.candidate.special
+
+    @property
+    def meaning(self) -> Meaning:
+        """What it would make of the parameters."""
+        return Meaning.NUISANCE if self.candidate is None else self.candidate.meaning
+
+    @property
+    def worth(self) -> float:
+        """Return the gain in -2 ln L less what its parameters would gain by chance."""
+        return self.score.gain - 2.0 * self.score.dof
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The last fit, what was added to it, and what is still wrong.
+
+    ``left`` are the tests that are still significant, the worst first; ``levels`` (m,) the mean
+    squares of the whitened outputs, which noise leaves at 1, ``worst`` (m,) those of each output's
+    worst trial and ``trials`` (m,) which one that is.
+    """
+
+    fit: OutputErrorFit
+    explanations: tuple[Explanation, ...]
+    left: tuple[Tested, ...]
+    levels: tuple[float, ...]
+    worst: tuple[float, ...]
+    trials: tuple[int, ...]
+    band: LoudBand
+    jump: Jump
+
+    @property
+    def coloured(self) -> bool:
+        """Whether a band of frequencies, or a jump, shows more than noise."""
+        return min(self.band.p_value, self.jump.p_value) < LEVEL
+
+
+def diagnose(
+    found: OutputErrorFit, candidates: Suspects, starts: Sequence[FloatArray], block: int,
+    period_s: float,
+) -> Diagnosis:  # fmt: skip
+    """Return what would explain the misfit of ``found``; nothing if all is well.
+
+    A misfit may have led to a wrong optimum: each fit with something more begins from ``starts``
+    (p,), the shared parameters of the first one, too. ``block`` is the longest correlation of the
+    scores that is heeded, in samples of ``period_s``.
+    """
+    system = found.model.system
+    chosen: list[Tested] = []
+    others: list[tuple[str, ...]] = []
+    while True:
+        scores = Scores(found, block)
+        tests = [*_constants(found), *_tested(scores, candidates(own_parameters(found)))]
+        left = sorted(_significant(tests), key=lambda item: -item.worth)
+        state = _state(scores.white, period_s)
+        new = [item for item in tests if item.name not in {known.name for known in chosen}]
+        best = _best(new)
+        wrong = bool(left) or state.wrong
+        done = any(item.meaning is Meaning.LAW for item in chosen)
+        if not wrong or best.worth < WORTH or len(chosen) >= MOST or done:
+            break
+        others.append(_as_good(new, best))
+        chosen.append(_refined(scores, best))
+        found = _refitted(system, found, chosen, candidates, starts, block)
+    told = tuple(_explanation(found, chosen, index, others[index]) for index in range(len(chosen)))
+    return Diagnosis(
+        found, told, tuple(left), state.levels, state.worst, state.trials, state.band, state.jump
+    )
+
+
+@dataclass(frozen=True)
+class _State:
+    """What whitened residuals are like, without a candidate."""
+
+    levels: tuple[float, ...]
+    worst: tuple[float, ...]
+    trials: tuple[int, ...]
+    band: LoudBand
+    jump: Jump
+
+    @property
+    def wrong(self) -> bool:
+        return max(self.levels) > EXCESS or min(self.band.p_value, self.jump.p_value) < LEVEL
+
+
+def _state(white: Sequence[FloatArray], period_s: float) -> _State:
+    by_trial = np.array([levels([part]) for part in white])
+    return _State(
+        tuple(levels(white)),
+        tuple(float(x) for x in by_trial.max(axis=0)),
+        tuple(int(x) for x in by_trial.argmax(axis=0)),
+        loudest_band(white, period_s),
+        largest_jump(white),
+    )
+
+
+def _constants(found: OutputErrorFit) -> Iterator[Tested]:
+    """Yield each constant as if only the data determined it.
+
+    A constant d from what is stated of it, with the uncertainty u and the variance c in the fit,
+    would move on to d u^2/(u^2 - c); under the model d has the variance u^2 - c.
+    """
+    inverse, pulls = found.inverse, found.pulls
+    for place, unknown in enumerate(found.model.system.shared):
+        if not math.isfinite(unknown.u) or not unknown.wording:
+            continue
+        variance, u = float(inverse[place, place]), unknown.u
+        share = 1.0 - variance / u**2
+        if share < DETERMINED:
+            continue
+        moved = float(pulls[place]) * u
+        gain = float(pulls[place]) ** 2 / share
+        by_noise = variance - variance**2 / u**2
+        excess = max(float(found.from_data[place, place]) - by_noise, 0.0)
+        p_value = float(chi2.sf(moved**2 / (u**2 * share + excess), 1))
+        score = Score(
+            gain, 1, p_value, np.array([moved / share]), np.array([math.sqrt(variance / share)]),
+            np.zeros(len(pulls)),
+        )  # fmt: skip
+        name = unknown.wording
+        yield Tested(name, unknown.parameter.unit, score, place=place)
+
+
+def _tested(scores: Scores, candidates: Iterable[Suspect]) -> Iterator[Tested]:
+    for item in candidates:
+        score = scores.test(item.columns(), each_trial=item.each_trial)
+        yield Tested(item.name, item.unit, score, item)
+
+
+def _significant(tests: Sequence[Tested]) -> list[Tested]:
+    rejected = holm([item.score.p_value for item in tests], LEVEL)
+    return [
+        item for item, wrong in zip(tests, rejected, strict=True) if wrong and item.worth >= WORTH
+    ]
+
+
+def _best(tests: Sequence[Tested]) -> Tested:
+    """Return what explains most; a thing with a name if it explains nearly as much."""
+    best = max(tests, key=lambda item: item.worth)
+    named = max((item for item in tests if item.special), key=lambda item: item.worth, default=best)
+    return named if named.worth >= NAMED * best.worth else best
+
+
+def _refined(scores: Scores, best: Tested) -> Tested:
+    """Return ``best`` in the variant that explains most."""
+    if best.candidate is None or best.candidate.near is None:
+        return best
+    return max(_tested(scores, best.candidate.near()), key=lambda item: item.worth)
+
+
+def _as_good(tests: Sequence[Tested], best: Tested) -> tuple[str, ...]:
+    near = [item for item in tests if item.worth > AS_GOOD * best.worth and item is not best]
+    near.sort(key=lambda item: -item.worth)
+    return tuple(item.name for item in near if item.special)[:MOST_OTHERS]
+
+
+def _refitted(
+    system: System, found: OutputErrorFit, chosen: Sequence[Tested], candidates: Suspects,
+    starts: Sequence[FloatArray], block: int,
+) -> OutputErrorFit:  # fmt: skip
+    """Return the fit with all that was chosen; effects are taken at the motion, twice."""
+    others = list(starts)
+    base = own_parameters(found)
+    released = frozenset(item.place for item in chosen if item.candidate is None)
+    own = len(system.shared)
+    sizes = _sizes(found, chosen)
+    for _ in range(2):
+        columns = _side_by_side(_again(chosen, candidates, base), system)
+        extended = Extended(system, _unknowns(chosen, sizes), columns, released)
+        points = [np.concatenate([start, sizes]) for start in (base[:own], *others)]
+        fitted = estimate(extended, points, block)
+        base, others = extended.theta_of_system(fitted.fit.theta), []
+        sizes = fitted.fit.theta[own : own + sizes.size]
+    return fitted
+
+
+def _sizes(found: OutputErrorFit, chosen: Sequence[Tested]) -> FloatArray:
+    """Return where the added values begin: as fitted before, the last as its test has it."""
+    system = found.model.system
+    before = (
+        found.fit.theta[system.own : system.own + len(system.added)]
+        if isinstance(system, Extended)
+        else np.zeros(0)
+    )
+    last = chosen[-1]
+    return before if last.candidate is None else np.concatenate([before, last.score.size])
+
+
+def _unknowns(chosen: Sequence[Tested], sizes: FloatArray) -> tuple[Unknown, ...]:
+    found: list[Unknown] = []
+    for item in chosen:
+        if item.candidate is None:
+            continue
+        for sd in item.score.sd:
+            reach = FAR * float(sd) if math.isfinite(sd) else 1.0
+            reach = max(reach, FAR * abs(float(sizes[len(found)])))
+            name = f"{item.name} ({len(found)})"
+            parameter = FitParameter(name, item.unit, -reach, reach, 0.0, Scaling.LINEAR)
+            found.append(Unknown(parameter))
+    return tuple(found)
+
+
+def _again(chosen: Sequence[Tested], candidates: Suspects, theta: FloatArray) -> list[Suspect]:
+    """Return what was chosen, taken at the motion of ``theta``; variants as they were."""
+    now = {item.name: item for item in candidates(theta)}
+    return [
+        now.get(item.candidate.name, item.candidate)
+        for item in chosen
+        if item.candidate is not None
+    ]
+
+
+def _side_by_side(added: Sequence[Suspect], system: System) -> Columns:
+    """Return the columns of all that is added, (n, m, c) of each trial."""
+    trials = len(system.measured)
+    parts = [[np.zeros((*measured.shape, 0))] for measured in system.measured]
+    for item in added:
+        for trial, columns in enumerate(item.columns()):
+            width = columns.shape[2]
+            if item.each_trial:
+                spread = np.zeros((*columns.shape[:2], width * trials))
+                spread[:, :, width * trial : width * (trial + 1)] = columns
+                columns = spread
+            parts[trial].append(columns)
+    return [np.concatenate(part, axis=2) for part in parts]
+
+
+def _explanation(
+    found: OutputErrorFit, chosen: Sequence[Tested], index: int, others: tuple[str, ...]
+) -> Explanation:
+    item = chosen[index]
+    theta, sds = found.fit.theta, np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    if item.candidate is None:
+        unknown = found.model.system.shared[item.place]
+        parameter = unknown.parameter
+        value = float(theta[item.place])
+        return Explanation(
+            item.name, item.unit, value, float(sds[item.place]) * parameter.slope(value),
+            item.score.gain, "", parameter.start, float(item.score.size[0]) / _u(item), others,
+        )  # fmt: skip
+    own = len(found.model.system.shared) - sum(
+        other.score.size.size for other in chosen if other.candidate is not None
+    )
+    begin = own + sum(
+        before.score.size.size for before in chosen[:index] if before.candidate is not None
+    )
+    here = slice(begin, begin + item.score.size.size)
+    size = float(theta[begin]) if item.score.size.size == 1 else _amplitude(theta[here])
+    sd = float(np.sqrt(np.mean(sds[here] ** 2)))
+    return Explanation(
+        item.name, item.unit, size, sd, item.score.gain, item.candidate.look, others=others,
+        meaning=item.candidate.meaning,
+    )  # fmt: skip
+
+
+def _u(item: Tested) -> float:
+    """Return the uncertainty that a constant had."""
+    return float(item.score.size[0]) / math.sqrt(item.score.gain) if item.score.gain > 0.0 else 1.0
+
+
+def _amplitude(sizes: FloatArray) -> float:
+    """Return the amplitude of a wave of which ``sizes`` are cosine and sine, or its mean."""
+    return float(np.sqrt(2.0 * np.mean(sizes**2)))

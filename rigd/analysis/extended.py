@@ -1,0 +1,95 @@
+"""A system with something more in it, or with constants that only the data determine.
+
+Each added value moves the outputs in proportion, by columns that are taken at a fitted motion: so
+one thing that the model lacks is fitted with all the rest before there is a model of it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rigd.analysis.innovations import Deviations
+from rigd.analysis.output_error import Output, OutputErrorFit, System, Unknown
+from rigd.analysis.result import FloatArray
+from rigd.analysis.score import Columns
+
+
+@dataclass(frozen=True, eq=False)
+class Extended:
+    """``system`` with more shared unknowns behind its own; itself a :class:`System`.
+
+    ``columns`` (n, m, c) of each trial are the changes of its outputs for each unit of ``added``
+    (c,). ``released`` are the places of shared unknowns that lose what is stated of them.
+    """
+
+    system: System
+    added: tuple[Unknown, ...]
+    columns: Columns
+    released: frozenset[int] = frozenset()
+
+    @property
+    def own(self) -> int:
+        """Return how many shared unknowns the system has itself."""
+        return len(self.system.shared)
+
+    @property
+    def shared(self) -> tuple[Unknown, ...]:
+        """Return the unknowns of the system, then those that are added."""
+        kept = (
+            replace(item, u=math.inf) if index in self.released else item
+            for index, item in enumerate(self.system.shared)
+        )
+        return (*kept, *self.added)
+
+    @property
+    def local(self) -> tuple[Unknown, ...]:
+        """Return the unknowns that each trial has for itself."""
+        return self.system.local
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """Return the outputs."""
+        return self.system.outputs
+
+    @property
+    def measured(self) -> tuple[FloatArray, ...]:
+        """Return the measured outputs of each trial."""
+        return self.system.measured
+
+    def simulate(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
+        """Return the outputs (n, m) of one trial."""
+        moved = self.columns[trial] @ shared[self.own :]
+        return np.asarray(self.system.simulate(trial, shared[: self.own], local) + moved)
+
+    def linearise(
+        self, trial: int, shared: FloatArray, local: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the outputs (n, m) of one trial and their derivatives (n, m, p + c + l)."""
+        own = self.own
+        outputs, slopes = self.system.linearise(trial, shared[:own], local)
+        more = self.columns[trial]
+        whole = np.concatenate([slopes[:, :, :own], more, slopes[:, :, own:]], axis=2)
+        return outputs + more @ shared[own:], whole
+
+    def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
+        """Return how noise moves the outputs of one trial."""
+        return self.system.deviations(trial, shared[: self.own], local)
+
+    def theta_of_system(self, theta: FloatArray) -> FloatArray:
+        """Return the parameters of the system itself, of all of this one's (p + c + l,)."""
+        return np.delete(theta, np.arange(self.own, self.own + len(self.added)))
+
+
+def own_parameters(found: OutputErrorFit) -> FloatArray:
+    """Return the parameters (p,) of the rig's own system, of all that were fitted."""
+    system, theta = found.model.system, found.fit.theta
+    return system.theta_of_system(theta) if isinstance(system, Extended) else theta
+
+
+def same_with(found: OutputErrorFit, system: System) -> System:
+    """Return the system of ``found`` with ``system`` in place of the rig's own."""
+    fitted = found.model.system
+    return replace(fitted, system=system) if isinstance(fitted, Extended) else system

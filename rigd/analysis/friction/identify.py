@@ -1,0 +1,184 @@
+"""Identifies the parameters of one friction law, and compares laws, from slip and force."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from rigd.analysis.analysis import Options
+from rigd.analysis.fit import Fit, fit
+from rigd.analysis.friction.law import FrictionLaw
+from rigd.analysis.friction.model import STEP, LawModel, SlipForce
+from rigd.analysis.identifiability import Z_95
+from rigd.analysis.identification import FittedSubject, identify_model
+from rigd.analysis.model import to_natural, to_scaled
+from rigd.analysis.result import (
+    Curve,
+    FloatArray,
+    IdentificationResult,
+    ModelComparison,
+    Preprocessing,
+    TrialFit,
+)
+from rigd.analysis.selection import Contender, compare
+from rigd.analysis.uncertainty import Covariance, delta_sd
+
+POINTS: Final = 60
+#: The lowest and highest shares of the used samples are noise of the slip, not visited slip.
+TRIM: Final = 0.01
+#: How far the memory of residuals is looked for, in s.
+BLOCK_S: Final = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class SlipData:
+    """Slip and force of the trials of one group, and what a report says and draws of them.
+
+    ``window_s`` is the length of the filter that slip and force went through. ``others`` are the
+    same trials processed in other ways. ``least_slip_m_s`` is the slip that the sensors resolve.
+    ``shown`` makes of F/F_N (n,), all trials one after the other, the trials of a report.
+    ``biases`` are sentences on parameters, by name, whose place the processing moves. A law that
+    one of the laws ``rivals`` beats by far gives no numbers.
+    """
+
+    trials: Sequence[SlipForce]
+    title: str
+    method: str
+    account: Preprocessing
+    window_s: float
+    least_slip_m_s: float
+    shown: Callable[[FloatArray], tuple[TrialFit, ...]]
+    others: Sequence[Sequence[SlipForce]] = ()
+    biases: Mapping[str, str] = field(default_factory=dict)
+    rivals: Mapping[str, type[FrictionLaw]] = field(default_factory=dict)
+
+    @property
+    def period_s(self) -> float:
+        """Return the sampling period."""
+        return self.trials[0].period_s
+
+    @property
+    def visited(self) -> tuple[float, float]:
+        """Return the least and the greatest slip in m/s that samples in the fit have."""
+        used = np.concatenate([np.abs(t.slip_m_s[t.mask > 0.0]) for t in self.trials])
+        low, high = (float(x) for x in np.quantile(used, [TRIM, 1.0 - TRIM]))
+        return min(max(low, self.least_slip_m_s), high), high
+
+    @property
+    def rolling_m_s(self) -> float:
+        """Return the median speed at which the contact moves through the body."""
+        rolling = [t.rolling_m_s[t.mask > 0.0] for t in self.trials if t.rolling_m_s is not None]
+        return float(np.median(np.abs(np.concatenate(rolling)))) if rolling else 0.0
+
+
+def identify_law(
+    name: str, law: type[FrictionLaw], data: SlipData, options: Options
+) -> IdentificationResult:
+    """Return the parameters of ``law`` with 95 % intervals, verdicts and its steady curve.
+
+    Raises:
+        DataError: the cost is not finite at the start.
+    """
+    model = LawModel(law, data.trials)
+    low, high = data.visited
+
+    def refits(best: Fit) -> tuple[FloatArray, ...]:
+        return tuple(fit(LawModel(law, other), best.theta).theta for other in data.others)
+
+    subject = FittedSubject(
+        model=model,
+        name=name,
+        method=data.method,
+        title=f"{data.title}: {law.title()}",
+        words=law.parameters,
+        account=data.account,
+        period_s=data.period_s,
+        visited=f"slip from {1e3 * low:.1f} to {1e3 * high:.1f} mm/s; beyond it every statement "
+        "is extrapolation",
+        curve=lambda best, cov, others: _curve(law, data, best, cov, others),
+        trials=lambda theta: data.shown(model.predict(theta)),
+        block_s=BLOCK_S,
+        jackknife=True,
+        others=refits,
+        biases=data.biases,
+        memory_s=data.window_s,
+        rivals={
+            other: LawModel(rival, data.trials)
+            for other, rival in data.rivals.items()
+            if other != name
+        },
+    )
+    return identify_model(subject, options)
+
+
+def compare_laws(
+    laws: Mapping[str, type[FrictionLaw]], data: SlipData, options: Options
+) -> ModelComparison:
+    """Return which of ``laws`` the data support, by name.
+
+    Raises:
+        DataError: the cost of a law is not finite at its start.
+    """
+    slip = np.geomspace(*data.visited, POINTS)
+    rolling = data.rolling_m_s
+    contenders = [
+        Contender(
+            name, law.title(), LawModel(law, data.trials),
+            lambda theta, law=law: law.steady(theta, slip, rolling),  # type: ignore[misc]
+        )
+        for name, law in laws.items()
+    ]  # fmt: skip
+    window = max(1, round(data.window_s / data.period_s))
+    scores, sentences = compare(
+        contenders, starts=options.starts, seed=options.seed, window=window,
+        max_lag=round(BLOCK_S / data.period_s),
+    )  # fmt: skip
+    used = sum(int(np.count_nonzero(trial.mask)) for trial in data.trials)
+    return ModelComparison(
+        sentences=sentences,
+        scores=scores,
+        effective_samples=used / window,
+        unit="F/F_N",
+        x=slip,
+        x_name="V_r",
+        x_unit="m/s",
+        y_name="steady_friction",
+    )
+
+
+def _curve(
+    law: type[FrictionLaw],
+    data: SlipData,
+    best: Fit,
+    cov: Covariance,
+    others: Sequence[FloatArray],
+) -> Curve:
+    """Return the steady force on the visited slip with its band (pointwise)."""
+    low, high = data.visited
+    slip, rolling = np.geomspace(low, high, POINTS), data.rolling_m_s
+
+    def steady(theta: FloatArray) -> FloatArray:
+        return law.steady(theta, slip, rolling)
+
+    centre = steady(best.theta)
+    columns = []
+    for index in range(len(best.scaled)):
+        ends = []
+        for side in (1.0, -1.0):
+            point = to_scaled(law.parameters, best.theta)
+            point[index] += side * STEP
+            ends.append(steady(to_natural(law.parameters, point)))
+        columns.append((ends[0] - ends[1]) / (2.0 * STEP))
+    chance = delta_sd(np.stack(columns, axis=1), cov.coloured)
+    moved = [steady(theta) - centre for theta in others]
+    method = np.sqrt(np.mean(np.square(moved), axis=0)) if moved else np.zeros_like(centre)
+    band = Z_95 * np.hypot(chance, method)
+    return Curve(
+        name="friction_curve", x_name="V_r", x_unit="m/s", y_name="steady_friction", y_unit="1",
+        x=slip, y=centre, low=centre - band, high=centre + band,
+        note=f"Visited slip: {1e3 * low:.1f} to {1e3 * high:.1f} mm/s; beyond it the curve would "
+        "be extrapolation and is not drawn. Band: 95 %, pointwise.",
+    )  # fmt: skip

@@ -1,0 +1,111 @@
+"""May numbers be given at all? What is wrong with a fit, what explains it, and what is left.
+
+Three outcomes: the model fits; it fits with what is named (a constant that the data correct, or
+something that was added), and its numbers are those with it; or it does not fit, and then no number
+of it may be quoted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rigd.analysis.diagnosis import Diagnosis
+from rigd.analysis.result import Explanation, FitOutcome, Gate, Meaning
+
+CONTRADICTED = 8.0  #: a constant that the data move by more of its uncertainties is another one
+UNEXPLAINED = 1.5  #: mean square of an output's innovations, 1 if model and noise are right
+UNEXPLAINED_TRIAL = 2.5  #: and in its worst trial
+DOUBLED = 0.05  #: relative difference of a factor of two that is still one
+MOST = 4  #: findings that are given
+
+
+def judge_fit(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> Gate:
+    """Return whether the numbers of the last fit of ``diagnosis`` may be given.
+
+    ``labels`` (trials,) name the trials, whose samples are ``period_s`` apart.
+    """
+    told = diagnosis.explanations
+    unexplained = _unexplained(diagnosis, labels)
+    contradicted = [item for item in told if abs(item.pull) > CONTRADICTED]
+    laws = [item for item in told if item.meaning is Meaning.LAW]
+    sentences = [sentence(item) for item in told]
+    left = _left(diagnosis, labels, period_s)
+    findings = tuple([*unexplained, *sentences, *left][:MOST])
+    if contradicted and not unexplained:
+        text = (
+            f"The model does not fit these data as the rig is stated: {sentence(contradicted[0])}"
+        )
+        return Gate(FitOutcome.MISFIT, text, findings, told)
+    if unexplained:
+        text = f"The model does not fit these data: {unexplained[0]}"
+        return Gate(FitOutcome.MISFIT, text, findings, told)
+    if laws:
+        text = f"The friction is not that of the model: these data show {sentence(laws[0])}"
+        return Gate(FitOutcome.MISFIT, text, findings, told)
+    if told:
+        text = f"The model fits these data with {sentences[0]}"
+        return Gate(FitOutcome.CORRECTED, text, findings, told)
+    if left:
+        text = f"The model fits these data nearly; the intervals are widened: {left[0]}"
+        return Gate(FitOutcome.CORRECTED, text, findings)
+    return Gate(FitOutcome.FITS, "The model fits these data within the noise of the sensors.")
+
+
+def sentence(item: Explanation) -> str:
+    """Return what explains a misfit, its size, and what to look at."""
+    unit = "" if item.unit == "1" else f" {item.unit}"
+    size = f"{item.size:.4g}"
+    sd = f" ± {item.sd:.1g}"
+    if item.stated is None:
+        text = f"{item.name}: {size}{sd}{unit}"
+    else:
+        text = f"another {item.name}: {size}{sd}{unit}, stated {item.stated:.6g}{unit}"
+        text += _typed(item)
+    other = f" (or: {'; '.join(item.others)})" if item.others else ""
+    look = f". Look at {item.look}" if item.look else ""
+    return f"{text}{other}{look}."
+
+
+def _typed(item: Explanation) -> str:
+    """Return a guess at a typing error."""
+    if not item.size or item.stated is None:
+        return ""
+    factor = item.stated / item.size
+    if abs(factor - 2.0) < DOUBLED:
+        return " (twice as much: a diameter typed for a radius?)"
+    if abs(factor - 0.5) < 0.5 * DOUBLED:
+        return " (half as much: a radius typed for a diameter?)"
+    return ""
+
+
+def _unexplained(diagnosis: Diagnosis, labels: Sequence[str]) -> list[str]:
+    """Return a sentence on each output that is off by more than noise, whatever was added."""
+    found = []
+    outputs = diagnosis.fit.model.system.outputs
+    for output, level, worst, trial in zip(
+        outputs, diagnosis.levels, diagnosis.worst, diagnosis.trials, strict=True
+    ):
+        if level > UNEXPLAINED or worst > UNEXPLAINED_TRIAL:
+            found.append(
+                f"its {output.name} is off by {level**0.5:.1f} times what the noise of current and "
+                f"sensors leaves, by {worst**0.5:.1f} times in trial {labels[trial]}."
+            )
+    return found
+
+
+def _left(diagnosis: Diagnosis, labels: Sequence[str], period_s: float) -> list[str]:
+    """Return a sentence on each thing that is significant still, but small."""
+    outputs = diagnosis.fit.model.system.outputs
+    found = [f"there seems to be {item.name}." for item in diagnosis.left[:MOST]]
+    band, jump = diagnosis.band, diagnosis.jump
+    if diagnosis.coloured and band.p_value <= jump.p_value:
+        found.append(
+            f"its {outputs[band.output].name} shows {band.ratio**0.5:.1f} times its noise from "
+            f"{band.low_hz:.0f} to {band.high_hz:.0f} Hz."
+        )
+    elif diagnosis.coloured:
+        found.append(
+            f"its {outputs[jump.output].name} jumps by {jump.size:.0f} standard deviations in "
+            f"trial {labels[jump.trial]}, {1e3 * jump.sample * period_s:.0f} ms from its begin."
+        )
+    return found

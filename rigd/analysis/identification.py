@@ -1,0 +1,329 @@
+"""Identifies any model: fit from several starts, intervals, verdicts, tests of the residuals.
+
+The author of a model gives its residuals with derivatives (:class:`rigd.analysis.model.Model`), the
+words for its parameters, and how its trials and its curve are drawn. The interval of a parameter
+joins two contributions in quadrature, on each side by itself:
+
+- chance: the profile likelihood, or the jackknife over whole trials where that is wider;
+- method: how far the parameter moves when the data are processed in other ways.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, Protocol
+
+import numpy as np
+
+from rigd.analysis import residuals as tests
+from rigd.analysis.analysis import Options
+from rigd.analysis.fit import Fit, Loss, multi_start, named, robust_fit
+from rigd.analysis.identifiability import UNIDENTIFIABLE_LOG_SD, Z_95, Evidence, judge, log_sd
+from rigd.analysis.model import FitParameter, Model, scaled_bounds, to_scaled
+from rigd.analysis.profile import ProfileScan, axis, natural_ends, scan
+from rigd.analysis.result import (
+    Curve,
+    FitOutcome,
+    FloatArray,
+    Gate,
+    IdentificationResult,
+    ParameterEstimate,
+    Preprocessing,
+    Profile,
+    StartOutcome,
+    TrialFit,
+    Verdict,
+)
+from rigd.analysis.selection import VERY_STRONG, bic
+from rigd.analysis.uncertainty import (
+    Covariance,
+    autocorrelation_time,
+    correlation,
+    covariance,
+    jackknife_sd,
+    leave_one_trial_out,
+)
+
+#: A profile reaches so many standard errors to either side, in so many steps.
+_REACH: Final = 6.0
+_STEPS: Final = 25
+_LAGS: Final = 50
+_LJUNG_BOX_LAGS: Final = 20
+_MOVED: Final = "(The choice of the processing moves it that far.)"
+
+
+class ParameterWords(Protocol):
+    """What a report says of a parameter; ``advice`` is the excitation that would show it."""
+
+    @property
+    def symbol(self) -> str:
+        """The symbol, such as σ_0."""
+
+    @property
+    def meaning(self) -> str:
+        """What it is, in a few words."""
+
+    @property
+    def advice(self) -> str:
+        """Which excitation would show it; empty if none is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class FittedSubject:
+    """A model with all that a report says and draws of it.
+
+    ``curve`` returns the characteristic with its band, ``trials`` (given the natural parameters)
+    measured and fitted output. ``block_s`` is the longest correlation of the residuals that is
+    accounted for. ``others`` returns the natural parameters refitted to data that were processed
+    in other ways; ``biases`` are sentences on parameters whose place the method is known to move.
+    ``memory_s`` is how long the processing alone lets residuals remember: a model whose residuals
+    remember longer does not fit. None: it is not known. Nor does one that any of ``rivals``, models
+    of the same data by name, beats by far (:mod:`.selection`).
+    """
+
+    model: Model
+    name: str
+    method: str
+    title: str
+    words: Sequence[ParameterWords]
+    account: Preprocessing
+    period_s: float
+    visited: str
+    curve: Callable[[Fit, Covariance, Sequence[FloatArray]], Curve]
+    trials: Callable[[FloatArray], tuple[TrialFit, ...]]
+    block_s: float = 0.1
+    jackknife: bool = False
+    others: Callable[[Fit], Sequence[FloatArray]] = lambda _: ()
+    biases: Mapping[str, str] = field(default_factory=dict)
+    memory_s: float | None = None
+    rivals: Mapping[str, Model] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class _Doubts:
+    """What widens an interval beyond its profile: parameters (p,) of refits, all scaled."""
+
+    left_out: tuple[FloatArray, ...]
+    others: tuple[FloatArray, ...]
+
+    def chance(self, index: int) -> float:
+        """Return 1.96 standard errors of the jackknife."""
+        if not self.left_out:
+            return 0.0
+        return Z_95 * float(
+            jackknife_sd(lambda scaled: scaled[index : index + 1], self.left_out)[0]
+        )
+
+    def method(self, index: int, centre: float) -> float:
+        """Return 1.96 times the root mean square change under other processing."""
+        if not self.others:
+            return 0.0
+        return Z_95 * math.sqrt(
+            sum((float(scaled[index]) - centre) ** 2 for scaled in self.others) / len(self.others)
+        )
+
+
+def identify_model(subject: FittedSubject, options: Options) -> IdentificationResult:
+    """Return the parameters of a model with 95 % intervals and verdicts.
+
+    Raises:
+        DataError: the cost is not finite.
+    """
+    model = subject.model
+    fits = multi_start(model, starts=options.starts, seed=options.seed)
+    best = robust_fit(model, fits[0], Loss.HUBER if options.robust else Loss.SQUARES)
+    block = max(1, round(subject.block_s / subject.period_s))
+    cov = covariance(model, best, block)
+    error = model.residuals(best.theta)
+    inflation = autocorrelation_time(error, model.mask, model.trial_slices, block)
+    gate = _gate(subject, best, inflation, options)
+    known = gate is None or gate.outcome is FitOutcome.FITS
+    others = subject.others(best) if known else ()
+    left_out = leave_one_trial_out(model, best) if known and subject.jackknife else ()
+    doubts = _Doubts(
+        tuple(to_scaled(model.parameters, theta) for theta in left_out),
+        tuple(to_scaled(model.parameters, theta) for theta in others),
+    )
+    count = len(model.parameters) if known else 0
+    scans = [_scan(model, best, cov, inflation, index) for index in range(count)]
+    pieces = [error[part][model.mask[part] > 0.0] for part in model.trial_slices]
+    together = np.concatenate(pieces)
+    shortest = min(len(piece) for piece in pieces)
+    used = len(together)
+    curve = subject.curve(best, cov, others)
+    return IdentificationResult(
+        model=subject.name,
+        method=subject.method,
+        title=subject.title,
+        parameters=tuple(
+            _estimate(subject, best, cov, doubts, index, found) for index, found in enumerate(scans)
+        )
+        if known
+        else _refused(subject, best),
+        derived=(),
+        confidence=0.95,
+        correlation_names=tuple(parameter.name for parameter in model.parameters),
+        correlation=correlation(cov.coloured),
+        cost=best.cost,
+        samples=used,
+        effective_samples=used / inflation,
+        inflation=float(np.sqrt(inflation)),
+        starts=tuple(
+            StartOutcome(
+                named(model, fit.start), named(model, fit.theta), fit.cost, fit.iterations,
+                fit.converged,
+            )
+            for fit in fits
+        ),
+        curve=curve if known else _nothing(curve),
+        trials=subject.trials(best.theta),
+        profiles=tuple(_profile(model, index, item) for index, item in enumerate(scans)),
+        residual_tests=(
+            tests.ljung_box(pieces, min(_LJUNG_BOX_LAGS, max(1, shortest // 4))),
+            tests.normality(together, 1.0 / inflation),
+            tests.outliers(together),
+        ),
+        autocorrelation=tests.autocorrelation(pieces, min(_LAGS, shortest - 1), subject.period_s),
+        preprocessing=subject.account,
+        visited=subject.visited,
+        warnings=_warnings(model, fits, cov, gate),
+        gate=gate,
+    )  # fmt: skip
+
+
+def _gate(subject: FittedSubject, best: Fit, inflation: float, options: Options) -> Gate | None:
+    """Return whether the residuals remember too long, or another model is far better."""
+    if subject.memory_s is None:
+        return None
+    found_s = inflation * subject.period_s
+    if found_s <= subject.memory_s:
+        better = _better(subject, best, subject.memory_s, options)
+        if better is None:
+            return Gate(FitOutcome.FITS, "The residuals remember no longer than the processing.")
+        finding = better
+    else:
+        finding = (
+            f"its residuals remember {1e3 * found_s:.0f} ms, the processing explains "
+            f"{1e3 * subject.memory_s:.0f} ms."
+        )
+    return Gate(FitOutcome.MISFIT, f"The model does not fit these data: {finding}", (finding,))
+
+
+def _better(subject: FittedSubject, best: Fit, memory_s: float, options: Options) -> str | None:
+    """Return a sentence on the rival that beats the fit ``best`` by far; None: none does."""
+    samples = int(np.count_nonzero(subject.model.mask))
+    effective = samples * subject.period_s / memory_s
+
+    def score(cost: float, model: Model) -> float:
+        return bic(cost, samples, effective, len(model.parameters))
+
+    gains = {}
+    for name, rival in subject.rivals.items():
+        found = multi_start(rival, starts=options.starts, seed=options.seed)[0]
+        gains[name] = score(best.cost, subject.model) - score(found.cost, rival)
+    name = max(gains, key=gains.__getitem__, default="")
+    if not name or gains[name] <= VERY_STRONG:
+        return None
+    return f"{name} fits them far better, ΔBIC {gains[name]:+.1f}."
+
+
+def _scan(model: Model, best: Fit, cov: Covariance, inflation: float, index: int) -> ProfileScan:
+    """Return the profile of a parameter over what its standard error suggests, within its box."""
+    bounds = scaled_bounds(model.parameters)
+    least, most = float(bounds[0][index]), float(bounds[1][index])
+    sd = float(np.sqrt(cov.coloured[index, index]))
+    if sd > 0.0:
+        centre = float(best.scaled[index])
+        least, most = max(least, centre - _REACH * sd), min(most, centre + _REACH * sd)
+    grid = np.linspace(least, most, _STEPS)
+    return scan(model, best, axis(len(model.parameters), index), grid, inflation=inflation)
+
+
+def _estimate(
+    subject: FittedSubject,
+    best: Fit,
+    cov: Covariance,
+    doubts: _Doubts,
+    index: int,
+    found: ProfileScan,
+) -> ParameterEstimate:
+    parameter, words = subject.model.parameters[index], subject.words[index]
+    value = float(best.theta[index])
+    alone = natural_ends(subject.model, index, found)
+    low, high = _joined(parameter, float(best.scaled[index]), found, doubts, index)
+    by_data = math.inf if None in alone else log_sd(*(end or 0.0 for end in alone))
+    evidence = Evidence(
+        value, low, high, parameter.unit,
+        bound=value if cov.on_bound[index] else None,
+        bias=subject.biases.get(parameter.name, ""),
+        allowed=(parameter.low, parameter.high),
+        wider=_MOVED if doubts.others and by_data <= UNIDENTIFIABLE_LOG_SD else "",
+        data_log_sd=by_data if doubts.others else math.inf,
+    )  # fmt: skip
+    verdict, sentence = judge(evidence)
+    sd = float(np.sqrt(cov.coloured[index, index])) * parameter.slope(value)
+    estimate = ParameterEstimate(
+        parameter.name, words.symbol, parameter.unit, words.meaning, value, *evidence.ends,
+        sd if sd > 0.0 else None, verdict, sentence, source="profile",
+        flags=("biased by this method",) if evidence.bias else (),
+    )  # fmt: skip
+    if verdict is Verdict.BIASED:
+        return replace(estimate, low=None, high=None, standard_error=None)
+    return estimate if estimate.identifiable else replace(estimate, advice=words.advice)
+
+
+def _joined(
+    parameter: FitParameter, centre: float, found: ProfileScan, doubts: _Doubts, index: int
+) -> tuple[float | None, float | None]:
+    """Return the ends of an interval in natural units; an end that is open stays open."""
+    chance, method = doubts.chance(index), doubts.method(index, centre)
+    low, high = (
+        None if end is None else math.hypot(max(side * (end - centre), chance), method)
+        for side, end in ((-1.0, found.low), (1.0, found.high))
+    )
+    return (
+        None if low is None else parameter.natural(centre - low),
+        None if high is None else parameter.natural(centre + high),
+    )
+
+
+def _refused(subject: FittedSubject, best: Fit) -> tuple[ParameterEstimate, ...]:
+    """Return the parameters of a model that does not fit: none has a number."""
+    return tuple(
+        ParameterEstimate(
+            parameter.name, words.symbol, parameter.unit, words.meaning, float(value),
+            None, None, None, Verdict.MISFIT, "A model that does not fit gives no number.",
+        )
+        for parameter, words, value in zip(
+            subject.model.parameters, subject.words, best.theta, strict=True
+        )
+    )  # fmt: skip
+
+
+def _nothing(curve: Curve) -> Curve:
+    """Return ``curve`` without points."""
+    nothing = np.zeros(0)
+    return replace(curve, x=nothing, y=nothing, low=nothing, high=nothing, seen=())
+
+
+def _profile(model: Model, index: int, found: ProfileScan) -> Profile:
+    parameter = model.parameters[index]
+    values = np.array([parameter.natural(float(value)) for value in found.values])
+    return Profile(
+        parameter.name, parameter.unit, values, found.statistic, found.threshold,
+        *natural_ends(model, index, found), log_axis=parameter.low > 0.0,
+    )  # fmt: skip
+
+
+def _warnings(
+    model: Model, fits: Sequence[Fit], cov: Covariance, gate: Gate | None
+) -> tuple[str, ...]:
+    out = [] if gate is None or gate.outcome is FitOutcome.FITS else [gate.sentence]
+    if len(fits) > 1 and sum(fit.cost <= fits[0].cost * 1.001 for fit in fits) == 1:
+        out.append(f"only one of {len(fits)} starts reached the best cost; try more starts")
+    pairs = zip(model.parameters, cov.on_bound, strict=True)
+    if held := [parameter.name for parameter, bound in pairs if bound]:
+        out.append(f"on the bound of the allowed range: {', '.join(held)}")
+    return tuple(out)

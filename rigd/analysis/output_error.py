@@ -1,0 +1,470 @@
+"""Output-error estimation: measured input in, predicted outputs out, constants with doubt.
+
+A rig family brings a :class:`System`: it simulates each trial from the measured input and returns
+the outputs with their exact sensitivities. Three kinds of unknowns are fitted together:
+
+- free parameters, which only the data determine;
+- constants with an uncertainty u: each adds the residual (value - stated value) / u, so that the
+  data may correct what they know better, and what they do not know widens the interval;
+- local values of each trial (where a position begins between two counts, an initial bristle).
+
+Noise of the input makes the residuals of a simulated output drift, which plain least squares would
+take for information. The residuals are whitened by the Kalman filter of the small deviations from
+the simulated motion (:mod:`rigd.analysis.innovations`), with the noise that input and sensors show
+themselves: the prediction error method (Ljung, System Identification, 2nd ed. 1999, sec. 7.4).
+Covariances are sandwiches with block sums of the scores (HAC).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd.analysis.fit import DAMPING, Fit, fit
+from rigd.analysis.innovations import Deviations, Whitener
+from rigd.analysis.model import FitParameter, NormalEquations, slopes, to_scaled
+from rigd.analysis.result import FloatArray
+from rigd.analysis.uncertainty import RELATIVE_RANK, bounds_reached, scaled_pinv
+from rigd.model.errors import DataError
+
+SAME = 0.05  #: in scaled coordinates: two starts have ended in one optimum
+ENOUGH = 1e-7  #: relative decrease of the cost below which a fit ends
+ROUGH = 1e-5  #: and below which one ends that is repeated with a better filter of the noise
+NEAR = 1e-8  #: first damping near an optimum
+MAX_ITERATIONS = 40
+OTHER_ITERATIONS = 12  #: of a second optimum, until it is known to be near as good
+RANKING_TRIALS = 3  #: from the first to the last; the starts are ranked by these
+RANKING_ITERATIONS = 8
+RANKING_DECREASE = 1e-2
+REFINED = 2  #: optima that all trials refine
+RANKING_SAME = 0.2
+HOPELESS = 30.0  #: in -ln L: an optimum that is so much worse does not come back
+UNSEEN = 1e-9  #: information on a scaled parameter that is none
+FINITE = 1e120  #: information beyond it: the simulation has left the numbers
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A fitted value; ``u`` is its standard uncertainty in the coordinate of the fit.
+
+    ``u`` is infinite for a free parameter. ``wording`` names a constant for a person.
+    """
+
+    parameter: FitParameter
+    u: float = math.inf
+    wording: str = ""
+
+
+@dataclass(frozen=True)
+class Output:
+    """One output of a system."""
+
+    name: str
+    unit: str
+
+
+class System(Protocol):
+    """Trials of a rig that can be simulated from their measured input."""
+
+    @property
+    def shared(self) -> tuple[Unknown, ...]:
+        """Return the (p,) unknowns that all trials have in common."""
+
+    @property
+    def local(self) -> tuple[Unknown, ...]:
+        """Return the (l,) unknowns that each trial has for itself."""
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """Return the (m,) outputs."""
+
+    @property
+    def measured(self) -> tuple[FloatArray, ...]:
+        """Return the measured outputs of each trial, (n, m)."""
+
+    def simulate(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
+        """Return the outputs (n, m) of one trial; parameters in natural units."""
+
+    def linearise(
+        self, trial: int, shared: FloatArray, local: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the outputs (n, m) and their derivatives (n, m, p + l) to natural parameters."""
+
+    def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
+        """Return how noise of input and sensors moves the outputs of one trial."""
+
+
+@dataclass(frozen=True, eq=False)
+class SomeTrials:
+    """Some of the trials of a system; itself a :class:`System`."""
+
+    system: System
+    trials: tuple[int, ...]
+
+    @property
+    def shared(self) -> tuple[Unknown, ...]:
+        """Return the unknowns that all trials have in common."""
+        return self.system.shared
+
+    @property
+    def local(self) -> tuple[Unknown, ...]:
+        """Return the unknowns that each trial has for itself."""
+        return self.system.local
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """Return the outputs."""
+        return self.system.outputs
+
+    @property
+    def measured(self) -> tuple[FloatArray, ...]:
+        """Return the measured outputs of these trials."""
+        return tuple(self.system.measured[k] for k in self.trials)
+
+    def simulate(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
+        """Return the outputs of one of these trials."""
+        return self.system.simulate(self.trials[trial], shared, local)
+
+    def linearise(
+        self, trial: int, shared: FloatArray, local: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the outputs of one of these trials and their derivatives."""
+        return self.system.linearise(self.trials[trial], shared, local)
+
+    def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
+        """Return how noise moves the outputs of one of these trials."""
+        return self.system.deviations(self.trials[trial], shared, local)
+
+
+@dataclass(frozen=True, eq=False)
+class OutputErrorModel:
+    """Whitened residuals of all trials and of the constants, as :mod:`rigd.analysis.fit` asks.
+
+    The parameters are the shared ones, then the local ones trial by trial. Residuals are of unit
+    variance; the last rows are those of the constants. ``noise`` whitens each trial.
+    """
+
+    system: System
+    noise: tuple[Whitener, ...]
+    parameters: tuple[FitParameter, ...] = field(init=False)
+    prior: FloatArray = field(init=False, repr=False)
+    precision: FloatArray = field(init=False, repr=False)
+    trial_slices: tuple[slice, ...] = field(init=False, repr=False)
+    mask: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        shared, local = self.system.shared, self.system.local
+        trials = self.system.measured
+        unknowns = [*shared, *(item for _ in trials for item in local)]
+        parameters = tuple(item.parameter for item in unknowns)
+        known = np.array([math.isfinite(item.u) for item in unknowns])
+        precision = np.array(
+            [1.0 / item.u**2 if math.isfinite(item.u) else 0.0 for item in unknowns]
+        )
+        ends = np.cumsum([item.size for item in trials])
+        slices = [slice(int(e) - t.size, int(e)) for e, t in zip(ends, trials, strict=True)]
+        rows = int(ends[-1])
+        slices += [slice(rows + k, rows + k + 1) for k in range(int(known.sum()))]
+        starts = np.array([item.start for item in parameters])
+        for name, value in (
+            ("parameters", parameters),
+            ("prior", to_scaled(parameters, starts)),
+            ("precision", precision),
+            ("trial_slices", tuple(slices)),
+            ("mask", np.ones(rows + int(known.sum()))),
+        ):
+            object.__setattr__(self, name, value)
+
+    @property
+    def trials(self) -> int:
+        """Return the number of trials."""
+        return len(self.system.measured)
+
+    def columns(self, trial: int) -> NDArray[np.intp]:
+        """Return which parameters one trial depends on, (p + l,)."""
+        shared, local = len(self.system.shared), len(self.system.local)
+        return np.concatenate(
+            [np.arange(shared), shared + local * trial + np.arange(local)]
+        ).astype(np.intp)
+
+    def errors(self, theta: FloatArray) -> list[FloatArray]:
+        """Return prediction minus measurement of each trial, (n, m), in the outputs' units."""
+        return [self._simulate(k, theta) - self.system.measured[k] for k in range(self.trials)]
+
+    def residuals(self, theta: FloatArray) -> FloatArray:
+        """Return the whitened residuals, (n,)."""
+        white = [
+            noise.whiten_errors(error).ravel()
+            for noise, error in zip(self.noise, self.errors(theta), strict=True)
+        ]
+        return np.concatenate([*white, self.prior_pulls(theta)])
+
+    def jacobian(self, theta: FloatArray) -> FloatArray:
+        """Return d(residuals)/d(theta), (n, p)."""
+        out = np.zeros((len(self.mask), len(self.parameters)))
+        for trial, part in zip(range(self.trials), self.trial_slices, strict=False):
+            out[part, self.columns(trial)] = self.linearise(trial, theta)[1]
+        known = np.flatnonzero(self.precision)
+        scale = 1.0 / slopes(self.parameters, theta)
+        out[np.arange(-len(known), 0), known] = (np.sqrt(self.precision) * scale)[known]
+        return out
+
+    def linearise(self, trial: int, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the whitened residuals (n m,) of one trial and their derivatives (n m, p + l)."""
+        error, jacobian = self._raw(trial, theta)
+        white = self.noise[trial].whiten(np.concatenate([error[:, :, None], jacobian], axis=2))
+        return white[:, :, 0].ravel(), white[:, :, 1:].reshape(error.size, -1)
+
+    def cost(self, theta: FloatArray, weights: FloatArray | None = None) -> float:
+        """Return half the sum of squared residuals."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            squares = self.residuals(theta) ** 2
+        return 0.5 * float(np.sum(squares if weights is None else weights * squares))
+
+    def normal_equations(
+        self, theta: FloatArray, weights: FloatArray | None = None
+    ) -> NormalEquations:
+        """Return cost, gradient and information, trial by trial."""
+        pulls = self.prior_pulls(theta)
+        scale = slopes(self.parameters, theta)
+        offset = to_scaled(self.parameters, theta) - self.prior
+        gradient = self.precision * offset / scale
+        information = np.diag(self.precision / scale**2)
+        cost = 0.5 * float(pulls @ pulls)
+        for trial, part in zip(range(self.trials), self.trial_slices, strict=False):
+            error, jacobian = self._raw(trial, theta)
+            used = np.ones_like(error) if weights is None else weights[part].reshape(error.shape)
+            share, by, of_trial = self.noise[trial].normal_equations(error, jacobian, used)
+            if not (math.isfinite(share) and np.max(np.abs(of_trial)) < FINITE):
+                return NormalEquations(math.inf, gradient, information)
+            here = self.columns(trial)
+            cost += share
+            gradient[here] += by
+            information[np.ix_(here, here)] += of_trial
+        return NormalEquations(cost, gradient, information)
+
+    def _raw(self, trial: int, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return prediction minus measurement of one trial (n, m), and the derivatives."""
+        shared, here = len(self.system.shared), self.columns(trial)
+        predicted, jacobian = self.system.linearise(trial, theta[:shared], theta[here[shared:]])
+        return predicted - self.system.measured[trial], jacobian
+
+    def _simulate(self, trial: int, theta: FloatArray) -> FloatArray:
+        shared = len(self.system.shared)
+        return self.system.simulate(trial, theta[:shared], theta[self.columns(trial)[shared:]])
+
+    def prior_pulls(self, theta: FloatArray) -> FloatArray:
+        """Return by how many uncertainties each constant is moved, (known,)."""
+        known = self.precision > 0.0
+        pulls = np.sqrt(self.precision) * (to_scaled(self.parameters, theta) - self.prior)
+        return np.asarray(pulls[known])
+
+
+#: A fit with the model, and so the noise, that it was made with.
+Branch = tuple[OutputErrorModel, Fit]
+
+
+@dataclass(frozen=True, eq=False)
+class OutputErrorFit:
+    """Where the fit ended and how far it may be off; matrices (p, p) in scaled coordinates.
+
+    ``covariance`` is the sandwich, of which ``from_data`` is the part of the noise; ``pulls`` (p,)
+    is by how many of its own uncertainties each constant was moved, 0 for a free parameter.
+    ``errors`` are the residuals of each trial, (n, m), not whitened. ``others`` are the natural
+    parameters (p,) of other optima that the data do not rule out at once.
+    """
+
+    model: OutputErrorModel
+    fit: Fit
+    covariance: FloatArray
+    from_data: FloatArray
+    inverse: FloatArray
+    on_bound: tuple[bool, ...]
+    pulls: FloatArray
+    errors: tuple[FloatArray, ...]
+    others: tuple[FloatArray, ...] = ()
+
+    def budget(self, gradient: FloatArray) -> dict[str, float]:
+        """Return the variance of a quantity by its sources.
+
+        ``gradient`` (p,) is d(quantity)/d(scaled). The key ``"noise"`` is that of the data, the
+        others are the wordings of the constants; local values count as noise.
+        """
+        shares = (gradient @ self.inverse) ** 2 * self.model.precision
+        unknowns = self.model.system.shared
+        found = {
+            item.wording: float(share)
+            for item, share in zip(unknowns, shares, strict=False)
+            if math.isfinite(item.u)
+        }
+        local = float(np.sum(shares[len(unknowns) :]))
+        return {"noise": float(gradient @ self.from_data @ gradient) + local, **found}
+
+
+def estimate(system: System, starts: Sequence[FloatArray], block: int) -> OutputErrorFit:
+    """Return the best fit from ``starts``, each the shared parameters (p,) in natural units.
+
+    A few trials rank the starts; all trials refine the best optima that differ. ``block`` is the
+    longest correlation of the scores that is accounted for, in samples.
+
+    Raises:
+        DataError: the cost is not finite at any start.
+    """
+    branches: list[Branch] = []
+    for start in _ranked(system, starts)[:REFINED]:
+        iterations = OTHER_ITERATIONS if branches else MAX_ITERATIONS
+        branch = _branch(system, start, iterations, ROUGH, NEAR)
+        if not _met(branch[1], branches, len(system.shared), SAME):
+            branches.append(branch)
+    best = min(likelihood(*branch) for branch in branches)
+    near = [branch for branch in branches if likelihood(*branch) < best + HOPELESS]
+    for enough in (ROUGH, ENOUGH):
+        near = [_reweighted(*branch, enough) for branch in near]
+    near.sort(key=lambda branch: likelihood(*branch))
+    others = tuple(found.theta for _, found in near[1:])
+    return replace(conclude(*near[0], block), others=others)
+
+
+def improve(found: OutputErrorFit, theta: FloatArray, block: int) -> OutputErrorFit:
+    """Return the fit that goes on from ``theta`` (p,), a better point than the end of ``found``."""
+    model, best = found.model, _fit(found.model, theta, ROUGH)
+    for enough in (ROUGH, ENOUGH):
+        model, best = _reweighted(model, best, enough)
+    return replace(conclude(model, best, block), others=(*found.others, found.fit.theta))
+
+
+def _ranked(system: System, starts: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return where ``starts`` lead on a few of the trials, the best first, each optimum once.
+
+    Raises:
+        DataError: the cost is not finite at any start.
+    """
+    if len(starts) < 2:
+        return list(starts)
+    count = len(system.measured)
+    few = np.unique(np.linspace(0, count - 1, min(RANKING_TRIALS, count)).astype(int))
+    part = SomeTrials(system, tuple(int(k) for k in few))
+    ends: list[Branch] = []
+    for start in starts:
+        try:
+            ends.append(_branch(part, start, RANKING_ITERATIONS, RANKING_DECREASE, DAMPING))
+        except DataError:
+            if start is starts[-1] and not ends:
+                raise
+    distinct: list[Branch] = []
+    for end in sorted(ends, key=lambda branch: likelihood(*branch)):
+        if not _met(end[1], distinct, len(system.shared), RANKING_SAME):
+            distinct.append(end)
+    return [found.theta[: len(system.shared)] for _, found in distinct]
+
+
+def _branch(
+    system: System, start: FloatArray, iterations: int, enough: float, damping: float
+) -> Branch:
+    """Return the fit from the shared parameters ``start`` (p,), with the noise as at its start.
+
+    Raises:
+        DataError: the cost is not finite there.
+    """
+    local = [item.parameter.start for _ in system.measured for item in system.local]
+    theta = np.concatenate([start, local])
+    model = OutputErrorModel(system, noise_at(system, theta))
+    found = fit(model, theta, max_iterations=iterations, relative_decrease=enough, damping=damping)
+    return model, found
+
+
+def _met(found: Fit, others: Sequence[Branch], count: int, same: float) -> bool:
+    """Whether ``found`` has ended in one of the ``others``, by the first ``count`` parameters."""
+    return any(
+        np.allclose(found.scaled[:count], other.scaled[:count], rtol=0.0, atol=same)
+        for _, other in others
+    )
+
+
+def noise_at(system: System, theta: FloatArray) -> tuple[Whitener, ...]:
+    """Return what whitens each trial close to ``theta``: shared, then local parameters (p,)."""
+    shared, local = len(system.shared), len(system.local)
+    found = []
+    for trial in range(len(system.measured)):
+        first = shared + local * trial
+        at = system.deviations(trial, theta[:shared], theta[first : first + local])
+        found.append(Whitener.of(at))
+    return tuple(found)
+
+
+def _reweighted(model: OutputErrorModel, found: Fit, enough: float) -> Branch:
+    """Return the model with the noise as it moves the outputs at ``found``, and its fit."""
+    model = OutputErrorModel(model.system, noise_at(model.system, found.theta))
+    return model, _fit(model, found.theta, enough)
+
+
+def likelihood(model: OutputErrorModel, found: Fit) -> float:
+    """Return -ln L up to a constant: costs under different noise do not compare."""
+    return found.cost - sum(noise.log_scale for noise in model.noise)
+
+
+def _fit(model: OutputErrorModel, start: FloatArray, enough: float, damping: float = NEAR) -> Fit:
+    return fit(
+        model, start, max_iterations=MAX_ITERATIONS, relative_decrease=enough, damping=damping
+    )
+
+
+def conclude(model: OutputErrorModel, best: Fit, block: int) -> OutputErrorFit:
+    """Return ``best`` with its covariance from block sums of the scores.
+
+    The scores of innovations add up as the information says. If block sums vary more, the model
+    leaves something that remembers, and they count; that they vary less by chance never does. A
+    parameter on its bound is taken as free: held, it would lend the others a certainty that the
+    data do not have.
+    """
+    count = len(model.parameters)
+    scale = slopes(model.parameters, best.theta)
+    information = np.zeros((count, count))
+    scores = []
+    for trial in range(model.trials):
+        error, jacobian = model.linearise(trial, best.theta)
+        here = model.columns(trial)
+        jacobian = jacobian * scale[here]
+        information[np.ix_(here, here)] += jacobian.T @ jacobian
+        edges = np.arange(0, len(error), block * len(model.system.outputs))
+        sums = np.zeros((len(edges), count))
+        sums[:, here] = np.add.reduceat(jacobian * error[:, None], edges, axis=0)
+        scores.append(sums)
+    seen = np.flatnonzero(np.diag(information) + model.precision > UNSEEN)
+    both = np.ix_(seen, seen)
+    inverse, varied = np.zeros((count, count)), np.zeros((count, count))
+    inverse[both] = scaled_pinv((information + np.diag(model.precision))[both])
+    varied[both] = _score_covariance(information[both], np.concatenate(scores)[:, seen])
+    from_data = inverse @ varied @ inverse
+    pulls = np.sqrt(model.precision) * (best.scaled - model.prior)
+    return OutputErrorFit(
+        model=model,
+        fit=best,
+        covariance=from_data + inverse @ np.diag(model.precision) @ inverse,
+        from_data=from_data,
+        inverse=inverse,
+        on_bound=bounds_reached(model, best.scaled),
+        pulls=pulls,
+        errors=tuple(model.errors(best.theta)),
+    )
+
+
+def _score_covariance(information: FloatArray, blocks: FloatArray) -> FloatArray:
+    """Return the covariance (p, p) of the scores: of ``blocks`` (b, p), no less than white ones.
+
+    Both are compared in the directions in which they differ most (simultaneous diagonalisation).
+    """
+    scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    known = values > RELATIVE_RANK * values[-1]
+    root = (vectors[:, known] * np.sqrt(values[known])) * scale[:, None]
+    whiten = (vectors[:, known] / np.sqrt(values[known])) / scale[:, None]
+    among = whiten.T @ (blocks.T @ blocks) @ whiten
+    ratio, directions = np.linalg.eigh(among)
+    turned = root @ directions
+    return np.asarray((turned * np.maximum(ratio, 1.0)) @ turned.T)

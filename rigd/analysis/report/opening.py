@@ -1,0 +1,110 @@
+"""Makes the two sentences that a report opens with: what may be used, and what may not and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from rigd.analysis.report.rounding import finer, number, places_for
+from rigd.analysis.report.section import Opening, ReportSection
+from rigd.analysis.result import Curve, FitOutcome, IdentificationResult, ParameterEstimate, Verdict
+
+#: A curve whose band is wider than this share of it, either way, is not called usable.
+USABLE_BAND = 0.2
+
+
+def opening_of(sections: Sequence[ReportSection]) -> Opening:
+    """Return the sentences on the parameters and curves of all ``sections``."""
+    return Opening(
+        joined([_with_label(s, sections, _usable(s.result)) for s in sections], "no number"),
+        joined(_unusable(sections), "what lies beyond the range that was visited"),
+    )
+
+
+def joined(parts: Iterable[str], nothing: str) -> str:
+    """Return ``parts`` as the end of a sentence, empty ones left out; ``nothing`` without any."""
+    return f"{'; '.join(part for part in parts if part) or nothing}."
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return ``a, b and c``."""
+    return " and ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)
+
+
+def _usable(result: IdentificationResult) -> str:
+    if _misfit(result):
+        return ""
+    found = [*result.parameters, *result.derived]
+    known = [item.name for item in found if item.verdict is Verdict.IDENTIFIABLE]
+    rough = [item.name for item in found if item.verdict is Verdict.WEAK]
+    curve = _curve(result.curve)
+    parts = [*known, *(f"{name} (roughly)" for name in rough), *([curve] if curve else [])]
+    return listed(parts)
+
+
+def _curve(curve: Curve) -> str:
+    """Return a curve with its range and band; empty if there is none, or its band is too wide."""
+    band = _band(curve)
+    if band is None or band > USABLE_BAND:
+        return ""
+    ends, unit = finer([float(np.min(curve.x)), float(np.max(curve.x))], curve.x_unit)
+    low, high = (number(end, digits=2) for end in ends)
+    share = number(100.0 * band, places_for(100.0 * band))
+    shown = "" if unit == "1" else f" {unit}"
+    return f"{curve.y_name}({curve.x_name}) from {low} to {high}{shown} (±{share} %)"
+
+
+def _band(curve: Curve) -> float | None:
+    """Return half the width of the band over the curve, the median; None if there is none."""
+    if not curve.x.size or not np.all(np.isfinite(curve.low)) or not np.all(curve.y):
+        return None
+    return float(np.median(0.5 * (curve.high - curve.low) / np.abs(curve.y)))
+
+
+def _unusable(sections: Sequence[ReportSection]) -> list[str]:
+    parts = [
+        f"{section.label} as a whole: {section.result.gate.sentence.rstrip('.')}"
+        for section in sections
+        if _misfit(section.result) and section.result.gate is not None
+    ]
+    by_reason: dict[str, dict[str, list[str]]] = {}
+    fitting = [section for section in sections if not _misfit(section.result)]
+    for section in fitting:
+        for item in (*section.result.parameters, *section.result.derived):
+            if not item.identifiable:
+                names = by_reason.setdefault(_reason(item), {})
+                names.setdefault(item.name, []).append(section.label)
+        band = _band(section.result.curve)
+        if band is not None and band > USABLE_BAND:
+            names = by_reason.setdefault("its band is too wide", {})
+            names.setdefault(section.result.curve.y_name, []).append(section.label)
+    parts += [f"{_names(names, len(fitting))}: {why}" for why, names in by_reason.items()]
+    return parts
+
+
+def _reason(item: ParameterEstimate) -> str:
+    return item.verdict.value
+
+
+def _names(names: Mapping[str, Sequence[str]], sections: int) -> str:
+    """Return names with the sections that each stands for, those of the same ones together."""
+    together: dict[tuple[str, ...], list[str]] = {}
+    for name, labels in names.items():
+        together.setdefault(tuple(labels), []).append(name)
+    return ", ".join(
+        listed(found) + ("" if sections == 1 else f" ({_whose(labels, sections)})")
+        for labels, found in together.items()
+    )
+
+
+def _whose(labels: Sequence[str], sections: int) -> str:
+    return "all" if len(labels) == sections else ", ".join(labels)
+
+
+def _with_label(section: ReportSection, sections: Sequence[ReportSection], text: str) -> str:
+    return f"{section.label}: {text}" if text and len(sections) > 1 else text
+
+
+def _misfit(result: IdentificationResult) -> bool:
+    return result.gate is not None and result.gate.outcome is FitOutcome.MISFIT

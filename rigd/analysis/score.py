@@ -1,0 +1,155 @@
+"""Score tests: would the fit be better if something more were in the model, and how large is it?
+
+A candidate is a change of the predicted outputs for each unit of something that the model does not
+have: one more column d of the Jacobian, whitened as the residuals e are. With J the whitened
+Jacobian and P the precision of the constants, what J cannot stand in for is d - J (J'J + P)^-1 J'd;
+its product with e is the score (Rao, Proc. Camb. Phil. Soc. 44, 1948; Engle, Handbook of
+Econometrics II, 1984, ch. 13). No candidate is refitted.
+
+The variance of the score is that of white residuals, or that of its block sums (HAC; Newey and
+West, Econometrica 55, 1987) if that is larger: what else is wrong makes residuals coloured, and
+everything would look significant. The blocks are those of the residuals that the candidate leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+from scipy.stats import f as f_distribution
+
+from rigd.analysis.model import slopes
+from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.result import FloatArray
+from rigd.analysis.uncertainty import scaled_pinv
+
+Columns = Sequence[FloatArray]  #: of each trial, (n, m, c): change of its outputs for each unit
+
+CLEAR = 0.01  #: p value from which no other covariance can make a test significant
+OWN_SHARE = 1e-9  #: of a column's information; less of its own means that the parameters stand in
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """What the residuals say of a candidate with c columns.
+
+    ``gain`` is the fall of -2 ln L that it promises, ``p_value`` the chance of such a gain without
+    it. ``size`` (c,) is its amount as a first step gives it, ``sd`` (c,) how well that is known,
+    and ``shift`` (p,) the step that the parameters take with it, scaled.
+    """
+
+    gain: float
+    dof: int
+    p_value: float
+    size: FloatArray
+    sd: FloatArray
+    shift: FloatArray
+
+
+class Scores:
+    """A fit, whitened once, against which candidates are tested.
+
+    ``white`` are its whitened residuals, (n, m) for each trial.
+    """
+
+    def __init__(self, fit: OutputErrorFit, block: int) -> None:
+        """Whiten ``fit``; ``block`` is the longest correlation that is heeded, in samples."""
+        model, theta = fit.model, fit.fit.theta
+        scale = slopes(model.parameters, theta)
+        self._fit, self._rows = fit, block * len(model.system.outputs)
+        self._errors: list[FloatArray] = []
+        self._jacobians: list[FloatArray] = []
+        gradient = model.precision * (fit.fit.scaled - model.prior)
+        for trial in range(model.trials):
+            error, jacobian = model.linearise(trial, theta)
+            here = model.columns(trial)
+            self._errors.append(error)
+            self._jacobians.append(jacobian * scale[here])
+            gradient[here] += self._jacobians[-1].T @ error
+        self._gradient = gradient
+
+    @property
+    def white(self) -> list[FloatArray]:
+        """Return the whitened residuals (n, m) of each trial."""
+        outputs = len(self._fit.model.system.outputs)
+        return [error.reshape(-1, outputs) for error in self._errors]
+
+    def test(self, columns: Columns, *, each_trial: bool = False) -> Score:
+        """Return what the residuals say of one candidate.
+
+        With ``each_trial`` its amounts differ from trial to trial: c columns become c for each.
+        Columns for which the parameters can stand in count for nothing.
+        """
+        fit, model = self._fit, self._fit.model
+        width = columns[0].shape[2]
+        count = width * model.trials if each_trial else width
+        places = [slice(width * k, width * (k + 1)) if each_trial else slice(0, width)
+                  for k in range(model.trials)]  # fmt: skip
+        white = [
+            model.noise[trial].whiten(item).reshape(-1, width) for trial, item in enumerate(columns)
+        ]
+        common = np.zeros((len(model.parameters), count))
+        information, score = np.zeros((count, count)), np.zeros(count)
+        for trial, (part, error) in enumerate(zip(white, self._errors, strict=True)):
+            at = places[trial]
+            common[model.columns(trial), at] += self._jacobians[trial].T @ part
+            information[at, at] += part.T @ part
+            score[at] += part.T @ error
+        step = fit.inverse @ common
+        own = information - common.T @ step
+        score -= step.T @ self._gradient
+        tiny = np.finfo(np.float64).tiny
+        used = np.flatnonzero(np.diag(own) > OWN_SHARE * np.maximum(np.diag(information), tiny))
+        size, sd = np.zeros(count), np.full(count, np.inf)
+        if used.size == 0:
+            return Score(0.0, 0, 1.0, size, sd, np.zeros(len(model.parameters)))
+        inverse = scaled_pinv(own[np.ix_(used, used)])
+        size[used] = -inverse @ score[used]
+        gain = float(score[used] @ inverse @ score[used])
+        p_value = float(chi2.sf(gain, used.size))
+        sd[used] = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+        if p_value > CLEAR:
+            return Score(gain, int(used.size), p_value, size, sd, -step @ size)
+        blocks = self._blocks(white, places, step, size)[:, used]
+        coloured = blocks.T @ blocks
+        coloured += step[:, used].T @ (model.precision[:, None] * step[:, used])
+        inflation = max(1.0, float(np.trace(inverse @ coloured)) / used.size)
+        sd *= np.sqrt(inflation)
+        p_value = _p_value(gain / inflation, used.size, len(blocks), inflation)
+        return Score(gain, int(used.size), p_value, size, sd, -step @ size)
+
+    def _blocks(
+        self, white: Columns, places: Sequence[slice], step: FloatArray, size: FloatArray
+    ) -> FloatArray:
+        """Return the block sums of the scores that are left with ``size``, (blocks, c)."""
+        found = []
+        for trial, (part, error) in enumerate(zip(white, self._errors, strict=True)):
+            own = -self._jacobians[trial] @ step[self._fit.model.columns(trial)]
+            own[:, places[trial]] += part
+            left = error + own @ size
+            edges = np.arange(0, len(error), self._rows)
+            found.append(np.add.reduceat(own * left[:, None], edges, axis=0))
+        return np.concatenate(found)
+
+
+def _p_value(statistic: float, dof: int, blocks: int, inflation: float) -> float:
+    """Return the chance of ``statistic``; a variance from blocks has the doubt of their number."""
+    left = blocks - dof
+    if inflation <= 1.0 or left < 1:
+        return float(chi2.sf(statistic, dof))
+    return float(f_distribution.sf(statistic / dof, dof, left))
+
+
+def holm(p_values: Sequence[float], level: float) -> list[bool]:
+    """Return which hypotheses are rejected so that one false alarm in all has chance ``level``.
+
+    Holm, Scandinavian Journal of Statistics 6 (1979): no assumption on how they depend.
+    """
+    rejected = [False] * len(p_values)
+    for rank, index in enumerate(np.argsort(p_values)):
+        if p_values[index] > level / (len(p_values) - rank):
+            break
+        rejected[index] = True
+    return rejected

@@ -1,0 +1,95 @@
+"""Are whitened residuals white, of unit variance, without jumps? Against no alternative at all.
+
+What the model leaves must be what the noise of input and sensors leaves, at every frequency. So
+what nobody has a name for is seen, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, norm
+
+from rigd.analysis.result import FloatArray
+
+EXCESS = 1.15  #: variance over that of the noise from which an output shows more than noise
+LOUD = 2.0  #: power of a band over that of the output's noise from which it counts
+BANDS = 64  #: of frequencies up to half the rate; each a test
+
+
+@dataclass(frozen=True)
+class LoudBand:
+    """The band of frequencies in which an output shows most above its noise, up to ``high_hz``."""
+
+    output: int
+    low_hz: float
+    high_hz: float
+    ratio: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Jump:
+    """The largest whitened residual: its output, trial, sample, size in standard deviations."""
+
+    output: int
+    trial: int
+    sample: int
+    size: float
+    p_value: float
+
+
+def levels(white: Sequence[FloatArray]) -> list[float]:
+    """Return the mean square of each output's whitened residuals (n, m); noise alone leaves 1."""
+    together = np.concatenate(white)
+    return [float(x) for x in np.mean(together**2, axis=0)]
+
+
+def loudest_band(white: Sequence[FloatArray], period_s: float) -> LoudBand:
+    """Return where the pooled periodogram of an output lies most above that of its noise.
+
+    Bands below ``LOUD`` times the noise do not count: p is 1 without any.
+
+    Under whiteness the sum of a trial's periodogram over k Fourier frequencies is chi-square with
+    2 k degrees of freedom (Brockwell and Davis, Time Series, 1991, sec. 10.3); trials add. The
+    level of the noise is the output's own median over the bands: a loud sensor is not coloured.
+    """
+    edges = np.linspace(0.0, 0.5, BANDS + 1)
+    best = LoudBand(0, 0.0, 0.0, 1.0, 1.0)
+    for output in range(white[0].shape[1]):
+        power, counts = np.zeros(BANDS), np.zeros(BANDS)
+        for trial in white:
+            spectrum = np.abs(np.fft.rfft(trial[:, output])) ** 2 * 2.0 / len(trial)
+            frequency = np.fft.rfftfreq(len(trial))
+            inside = slice(1, len(spectrum) - 1)
+            place = np.minimum(np.searchsorted(edges, frequency[inside], "right") - 1, BANDS - 1)
+            np.add.at(power, place, spectrum[inside])
+            np.add.at(counts, place, 2.0)
+        level = float(np.median(power / np.maximum(counts, 1.0)))
+        for band in np.flatnonzero(counts):
+            ratio = power[band] / counts[band] / level
+            if ratio < LOUD:
+                continue
+            p_value = float(chi2.sf(power[band] / level, counts[band]))
+            p_value = min(1.0, p_value * BANDS * white[0].shape[1])
+            if p_value < best.p_value:
+                ends = edges[band : band + 2] / period_s
+                best = LoudBand(output, float(ends[0]), float(ends[1]), float(ratio), p_value)
+    return best
+
+
+def largest_jump(white: Sequence[FloatArray]) -> Jump:
+    """Return the largest whitened residual, with the chance of one so large among all."""
+    scale = np.sqrt(np.maximum(levels(white), 1.0))
+    count = sum(part.size for part in white)
+    best = Jump(0, 0, 0, 0.0, 1.0)
+    for trial, part in enumerate(white):
+        sizes = np.abs(part) / scale
+        sample, output = np.unravel_index(int(np.argmax(sizes)), sizes.shape)
+        size = float(sizes[sample, output])
+        if size > best.size:
+            p_value = float(min(1.0, 2.0 * norm.sf(size) * count))
+            best = Jump(int(output), trial, int(sample), size, p_value)
+    return best
