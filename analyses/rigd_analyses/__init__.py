@@ -1,1 +1,1 @@
-"""Analyses of rig families that come with rigd: recordings in, friction with uncertainties out."""
+"""Contains the analyses that come with rigd; they compute friction with uncertainty."""

@@ -1,5 +1,6 @@
-"""Friction coefficients of an omni-wheel at an approach angle: the paper's analysis, and better.
+"""Computes the friction coefficients of an omni-wheel at an approach angle, by two methods.
 
-"The paper" is "Omni-wheel friction coefficient measuring methodology for various angles". All
-arrays and results are in SI. Three coefficients are told apart everywhere (:class:`Coefficient`).
+One is the method of the paper "Omni-wheel friction coefficient measuring methodology for various
+angles"; the other is a better one. All arrays and results are in SI. There are three coefficients;
+every result names the one that it is (:class:`Coefficient`).
 """

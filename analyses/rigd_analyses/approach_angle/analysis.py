@@ -1,4 +1,11 @@
-"""The analysis of an approach-angle campaign as rigd finds it: what it needs, and the way to it."""
+"""Declares the approach-angle analysis to rigd: what the analysis needs, and how rigd calls it.
+
+The analysis computes the friction coefficients of an omni-wheel whose rolling direction is at an
+angle (the approach angle) to the direction of movement. The class names the recorded signals, the
+constants, the published values (the maximum of the friction coefficient), the parameters of a trial
+(one recorded movement) and the calibrated values of the rig that the analysis uses. All recordings
+that rigd passes to ``evaluate`` are one campaign: they are evaluated together.
+"""
 
 from __future__ import annotations
 

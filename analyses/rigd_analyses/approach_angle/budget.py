@@ -1,6 +1,6 @@
-"""The uncertainty budget of F_r/N: 13 terms, by the law of propagation (JCGM 100:2008, 5.1).
+"""Computes the uncertainty budget of F_r/N: 13 terms, by propagation (JCGM 100:2008, 5.1).
 
-The model of one number, with rho = R_eff/R:
+The model of the friction coefficient, with rho = R_eff/R, is:
 
     mu = [K_T dV - Z - X - I dw/dt - (b0 + b1 w + bN N) - C_rr N R]/(rho R N) + variation
 
@@ -8,11 +8,13 @@ Z is the zero of the gauges, X the crosstalk of bending. With D = rho R N mu, th
 friction, the relative sensitivities c = (1/mu) dmu/dx are
 
     K_T: T/(K_T D)    any torque (Z, X, noise, T_b): 1/D    I: (dw/dt)/D    C_rr: 1/(rho mu)
-    rho: 1/rho    N: (D + bN N + C_rr N R)/(N D)    what varies N or mu itself: 1
+    rho: 1/rho    N: (D + bN N + C_rr N R)/(N D)    variation of N or of mu itself: 1
 
-The inputs are taken as independent (5.2 does not arise: each is measured by another experiment).
-The column of the paper's method holds what it leaves uncorrected as if it were an uncertainty of
-that size. The GUM wants a known bias corrected (3.2.4); the column is there to compare only.
+The inputs count as independent (5.2 does not apply: each comes from another experiment).
+
+The budget has a second column, for the method of the paper. It treats each effect that this method
+leaves uncorrected as an uncertainty of that size. The GUM requires the correction of a known bias
+(3.2.4); the column is for comparison only.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ FORCE_TERMS = 8  #: torque and drags come first, then what concerns N, the surfa
 
 @dataclass(frozen=True)
 class Conditions:
-    """One run, or the medians over the runs of a set."""
+    """The conditions of one run, or the medians over the runs of a set."""
 
     mu: float
     torque_nm: float  #: at the gauges
@@ -44,7 +46,7 @@ class Conditions:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Standard uncertainties (k = 1) that neither calibration nor rig hold.
+    """Standard uncertainties (k = 1) that neither the calibration nor the rig file gives.
 
     ``zero_nm`` is what is left of the gauges' zero: the spread of the zeros before the triggers,
     and ``tare_nm`` the noise of one such zero, which is all that is left where ``tared``.

@@ -1,4 +1,8 @@
-"""The whole campaign: every run by both analyses, each set's maximum, the trend over the angle."""
+"""Evaluates a campaign, that is, all runs that one analysis evaluates together.
+
+The result has each run by both methods, the maximum of each set (runs that share wheel and angle),
+and the trend over the angle.
+"""
 
 from __future__ import annotations
 

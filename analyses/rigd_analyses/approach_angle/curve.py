@@ -1,14 +1,15 @@
-"""The friction limit of one set over the sliding speed, pooled over its runs.
+"""Fits the friction limit of one set as a function of the sliding speed, to all its runs together.
 
-ln mu = a + b L + c L^2 with L = log10(v/1 m/s): the hump of rubber friction over the logarithm of
-the sliding speed (Grosch 1963), in the form mu_max exp(-h log10(v/v_peak)^2), h = -c. Each block
-mean in which the wheel slides is one point. Points of one run share its surface, its load and the
-drift of its gauges, so the covariance is the sandwich with one score per run (Liang and Zeger
-1986), scaled for few runs. Tukey's biweight (started from Huber's, on the median absolute
-deviation) keeps out what does not belong.
+ln mu = a + b L + c L^2 with L = log10(v/1 m/s). This is the maximum of rubber friction over the
+logarithm of the sliding speed (Grosch 1963), in the form mu_max exp(-h log10(v/v_peak)^2), h = -c.
 
-The maximum of a curve is not the maximum of its points: that picks the run with the largest error
-and lies 3 to 6 % too high even with good runs (angle.md 3.4).
+Each block mean during which the wheel slides is one point. Points of one run share its surface, its
+load and the drift of its gauges. The covariance is therefore the sandwich with one score per run
+(Liang and Zeger 1986), corrected for a small number of runs. Tukey's biweight (started from
+Huber's, on the median absolute deviation) reduces the influence of outliers.
+
+The maximum of the curve is not the largest point. The largest point belongs to the run with the
+largest error and is 3 to 6 % too high even with good runs (angle.md 3.4).
 """
 
 from __future__ import annotations

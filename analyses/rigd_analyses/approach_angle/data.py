@@ -1,4 +1,4 @@
-"""What the analyses of the approach-angle rig take: runs, what is known of the rig, flags."""
+"""Defines the input of the approach-angle analyses: runs, known quantities of the rig, flags."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Coefficient(Enum):
-    """Which of the three legitimate coefficients a number is; every table names its own."""
+    """Names the three legitimate coefficients; every table states which one it shows."""
 
     ROLLING = "rolling-direction"  #: F_r/N: along the rolling direction, what the torque measures
     USABLE = "usable"  #: (F_r cos(alpha) - F_a sin(alpha))/N: the push along the travel
@@ -20,7 +20,7 @@ class Coefficient(Enum):
 
 
 class Regime(Enum):
-    """What the wheel did in the window: only while it slides is F_r/N a friction limit."""
+    """The motion of the wheel in the window: F_r/N is a friction limit only if the wheel slides."""
 
     SLIDING = "sliding"
     ROLLING = "rolling"
@@ -41,7 +41,7 @@ UNKNOWN_RISE = Known(0.0, 0.05)
 
 @dataclass(frozen=True)
 class AngleCalibration:
-    """What turns volts into quantities; from the calibration that the recording carries."""
+    """The values that convert volts to quantities, from the calibration in the recording."""
 
     torque: Known  #: N m per V of (gauge a - gauge b): m g L / d(V_a - V_b)
     wheel: Known  #: rad per V of the wheel's potentiometer
@@ -53,7 +53,7 @@ class AngleCalibration:
 
 @dataclass(frozen=True)
 class AngleRig:
-    """What is known of the rig beside its sensors; the uncertain ones with their uncertainty."""
+    """The known quantities of the rig except its sensors; uncertain ones have their uncertainty."""
 
     wheel_radius_m: float  #: nominal R of the paper (0.050 m), not the shaft's
     wheel_inertia: (
@@ -84,7 +84,7 @@ class Severity(Enum):
 
 @dataclass(frozen=True)
 class Flag:
-    """Why a run is not what it should be: a fixed code for programs, a sentence for people."""
+    """The reason why a run is not as it should be: a code for programs, a sentence for people."""
 
     code: str  #: such as peak_at_edge, negative_torque, no_pre_trigger, rubbing
     reason: str

@@ -1,20 +1,20 @@
-"""What is wrong with a raw run, before anything is computed from it.
+"""Flags faults in the raw data of a run, before anything is computed from the run.
 
 One broken wire or one forgotten weight gives a friction coefficient that looks good. Each check
-here tests a run for one such fault and says what was found and what was expected:
+here tests a run for one such fault; its flag states what was found and what was expected:
 
 ===================  ========  ====================================================================
 code                 severity  found when
 ===================  ========  ====================================================================
 no_pre_trigger       excluded  less than 50 ms before the relay command: t = 0 and the zero of the
-                               gauges are taken on trust, and the zero's drift is 4.5 % of mu
+                               gauges cannot be checked, and the zero's drift is 4.5 % of mu
 too_short            excluded  less than 0.2 s from command to stop, or the record ends before it
 nan_samples          excluded  a signal has samples that are no number, or that no card can give
-missing_samples      excluded  a gap in the times: filters and the Fourier step see a jump
+missing_samples      excluded  a gap in the times: for filters and the Fourier step it is a jump
 at_rail              excluded  a signal is at the limit of the converter
-noisy                excluded  a signal has many times its usual noise: a broken wire, its screen
+noisy                excluded  a signal has many times its usual noise: a broken wire or screen
 moving_at_start      excluded  wheel or platform moves before the command: not at rest, no tare
-watchdog             excluded  stopped by time, not by travel
+watchdog             excluded  the watchdog time stopped the run, not the travel
 load_missing         excluded  no reading of the scale, or none that is a load
 scale_unsteady       excluded  the reading of the scale had not come to rest
 load_disagrees       excluded  the reading is not the load that was announced
@@ -22,9 +22,9 @@ load_cell_disagrees  excluded  the load cell does not show what the scale shows
 no_drive             excluded  neither torque nor movement: the motor did not run
 no_torque            excluded  movement without torque: the gauges' amplifier is off
 gauges_off_zero      excluded  the gauges show torque before the command, when nothing drives; the
-                               paper's method takes no zero off
+                               paper's method subtracts no zero
 negative_torque      excluded  torque below 0 in the first 100 ms: the gauges are swapped
-gauges_disagree      excluded  one of the two does not see the torque, or reversed: T is too small
+gauges_disagree      excluded  one gauge does not show the torque, or reversed: T is too small
 negative_speed       excluded  wheel or platform runs backwards: potentiometer leads swapped
 pot_dead             excluded  a potentiometer stands still while the gauges show torque
 pot_jumps            excluded  a potentiometer moves faster than anything on the rig: wiper, thread
@@ -32,9 +32,9 @@ pot_at_end           excluded  a potentiometer is at the end of its ten turns (i
 pot_near_end         note      it did not reach its end, but a run could have
 ===================  ========  ====================================================================
 
-"Excluded" is what leaves no number of the run that could be defended, "note" what the number
-survives. No sign is mended and no lead swapped back by the analysis: the wiring is wrong, and what
-else is wrong with it is not known.
+"Excluded" means that no number of the run could be defended; with a "note" the numbers stand. The
+analysis corrects no sign and swaps no leads: if the wiring is wrong, other faults of the wiring are
+possible and unknown.
 """
 
 from __future__ import annotations

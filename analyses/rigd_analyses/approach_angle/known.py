@@ -1,4 +1,4 @@
-"""What is known of the rig beside its runs: the calibration and the constants of the plan."""
+"""Reads the calibration and the rig constants that the evaluation of approach-angle runs needs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rigd_analyses.approach_angle.data import UNKNOWN_RISE, AngleCalibration, An
 
 @dataclass(frozen=True)
 class Calibrated:
-    """The calibration that a recording is evaluated under, and what that differs in."""
+    """The calibration used to evaluate a recording, and its differences from the recorded one."""
 
     used: Calibration
     replayed: bool  #: another file than the one that the recording carries

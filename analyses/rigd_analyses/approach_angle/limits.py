@@ -1,4 +1,4 @@
-"""Where a run of the approach-angle rig stops being a good one."""
+"""Defines the limits between a good and a bad run of the approach-angle rig."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Limits:
-    """Where a run stops being a good one.
+    """The limits between a good and a bad run.
 
     ``pre_trigger_s`` 0 accepts records that have none, as the paper's own. ``early_s``: signs are
     judged this long after the command. ``torque_nm``: the least mean torque until then that counts

@@ -1,4 +1,4 @@
-"""What is wrong with the load of a run; the table of ``flags.py`` has the codes."""
+"""Flags faults in the load of a run; the table of ``flags.py`` lists the codes."""
 
 from __future__ import annotations
 

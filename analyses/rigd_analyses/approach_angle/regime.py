@@ -1,4 +1,4 @@
-"""Whether the wheel slid, rolled, or did both: both analyses judge it in this one way."""
+"""Decides for both methods whether the wheel slid, rolled, or did both."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What the analysis of a campaign hands on: plain frozen data for the report and the JSON file.
+"""Defines the result of a campaign as frozen data, for the report and the JSON file.
 
-Every coefficient names which of the three it is. What the data do not give is ``None`` or, inside
-the result of one run, NaN; in JSON both are null.
+Every coefficient names which of the three coefficients it is. A value that the data do not give is
+``None`` or, inside the result of one run, NaN; in JSON both are null.
 """
 
 from __future__ import annotations
@@ -250,7 +250,7 @@ class LineFit:
 
 @dataclass(frozen=True)
 class DemandFit:
-    """mu = (a + b sin(alpha))/cos(alpha): the force that mere rolling asks for, of the same data.
+    """mu = (a + b sin(alpha))/cos(alpha): the demand of mere rolling, fitted to the same data.
 
     a stands for (m a + F_rail)/N, b for the rollers' drag.
     """

@@ -1,7 +1,7 @@
-"""A recorded trial of the approach-angle rig to the raw run that its analyses take.
+"""Converts a recorded trial of the approach-angle rig to the raw run that its analyses take.
 
-Streams keep their own rates: nothing is resampled here. Time is that of the card's own clock, laid
-over rigd's clock once per trial, and zero at the relay COMMAND.
+The module resamples nothing: each stream keeps its own rate. Time comes from the clock of the
+card, aligned to rigd's clock once per trial, and is zero at the relay COMMAND.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Rows = NDArray[np.void]
 
 @dataclass(frozen=True)
 class Signals:
-    """Where the signals of a plan stand in one recording."""
+    """Where one recording holds the signals of a plan."""
 
     card: Stream
     fields: Mapping[str, str]  #: of the card, by signal
@@ -50,7 +50,7 @@ class Signals:
 
 @dataclass(frozen=True)
 class _Drive:
-    """When the relay was told to close and to open; None where it never was."""
+    """The times of the commands to close and to open the relay; None if there was no command."""
 
     start_ns: int | None
     stop_ns: int | None

@@ -1,4 +1,4 @@
-"""Which samples of a recording are numbers at all."""
+"""Checks which samples of a recording are numbers that an acquisition card can return."""
 
 from __future__ import annotations
 

@@ -1,4 +1,17 @@
-"""One set of the campaign: the paper's maximum, the pooled curve's maximum, and its budget."""
+"""Computes the largest friction coefficient of one set, with its uncertainty.
+
+A run is one recorded movement of the platform, which the wheel drives. A campaign is all runs that
+one analysis evaluates together. A set is all runs of a campaign that share the wheel and the
+approach angle (between the wheel's rolling direction and the movement). The result has
+
+- the largest coefficient of a single run by the paper's method ("Omni-wheel friction coefficient
+  measuring methodology for various angles");
+- the maximum of the friction curve that is fitted to all sliding runs together (the pooled curve:
+  friction coefficient over sliding speed), and the usable and the resultant coefficient that
+  follow from it;
+- the uncertainty budget of the set (the list of contributions to the uncertainty);
+- warnings, for example that too few runs slide for a maximum.
+"""
 
 from __future__ import annotations
 

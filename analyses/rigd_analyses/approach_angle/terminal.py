@@ -1,11 +1,25 @@
-"""Prints the result of a campaign at a terminal: Table 1 of the paper, trend, flagged runs."""
+"""Makes the text that the terminal shows for a campaign: result tables, warnings and bad runs.
+
+A campaign is all runs that one analysis evaluates together. A set is the runs of a campaign that
+share wheel and approach angle (between the wheel's rolling direction and the movement). The text
+consists of
+
+- Table 1 of the paper with our results beside the published ones: the largest friction coefficient
+  of each set, by the paper's method and by the better one;
+- the fits of the friction coefficient over the approach angle (the trend);
+- the warnings;
+- how many runs were left out, and the flagged runs, counted by reason;
+- the calibrations that were used.
+
+The paper is "Omni-wheel friction coefficient measuring methodology for various angles".
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Final
 
-from rigd.analysis.terminal import Column, Row, TerminalReport, TerminalTable
+from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTable
 from rigd_analyses.approach_angle.data import Coefficient
 from rigd_analyses.approach_angle.report.tables import (
     NONE,
@@ -50,7 +64,7 @@ def _table_1(rows: Sequence[SetRow]) -> TerminalTable:
     return TerminalTable(
         columns,
         tuple(
-            Row(
+            TableRow(
                 (
                     row.name,
                     row.published,
@@ -94,7 +108,7 @@ def _trends(result: CampaignResult) -> TerminalTable:
     return TerminalTable(
         columns,
         tuple(
-            Row(
+            TableRow(
                 (
                     row.source,
                     row.slope,

@@ -1,4 +1,7 @@
-"""Friction over the approach angle: the paper's straight line, and what mere rolling would give."""
+"""Fits two functions of the approach angle to friction: the paper's straight line, and the demand.
+
+The demand is the force that mere rolling needs.
+"""
 
 from __future__ import annotations
 

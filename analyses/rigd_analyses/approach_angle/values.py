@@ -1,4 +1,4 @@
-"""The values that a calibration of the approach-angle rig holds, and its signals in volts."""
+"""Lists the values that a calibration of the approach-angle rig may hold, and its input signals."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The LuGre omni-wheel rig: slip and traction of a driven carriage to friction parameters."""
+"""Computes the parameters of the LuGre friction model for an omni-wheel that drives a carriage."""

@@ -1,8 +1,8 @@
-"""Which further tests would help: excitations made from the slip already recorded.
+"""Proposes further tests that would help; each is simulated from the slip already recorded.
 
-Candidates are scaled from the visited slip, not from wishes: what the drive can reach is what it
-reached, times two with half the mass (F/F_N noise stays the same, slip grows as 1/m; lugre.md
-section 5). Only tests that this method can evaluate are candidates: one constant current each.
+The recordings show what the drive can reach. With half the carriage mass it reaches two times that
+slip (the noise of F/F_N stays the same and the slip grows as 1/m; lugre.md section 5). The module
+proposes only tests that this method can evaluate: one constant current each.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rigd.analysis.friction import SlipForce
 from rigd.analysis.identifiability import Candidate
 from rigd.analysis.result import FloatArray
-from rigd_analyses.lugre.model import LugreModel, SlipForce
+from rigd_analyses.lugre.model import LugreModel
 
 #: Parameters that no excitation within reach of the drive determines, and why (lugre.md section 5).
 OUT_OF_REACH = {

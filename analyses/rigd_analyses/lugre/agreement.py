@@ -1,9 +1,9 @@
-"""Do recordings that are fitted together agree? Something may have changed between them.
+"""Tests whether recordings that are fitted together agree; something may have changed in between.
 
-One set of parameters for all recordings is compared with a set of its own for each. With residuals
-of inflation t the statistic n/t ln(S_together/S_apart) is, where nothing changed, a chi-square
-number with p (K - 1) degrees of freedom: p parameters, K recordings (likelihood ratio; the profiles
-of :mod:`rigd.analysis.profile` use the same scale).
+The test compares one set of parameters for all recordings with one set for each recording. With
+residuals of inflation t the statistic is n/t ln(S_together/S_apart). If nothing changed, it is a
+chi-square number with p (K - 1) degrees of freedom: p parameters, K recordings (likelihood ratio;
+the profiles of :mod:`rigd.analysis.profile` use the same scale).
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from rigd.analysis.fit import fit
+from rigd.analysis.friction import SlipForce
 from rigd.analysis.result import FloatArray, ResidualTest
-from rigd_analyses.lugre.model import LugreModel, SlipForce
+from rigd_analyses.lugre.model import LugreModel
 
 #: A recording with fewer trials says too little of itself.
 LEAST_TRIALS = 3

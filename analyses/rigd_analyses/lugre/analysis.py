@@ -1,4 +1,4 @@
-"""The LuGre analysis as rigd finds it: what it needs, and the way to its numerics."""
+"""Declares the LuGre analysis to rigd: its needs, and the function that evaluates recordings."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from rigd.analysis import Analysis, Evaluation, Needs, Options
 
 if TYPE_CHECKING:
     from rigd.analysis.source import RecordedSweep
+    from rigd.analysis.validation.result import Validation
+    from rigd.analysis.validation.saved import SavedModel
 
 
 class LugreAnalysis(Analysis):
@@ -21,12 +23,20 @@ class LugreAnalysis(Analysis):
             "acceleration": "m/s^2",
             "motor_current": "A",
         },
+        optional_signals={"carriage_held": "1"},
         constants=("mass", "wheel_radius", "guide_friction", "rolling_resistance", "gravity"),
-        optional_constants=("guide_friction_mass",),
+        optional_constants=(
+            "guide_friction_mass",  # that of the trials, if it is left out
+            *("torque_constant", "gear_ratio", "gear_efficiency"),
+            *("no_load_torque", "no_load_viscous", "motor_inertia"),  # at the motor shaft
+            # At the wheel; of its bearings the dry torque at `guide_friction_mass`.
+            *("wheel_inertia", "bearing_torque"),
+            "roller_transitions",  # per revolution of the wheel
+        ),
         references=("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2"),
         trial_parameters=("current",),
     )
-    options = ("starts", "seed", "robust", "by_recording")
+    options = ("starts", "seed", "robust", "by_recording", "method", "law", "compare")
 
     def evaluate(
         self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
@@ -35,3 +45,15 @@ class LugreAnalysis(Analysis):
         from rigd_analyses.lugre.evaluation import evaluate
 
         return evaluate(sweeps, options, tell)
+
+    def validate(
+        self,
+        models: Sequence[SavedModel],
+        sweeps: Sequence[RecordedSweep],
+        group: str,
+        tell: Callable[[str], None],
+    ) -> Validation:
+        """Return what ``sweeps`` say of friction that was identified from others."""
+        from rigd_analyses.lugre.validation.validate import validate
+
+        return validate(models, sweeps, group, tell)

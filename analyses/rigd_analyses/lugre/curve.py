@@ -1,4 +1,4 @@
-"""The friction curve g(V_r) with its band, on the slip that the data visited and nowhere else."""
+"""Computes the friction curve g(V_r) with its band, only for the slip range that the data cover."""
 
 from __future__ import annotations
 
@@ -56,13 +56,21 @@ def seen(model: LugreModel, theta: FloatArray, visited: tuple[float, float]) -> 
     """Return what the samples show of g in ranges of slip: component plus residual.
 
     Of each measured force the fitted parts besides g are taken off (W. A. Larsen and S. J.
-    McCleary, Technometrics 14, 1972): what is left is g plus the residual. Ranges with fewer than
-    ``LEAST_SEEN`` samples are left out.
+    McCleary, Technometrics 14, 1972): what is left is g plus the residual.
     """
     slip = np.concatenate([t.slip_m_s for t in model.trials])
     inside = _sliding(model, theta, slip)
     away = np.sign(slip) * -model.residuals(theta)
-    size, shown = np.abs(slip[inside]), (friction(theta, np.abs(slip)) + away)[inside]
+    return in_ranges(np.abs(slip[inside]), (friction(theta, np.abs(slip)) + away)[inside], visited)
+
+
+def in_ranges(
+    size: FloatArray, shown: FloatArray, visited: tuple[float, float]
+) -> tuple[Seen, ...]:
+    """Return what ``shown`` (n,) is of g in ranges of the slip ``size`` (n,), in m/s.
+
+    Ranges with fewer than ``LEAST_SEEN`` samples are left out.
+    """
     place = np.digitize(size, np.geomspace(visited[0], visited[1], RANGES + 1)) - 1
     found = []
     for index in range(RANGES):

@@ -1,4 +1,4 @@
-"""Where the drive of a trial begins and ends, found from the motor current."""
+"""Finds the begin and the end of the driven part of a trial from the motor current."""
 
 from __future__ import annotations
 

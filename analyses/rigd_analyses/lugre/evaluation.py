@@ -1,4 +1,4 @@
-"""The LuGre parameters of each group of recorded trials, with their published curves."""
+"""Computes the LuGre parameters of each group of trials; adds the published curve to compare."""
 
 from __future__ import annotations
 
@@ -24,9 +24,7 @@ def evaluate(
     """
     fitted = []
     for group in complete_groups(sweeps, options, tell):
-        result = identify(
-            group.trials, starts=options.starts, seed=options.seed, robust=options.robust
-        )
+        result = identify(group.trials, options)
         curve = reference_curve(group.reference_label, group.reference, result)
         fitted.append(Fitted(group, result, curve))
     return ParameterEvaluation.of(sweeps, fitted, options)
@@ -35,8 +33,11 @@ def evaluate(
 def reference_curve(
     label: str, values: Mapping[str, float], result: IdentificationResult
 ) -> ReferenceCurve | None:
-    """Return g(V_r) of the reference values over the range the result visited (corrected Eq. 6)."""
-    if not {"V_s", "mu_c", "mu_s"} <= values.keys():
+    """Return g(V_r) of the reference values over the range the result visited (corrected Eq. 6).
+
+    None: values are missing, or the result draws another curve than g.
+    """
+    if not {"V_s", "mu_c", "mu_s"} <= values.keys() or result.curve.y_name != "g":
         return None
     slip = result.curve.x
     decay = np.exp(-np.sqrt(np.abs(slip) / values["V_s"]))

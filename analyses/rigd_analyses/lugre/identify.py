@@ -1,4 +1,4 @@
-"""From trials of the omni-wheel rig to LuGre parameters with honest uncertainties (method A)."""
+"""Identifies LuGre parameters with uncertainties from trials of the omni-wheel rig (method A)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 
 from rigd.analysis import residuals as tests
 from rigd.analysis.fit import Fit, Loss, fit, multi_start, named, robust_fit
-from rigd.analysis.model import slopes
+from rigd.analysis.friction import SlipForce
+from rigd.analysis.model import fitted_point, slopes
 from rigd.analysis.result import (
     FloatArray,
     IdentificationResult,
@@ -27,13 +28,14 @@ from rigd.analysis.uncertainty import (
 )
 from rigd_analyses.lugre.agreement import agreement
 from rigd_analyses.lugre.curve import friction_curve, seen, visited_range
-from rigd_analyses.lugre.model import LugreModel, SlipForce
+from rigd_analyses.lugre.model import LugreModel
 from rigd_analyses.lugre.preprocess import Guards, ProcessedSweep, ProcessedTrial, process
 from rigd_analyses.lugre.profiles import polish, profiles, scan_all
 from rigd_analyses.lugre.spread import Spread
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
 from rigd_analyses.lugre.verdicts import derived, estimates
 
+METHOD = "A: slip in, traction out"
 LAGS = 150
 LJUNG_BOX_LAGS = 20
 
@@ -87,7 +89,7 @@ def identify_lugre(
     common = agreement(_by_recording(sweep), best.theta, inflation)
     return IdentificationResult(
         model="lugre",
-        method="A: slip in, traction out",
+        method=METHOD,
         title="LuGre friction of the omni-wheel",
         parameters=estimates(model, best, cov, inflation, spread, scans, visited),
         derived=derived(model, best, spread, scans),
@@ -105,7 +107,7 @@ def identify_lugre(
             for f in fits
         ),
         curve=friction_curve(spread, visited, seen(model, best.theta, visited)),
-        trials=_trial_fits(sweep, model, best),
+        trials=trial_fits(sweep, model.predict(best.theta)),
         profiles=profiles(scans),
         residual_tests=(
             *_residual_tests(model, error, inflation),
@@ -118,6 +120,9 @@ def identify_lugre(
         visited=f"slip from {1e3 * visited[0]:.1f} to {1e3 * visited[1]:.1f} mm/s; beyond it every "
         "statement, V_s included, is extrapolation",
         warnings=_warnings(sweep, fits, cov, common),
+        point=fitted_point(
+            model.parameters, best.theta, cov.coloured, spread.windows, scans.accepted
+        ),
     )
 
 
@@ -134,13 +139,11 @@ def _other_windows(
     return tuple(thetas)
 
 
-def _trial_fits(sweep: ProcessedSweep, model: LugreModel, best: Fit) -> tuple[TrialFit, ...]:
-    normal = sweep.constants.normal_force_n
-    predicted = normal * model.predict(best.theta)
-    return tuple(
-        _trial_fit(trial, predicted[part])
-        for trial, part in zip(sweep.trials, model.trial_slices, strict=True)
-    )
+def trial_fits(sweep: ProcessedSweep, predicted: FloatArray) -> tuple[TrialFit, ...]:
+    """Return measured and fitted traction; ``predicted`` is F/F_N (n,) of all trials in turn."""
+    ends = np.cumsum([len(trial.t_s) for trial in sweep.trials])[:-1]
+    parts = np.split(sweep.constants.normal_force_n * predicted, ends)
+    return tuple(_trial_fit(trial, part) for trial, part in zip(sweep.trials, parts, strict=True))
 
 
 def _trial_fit(trial: ProcessedTrial, fitted: FloatArray) -> TrialFit:

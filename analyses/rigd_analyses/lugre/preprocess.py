@@ -1,8 +1,8 @@
-"""Method A: from raw channels to slip and traction, with the guards that the method needs.
+"""Converts raw channels to slip and traction (method A), with checks against bad data (guards).
 
-The relation fitted is "slip in, force out", which is errors-in-variables: each guard here closes
-one way in which careless processing moves the parameters (lugre.md sections 5 and 8 measure how
-far). What is done is returned as text, so that a report can say it.
+The fit takes slip as input and force as output, and both have errors (errors-in-variables). Each
+guard therefore prevents one way in which careless processing shifts the parameters (lugre.md
+sections 5 and 8 measure by how much). The module returns a text of what it did, for the report.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from rigd.analysis import DataError
+from rigd.analysis.friction import SlipForce
 from rigd.analysis.result import FloatArray, Preprocessing, TrialRejection
 from rigd_analyses.lugre.drive import MIN_REST_S, Drive, find_drive
-from rigd_analyses.lugre.model import SlipForce
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial, sampling_period_s
 
 FORWARD, REVERSE = 1.0, -1.0
@@ -24,7 +24,7 @@ FORWARD, REVERSE = 1.0, -1.0
 
 @dataclass(frozen=True)
 class Guards:
-    """Settings of method A, with the values lugre.md section 5 arrived at.
+    """Settings of method A, with the values that lugre.md section 5 derives.
 
     ``window_s``: Savitzky-Golay window, the same for slip and force. ``order``: its polynomial.
     ``min_speed_m_s``: below this carriage speed Eq. 34 does not hold (friction at rest equals
@@ -49,7 +49,7 @@ class Guards:
 
 @dataclass(frozen=True, eq=False)
 class ProcessedTrial:
-    """One trial after method A: what the model takes, and what a plot shows beside it.
+    """One trial after method A: the input of the model, and further signals for a plot.
 
     All arrays (n,) from the first sample of the recording to the end of the drive; speeds in m/s,
     ``traction_n`` in N. Trials that drove backwards are mirrored. ``slip_noise_m_s`` is the
@@ -71,7 +71,7 @@ class ProcessedTrial:
 
 @dataclass(frozen=True)
 class ProcessedSweep:
-    """The trials that can be fitted, and the account of what was done to them."""
+    """The trials that can be fitted, and the text of how they were processed."""
 
     trials: tuple[ProcessedTrial, ...]
     constants: LugreConstants
@@ -165,8 +165,9 @@ def process_trial(
             f"{guards.min_speed_m_s} m/s, need {1e3 * guards.min_used_s:.0f} ms",
         )
     samples = SlipForce(
-        trial.label, period, slip, traction / constants.normal_force_n, mask.astype(np.float64)
-    )
+        trial.label, period, slip, traction / constants.normal_force_n, mask.astype(np.float64),
+        wheel_speed,
+    )  # fmt: skip
     return ProcessedTrial(
         trial.label, trial.current_a, trial.t_s[:end], wheel_speed, carriage_speed, traction,
         samples, drive, bias,

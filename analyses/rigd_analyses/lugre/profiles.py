@@ -1,4 +1,7 @@
-"""Profiles of V_s, mu_c, mu_s and the Stribeck effect, along and across the ridge of V_s."""
+"""Computes profile likelihoods of V_s, mu_c, mu_s and of the Stribeck effect.
+
+The profiles go along and across the ridge of V_s.
+"""
 
 from __future__ import annotations
 

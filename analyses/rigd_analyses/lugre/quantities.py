@@ -1,4 +1,4 @@
-"""The quantities a person asks for, as functions of the fitted coordinates."""
+"""Computes the reported quantities and their gradients from the fitted coordinates."""
 
 from __future__ import annotations
 
@@ -44,6 +44,16 @@ def _unit(*entries: tuple[int, float]) -> FloatArray:
     for index, value in entries:
         row[index] = value
     return row
+
+
+def height(theta: FloatArray) -> float:
+    """Return mu_s - mu_c."""
+    return float(theta[MU_C] * math.expm1(theta[RATIO]))
+
+
+def height_gradient(theta: FloatArray) -> FloatArray:
+    """Return d(mu_s - mu_c)/d(theta), (6,)."""
+    return _unit((MU_C, math.expm1(theta[RATIO])), (RATIO, _mu_s(theta)))
 
 
 def _mu_s(theta: FloatArray) -> float:

@@ -5,31 +5,77 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rigd.analysis import DataError
+from rigd.analysis import ConfigError, DataError, Options
 from rigd.analysis.fit import Loss
 from rigd.analysis.result import IdentificationResult, TrialRejection
 from rigd.analysis.source import RecordedSweep, TrialInfo, Unusable
 from rigd_analyses.lugre.analysis import LugreAnalysis
+from rigd_analyses.lugre.by_law import LUGRE, compare_by_law, identify_by_law
 from rigd_analyses.lugre.identify import Settings, identify_lugre
+from rigd_analyses.lugre.rig.constants import Known, RigConstants
+from rigd_analyses.lugre.rig.identify import identify_output_error
 from rigd_analyses.lugre.trial import LugreConstants, LugreTrial
 
 CONSTANTS = LugreAnalysis.needs.constants
 #: Carriage mass in kg at which the guide's friction was measured; that of the trials by default.
 FRICTION_MASS = "guide_friction_mass"
+OUTPUT_ERROR = "output-error"
+#: What the simulation of the rig takes besides; relative u of one that states none.
+DRIVE = (
+    *("torque_constant", "gear_ratio", "gear_efficiency", "no_load_torque", "no_load_viscous"),
+    *("motor_inertia", "wheel_inertia", "bearing_torque", "roller_transitions"),
+)
+UNSTATED_U = {
+    "mass": 1e-3,
+    "wheel_radius": 2e-3,
+    "guide_friction": 0.1,
+    "rolling_resistance": 0.1,
+    "gravity": 1e-3,
+    "torque_constant": 0.02,
+    "gear_ratio": 0.0,
+    "gear_efficiency": 0.05,
+    "no_load_torque": 0.2,
+    "no_load_viscous": 0.3,
+    "motor_inertia": 0.1,
+    "wheel_inertia": 0.05,
+    "bearing_torque": 0.3,
+}
 
 
 def identify(
-    trials: Sequence[tuple[RecordedSweep, TrialInfo]], *, starts: int, seed: int, robust: bool
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]], options: Options
 ) -> IdentificationResult:
     """Return the LuGre parameters of trials recorded under the same conditions.
 
     Raises:
+        ConfigError: the method does not take an option that is given.
         DataError: a signal or constant is missing, constants differ between recordings, or the
             data cannot answer the question.
     """
-    settings = Settings(starts=starts, seed=seed, loss=Loss.HUBER if robust else Loss.SQUARES)
+    loss = Loss.HUBER if options.robust else Loss.SQUARES
+    settings = Settings(starts=options.starts, seed=options.seed, loss=loss)
     usable, unusable = sort_out(trials)
-    result = identify_lugre(*arrays(usable), settings)
+    found, constants = arrays(usable)
+    if options.law not in ("", LUGRE):
+        if options.method == OUTPUT_ERROR:
+            raise ConfigError(
+                f"--law {options.law}: output error simulates the rig with the law {LUGRE} only",
+                hint="leave out --method",
+            )
+        result = identify_by_law(found, constants, settings, options)
+    elif options.method == OUTPUT_ERROR:
+        if options.robust:
+            raise ConfigError(
+                "--robust: output error has no robust loss", hint="leave it out, or --method"
+            )
+        rig = rig_constants(usable, constants)
+        result = identify_output_error(found, constants, rig, settings)
+    else:
+        result = identify_lugre(found, constants, settings)
+    if options.compare:
+        comparison, broken = compare_by_law(found, constants, settings, options)
+        warnings = (*result.warnings, *(f"not compared: {why}" for why in broken))
+        result = replace(result, comparison=comparison, warnings=warnings)
     account = result.preprocessing
     whole = replace(account, rejected=(*unusable, *account.rejected))
     return replace(result, preprocessing=whole)
@@ -102,6 +148,7 @@ def _trial(sweep: RecordedSweep, trial: TrialInfo, label: str) -> LugreTrial:
         carriage_position_m=signals["carriage_position"],
         acceleration_m_s2=signals["acceleration"],
         motor_current_a=signals["motor_current"],
+        held=signals.get("carriage_held"),
     )
 
 
@@ -142,3 +189,34 @@ def _constants(trials: Sequence[tuple[RecordedSweep, TrialInfo]]) -> LugreConsta
 def _gives(trials: Sequence[tuple[RecordedSweep, TrialInfo]], name: str) -> bool:
     """Whether a constant must be looked up: it is not optional, or some plan gives it."""
     return name in CONSTANTS or any(name in sweep.plan.constants for sweep, _ in trials)
+
+
+def rig_constants(
+    trials: Sequence[tuple[RecordedSweep, TrialInfo]], constants: LugreConstants
+) -> RigConstants:
+    """Return what the simulation of the rig takes, each value with its standard uncertainty.
+
+    Raises:
+        DataError: a constant of the drive is missing.
+    """
+    sweep, trial = trials[0]
+    if missing := [name for name in DRIVE if name not in sweep.plan.constants]:
+        raise DataError(
+            f"{sweep.path}: output error simulates the drive and needs {', '.join(missing)}",
+            hint="give them with `--set NAME=VALUE`, or under `identify: constants:` in the "
+            "procedure; `--method slip-force` does without",
+        )
+    values = {name: sweep.constant(trial, name) for name in (*CONSTANTS, *DRIVE)}
+    share = 1.0
+    if FRICTION_MASS in sweep.plan.constants:
+        share = constants.mass_kg / sweep.constant(trial, FRICTION_MASS)
+    values["guide_friction"] = constants.guide_friction_n
+    values["bearing_torque"] *= share
+    known = {}
+    for name, u in UNSTATED_U.items():
+        stated = sweep.uncertainty(trial, name)
+        scale = share if name in ("guide_friction", "bearing_torque") else 1.0
+        known[name] = Known(
+            values[name], u * abs(values[name]) if stated is None else stated * scale
+        )
+    return RigConstants(**known, roller_transitions=values["roller_transitions"])

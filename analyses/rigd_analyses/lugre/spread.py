@@ -1,14 +1,17 @@
-"""How far a quantity may be from its estimate: all sources of doubt brought together.
+"""Computes the interval of a quantity from three contributions: chance, method and ridge.
 
-For any function of the parameters (a parameter itself, g at one slip) the interval joins
+The quantity is any function of the parameters (a parameter itself, g at one slip).
 
-- chance: the larger of the coloured-noise sandwich and the jackknife over whole trials;
-- method: the root mean square change when the filter window is 10 ms shorter or longer, which
-  stands for the smoothing and the vibration that passes it;
-- ridge: the range over all parameter sets that the profiles of V_s, mu_c, mu_s and mu_s/mu_c
-  accept, because there the cost is no parabola and a covariance sees only its local slope.
+- chance: the larger of two standard errors, that of the sandwich covariance, which holds for
+  correlated residuals, and that of the jackknife over whole trials;
+- method: the root mean square change of the quantity when the filter window is 10 ms shorter or
+  longer; it represents the effect of the smoothing, and of the vibration that the filter passes;
+- ridge: the range of the quantity over all parameter sets that the profiles of V_s, mu_c, mu_s and
+  mu_s/mu_c accept. A covariance does not show this range: it describes the cost only near the
+  estimate, and the cost is not a parabola there.
 
-The three are joined in quadrature, on each side by itself.
+The 95 % interval adds the three in quadrature, chance and method times 1.96, separately below and
+above the estimate.
 """
 
 from __future__ import annotations

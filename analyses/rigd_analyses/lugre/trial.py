@@ -1,4 +1,4 @@
-"""What the LuGre identification takes: one object per trial, and what is known beforehand."""
+"""Defines the input of the LuGre identification: one object per trial, and the known constants."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ class LugreTrial:
     All arrays are (n,) on one clock. ``current_a`` is the commanded step, negative for driving
     backwards. ``wheel_angle_rad`` is at the wheel (behind the gear), ``acceleration_m_s2`` is the
     carriage's, ``motor_current_a`` the monitor's. Nothing is filtered and no bias is removed.
-    ``recording`` is the file that it is from.
+    ``recording`` is the file that it is from. ``held`` (n,) is above
+    0.5 while something else than the motor holds or moves the carriage; None if not recorded.
     """
 
     label: str
@@ -32,11 +33,12 @@ class LugreTrial:
     acceleration_m_s2: FloatArray
     motor_current_a: FloatArray
     recording: str = ""
+    held: FloatArray | None = None
 
 
 @dataclass(frozen=True)
 class LugreConstants:
-    """What was measured beforehand (lugre.md section 3); all SI.
+    """The constants that were measured before the trials (lugre.md section 3); all SI.
 
     ``guide_friction_n`` is the kinetic friction of the guide at ``mass_kg`` (0.304 N at 3.9593 kg
     in the paper); it scales with the mass, see :meth:`for_mass`. ``rolling_resistance`` is the

@@ -1,4 +1,7 @@
-"""Estimates of the LuGre parameters with their intervals, verdicts and advice."""
+"""Gives each LuGre parameter its estimate, its interval, its verdict and advice on further tests.
+
+A verdict says whether the data and the method determine the parameter.
+"""
 
 from __future__ import annotations
 

@@ -1,12 +1,15 @@
-"""Force balance: flags runs in which gauges and motion of the platform disagree.
+"""Checks the force balance: flags runs in which gauges and motion of the platform disagree.
 
-Torque that is lost between gauges and wheel (bad clamping, 0.1 N m and more) looks like friction:
-such runs gave the paper a maximum of 0.5324 where 0.1868 was true. It moves nothing, so it shows
-as a force that is not there: residual = (F_gauge - [m a + F_rail + F_a sin(alpha)]/cos(alpha))/N.
-Neither outliers nor repeats show it as well (angle.md 3.5).
+Some torque may be lost between gauges and wheel (bad clamping, 0.1 N m and more). It looks like
+friction: such runs gave the paper a maximum of 0.5324 where 0.1868 was true. The lost torque moves
+nothing, so the balance of forces on the platform has a residual:
 
-The limit is the residual's own uncertainty, propagated from the budget of F_r and the calibration
-of rails and rollers, so it is as sharp as the rig is known.
+    residual = (F_gauge - [m a + F_rail + F_a sin(alpha)]/cos(alpha))/N
+
+Neither outliers nor repeats show the loss as well (angle.md 3.5).
+
+The limit of the residual is its own uncertainty, propagated from the budget of F_r and from the
+calibration of rails and rollers. The better these are known, the smaller the limit.
 """
 
 from __future__ import annotations

@@ -1,19 +1,19 @@
-"""The crosstalk of bending into the torque, learnt from the campaign's own runs.
+"""Fits the crosstalk of bending into the measured torque, from all runs of a campaign.
 
-The wheel's load bends the shaft, and gauges that are a degree off their 45 degrees see some of it:
-N (c cos(theta) + s sin(theta)) in N m, once per turn of the shaft, with the same c and s in every
-run, since gauges and potentiometer sit on the same shaft. The potentiometer does not wrap, so its
-angle is absolute. A tare before the trigger holds this crosstalk at the start's angle; that is why
-a tare alone makes the clean 0 degree runs worse (11.4 instead of 11.0 % rms, angle.md 3.4). With c
-and s known both can go: zero drift and crosstalk.
+The load of the wheel bends the shaft. Gauges that are a degree off their 45 degrees measure a part
+of the bending: N (c cos(theta) + s sin(theta)) in N m, once per turn of the shaft. c and s are the
+same in every run, because gauges and potentiometer are on the same shaft. The angle theta is
+absolute, because the potentiometer does not wrap. A tare before the trigger contains the crosstalk
+at the start angle. For this reason a tare alone makes the clean 0 degree runs worse (11.4 instead
+of 11.0 % rms, angle.md 3.4). If c and s are known, zero drift and crosstalk can both be removed.
 
-What a steadily sliding wheel does otherwise is smooth over a run: N times a constant, a slope over
-the logarithm of the sliding speed, and a slope over the time, its inertia included. (The measured
-acceleration is not used: a potentiometer's error of 8 mrad once per turn is a false 5 mN m of it,
-also once per turn.) Each run has its own three terms; they are projected out, and c and s fitted to
-what is left of all runs, least squares with Huber weights per run. On simulated rigs that leaves
-1 % of mu at the weakest runs where a zero alone leaves 3 %. A friction that varies once per turn
-of the wheel itself would be taken for crosstalk.
+The other torque of a steadily sliding wheel is smooth over a run: N times a constant, a slope over
+the logarithm of the sliding speed, and a slope over the time, which includes the inertia. The
+module does not use the measured acceleration: a potentiometer error of 8 mrad once per turn gives
+a false 5 mN m, also once per turn. Each run has its own three smooth terms. The module projects
+them out and fits c and s to the rest of all runs, by least squares with Huber weights per run. On
+simulated rigs an error of 1 % of mu remains at the weakest runs; a zero alone leaves 3 %. The fit
+would take a friction that varies once per turn of the wheel itself for crosstalk.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Bending:
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One run, and in which of its blocks the wheel slides, (n,)."""
+    """One run, and a mask of its blocks in which the wheel slides, (n,)."""
 
     motion: Motion
     sliding: BoolArray

@@ -1,6 +1,7 @@
-"""From a torque at the gauges to the force in the contact, and what the motion asks for.
+"""Computes the force in the contact from the gauge torque, and the force that the motion demands.
 
-angle.md section 1, in the wheel's frame (e_r rolling, e_a axial; the rollers spin about e_r):
+The equations are those of angle.md section 1, in the frame of the wheel (e_r is the rolling
+direction, e_a the axial one; the rollers spin about e_r):
 
     I dw/dt = T - T_b(w, N) - C_rr N R - R_eff F_r,    T_b = b0 + b1 |w| + bN N
     m a = F_r cos(alpha) - F_a sin(alpha) - F_rail,    F_a = mu_a N

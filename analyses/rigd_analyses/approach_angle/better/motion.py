@@ -1,4 +1,17 @@
-"""From raw volts to block means: how wheel and platform moved, and what the gauges showed."""
+"""Computes wheel and platform speeds, and means over short blocks, from the raw volts of one run.
+
+A run is one recorded movement of the platform, which the wheel drives. The module
+
+- smooths the wheel's angle and the platform's position, and computes speeds and accelerations;
+- averages the speeds, the gauges' volts and the normal force over consecutive blocks
+  (:class:`Means`). A block is as long as one period of the mains (20 ms), so that the hum of the
+  mains cancels;
+- determines the noise of the gauges, and their zero (the tare) from the samples before the relay
+  command that starts the motor.
+
+The friction is computed from these values elsewhere, by the better method (the one that corrects
+what the paper's method leaves out).
+"""
 
 from __future__ import annotations
 
@@ -39,7 +52,7 @@ class Means:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """One run with its speeds; what does not depend on how the gauges' zero is taken.
+    """One run with its speeds; nothing in it depends on how the zero of the gauges is determined.
 
     ``tare_v`` is the mean of (gauge a - gauge b) before the trigger and ``tare_u_v`` its standard
     uncertainty from the noise; NaN with less than ``min_tare_s`` of it. ``start_turn`` (2,) is the

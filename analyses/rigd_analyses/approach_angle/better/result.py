@@ -1,4 +1,4 @@
-"""What the better analysis says of one run."""
+"""Defines the result of the better method for one run."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Smoothed:
 
 @dataclass(frozen=True)
 class BetterRun:
-    """One run. A number that cannot be had is NaN, and a flag says why; ``u`` are k = 1.
+    """One run. If a number cannot be computed, it is NaN and a flag says why; ``u`` are k = 1.
 
     ``mu`` is the mean of F_r/N over the blocks in which the wheel slides, a friction limit in the
     rolling direction; ``mu_u`` is its uncertainty for this very run, without what varies from run

@@ -1,4 +1,7 @@
-"""The better analysis of one run: friction where the wheel slides, demand where it rolls."""
+"""Evaluates one run by the better method: friction if the wheel slides, demand if it rolls.
+
+The demand is the force that the motion of the platform needs.
+"""
 
 from __future__ import annotations
 
@@ -10,45 +13,16 @@ import numpy as np
 from rigd_analyses.approach_angle.better.balance import Balance, force_balance
 from rigd_analyses.approach_angle.better.bending import Bending
 from rigd_analyses.approach_angle.better.forces import rolling_force
-from rigd_analyses.approach_angle.better.motion import Motion, motion
+from rigd_analyses.approach_angle.better.motion import Motion
 from rigd_analyses.approach_angle.better.result import BetterRun, Blocks, BoolArray
 from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.better.slip import mean_slip
 from rigd_analyses.approach_angle.budget import Budget, Conditions, Sizes, budget
-from rigd_analyses.approach_angle.data import (
-    AngleCalibration,
-    AngleRig,
-    AngleRun,
-    Flag,
-    FloatArray,
-    KnownRun,
-    Severity,
-)
-from rigd_analyses.approach_angle.flags import raw_flags, whole
+from rigd_analyses.approach_angle.data import AngleRun, Flag, FloatArray, Severity
+from rigd_analyses.approach_angle.flags import whole
 from rigd_analyses.approach_angle.regime import SLIDING_SLIP
 
 NAN = float("nan")
-
-
-def analyse_better(
-    run: AngleRun,
-    calibration: AngleCalibration,
-    rig: AngleRig,
-    settings: BetterSettings | None = None,
-    bending: Bending | None = None,
-) -> BetterRun:
-    """Return friction, slip and the force balance of ``run``; never raises for a bad run.
-
-    ``bending`` is the crosstalk learnt from the whole campaign. Only with it the zero before the
-    trigger is taken off: without, that zero holds the crosstalk at the start's angle, and taking
-    it off adds as much as it removes.
-    """
-    settings = BetterSettings() if settings is None else settings
-    flags = raw_flags(run, calibration, rig, settings.limits)
-    if not usable(run, flags):
-        return no_numbers(flags)
-    moves = motion(KnownRun(run, calibration, rig), settings)
-    return evaluate(moves, settings, flags=flags, bending=bending)
 
 
 def usable(run: AngleRun, flags: tuple[Flag, ...]) -> bool:
@@ -96,6 +70,10 @@ def evaluate(
     bending: Bending | None = None,
 ) -> BetterRun:
     """Return the result of a run whose speeds are known already; ``flags`` are handed on.
+
+    ``bending`` is the crosstalk learnt from the whole campaign. Only with it the zero before the
+    trigger is taken off: without, that zero holds the crosstalk at the start's angle, and taking
+    it off adds as much as it removes.
 
     A run that the force balance speaks against keeps its residual and its slip, and no coefficient.
     """

@@ -1,4 +1,4 @@
-"""Settings of the better analysis, each with the reason for its value."""
+"""Defines the settings of the better method, each with the reason for its value."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigd_analyses.approach_angle.limits import Limits
 
 @dataclass(frozen=True)
 class BetterSettings:
-    """What the better analysis chooses, and the sizes of what nobody measures on this rig.
+    """Settings of the method, and assumed sizes of the effects that are not measured on this rig.
 
     Smoother: half-gain frequencies of wheel angle and platform position, after which the rim speed
     is known to 3 mm/s where the paper's filter gives 7.

@@ -1,4 +1,4 @@
-"""Both slips of one run, from smoothed speeds."""
+"""Computes the paper's slip and the corrected slip of one run, from smoothed speeds."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Position, speed and acceleration from a noisy position: a Rauch-Tung-Striebel smoother.
+"""Computes position, speed and acceleration from a noisy position (Rauch-Tung-Striebel smoother).
 
-The position is taken as the third integral of white noise (jerk), measured in white noise. For
-such a pair the smoother weighs a frequency f by 1/(1 + (f/f_c)^6), where the ratio of the two
-noises sets f_c; it has no phase, and its ends need no padding, which is where the paper's filter
-loses up to 8 % of the speed.
+The model of the position is the third integral of white noise (jerk), measured in white noise. For
+this model the smoother weighs a frequency f by 1/(1 + (f/f_c)^6); the ratio of the two noises sets
+f_c. The smoother has no phase shift, and its ends need no padding. At the ends the filter of the
+paper loses up to 8 % of the speed.
 
 Source: Rauch, Tung and Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA
 Journal 3 (1965) 1445-1450.
@@ -56,36 +56,93 @@ def _smooth(y: FloatArray, h: float, r: float, q: float) -> tuple[FloatArray, Fl
     """Return smoothed states (n, 3) and the variance of the speed (n,).
 
     ``r`` variance of a measurement, ``q`` spectral density of the jerk.
+
+    Products and solutions of 3 x 3 are written out in :func:`_times` and :func:`_solved`: those of
+    numpy take numba 14 s to compile, and go through BLAS, whose last bits differ between machines.
     """
     n = y.shape[0]
     step = np.array([[1.0, h, 0.5 * h * h], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
-    drive = q * np.array(
+    drive = np.array(
         [
-            [h**5 / 20.0, h**4 / 8.0, h**3 / 6.0],
-            [h**4 / 8.0, h**3 / 3.0, h**2 / 2.0],
-            [h**3 / 6.0, h**2 / 2.0, h],
+            [q * h**5 / 20.0, q * h**4 / 8.0, q * h**3 / 6.0],
+            [q * h**4 / 8.0, q * h**3 / 3.0, q * h**2 / 2.0],
+            [q * h**3 / 6.0, q * h**2 / 2.0, q * h],
         ]
     )
-    filtered, states = np.empty((n, 3)), np.empty((n, 3))
-    spread, ahead = np.empty((n, 3, 3)), np.empty((n, 3, 3))
+    states, spread, ahead = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3, 3))
     width = (r * h / q) ** (1.0 / 6.0)  # the smoother's own time constant, s
-    x = np.zeros(3)
-    p = np.diag(DIFFUSE * r * np.array([1.0, width**-2, width**-4]))
+    x, stepped = np.zeros(3), np.zeros(3)
+    p, product = np.zeros((3, 3)), np.empty((3, 3))
+    for i in range(3):
+        p[i, i] = DIFFUSE * r * width ** (-2.0 * i)
     for k in range(n):
         if k > 0:
-            x = step @ x
-            p = step @ p @ step.T + drive
+            _advance(step, x, stepped)
+            x[:] = stepped
+            _times(step, p, product)
+            _times(product, step.T, p)
+            p += drive
         ahead[k] = p
-        gain = p[:, 0] / (p[0, 0] + r)
-        x = x + gain * (y[k] - x[0])
-        p = p - np.outer(gain, p[0])
-        p = 0.5 * (p + p.T)
-        filtered[k], spread[k] = x, p
+        surprise, total = y[k] - x[0], p[0, 0] + r
+        for i in range(3):
+            x[i] += p[i, 0] / total * surprise
+        for i in range(3):
+            for j in range(3):
+                product[i, j] = p[i, j] - p[i, 0] * p[0, j] / total
+        for i in range(3):
+            for j in range(3):
+                p[i, j] = 0.5 * (product[i, j] + product[j, i])
+        states[k], spread[k] = x, p
     variance = np.empty(n)
-    states[n - 1], variance[n - 1] = x, p[1, 1]
+    variance[n - 1] = p[1, 1]
+    back = np.empty((3, 3))
     for k in range(n - 2, -1, -1):
-        back = np.linalg.solve(ahead[k + 1], step @ spread[k]).T
-        states[k] = filtered[k] + back @ (states[k + 1] - step @ filtered[k])
-        p = spread[k] + back @ (p - ahead[k + 1]) @ back.T
+        _times(step, spread[k], product)
+        _solved(ahead[k + 1], product, back)  # the transpose of the smoother's gain
+        _advance(step, states[k], stepped)
+        for i in range(3):
+            for j in range(3):
+                states[k, i] += back[j, i] * (states[k + 1, j] - stepped[j])
+        p -= ahead[k + 1]
+        _times(p, back, product)
+        _times(back.T, product, p)
+        p += spread[k]
         variance[k] = p[1, 1]
     return states, variance
+
+
+@kernel
+def _advance(a: FloatArray, x: FloatArray, out: FloatArray) -> None:
+    """Write ``a`` (3, 3) times ``x`` (3,) to ``out`` (3,)."""
+    for i in range(3):
+        out[i] = a[i, 0] * x[0] + a[i, 1] * x[1] + a[i, 2] * x[2]
+
+
+@kernel
+def _times(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+    """Write ``a`` times ``b`` to ``out``, (3, 3) each and all different."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+
+
+@kernel
+def _solved(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+    """Write the solution X of ``a`` X = ``b`` to ``out``, (3, 3) each; ``a`` positive definite."""
+    low = np.zeros((3, 3))  # a = low low^T, Cholesky
+    for i in range(3):
+        for j in range(i + 1):
+            left = a[i, j]
+            for m in range(j):
+                left -= low[i, m] * low[j, m]
+            low[i, j] = math.sqrt(left) if i == j else left / low[j, j]
+    for c in range(3):
+        for i in range(3):
+            out[i, c] = b[i, c]
+            for m in range(i):
+                out[i, c] -= low[i, m] * out[m, c]
+            out[i, c] /= low[i, i]
+        for i in range(2, -1, -1):
+            for m in range(i + 1, 3):
+                out[i, c] -= low[m, i] * out[m, c]
+            out[i, c] /= low[i, i]

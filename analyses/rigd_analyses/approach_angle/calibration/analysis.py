@@ -1,4 +1,4 @@
-"""The calibrations of the approach-angle rig as rigd finds them: what they need and measure."""
+"""Declares the four calibrations of the approach-angle rig to rigd: what they need and measure."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
-"""Friction of the wheel's bearings, from the torque that keeps the lifted wheel turning.
+"""Estimates the friction of the wheel's bearings from the torque that turns the lifted wheel.
 
-With the wheel off the surface, the torque at the gauges is that of the bearings between gauges and
-wheel, T_b = bearing_constant + bearing_viscous w, and what still accelerates the wheel, I dw/dt.
-Gauges drift by more than these torques: each is taken against the zero just before the start. What
-the load on the bearings adds cannot be seen without it.
+With the wheel off the surface, the gauges measure two torques: the friction of the bearings
+between gauges and wheel, T_b = bearing_constant + bearing_viscous w, and the torque that
+accelerates the wheel, I dw/dt. The gauges drift by more than these torques. The module therefore
+measures each torque against the zero just before the start. The share of the friction that the
+load causes cannot be measured without load.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class Spin:
 
 @dataclass(frozen=True)
 class BearingBench:
-    """What is known beforehand; ``u_torque_scale`` is relative (k = 1)."""
+    """What is known before the calibration; ``u_torque_scale`` is relative (k = 1)."""
 
     torque_scale: float  #: N m/V
     u_torque_scale: float

@@ -1,12 +1,12 @@
-"""Friction of the rails, from how the platform coasts after a push, with the wheel lifted.
+"""Estimates the friction of the rails from the way the platform coasts after a push.
 
-The wheel being off the surface, only the rails brake: m dv/dt = -A - B v. A is what does not
-depend on speed: rail_constant and the share rail_load m g of the platform's own weight. These two
-cannot be told apart with one weight on the rails, so the share is taken from what is known before.
+The wheel is lifted, so only the rails brake the platform: m dv/dt = -A - B v. A does not depend on
+the speed: it is rail_constant plus the share rail_load m g of the platform's own weight. One weight
+on the rails cannot separate these two, so the share comes from earlier knowledge.
 
-Integrated twice, the equation is linear in what is sought, and nothing is differentiated:
+The equation, integrated twice, is linear in the unknowns and needs no differentiation:
     x = x0 + c t - (A/m) t^2/2 - (B/m) integral of x
-with an x0 and c = v0 + (B/m) x0 for each push, and A/m and B/m for all of them.
+Each push has its own x0 and c = v0 + (B/m) x0; A/m and B/m are common to all pushes.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Push:
 
 @dataclass(frozen=True)
 class RailBench:
-    """What is known beforehand, with standard uncertainties (k = 1)."""
+    """What is known before the calibration, with standard uncertainties (k = 1)."""
 
     mass_kg: float
     u_mass: float  #: relative

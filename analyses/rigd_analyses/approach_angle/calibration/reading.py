@@ -1,7 +1,14 @@
-"""What the recordings of calibrations hold, by the names of their steps: arrays to estimators.
+"""Reads calibration recordings by the names of their steps and passes the arrays to estimators.
 
-torque: weights on the arm of the clamped shaft. scale: known weights on the scale. friction: the
-lifted wheel spins, the platform coasts. rise: the loaded platform is pushed to its end and back.
+A step is one named piece of the recorded procedure, such as ``measure``. An estimator is the
+function that computes the calibrated values. There are four calibrations of the approach-angle rig:
+
+- torque: the operator puts weights on the arm of the clamped shaft;
+- scale: the operator puts known weights on the scale;
+- friction: the lifted wheel spins (friction of the bearings), the platform coasts after a push
+  (friction of the rails);
+- rise (the change of the wheel's load along the travel): the operator pushes the loaded platform to
+  the end of its travel and back.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Calibrates a scale: true over shown load, from known weights put on and taken off."""
+"""Calibrates a scale: the ratio of true to indicated load, from known weights.
+
+The weights are put on and taken off, so that the result shows the hysteresis, too.
+"""
 
 from __future__ import annotations
 

@@ -1,11 +1,12 @@
-"""Torque per volt of the strain gauges, from known masses on a known arm of the clamped shaft.
+"""Calibrates the torque per volt of the strain gauges, from known masses on a known arm.
 
-Gauge a stands at +45 degrees, b at -45 degrees: V_a - V_b is the shear strain, hence the torque,
-and the bending that a weight on the arm causes cancels in it (Eqs. 4 and 5 of "Omni-wheel friction
-coefficient measuring methodology for various angles", with the sign of Eq. 4 corrected). It does
-so only as far as both gauges stand at 45 degrees. The mean of the two tells how much bending there
-was; what a misalignment may have let through of it is a term of the uncertainty. One arm cannot
-tell more: torque and bending grow together.
+The shaft is clamped. Gauge a is at +45 degrees and gauge b at -45 degrees: V_a - V_b measures the
+shear strain, hence the torque, and the bending that a weight on the arm causes cancels in it (Eqs.
+4 and 5 of "Omni-wheel friction coefficient measuring methodology for various angles", with the sign
+of Eq. 4 corrected). It cancels completely only if both gauges are at exactly 45 degrees. The mean
+of V_a and V_b shows how large the bending was. From it the module computes how much bending remains
+in V_a - V_b if the gauges are misaligned, and adds that to the uncertainty. Weights on one arm
+cannot show more, because torque and bending increase together.
 """
 
 from __future__ import annotations

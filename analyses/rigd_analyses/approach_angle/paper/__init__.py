@@ -1,7 +1,7 @@
-"""The paper's analysis exactly: from the raw volts of one run to T/(R N) and the slip.
+"""Evaluates one run exactly by the paper's method: from raw volts to T/(R N) and the slip.
 
-Misprints of the paper are corrected (each at its line) and what it leaves open is a setting with
-the value that our golden results use; nothing else is improved here.
+The code corrects misprints of the paper (each at its line). If the paper leaves something open, a
+setting decides, with the value that our golden results use. Nothing else is improved here.
 """
 
 from rigd_analyses.approach_angle.paper.pipeline import analyse_paper

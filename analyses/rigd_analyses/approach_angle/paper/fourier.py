@@ -1,12 +1,18 @@
-"""Least squares of a signal to a Fourier series of whole hertz: the paper's Eq. 7 and 8.
+"""Fits a Fourier series of whole hertz to a signal by least squares (paper, Eq. 7 and 8).
 
-Corrected: the sum is over both terms; i = 0..M-1; the columns of b_0 are left out, which are zero
-and make the printed system singular. Only LOW frequencies are kept (the text says "high").
+Corrections to the paper: the sum is over both terms; i = 0..M-1; the columns of b_0 are left out,
+because they are zero and make the printed system singular. The series keeps LOW frequencies only
+(the text of the paper says "high").
 
-It is a 19 Hz filter for a record of 1 s only. On 0.3 to 0.6 s the basis is nearly dependent, the
-coefficients reach 1e7 to 1e11 V and cancel (float64 throughout; none may be rounded or printed and
-read back), a_0 is not the mean, and the noise at the edges is 5 to 6 times that of the middle. The
-curve within the record, and its mean, are good nevertheless.
+The fit is a 19 Hz filter only for a record of 1 s. For a record of 0.3 to 0.6 s the basis is nearly
+dependent:
+
+- the coefficients reach 1e7 to 1e11 V and cancel. The module uses float64 throughout; no
+  coefficient may be rounded, or printed and read back;
+- a_0 is not the mean;
+- the noise at the edges is 5 to 6 times the noise in the middle.
+
+The curve within the record, and its mean, are good nevertheless.
 """
 
 from __future__ import annotations

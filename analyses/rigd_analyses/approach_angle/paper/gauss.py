@@ -1,8 +1,8 @@
-"""Where the peak of the torque ends and the steady segment begins: the paper's Eq. 9.
+"""Finds where the torque peak ends and the steady segment begins, by a Gaussian fit (paper, Eq. 9).
 
-Height and place of the Gaussian are the largest torque and its time; only sigma is fitted, by
-least squares over the times within 0.1 (t_M - t_0) of the peak. The window is clipped at the ends
-of the record, before which it nearly always reaches.
+Height and centre of the Gaussian are the largest torque and its time. The module fits only sigma,
+by least squares over the times within 0.1 (t_M - t_0) of the peak. That window nearly always begins
+before the record; the module clips it at the ends of the record.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ NARROWEST, WIDEST = 1e-3, 1e3
 
 @dataclass(frozen=True)
 class Peak:
-    """A Gaussian laid on the peak of a torque; ``window`` are the samples it was fitted to."""
+    """A Gaussian fitted to the peak of a torque; ``window`` are the samples used for the fit."""
 
     height_nm: float
     time_s: float

@@ -1,21 +1,45 @@
-"""One run through the paper's method, in the paper's order.
+"""Evaluates one run of the wheel by all steps of the paper's method, in the order of the paper.
 
-What it says against a run itself, if :func:`~rigd_analyses.approach_angle.flags.raw_flags` does not
-exclude it already (a negative torque has no peak either; to tell that too would only confuse):
+The paper is "Omni-wheel friction coefficient measuring methodology for various angles". A run is
+one recorded movement: the motor turns the wheel, and the wheel drives the platform along its rails.
+
+Input: the raw volts of both strain gauges and of the potentiometers of wheel and platform, over the
+time since the relay command that starts the motor; the load that the scale showed; the calibration;
+the data of the rig; the settings of the method.
+
+Steps and output (:class:`PaperRun`):
+
+1. A Fourier series smooths the gauges' volts, which give the torque of the shaft (Eq. 4 to 8).
+2. A Gaussian is fitted to the torque peak at the start. p is the time of the largest torque. sigma
+   is the standard deviation of the Gaussian, in s (Eq. 9). The steady segment is the part of the
+   record after p + 2 sigma.
+3. T is the mean torque of the steady segment, R the nominal radius of the wheel, and N the normal
+   force (the load) of the wheel, from the scale. T/(R N) is what the paper calls the friction
+   coefficient.
+4. The positions are smoothed, differentiated and smoothed again (Eq. 10). The speeds give the slip
+   (Eq. 11 and 12), and whether the wheel slid, rolled, or did both.
+
+The checks of the raw data (:func:`~rigd_analyses.approach_angle.flags.raw_flags`) come first. If
+they exclude the run, the module adds no flag but too_slow. (A run with negative torque, for
+example, has no peak either; a second flag for the missing peak would only confuse.) The module's
+own flags are:
 
 ===============  ========  =====================================================================
 code             severity  found when
 ===============  ========  =====================================================================
-peak_at_edge     excluded  the torque is largest at an end of the record: noise of the Fourier
-                           step's edge, or no breakaway peak; sigma says nothing then
-steady_short     excluded  less than a tenth of the record lies behind p + 2 sigma
-too_slow         excluded  sampled too slowly, or too few samples, for the smoothing
+peak_at_edge     excluded  the torque is largest at an end of the record: noise at the edge of
+                           the Fourier curve, or no breakaway peak; sigma has no meaning then
+steady_short     excluded  less than a tenth of the record is after p + 2 sigma
+too_slow         excluded  the sampling is too slow, or the samples too few, for the smoothing
 no_speed         excluded  the platform's speed is nowhere above 0 in the steady segment
-no_sliding       note      the wheel rolled: T/(R N) is what the motion asked for, not a limit
-partly_sliding   note      the wheel slid for a part of the segment: T/(R N) may be a mean of both
+no_sliding       note      the wheel rolled: T/(R N) is the force that this motion needed, not the
+                           limit of the friction
+partly_sliding   note      the wheel slid for a part of the segment: T/(R N) may be a mean over
+                           rolling and sliding
 ===============  ========  =====================================================================
 
-An excluded run keeps its curves, so that a report can show what is wrong, and none of its numbers.
+An excluded run keeps its curves, if they could be computed, so that a report can show the fault. It
+keeps none of its numbers. A note leaves the numbers as they are.
 """
 
 from __future__ import annotations

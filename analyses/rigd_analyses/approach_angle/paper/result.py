@@ -1,4 +1,4 @@
-"""What the paper's analysis says of one run, and the curves of its Figs. 6 to 10."""
+"""Defines the result of the paper's method for one run, with the curves of its Figs. 6 to 10."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class PaperCurves:
 
 @dataclass(frozen=True)
 class PaperRun:
-    """One run by the paper's method. A number that cannot be had is NaN, and a flag says why.
+    """One run by the paper's method. If a number cannot be computed, it is NaN; a flag says why.
 
     ``mu`` = <T>/(R N) is what the paper calls friction coefficient in every run. It is one
     (:attr:`coefficient`) only in regime ``SLIDING``; a wheel that rolls shows the force that the

@@ -1,4 +1,4 @@
-"""What the paper's method needs to know, with the values of the paper or, where silent, ours."""
+"""Defines the settings of the paper's method; if the paper gives no value, ours is the default."""
 
 from __future__ import annotations
 

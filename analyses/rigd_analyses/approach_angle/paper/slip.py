@@ -1,9 +1,9 @@
-"""Slip and relative speed over the steady segment: the paper's Eq. 11 and 12, and corrected.
+"""Computes slip and relative speed over the steady segment (paper, Eq. 11 and 12, and corrected).
 
-The paper's slip refers w R to V and so holds for alpha = 0: a wheel that rolls without slip at
-45 degrees has V cos(alpha) = w R and slips "-0.293". It divides by a V that starts at 0, hence
-the gate V > 0, and is a mean of ratios. The corrected one is a ratio of means and is 0 for a
-rolling wheel at any angle.
+The paper's slip relates w R to V. This is correct for alpha = 0 only: a wheel that rolls without
+slip at 45 degrees has V cos(alpha) = w R and a slip of "-0.293". The paper divides by V, which
+starts at 0; the analysis therefore uses samples with V > 0 only. The paper's slip is a mean of
+ratios. The corrected slip is a ratio of means; it is 0 for a rolling wheel at any angle.
 """
 
 from __future__ import annotations

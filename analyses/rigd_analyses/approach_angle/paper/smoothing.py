@@ -1,9 +1,12 @@
-"""Smooths a signal iteratively and differentiates it by central differences (paper, Eq. 10).
+"""Smooths signals iteratively and differentiates them by central differences (paper, Eq. 10).
 
-In each iteration a first-order Butterworth low-pass runs forward and backward over the signal less
-the line through its ends, and a rolling average follows, kept where it overlaps completely. With
-the default settings all of it cuts at 9.6 Hz (-3 dB), and the speeds, which are smoothed again, at
-6.7 Hz; not at the 20 Hz of the last filter.
+Each iteration subtracts the straight line through the first and the last sample, filters the rest
+forward and backward with a first-order Butterworth low-pass, and adds the line again. Then it takes
+a moving average and keeps the samples whose window lies wholly inside the signal.
+
+With the default settings, at 9600 samples per second, all iterations together have their -3 dB
+frequency at 9.6 Hz, not at the 20 Hz of the last low-pass. The speeds pass all iterations a second
+time, after the differentiation; their -3 dB frequency is 6.7 Hz.
 """
 
 from __future__ import annotations

@@ -1,14 +1,15 @@
-"""From two gauges on a shaft to its torque: the paper's Eq. 4 to 6, corrected.
+"""Computes the torque of a shaft from its two strain gauges (paper, Eq. 4 to 6, corrected).
 
-The gauges lie at +45 and -45 degrees to the axis and read
+The gauges are at +45 and -45 degrees to the axis and measure
 
     eps_a = eps_x cos^2 + eps_y sin^2 + gamma sin cos
     eps_b = eps_x sin^2 + eps_y cos^2 - gamma sin cos
 
-of which the paper prints the second with a plus, which makes their difference zero. At 45 degrees
-it is gamma = eps_a - eps_b (Eq. 5) whatever the strains of bending: the engineering shear strain,
-twice the tensor's. T = gamma G J/r_s (Eq. 6) takes the radius of the SHAFT. All of it is linear:
-on the signals, or on the coefficients of their series as the paper has it, is the same.
+The paper prints a plus in the second equation, which makes their difference zero. At 45 degrees
+gamma = eps_a - eps_b (Eq. 5), whatever the bending strains are. gamma is the engineering shear
+strain, twice that of the tensor. In T = gamma G J/r_s (Eq. 6), r_s is the radius of the SHAFT. All
+equations are linear: they give the same result on the signals and on the coefficients of their
+Fourier series, which the paper uses.
 """
 
 from __future__ import annotations

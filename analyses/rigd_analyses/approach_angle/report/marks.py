@@ -1,4 +1,4 @@
-"""Markers of runs: what the wheel did, seen at a glance."""
+"""Defines the plot markers of runs: the shape shows whether the wheel slid, rolled, or did both."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Shape = Literal["o", "^", "s", "x", "D", "."]
 
 @dataclass(frozen=True)
 class Mark:
-    """A marker, and what a legend calls it."""
+    """A marker and its name in a legend."""
 
     shape: Shape
     filled: bool

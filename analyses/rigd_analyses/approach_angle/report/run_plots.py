@@ -1,4 +1,4 @@
-"""One run as in Figs. 6 to 10 of the paper, and what the better method makes of it."""
+"""Plots one run as in Figs. 6 to 10 of the paper, and the results of the better method beside."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Friction against slip (Figs. 11 and 12), pooled curves, and the maximum over the angle (Fig. 13).
+"""Plots friction over slip (Figs. 11, 12), pooled curves, and the maximum over the angle (Fig. 13).
 
-A marker says what the wheel did: only while it slides is F_r/N a limit of friction.
+The marker of a run shows its regime: F_r/N is a limit of friction only while the wheel slides.
 """
 
 from __future__ import annotations

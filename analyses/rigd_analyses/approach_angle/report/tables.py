@@ -1,6 +1,6 @@
-"""The tables of a campaign as text ready to print, for a terminal and for a page.
+"""Makes the tables of a campaign as text ready to print, for the terminal and the report page.
 
-What the data do not give stands as a dash; nothing here turns it into a number.
+A value that the data do not give is a dash, never a number.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def estimate(item: Estimate | None) -> str:
 
 @dataclass(frozen=True)
 class SetRow:
-    """A row of Table 1; ``notes`` are what must be known before a number of it is used."""
+    """A row of Table 1; ``notes`` are what a reader must know before they use a number of it."""
 
     name: str
     label: str
@@ -208,7 +208,7 @@ def trial_of(run: RunResult, result: CampaignResult) -> str:
 
 @dataclass(frozen=True)
 class FlaggedRow:
-    """One reason, with the runs it was found in."""
+    """One reason for a flag, with the runs that have it."""
 
     code: str
     excluded: bool
@@ -243,7 +243,7 @@ def flagged_rows(result: CampaignResult) -> tuple[FlaggedRow, ...]:
 
 @dataclass(frozen=True)
 class RunRow:
-    """One run: what was set, what both methods say, and what speaks against it."""
+    """One run: its settings, the results of both methods, and the reasons to doubt it."""
 
     label: str
     trial: str

@@ -1,13 +1,14 @@
-"""What the page of a campaign shows: its tables as text, its figures as drawings.
+"""Builds the content of a campaign's report page: tables as text, figures as drawings.
 
-Importing this module imports matplotlib; :mod:`rigd_analyses.approach_angle.report` does so only
-when a report is asked for.
+Importing this module imports matplotlib.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -33,6 +34,8 @@ from rigd_analyses.approach_angle.report.tables import (
     trial_of,
 )
 from rigd_analyses.approach_angle.result import CampaignResult, FrictionCurve, RunResult, SetResult
+
+TEMPLATES: Final = Path(__file__).parent / "templates"
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,10 @@ MEANING = {
 
 
 def build_campaign_view(result: CampaignResult, calibrations: Sequence[str]) -> CampaignView:
-    """Return the view of ``result``; call within :func:`..svg.drawing_style`."""
+    """Return the view of ``result``, for :func:`rigd.analysis.report.page.render`.
+
+    ``calibrations``: which were used for which recordings, and what they changed, a line each.
+    """
     rows = set_rows(result)
     colours = {item.name: index for index, item in enumerate(result.sets)}
     return CampaignView(

@@ -1,0 +1,1 @@
+"""Friction of the passive rollers, from drives during lateral motion (lugre.md section 2)."""

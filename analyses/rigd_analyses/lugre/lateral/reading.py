@@ -1,0 +1,111 @@
+"""Converts recordings of lateral sweeps to the arrays that their identification needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from rigd.analysis import DataError
+from rigd.analysis.parameters import Trials
+from rigd.analysis.source import RecordedSweep, TrialInfo
+from rigd_analyses.lugre.lateral.analysis import GEOMETRY, ROLLERS
+from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
+from rigd_analyses.lugre.lateral.identify import find_lateral
+from rigd_analyses.lugre.lateral.result import LateralResult, result
+from rigd_analyses.lugre.reading import arrays, rig_constants, sort_out
+from rigd_analyses.lugre.rig.constants import Known
+from rigd_analyses.lugre.trial import LugreTrial
+
+#: Uncertainty of a constant that states none: a caliper at a length of centimetres, a ruler at
+#: the height; the lever is the small difference of two arms, and the share is of its value.
+UNSTATED_U_M = {
+    "guide_height": 1e-3,
+    "guide_half_span": 5e-4,
+    "row_distance": 5e-4,
+    "mass_offset": 1e-3,
+}
+UNSTATED_LEVER = 0.1
+UNSTATED_ROLLERS = 0.15  #: of a friction that is stated: what the paper's Table IV corresponds to
+#: Constants that all trials of a group share.
+SHARED = (*GEOMETRY, *ROLLERS)
+
+
+def identify(trials: Trials) -> LateralResult:
+    """Return the rollers' friction from trials recorded under the same conditions.
+
+    Raises:
+        DataError: a signal or constant is missing or not possible, constants differ between
+            recordings, or the data cannot answer.
+    """
+    usable, unusable = sort_out(trials)
+    straight, constants = arrays(usable)
+    rig = rig_constants(usable, constants)
+    lateral = lateral_constants(usable)
+    found = find_lateral(
+        [
+            _lateral_trial(sweep, info, replace(trial, label=_label(sweep, info, trial.label)))
+            for (sweep, info), trial in zip(usable, straight, strict=True)
+        ],
+        rig,
+        lateral,
+    )
+    return result(replace(found, rejected=(*unusable, *found.rejected)))
+
+
+def lateral_constants(trials: Trials) -> LateralConstants:
+    """Return what all ``trials`` have in common of the coupling, with standard uncertainties.
+
+    Raises:
+        DataError: a constant is missing, not possible, or differs between trials.
+    """
+    sweep, trial = trials[0]
+    given = [name for name in SHARED if name in GEOMETRY or name in sweep.plan.constants]
+    values = {name: sweep.constant(trial, name) for name in given}
+    for other, further in trials:
+        for name in SHARED:
+            stated = other.constant(further, name) if name in other.plan.constants else None
+            if stated != values.get(name):
+                raise DataError(
+                    f"{name} is {values.get(name)} in trial {trial.number} of {sweep.path} and "
+                    f"{stated} in trial {further.number} of {other.path}",
+                    hint="they cannot be fitted together: add what changed to `group_by`",
+                )
+
+    def known(name: str, default: float) -> Known:
+        stated = sweep.uncertainty(trial, name)
+        return Known(values[name], default if stated is None else stated)
+
+    return LateralConstants(
+        lever=known("guide_lever", UNSTATED_LEVER * abs(values["guide_lever"])),
+        height=known("guide_height", UNSTATED_U_M["guide_height"]),
+        half_span=known("guide_half_span", UNSTATED_U_M["guide_half_span"]),
+        row_distance=known("row_distance", UNSTATED_U_M["row_distance"]),
+        mass_offset=known("mass_offset", UNSTATED_U_M["mass_offset"]),
+        bearing_spacing=values["bearing_spacing"],
+        bearing_overhang=values["bearing_overhang"],
+        dry=_roller("mu_R_dry", values, known),
+        viscous=_roller("mu_R_vis", values, known),
+    )
+
+
+def _roller(
+    name: str, values: Mapping[str, float], known: Callable[[str, float], Known]
+) -> Known | None:
+    return known(name, UNSTATED_ROLLERS * abs(values[name])) if name in values else None
+
+
+def _lateral_trial(sweep: RecordedSweep, info: TrialInfo, trial: LugreTrial) -> LateralTrial:
+    asked = info.parameters.get("lateral_speed")
+    if not isinstance(asked, int | float):
+        raise DataError(
+            f"{sweep.path}: trial {info.number} has no parameter 'lateral_speed'",
+            hint="the tables compare trials by the lateral speed that was asked for",
+        )
+    return LateralTrial(trial, sweep.signals(info)[1]["lateral_speed"], abs(float(asked)))
+
+
+def _label(sweep: RecordedSweep, info: TrialInfo, current: str) -> str:
+    """Return what a person calls the trial: ``0.6 A, 0.2 m/s, positive``."""
+    words = [text for text in info.parameters.values() if isinstance(text, str)]
+    first, *rest = current.split(", ")
+    return ", ".join([first, sweep.parameter(info, "lateral_speed"), *words, *rest])

@@ -1,0 +1,1 @@
+"""Makes the report of lateral sweeps: parameters, and speed errors beside the paper's."""

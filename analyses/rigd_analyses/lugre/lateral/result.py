@@ -1,0 +1,344 @@
+"""Makes the result of a lateral sweep: the rollers' friction, and the speeds that follow."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigd.analysis import residuals as tests
+from rigd.analysis.identifiability import Z_95, Evidence, judge
+from rigd.analysis.result import (
+    Curve,
+    FitOutcome,
+    FloatArray,
+    IdentificationResult,
+    ParameterEstimate,
+    Preprocessing,
+    Signal,
+    StartOutcome,
+    TrialFit,
+    Verdict,
+)
+from rigd.analysis.uncertainty import correlation
+from rigd_analyses.lugre.lateral.coupling import HEIGHT, ROW_DISTANCE, LiftedRows, loop_gain
+from rigd_analyses.lugre.lateral.identify import CLEAR_GAIN, LateralFound
+from rigd_analyses.lugre.lateral.speeds import Cell, Speeds, Together, together
+from rigd_analyses.lugre.rig.found import WINDOW_S
+
+METHOD = "output error: current and lateral speed in; slip, travel and acceleration out"
+POINTS = 25
+ONE_SPEED = 1.1  #: fastest over slowest lateral speed below which both are one
+HIGH_GAIN = 0.9  #: of the loop of Eqs. 22, 25 and 26; at 1 the rollers lock
+
+
+@dataclass(frozen=True, eq=False)
+class GuideFriction:
+    """Friction of the guide in N over the lateral speed: the model (n,), and each trial (trials,).
+
+    ``straight_n`` is that without lateral force. That of a trial is the model's, with the constant
+    force that its speed still asks for.
+    """
+
+    speed_m_s: FloatArray
+    force_n: FloatArray
+    straight_n: float
+    trial_m_s: FloatArray
+    trial_n: FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LateralResult(IdentificationResult):
+    """The rollers' friction, with each trial's speed error and the errors taken together.
+
+    ``speeds`` belong to ``cells``. ``coupling`` says which coupling the data support.
+    """
+
+    cells: tuple[Cell, ...]
+    together: tuple[Together, ...]
+    speeds: tuple[Speeds, ...]
+    coupling: str
+    guide: GuideFriction
+
+    def shape(self) -> dict[str, object]:
+        """Return the keys of the JSON object."""
+        return {
+            **super().shape(),
+            "coupling": self.coupling,
+            "speed_error": {
+                "trials": self.cells,
+                "together": {item.name: item for item in self.together},
+            },
+        }
+
+
+@dataclass(frozen=True)
+class _Quantity:
+    """mu_R_dry, mu_R_vis, or mu_R at one speed: shares of both in its value."""
+
+    name: str
+    symbol: str
+    unit: str
+    meaning: str
+    dry: float
+    speed_m_s: float
+
+    def value(self, theta: FloatArray, first: int) -> float:
+        """Return the value; the rollers' parameters begin at ``first``."""
+        return float(self.dry * theta[first] + self.speed_m_s * theta[first + 1])
+
+    def log_gradient(self, theta: FloatArray, first: int) -> FloatArray:
+        """Return d(ln value) to the scaled parameters, which are logarithms: (p,)."""
+        gradient = np.zeros(len(theta))
+        gradient[first] = self.dry * theta[first]
+        gradient[first + 1] = self.speed_m_s * theta[first + 1]
+        return gradient / self.value(theta, first)
+
+
+DRY = _Quantity("mu_R_dry", "μ_R,dry", "1", "dry friction of the passive rollers", 1.0, 0.0)
+VISCOUS = _Quantity("mu_R_vis", "μ_R,vis", "s/m", "viscous friction of the rollers", 0.0, 1.0)
+
+
+def result(found: LateralFound) -> LateralResult:
+    """Return the result for a report."""
+    whole, gate, system = found.whole, found.gate, found.system
+    fits = gate.outcome is not FitOutcome.MISFIT
+    means = [abs(float(np.mean(speed))) for speed in system.speeds]
+    slow, fast = min(value for value in means if value >= 0.5 * min(max(means), 0.1)), max(means)
+    at = [
+        _Quantity(
+            f"mu_R({speed:.2f} m/s)", f"μ_R at {speed:.2f} m/s", "1",
+            "friction of the rollers at this lateral speed", 1.0, speed,
+        )
+        for speed in ((slow, fast) if fast > ONE_SPEED * slow else (fast,))
+    ]  # fmt: skip
+    speeds, cells = found.speeds, found.cells
+    first = len(system.rig.shared)
+    white = [
+        part[:: len(system.outputs)]
+        for part in (whole.model.linearise(k, whole.fit.theta)[0] for k in range(len(cells)))
+    ]
+    samples = sum(len(error) for error in whole.errors)
+    pair = whole.covariance[first : first + 2, first : first + 2]
+    return LateralResult(
+        model="lugre-lateral",
+        method=METHOD,
+        title="Lateral friction of omni-wheel rollers",
+        parameters=tuple(_estimate(found, item, fits) for item in (DRY, VISCOUS)),
+        derived=tuple(_estimate(found, item, fits) for item in at) if fits else (),
+        confidence=0.95,
+        correlation_names=(DRY.name, VISCOUS.name),
+        correlation=correlation(pair),
+        cost=whole.fit.cost,
+        samples=samples,
+        effective_samples=float(samples),
+        inflation=1.0,
+        starts=(_start(found),),
+        curve=_curve(found, slow, fast if fits else slow),
+        trials=tuple(
+            _trial_fit(found, k, item, speed)
+            for k, (item, speed) in enumerate(zip(cells, speeds, strict=True))
+        ),
+        profiles=(),
+        residual_tests=(tests.ljung_box(white, 20), tests.outliers(np.concatenate(white))),
+        autocorrelation=tests.autocorrelation(white, found.block, system.rig.period_s),
+        preprocessing=_account(found),
+        visited=f"lateral speeds from {slow:.2f} to {fast:.2f} m/s",
+        warnings=_warnings(found, cells, fast),
+        gate=gate,
+        cells=cells,
+        together=together(cells),
+        speeds=speeds,
+        coupling=_coupling(found),
+        guide=_guide(found, fast),
+    )
+
+
+def _guide(found: LateralFound, fast: float) -> GuideFriction:
+    system, shared = found.system, found.shared
+    speed = np.linspace(-fast, fast, 8 * POINTS + 1)
+    at = np.array([float(np.mean(item)) for item in system.speeds])
+    return GuideFriction(
+        speed, system.guide_friction(shared, speed),
+        float(system.guide_friction(shared, np.zeros(1))[0]), at,
+        system.guide_friction(shared, at) - found.forces_n,
+    )  # fmt: skip
+
+
+def _error(found: LateralFound, quantity: _Quantity) -> float:
+    """Return the standard error of the logarithm: noise, constants, filter and coupling."""
+    first, theta = len(found.system.rig.shared), found.whole.fit.theta
+    gradient = quantity.log_gradient(theta, first)
+    chance = math.sqrt(max(float(gradient @ found.whole.covariance @ gradient), 0.0))
+    return math.hypot(chance, _method(found, quantity))
+
+
+def _method(found: LateralFound, quantity: _Quantity) -> float:
+    """Return the root mean square change of the logarithm with other choices of the method."""
+    first = len(found.system.rig.shared)
+    value = quantity.value(found.whole.fit.theta, first)
+    moved = [math.log(quantity.value(other, first) / value) for other in found.others]
+    return float(np.sqrt(np.mean(np.square(moved))))
+
+
+def _budget(found: LateralFound, quantity: _Quantity) -> list[tuple[str, float]]:
+    """Return the sources of the standard uncertainty of the logarithm, the largest first."""
+    first, theta = len(found.system.rig.shared), found.whole.fit.theta
+    parts = found.whole.budget(quantity.log_gradient(theta, first))
+    shares = {name: math.sqrt(share) for name, share in parts.items()}
+    shares["filter of the current, coupling"] = _method(found, quantity)
+    return sorted(shares.items(), key=lambda item: -item[1])
+
+
+def _estimate(found: LateralFound, quantity: _Quantity, fits: bool) -> ParameterEstimate:
+    first = len(found.system.rig.shared)
+    value = quantity.value(found.whole.fit.theta, first)
+    labels = (quantity.name, quantity.symbol, quantity.unit, quantity.meaning, value)
+    if not fits:
+        return ParameterEstimate(*labels, None, None, None, Verdict.MISFIT, found.gate.sentence)
+    error = _error(found, quantity)
+    reach = math.exp(min(Z_95 * error, 50.0))
+    bounds = [k for k, on in enumerate(found.whole.on_bound[first : first + 2]) if on]
+    alone = {DRY.name: [0], VISCOUS.name: [1]}.get(quantity.name)
+    bound = value if alone is not None and alone[0] in bounds else None
+    evidence = Evidence(value, value / reach, value * reach, quantity.unit, bound)
+    verdict, sentence = judge(evidence)
+    known = verdict in (Verdict.IDENTIFIABLE, Verdict.WEAK)
+    source, most = _budget(found, quantity)[0]
+    if known:
+        sentence += f" Most of it ({100.0 * Z_95 * most:.2g} %) comes from: {source}."
+    low, high = evidence.ends
+    return ParameterEstimate(
+        *labels, low if known else None, high if known else None,
+        error * value if known else None, verdict, sentence,
+        advice="" if known else "Record more lateral speeds, in both directions.",
+    )  # fmt: skip
+
+
+def _curve(found: LateralFound, low: float, high: float) -> Curve:
+    """Return mu_R over the lateral speed; no point if ``low`` is ``high``."""
+    speed = np.linspace(low, high, POINTS if high > low else 0)
+    first, theta = len(found.system.rig.shared), found.whole.fit.theta
+    each = [_Quantity("", "", "1", "", 1.0, float(x)) for x in speed]
+    centre = np.array([item.value(theta, first) for item in each])
+    reach = np.array([Z_95 * _error(found, item) for item in each])
+    return Curve(
+        name="roller_friction", x_name="v_z", x_unit="m/s", y_name="mu_R", y_unit="1",
+        x=speed, y=centre, low=centre * np.exp(-reach), high=centre * np.exp(reach),
+        note=f"Lateral speeds from {low:.2f} to {high:.2f} m/s. Band: 95 %, pointwise.",
+    )  # fmt: skip
+
+
+def _trial_fit(found: LateralFound, index: int, row: Cell, speed: Speeds) -> TrialFit:
+    driven = found.system.rig.trials[index]
+    rms, r_squared = tests.goodness(speed.measured, speed.included)
+    return TrialFit(
+        label=row.label,
+        condition=f"{row.current_a:.2f} A",
+        recording=driven.trial.recording,
+        output="carriage speed",
+        unit="m/s",
+        t_s=speed.t_s,
+        measured=speed.measured,
+        fitted=speed.included,
+        used=np.ones(len(speed.t_s), dtype=np.bool_),
+        rms=rms,
+        r_squared=r_squared,
+        signals={
+            "error_if_ignored": Signal("m/s", speed.measured - speed.ignored),
+            "motor_current": Signal("A", driven.trial.motor_current_a[driven.part]),
+        },
+    )
+
+
+def _start(found: LateralFound) -> StartOutcome:
+    unknowns = found.system.shared
+    return StartOutcome(
+        {item.parameter.name: item.parameter.start for item in unknowns},
+        {
+            item.parameter.name: float(x)
+            for item, x in zip(unknowns, found.whole.fit.theta, strict=False)
+        },
+        found.whole.fit.cost, found.whole.fit.iterations, found.whole.fit.converged,
+    )  # fmt: skip
+
+
+def _coupling(found: LateralFound) -> str:
+    rows, gain = found.system.rows, found.gains[found.rival]
+    if found.rows_known:
+        return f"{rows.value}; ln L of the other way is {gain:.0f} lower"
+    return (
+        f"{rows.value}; these data hardly tell it from the other way (ln L {gain:.1f} lower), and "
+        "the intervals hold both"
+    )
+
+
+def _warnings(found: LateralFound, cells: tuple[Cell, ...], fast: float) -> tuple[str, ...]:
+    gate, system = found.gate, found.system
+    told = [] if gate.outcome is FitOutcome.FITS else [gate.sentence, *gate.findings[1:]]
+    told += [f"{item.label} was left out: {item.reason}" for item in found.rejected]
+    signs = {math.copysign(1.0, item.lateral_speed_m_s) for item in cells
+             if item.lateral_speed_m_s != 0.0}  # fmt: skip
+    if len(signs) < 2:
+        told.append(
+            "The bridge moves in one direction only: the friction of the guide and that of the "
+            "rollers are told apart by the stated guide_friction alone."
+        )
+    turned = max(found.gains[rows, not system.turned] for rows in LiftedRows)
+    if not system.turned and turned < CLEAR_GAIN:
+        told.append("These data do not tell which sign the lateral speed has.")
+    theta = system.coupling(found.shared)
+    s = np.array([DRY.value(theta, 0) + VISCOUS.value(theta, 0) * fast])
+    gain = float(loop_gain(s, theta)[0])
+    if system.rows is LiftedRows.PRINTED and gain >= HIGH_GAIN:
+        told.append(
+            f"The loop of Eqs. 22, 25 and 26 has the gain {gain:.2f} at {fast:.2f} m/s and locks "
+            f"at 1: look at guide_height ({theta[HEIGHT]:.3g} m) and row_distance "
+            f"({theta[ROW_DISTANCE]:.3g} m)."
+        )
+    return tuple(told)
+
+
+def _account(found: LateralFound) -> Preprocessing:
+    whole, system = found.whole, found.system
+    theta = whole.fit.theta
+    fitted = [
+        f"{item.parameter.name} ({item.wording}): stated {item.parameter.start:.5g} "
+        f"{item.parameter.unit}, fitted {value:.5g}, moved by {pull:+.2f} of its uncertainty"
+        for item, value, pull in zip(system.shared, theta, whole.pulls, strict=False)
+        if math.isfinite(item.u)
+    ]
+    along = ", ".join(
+        f"{item.parameter.name} {value:.4g}"
+        for item, value in zip(system.shared, theta, strict=False)
+        if not math.isfinite(item.u) and not item.parameter.name.startswith("mu_R")
+    )
+    rows = {
+        f"u of {quantity.name} from {name}": part
+        for quantity in (DRY, VISCOUS)
+        for name, part in _budget(found, quantity)[:6]
+        if part > 0.0
+    }
+    return Preprocessing(
+        statements=(
+            "The rig is simulated from the measured current and the measured lateral speed; "
+            "nothing that moves is differentiated or smoothed.",
+            f"Rollers: {_coupling(found)}.",
+            "The longitudinal friction is fitted along; its own intervals and verdicts come from "
+            f"drives without lateral motion. Here: {along}.",
+            *fitted,
+        ),
+        settings={"current_window_s": WINDOW_S, **rows},
+        per_trial={
+            trial.trial.label: {
+                "lateral_speed_m_s": float(np.mean(speed)),
+                "begin_s": float(driven.trial.t_s[driven.part.start]),
+                "end_s": float(driven.trial.t_s[driven.part.stop - 1]),
+            }
+            for trial, speed, driven in zip(
+                found.trials, system.speeds, system.rig.trials, strict=True
+            )
+        },
+        rejected=found.rejected,
+    )

@@ -1,0 +1,1 @@
+"""Contains the friction laws that come with rigd, each found by its entry point."""

@@ -1,0 +1,122 @@
+"""What is known of the rig before a trial, each value with its standard uncertainty."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from rigd.analysis import DataError
+
+#: Unit of each constant, and whether it may be zero.
+CONSTANTS = {
+    "mass": ("kg", False),
+    "wheel_radius": ("m", False),
+    "guide_friction": ("N", True),
+    "rolling_resistance": ("", True),
+    "gravity": ("m/s^2", False),
+    "torque_constant": ("N m/A", False),
+    "gear_ratio": ("", False),
+    "gear_efficiency": ("", False),
+    "no_load_torque": ("N m", True),
+    "no_load_viscous": ("N m s/rad", True),
+    "motor_inertia": ("kg m^2", True),
+    "wheel_inertia": ("kg m^2", False),
+    "bearing_torque": ("N m", True),
+    "roller_transitions": ("per turn", True),
+}
+
+
+@dataclass(frozen=True)
+class Known:
+    """A value and its standard uncertainty ``u``, both in the same unit."""
+
+    value: float
+    u: float
+
+
+@dataclass(frozen=True)
+class RigConstants:
+    """Constants in SI. ``guide_friction`` is that at ``mass``; the rest as in lugre.md section 3.
+
+    ``bearing_torque`` is the dry torque of the wheel's bearings under the load at hand.
+    """
+
+    mass: Known
+    wheel_radius: Known
+    guide_friction: Known
+    rolling_resistance: Known
+    gravity: Known
+    torque_constant: Known
+    gear_ratio: Known
+    gear_efficiency: Known
+    no_load_torque: Known
+    no_load_viscous: Known
+    motor_inertia: Known
+    wheel_inertia: Known
+    bearing_torque: Known
+    roller_transitions: float
+
+    def __post_init__(self) -> None:
+        """Check each constant.
+
+        Raises:
+            DataError: a constant, or its uncertainty, is none that a rig can have.
+        """
+        for field in fields(self):
+            known = getattr(self, field.name)
+            value, u = (known.value, known.u) if isinstance(known, Known) else (known, 0.0)
+            unit, may_be_zero = CONSTANTS[field.name]
+            if not (math.isfinite(value) and (value > 0.0 or (may_be_zero and value == 0.0))):
+                least = "must be 0 or more" if may_be_zero else "must be above 0"
+                raise _refused(f"{field.name} is {value:g} {unit}".rstrip() + f", {least}")
+            if not (math.isfinite(u) and u >= 0.0):
+                raise _refused(f"the uncertainty of {field.name} is {u:g}, must be 0 or more")
+        if self.gear_efficiency.value > 1.0:
+            raise _refused(f"gear_efficiency is {self.gear_efficiency.value:g}, must be at most 1")
+
+    @property
+    def normal_force_n(self) -> float:
+        """Return the weight on the wheel in N (Eq. 25: F_r1 + F_r2 = m_T g)."""
+        return self.mass.value * self.gravity.value
+
+    @property
+    def drive_gain(self) -> Known:
+        """Return the torque at the wheel for each ampere, N m/A (K_t E G_r of Eq. 51)."""
+        return _product(self.torque_constant, self.gear_efficiency, self.gear_ratio)
+
+    @property
+    def no_load(self) -> Known:
+        """Return the dry torque at the wheel that no current and no bearing gives back, N m."""
+        drive = _product(self.no_load_torque, self.gear_efficiency, self.gear_ratio)
+        u = math.hypot(drive.u, self.bearing_torque.u)
+        return Known(drive.value + self.bearing_torque.value, u)
+
+    @property
+    def viscous(self) -> Known:
+        """Return the viscous torque at the wheel, N m s."""
+        return _product(
+            self.no_load_viscous, self.gear_efficiency, self.gear_ratio, self.gear_ratio
+        )
+
+    @property
+    def inertia(self) -> Known:
+        """Return the inertia at the wheel in kg m^2: I_3 + (J_r + J_g) E G_r^2 of Eq. 51."""
+        motor = _product(self.motor_inertia, self.gear_efficiency, self.gear_ratio, self.gear_ratio)
+        u = math.hypot(motor.u, self.wheel_inertia.u)
+        return Known(motor.value + self.wheel_inertia.value, u)
+
+
+def _refused(message: str) -> DataError:
+    return DataError(
+        message, hint="correct the rig file; for this recording: `--set NAME='VALUE +- U UNIT'`"
+    )
+
+
+def _product(*factors: Known) -> Known:
+    """Return the product; a factor that stands twice counts with twice its relative u."""
+    value = math.prod(factor.value for factor in factors)
+    relative: dict[Known, float] = {}
+    for factor in factors:
+        share = factor.u / factor.value if factor.value else 0.0
+        relative[factor] = relative.get(factor, 0.0) + share
+    return Known(value, abs(value) * math.sqrt(sum(share**2 for share in relative.values())))

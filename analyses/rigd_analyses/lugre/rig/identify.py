@@ -1,0 +1,234 @@
+"""Identifies LuGre parameters by output error: current in; slip, travel, acceleration out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from rigd.analysis import DataError
+from rigd.analysis.diagnosis import diagnose
+from rigd.analysis.extended import same_with
+from rigd.analysis.fit import Fit, fit, multi_start
+from rigd.analysis.gate import judge_fit
+from rigd.analysis.homogeneity import homogeneity
+from rigd.analysis.model import scaled_bounds
+from rigd.analysis.output_error import (
+    ENOUGH,
+    NEAR,
+    OutputErrorFit,
+    OutputErrorModel,
+    estimate,
+    improve,
+)
+from rigd.analysis.profile import ProfileScan, axis, follow
+from rigd.analysis.result import (
+    FitOutcome,
+    FloatArray,
+    IdentificationResult,
+    Meaning,
+)
+from rigd_analyses.lugre.curve import SLIDING, TRIM
+from rigd_analyses.lugre.identify import Settings
+from rigd_analyses.lugre.model import (
+    MU_C,
+    PARAMETERS,
+    RATIO,
+    V_S,
+    LugreModel,
+    friction,
+)
+from rigd_analyses.lugre.preprocess import process
+from rigd_analyses.lugre.rig import kernel
+from rigd_analyses.lugre.rig.constants import RigConstants
+from rigd_analyses.lugre.rig.extensions import candidates
+from rigd_analyses.lugre.rig.found import FRICTION, WINDOW_S, Found, all_states, slip
+from rigd_analyses.lugre.rig.parts import sort_out
+from rigd_analyses.lugre.rig.result import result
+from rigd_analyses.lugre.rig.system import (
+    RigSystem,
+    driven_trial,
+)
+from rigd_analyses.lugre.trial import LugreConstants, LugreTrial, sampling_period_s
+
+#: Longest correlation of the scores that is accounted for; those of innovations remember little,
+#: and longer blocks would be too few.
+SCORES_S = 0.05
+OTHER_WINDOWS_S = (0.013, 0.041)  #: by how much the choice moves a parameter
+MOST_BETTER = 3  #: times that profiles may find a better fit
+SPEEDS_M_S = (2e-4, 5e-3, 0.1, 2.0)  #: V_s of starts besides those of method A
+OTHER_RADIUS = 0.2  #: relative difference that slip does not explain
+BASINS = 3  #: optima of method A that output error starts from
+OTHER_BASIN = 0.3  #: in scaled coordinates
+OTHER_ITERATIONS = 3  #: with another filter; the optimum is near
+
+
+def identify_output_error(
+    trials: Sequence[LugreTrial],
+    constants: LugreConstants,
+    rig: RigConstants,
+    settings: Settings | None = None,
+) -> IdentificationResult:
+    """Return the LuGre parameters that ``trials`` support, by simulating the rig.
+
+    The starts come from method A (slip in, traction out) and from the model's own start.
+
+    Raises:
+        DataError: the recordings cannot answer (wrong sign, no motion, no rest, too few trials).
+    """
+    settings = Settings() if settings is None else settings
+    periods = [sampling_period_s(trial) for trial in trials]
+    parts, rejected = sort_out(trials, periods, settings)
+    used = [trial for trial, _ in parts]
+    starts = _starts(used, constants, settings)
+
+    def system(window_s: float) -> RigSystem:
+        return rig_system(parts, rig, starts[0], window_s)
+
+    first = system(WINDOW_S)
+    block = max(1, round(SCORES_S / first.period_s))
+    known = np.array([unknown.parameter.start for unknown in first.shared[FRICTION:]])
+    points = [np.concatenate([start, known]) for start in starts]
+    points = [*points, *_other_radius(first, points[-1])]
+    whole = estimate(first, points, block)
+    alike = homogeneity(whole, MU_C, "friction", [trial.recording for trial in used])
+    changed = [test.sentence for test in reversed(alike) if not test.passed]
+    diagnosis = diagnose(whole, partial(candidates, first), points, block, first.period_s)
+    gate = judge_fit(diagnosis, [trial.label for trial in used], first.period_s)
+    whole = diagnosis.fit
+    # Other things move friction from trial to trial too: a trend counts if friction explains most.
+    varies = any(item.meaning is Meaning.VARIES for item in gate.explanations[:1])
+    if changed and varies:
+        sentence = f"The model does not fit these data: {changed[0]}"
+        gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=sentence)
+        gate = replace(gate, findings=(*changed, *gate.findings))
+    scans: dict[str, ProfileScan] = {}
+    if gate.outcome is not FitOutcome.MISFIT:
+        for _ in range(MOST_BETTER):
+            scans = _profiles(whole, _visited(first, whole))
+            better = [line.better for line in scans.values() if line.better is not None]
+            if not better:
+                break
+            whole = improve(whole, better[0], block)
+    others = []
+    for window_s in OTHER_WINDOWS_S:
+        model = OutputErrorModel(same_with(whole, system(window_s)), whole.model.noise)
+        again = fit(
+            model, whole.fit.theta, max_iterations=OTHER_ITERATIONS, relative_decrease=ENOUGH,
+            damping=NEAR,
+        )  # fmt: skip
+        others.append(again.theta)
+    shifts = tuple(item.score.shift for item in diagnosis.left)
+    weight_u = rig.gravity.u / rig.gravity.value
+    found = Found(
+        whole, tuple(others), scans, _visited(first, whole), gate, alike, weight_u, shifts
+    )
+    return result(first, found, rejected, starts, block)
+
+
+def rig_system(
+    parts: Sequence[tuple[LugreTrial, slice]],
+    rig: RigConstants,
+    start: FloatArray,
+    window_s: float = WINDOW_S,
+) -> RigSystem:
+    """Return the system of trials with the part of each that is simulated.
+
+    ``start`` (6,) are friction parameters to begin with, ``window_s`` the filter of the current.
+    """
+    period_s = sampling_period_s(parts[0][0])
+    window = _odd(window_s / period_s)
+    driven = [driven_trial(trial, part, window, rig.wheel_radius.value) for trial, part in parts]
+    return RigSystem(tuple(driven), rig, period_s, start)
+
+
+def _starts(
+    trials: Sequence[LugreTrial], constants: LugreConstants, settings: Settings
+) -> list[FloatArray]:
+    """Return friction parameters to start from: method A's optima, and some V_s."""
+    plain = np.array([parameter.start for parameter in PARAMETERS])
+    spread = []
+    for speed in SPEEDS_M_S:
+        point = plain.copy()
+        point[V_S] = speed
+        spread.append(point)
+    try:
+        sweep = process(trials, constants, settings.guards)
+    except DataError:
+        return spread  # method A needs more than this one
+    model = LugreModel([trial.samples for trial in sweep.trials])
+    found: list[Fit] = []
+    for end in multi_start(model, starts=settings.starts, seed=settings.seed):
+        if all(np.max(np.abs(end.scaled - other.scaled)) > OTHER_BASIN for other in found):
+            found.append(end)
+    return [*(end.theta for end in found[:BASINS]), *spread]
+
+
+def _other_radius(system: RigSystem, point: FloatArray) -> list[FloatArray]:
+    """Return ``point`` with the wheel radius that travel over angle suggests, if it is another.
+
+    Slip makes travel some per cent shorter; a diameter typed for a radius is a factor of two.
+    """
+    index = [unknown.parameter.name for unknown in system.shared].index("wheel_radius")
+    stated = system.shared[index].parameter
+    travel = sum(np.ptp(item.trial.carriage_position_m[item.part]) for item in system.trials)
+    turned = sum(np.ptp(item.trial.wheel_angle_rad[item.part]) for item in system.trials)
+    radius = (
+        float(np.clip(travel / turned, stated.low, stated.high)) if turned > 0.0 else point[index]
+    )
+    if abs(radius / point[index] - 1.0) < OTHER_RADIUS:
+        return []
+    other = point.copy()
+    other[index] = radius
+    return [other]
+
+
+def _profiles(whole: OutputErrorFit, visited: tuple[float, float]) -> dict[str, ProfileScan]:
+    """Return the profiles that are needed, in scaled coordinates.
+
+    mu_c is g far above V_s, mu_s is g far below it: of a friction that the visited slip does not
+    reach nothing is given, and its profile is not made. A scan that finds a better fit is the last.
+    """
+    count = len(whole.model.parameters)
+    low, high = scaled_bounds(PARAMETERS)
+    speed = float(whole.fit.theta[V_S])
+    lines = {"V_s": (axis(count, V_S), V_S), "ratio": (axis(count, RATIO), RATIO)}
+    if speed <= visited[1]:
+        lines["mu_c"] = (axis(count, MU_C), MU_C)
+    if speed >= visited[0]:
+        lines["mu_s"] = (axis(count, MU_C) + axis(count, RATIO), MU_C)
+    scans = {}
+    for name, (direction, index) in lines.items():
+        scans[name] = follow(
+            whole.model, whole.fit, direction, whole.inverse,
+            (float(low[index]), float(high[index])), others=whole.others,
+        )  # fmt: skip
+        if scans[name].better is not None:
+            break
+    return scans
+
+
+def _visited(system: RigSystem, whole: OutputErrorFit) -> tuple[float, float]:
+    """Return the slip range in m/s in which the bristle slides."""
+    speeds = []
+    for trial, states in enumerate(all_states(system, whole)):
+        speed = np.abs(slip(system, whole, states))
+        bent = np.abs(states[:, kernel.BRISTLE]) >= SLIDING * friction(
+            whole.fit.theta[:FRICTION], speed
+        )
+        speeds.append(speed[bent & (system.trials[trial].jumps == 0.0)])
+    used = np.concatenate(speeds)
+    if used.size == 0 or not np.max(used) > 0.0:
+        raise DataError(
+            "no trial bends the bristle half way to sliding: nothing is known about friction",
+            hint="record trials with more current",
+        )
+    low, high = (float(x) for x in np.quantile(used, [TRIM, 1.0 - TRIM]))
+    return low, high
+
+
+def _odd(samples: float) -> int:
+    count = max(3, round(samples))
+    return count + 1 - count % 2

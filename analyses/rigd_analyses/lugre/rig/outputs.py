@@ -1,0 +1,107 @@
+"""The outputs of the rig and their derivatives, from the states of the recursion; compiled.
+
+Slip travel r_0 angle - position with the radius r_0 as stated (a constant combination of what is
+measured), carriage position, acceleration. Encoders read late, the accelerometer has a gain and a
+zero, and shakes with the speed at once and twice the rate of the rollers' transitions.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rigd.analysis.kernel import kernel
+from rigd.analysis.result import FloatArray
+from rigd_analyses.lugre.rig.kernel import COUNT
+
+DYNAMIC = COUNT - 1  #: parameters of the recursion that all trials share
+WHEEL_DELAY = DYNAMIC - 1
+(
+    CARRIAGE_DELAY, GAIN, SHAKE_COS, SHAKE_SIN, TWICE_COS, TWICE_SIN,
+) = range(DYNAMIC, DYNAMIC + 6)  # fmt: skip
+SHARED = TWICE_SIN + 1
+FIRST_BRISTLE, FIRST_ANGLE, FIRST_POSITION, ZERO = range(4)
+LOCAL = ZERO + 1
+SLIP, TRAVEL, ACCELERATION = range(3)
+OUTPUTS = ACCELERATION + 1
+
+
+@kernel
+def _shake(shared: FloatArray, cosine: float, sine: float) -> float:
+    """Return what the accelerometer shakes for each m/s, in 1/s."""
+    twice_cosine, twice_sine = 2.0 * cosine * cosine - 1.0, 2.0 * sine * cosine
+    shake: float = (
+        shared[SHAKE_COS] * cosine + shared[SHAKE_SIN] * sine
+        + shared[TWICE_COS] * twice_cosine + shared[TWICE_SIN] * twice_sine
+    )  # fmt: skip
+    return shake
+
+
+@kernel
+def outputs(
+    states: FloatArray, phase: FloatArray, shared: FloatArray, local: FloatArray, radius: float
+) -> FloatArray:
+    """Return the outputs (n, 3) of ``states`` (n, 6).
+
+    ``phase`` (n,) is that of the rollers' transitions in rad, ``radius`` the one that slip travel
+    is made with, in m.
+    """
+    count = states.shape[0]
+    out = np.empty((count, OUTPUTS))
+    for k in range(count):
+        x, angle, rate, v, w = states[k, 0], states[k, 1], states[k, 2], states[k, 3], states[k, 4]
+        position = x - shared[CARRIAGE_DELAY] * v + local[FIRST_POSITION]
+        turned = angle - shared[WHEEL_DELAY] * w + local[FIRST_ANGLE]
+        shake = _shake(shared, math.cos(phase[k]), math.sin(phase[k]))
+        out[k, SLIP] = radius * turned - position
+        out[k, TRAVEL] = position
+        out[k, ACCELERATION] = (1.0 + shared[GAIN]) * rate + local[ZERO] + v * shake
+    return out
+
+
+@kernel
+def output_slopes(
+    states: FloatArray, by_q: FloatArray, phase: FloatArray, hurry: FloatArray,
+    shared: FloatArray, radius: float,
+) -> FloatArray:  # fmt: skip
+    """Return the derivatives (n, 3, 29) of the outputs to the shared and the local unknowns.
+
+    ``by_q`` (n, 5, 20) are those of ``states`` to the parameters of the recursion, ``hurry`` (n,)
+    is the rate of ``phase`` in rad/s.
+    """
+    count = states.shape[0]
+    out = np.zeros((count, OUTPUTS, SHARED + LOCAL))
+    late_wheel, late_carriage = shared[WHEEL_DELAY], shared[CARRIAGE_DELAY]
+    gain = 1.0 + shared[GAIN]
+    for k in range(count):
+        row, by = out[k], by_q[k]
+        rate, v, w = states[k, 2], states[k, 3], states[k, 4]
+        cosine, sine = math.cos(phase[k]), math.sin(phase[k])
+        shake = _shake(shared, cosine, sine)
+        for j in range(DYNAMIC):
+            position = by[0, j] - late_carriage * by[3, j]
+            row[SLIP, j] = radius * (by[1, j] - late_wheel * by[4, j]) - position
+            row[TRAVEL, j] = position
+            row[ACCELERATION, j] = gain * by[2, j] + shake * by[3, j]
+        j, first = DYNAMIC, SHARED + FIRST_BRISTLE
+        position = by[0, j] - late_carriage * by[3, j]
+        row[SLIP, first] = radius * (by[1, j] - late_wheel * by[4, j]) - position
+        row[TRAVEL, first] = position
+        row[ACCELERATION, first] = gain * by[2, j] + shake * by[3, j]
+        twice_cosine, twice_sine = 2.0 * cosine * cosine - 1.0, 2.0 * sine * cosine
+        row[SLIP, WHEEL_DELAY] -= radius * w
+        row[ACCELERATION, WHEEL_DELAY] += v * hurry[k] * (
+            shared[SHAKE_SIN] * cosine - shared[SHAKE_COS] * sine
+            + 2.0 * (shared[TWICE_SIN] * twice_cosine - shared[TWICE_COS] * twice_sine)
+        )  # fmt: skip
+        row[SLIP, CARRIAGE_DELAY], row[TRAVEL, CARRIAGE_DELAY] = v, -v
+        row[ACCELERATION, GAIN] = rate
+        row[ACCELERATION, SHAKE_COS], row[ACCELERATION, SHAKE_SIN] = v * cosine, v * sine
+        row[ACCELERATION, TWICE_COS], row[ACCELERATION, TWICE_SIN] = (
+            v * twice_cosine, v * twice_sine,
+        )  # fmt: skip
+        row[SLIP, SHARED + FIRST_ANGLE] = radius
+        row[SLIP, SHARED + FIRST_POSITION], row[TRAVEL, SHARED + FIRST_POSITION] = -1.0, 1.0
+        row[ACCELERATION, SHARED + ZERO] = 1.0
+    return out

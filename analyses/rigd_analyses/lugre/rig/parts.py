@@ -1,0 +1,79 @@
+"""Finds the part of each trial in which the motor alone moves the carriage, and what has none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rigd.analysis import DataError
+from rigd.analysis.result import TrialRejection
+from rigd_analyses.lugre.drive import find_drive
+from rigd_analyses.lugre.identify import Settings
+from rigd_analyses.lugre.preprocess import window_samples
+from rigd_analyses.lugre.rig.system import LEAD
+from rigd_analyses.lugre.trial import LugreTrial
+
+LEAST_TRIALS = 3
+MARGIN = 5  #: samples before the end of a drive that the current alone tells
+LEAST_TRAVEL_M = 0.02
+LEAST_SPEED_M_S = 0.03  #: a carriage that creeps sticks and slips, which no law of sliding has
+SPEED_OVER_S = 0.1
+
+
+def sort_out(
+    trials: Sequence[LugreTrial], periods: Sequence[float], settings: Settings
+) -> tuple[list[tuple[LugreTrial, slice]], list[TrialRejection]]:
+    """Return the trials that move, each with the part that is simulated, and the others."""
+    kept, rejected = [], []
+    for trial, period in zip(trials, periods, strict=True):
+        part = free_part(trial, period, settings)
+        travel = float(np.ptp(trial.carriage_position_m[part]))
+        if abs(period - periods[0]) > 1e-3 * periods[0]:
+            rejected.append(TrialRejection(trial.label, "it is sampled at another rate"))
+        elif travel < LEAST_TRAVEL_M:
+            rejected.append(
+                TrialRejection(
+                    trial.label, f"the carriage moved {1e3 * travel:.1f} mm while driven"
+                )
+            )
+        elif (speed := _top_speed(trial, part, period)) < LEAST_SPEED_M_S:
+            rejected.append(
+                TrialRejection(
+                    trial.label,
+                    f"the carriage crept at {1e3 * speed:.0f} mm/s at most: friction close to "
+                    "standstill is not what the model describes",
+                )
+            )
+        else:
+            kept.append((trial, part))
+    if len(kept) < LEAST_TRIALS:
+        reasons = "; ".join(f"{item.label}: {item.reason}" for item in rejected)
+        raise DataError(
+            f"{len(kept)} of {len(trials)} trials can be fitted, need at least {LEAST_TRIALS}"
+            + (f" ({reasons})" if reasons else ""),
+            hint="record a sweep of currents that move the carriage",
+        )
+    return kept, rejected
+
+
+def _top_speed(trial: LugreTrial, part: slice, period_s: float) -> float:
+    """Return the largest speed of the carriage over 0.1 s, in m/s."""
+    position = trial.carriage_position_m[part]
+    steps = min(max(1, round(SPEED_OVER_S / period_s)), len(position) - 1)
+    moved = np.abs(position[steps:] - position[:-steps])
+    return float(np.max(moved, initial=0.0)) / (steps * period_s)
+
+
+def free_part(trial: LugreTrial, period_s: float, settings: Settings) -> slice:
+    """Return the part in which the motor alone moves the carriage.
+
+    It begins shortly before the current step. It ends when something holds the carriage, if that
+    was recorded, else with the first drive.
+    """
+    drive = find_drive(trial, period_s, window_samples(settings.guards, period_s))
+    end = drive.end - MARGIN
+    if trial.held is not None:
+        after = np.flatnonzero(trial.held[drive.start + 1 :] > 0.5)
+        end = len(trial.held) if after.size == 0 else drive.start + 1 + int(after[0])
+    return slice(max(0, drive.start - LEAD), end)

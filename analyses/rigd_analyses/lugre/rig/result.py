@@ -1,0 +1,243 @@
+"""Makes the result of an identification of what output error found: curve, trials, account."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from rigd.analysis import residuals as tests
+from rigd.analysis.identifiability import Z_95
+from rigd.analysis.model import fitted_point, slopes
+from rigd.analysis.output_error import OutputErrorFit
+from rigd.analysis.result import (
+    Curve,
+    FitOutcome,
+    FittedPoint,
+    FloatArray,
+    IdentificationResult,
+    Preprocessing,
+    Profile,
+    Seen,
+    Signal,
+    StartOutcome,
+    TrialFit,
+    TrialRejection,
+)
+from rigd.analysis.uncertainty import correlation
+from rigd_analyses.lugre.curve import POINTS
+from rigd_analyses.lugre.model import (
+    PARAMETERS,
+    friction,
+    friction_gradient,
+)
+from rigd_analyses.lugre.quantities import (
+    BY_COVARIANCE,
+    COULOMB,
+    STATIC,
+    STRIBECK_SPEED,
+)
+from rigd_analyses.lugre.rig import kernel
+from rigd_analyses.lugre.rig.estimates import derived, estimates, refused
+from rigd_analyses.lugre.rig.found import FRICTION, WINDOW_S, Found, all_states, slip
+from rigd_analyses.lugre.rig.outputs import ACCELERATION, SLIP
+from rigd_analyses.lugre.rig.seen import seen
+from rigd_analyses.lugre.rig.system import RigSystem
+
+METHOD = "output error: current in; slip, travel and acceleration out"
+
+
+def result(
+    system: RigSystem,
+    found: Found,
+    rejected: Sequence[TrialRejection],
+    starts: Sequence[FloatArray],
+    block: int,
+) -> IdentificationResult:
+    """Return the result for a report; ``starts`` are where the fits began, ``block`` in samples."""
+    whole, gate = found.whole, found.gate
+    count = FRICTION
+    samples = sum(error.shape[0] for error in whole.errors)
+    fits = gate.outcome is not FitOutcome.MISFIT
+    parameters = estimates(found) if fits else refused(found)
+    white = [
+        part[:: len(system.outputs)]
+        for part in (whole.model.linearise(k, found.theta)[0] for k in range(len(system.trials)))
+    ]
+    period = system.period_s
+    return IdentificationResult(
+        model="lugre",
+        method=METHOD,
+        title="LuGre friction of the omni-wheel",
+        parameters=tuple(parameters),
+        derived=tuple(derived(found)) if fits else (),
+        confidence=0.95,
+        correlation_names=tuple(p.name for p in PARAMETERS),
+        correlation=correlation(whole.covariance[:count, :count]),
+        cost=whole.fit.cost,
+        samples=samples,
+        effective_samples=float(samples),
+        inflation=1.0,
+        starts=tuple(
+            StartOutcome(
+                {p.name: float(x) for p, x in zip(PARAMETERS, start, strict=True)},
+                {p.name: float(x) for p, x in zip(PARAMETERS, found.theta, strict=False)},
+                whole.fit.cost, whole.fit.iterations, whole.fit.converged,
+            )
+            for start in starts[:1]
+        ),
+        curve=_curve(found, seen(system, found)),
+        trials=_trial_fits(system, whole),
+        profiles=_profile_rows(found),
+        residual_tests=(
+            tests.ljung_box(white, 20), tests.outliers(np.concatenate(white)), *found.tests
+        ),
+        autocorrelation=tests.autocorrelation(white, block, period),
+        preprocessing=_account(system, found, rejected),
+        visited=f"slip from {1e3 * found.visited[0]:.1f} to {1e3 * found.visited[1]:.1f} mm/s; "
+        "beyond it every statement, V_s included, is extrapolation",
+        warnings=(
+            *([] if gate.outcome is FitOutcome.FITS else [gate.sentence, *gate.findings[1:]]),
+            *(f"{item.label} was left out: {item.reason}" for item in rejected),
+        ),
+        gate=gate,
+        point=_point(found) if fits else None,
+    )  # fmt: skip
+
+
+def _point(found: Found) -> FittedPoint:
+    """Return the friction at which the fit ended, for programs that simulate it."""
+    accepted = [line.accepted[:, :FRICTION] for line in found.scans.values()]
+    return fitted_point(
+        PARAMETERS, found.theta[:FRICTION], found.whole.covariance[:FRICTION, :FRICTION],
+        [other[:FRICTION] for other in found.others],
+        np.concatenate([np.empty((0, FRICTION)), *accepted]),
+    )  # fmt: skip
+
+
+def _curve(found: Found, data: tuple[Seen, ...]) -> Curve:
+    """Return g with its band: the sandwich, the accepted profiles and the filter's choice."""
+    theta = found.theta[:FRICTION]
+    points = 0 if found.gate.outcome is FitOutcome.MISFIT else POINTS
+    slip = np.geomspace(max(found.visited[0], 1e-6), found.visited[1], points)
+    centre = friction(theta, slip)
+    scale = slopes(found.whole.model.parameters, found.theta)[:FRICTION]
+    gradient = friction_gradient(theta, slip) / centre[:, None] * scale
+    chance = np.einsum(
+        "ij,jk,ik->i", gradient, found.whole.covariance[:FRICTION, :FRICTION], gradient
+    )
+    moved = [np.log(friction(other[:FRICTION], slip) / centre) for other in found.others]
+    method = np.mean(np.square(moved), axis=0) if moved else np.zeros(points)
+    by_natural = friction_gradient(theta, slip) / centre[:, None]
+    method += np.array([found.unexplained(row[None]) ** 2 for row in by_natural])
+    reach = Z_95 * np.sqrt(np.maximum(chance, 0.0) + method + found.weight_u**2)
+    accepted = [line.accepted[:, :FRICTION] for line in found.scans.values()]
+    ridge = np.array(
+        [np.log(friction(point, slip) / centre) for part in accepted for point in part]
+        or [np.zeros(points)]
+    )
+    below = np.hypot(reach, np.maximum(-ridge.min(axis=0), 0.0))
+    above = np.hypot(reach, np.maximum(ridge.max(axis=0), 0.0))
+    return Curve(
+        seen=data if points else (),
+        name="friction_curve", x_name="V_r", x_unit="m/s", y_name="g", y_unit="1",
+        x=slip, y=centre,
+        low=centre * np.exp(-below), high=centre * np.exp(above),
+        note=f"Visited slip: {1e3 * found.visited[0]:.1f} to {1e3 * found.visited[1]:.1f} mm/s; "
+        "beyond it the curve would be extrapolation and is not drawn. Band: 95 %, pointwise.",
+    )  # fmt: skip
+
+
+def _trial_fits(system: RigSystem, whole: OutputErrorFit) -> tuple[TrialFit, ...]:
+    fits = []
+    states = all_states(system, whole)
+    for driven, error, state in zip(system.trials, whole.errors, states, strict=True):
+        measured, fitted = driven.measured[:, SLIP], (driven.measured + error)[:, SLIP]
+        rms, r_squared = tests.goodness(measured, fitted)
+        fits.append(
+            TrialFit(
+                label=driven.label,
+                condition=f"{driven.trial.current_a:.2f} A",
+                recording=driven.trial.recording,
+                output="slip travel",
+                unit="m",
+                t_s=driven.trial.t_s[driven.part],
+                measured=measured,
+                fitted=fitted,
+                used=np.ones(len(measured), dtype=np.bool_),
+                rms=rms,
+                r_squared=r_squared,
+                signals={
+                    "V_r": Signal("m/s", slip(system, whole, state)),
+                    "carriage_speed": Signal("m/s", state[:, kernel.SPEED]),
+                    "acceleration": Signal("m/s^2", driven.measured[:, ACCELERATION]),
+                },
+            )
+        )
+    return tuple(fits)
+
+
+def _profile_rows(found: Found) -> tuple[Profile, ...]:
+    def natural(value: float | None) -> float | None:
+        return None if value is None else math.exp(value)
+
+    rows = [
+        Profile(
+            quantity.name, quantity.unit, np.exp(line.values), line.statistic, line.threshold,
+            natural(line.low), natural(line.high),
+        )
+        for quantity in (STRIBECK_SPEED, COULOMB, STATIC)
+        if (line := found.scans.get(quantity.name)) is not None
+    ]  # fmt: skip
+    if (line := found.scans.get("ratio")) is not None:
+        rows.append(
+            Profile(
+                "ln(mu_s/mu_c)", "1", line.values, line.statistic, line.threshold, line.low,
+                line.high, log_axis=False,
+            )
+        )  # fmt: skip
+    return tuple(rows)
+
+
+def _account(system: RigSystem, found: Found, rejected: Sequence[TrialRejection]) -> Preprocessing:
+    whole = found.whole
+    known = [
+        f"{unknown.parameter.name} ({unknown.wording}): stated {unknown.parameter.start:.5g} "
+        f"{unknown.parameter.unit}, fitted {value:.5g}, moved by {pull:+.2f} of its uncertainty"
+        for unknown, value, pull in zip(system.shared, found.theta, whole.pulls, strict=False)
+        if math.isfinite(unknown.u)
+    ]
+    samples = sum(len(error) for error in whole.errors)
+    return Preprocessing(
+        statements=(
+            "The rig is simulated from the measured current; nothing that moves is differentiated "
+            "or smoothed. The current's own noise is filtered between its jumps.",
+            f"{samples} samples of {len(system.trials)} trials count, from the current step until "
+            "something else than the motor holds the carriage; left out: "
+            f"{len(rejected)} trials.",
+            *known,
+        ),
+        settings={"current_window_s": WINDOW_S, **_budget_rows(found)},
+        per_trial={
+            driven.label: {
+                "begin_s": float(driven.trial.t_s[driven.part.start]),
+                "end_s": float(driven.trial.t_s[driven.part.stop - 1]),
+                "samples_used": float(len(driven.measured)),
+                "slip_travel_rms_m": float(np.sqrt(np.mean(error[:, SLIP] ** 2))),
+            }
+            for driven, error in zip(system.trials, whole.errors, strict=True)
+        },
+        rejected=tuple(rejected),
+    )
+
+
+def _budget_rows(found: Found) -> dict[str, float]:
+    """Return the largest sources of each parameter's uncertainty, relative."""
+    rows: dict[str, float] = {}
+    for quantity in (*BY_COVARIANCE, COULOMB, STATIC):
+        parts = sorted(found.budget(quantity).items(), key=lambda item: -item[1])
+        rows |= {
+            f"u of {quantity.name} from {name}": part for name, part in parts[:4] if part > 0.0
+        }
+    return rows

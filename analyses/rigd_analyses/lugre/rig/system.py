@@ -1,0 +1,263 @@
+"""Trials of the omni-wheel rig as a system whose outputs are predicted from the motor current."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from rigd.analysis.innovations import Deviations
+from rigd.analysis.model import FitParameter, Scaling
+from rigd.analysis.output_error import Output, Unknown
+from rigd.analysis.result import FloatArray
+from rigd_analyses.lugre.model import PARAMETERS
+from rigd_analyses.lugre.rig import kernel
+from rigd_analyses.lugre.rig.constants import Known, RigConstants
+from rigd_analyses.lugre.rig.current import simulated_current
+from rigd_analyses.lugre.rig.deviations import SensorNoise, deviations
+from rigd_analyses.lugre.rig.outputs import (
+    DYNAMIC,
+    FIRST_BRISTLE,
+    WHEEL_DELAY,
+    output_slopes,
+    outputs,
+)
+from rigd_analyses.lugre.trial import LugreTrial
+
+REACH = 8.0  #: a constant may move by this many of its uncertainties
+FAR = 4.0  #: and one that must be positive by this factor
+LEAST_U = 1e-4  #: relative: no constant is known better than this
+TINY = 1e-12
+TURNING_WINDOW = 21  #: samples, of the rate of the wheel angle that a delay is undone with
+LEAD = 40  #: samples of rest before the current step that are simulated
+REST = 300  #: samples of rest that the accelerometer's zero is taken from
+#: Uncertainties that no constant of the rig states; the sensors are taken to be ordinary ones.
+DELAY_S = 1e-3  #: of an encoder against the current
+SLOPE_M_S2 = 0.02  #: of the floor, times gravity: 0.1 degrees
+DRAG_N_S_M = 0.05  #: of a cable
+CURRENT_ZERO_A = 3e-3
+ACCELERATION_GAIN = 0.02
+RIPPLE = 1.0  #: (m/s^2)/(m/s), of the rollers' transitions
+BRISTLE = 0.03  #: z that the return to the start leaves in the contact
+ZERO_M_S2 = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenTrial:
+    """One trial from shortly before the current step until something else holds the carriage.
+
+    All arrays (n,); angle as measured, ``turning_rad_s`` its rate; ``measured`` (n, 3) the outputs.
+    """
+
+    label: str
+    current_a: FloatArray
+    jumps: FloatArray
+    angle_rad: FloatArray
+    turning_rad_s: FloatArray
+    measured: FloatArray
+    trial: LugreTrial
+    part: slice
+    current_noise_a: float
+
+
+@dataclass(frozen=True, eq=False)
+class RigSystem:
+    """The trials, with what is known of the rig; a :class:`rigd.analysis.output_error.System`.
+
+    Outputs: slip travel r_0 angle - position (r_0 as stated: a constant combination of what is
+    measured), carriage position, acceleration. The two positions have counts, the accelerometer
+    noise; what else they share is drift from the noise of the current.
+    """
+
+    trials: tuple[DrivenTrial, ...]
+    constants: RigConstants
+    period_s: float
+    start: FloatArray  #: friction parameters (6,) to start from
+    measured: tuple[FloatArray, ...] = field(init=False, repr=False)
+    shared: tuple[Unknown, ...] = field(init=False)
+    local: tuple[Unknown, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "measured", tuple(trial.measured for trial in self.trials))
+        object.__setattr__(self, "shared", (*self._friction(), *self._known()))
+        object.__setattr__(self, "local", self._local())
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """Return slip, travel and acceleration."""
+        return (
+            Output("slip travel", "m"),
+            Output("carriage position", "m"),
+            Output("acceleration", "m/s^2"),
+        )
+
+    @property
+    def noise(self) -> SensorNoise:
+        """Return what the readings themselves show of the noise of the sensors."""
+        rests = [
+            item.trial.acceleration_m_s2[max(0, item.part.start - REST) : item.part.start + LEAD]
+            for item in self.trials
+        ]
+        return SensorNoise(
+            float(np.median([item.current_noise_a for item in self.trials])),
+            min(_count(item.trial.wheel_angle_rad) for item in self.trials),
+            min(_count(item.trial.carriage_position_m) for item in self.trials),
+            float(np.sqrt(np.mean([np.var(values) for values in rests]))),
+            REST + LEAD,
+        )
+
+    def deviations(self, trial: int, shared: FloatArray, local: FloatArray) -> Deviations:
+        """Return how noise of current and sensors moves the outputs of one trial."""
+        return deviations(self, self.noise, trial, shared, local)
+
+    def freed(self, name: str) -> RigSystem:
+        """Return the system with one constant that only the data determine."""
+        other = copy.copy(self)
+        shared = [
+            replace(item, u=math.inf) if item.parameter.name == name else item
+            for item in self.shared
+        ]
+        object.__setattr__(other, "shared", tuple(shared))
+        return other
+
+    def states(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
+        """Return the states (n, 6) of one trial; columns as in :mod:`.kernel`."""
+        return self._run(trial, shared, local, False)[0]
+
+    def simulate(self, trial: int, shared: FloatArray, local: FloatArray) -> FloatArray:
+        """Return the outputs (n, 3) of one trial."""
+        # Far from the data a trial step may leave the numbers; the fit then takes a shorter one.
+        states, _, phase = self._run(trial, shared, local, False)
+        return outputs(states, phase, shared, local, self.constants.wheel_radius.value)
+
+    def linearise(
+        self, trial: int, shared: FloatArray, local: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the outputs (n, 3) and their derivatives (n, 3, 29)."""
+        states, by_q, phase = self._run(trial, shared, local, True)
+        radius = self.constants.wheel_radius.value
+        predicted = outputs(states, phase, shared, local, radius)
+        hurry = self.constants.roller_transitions * self.trials[trial].turning_rad_s
+        return predicted, output_slopes(states, by_q, phase, hurry, shared, radius)
+
+    def _run(
+        self, trial: int, shared: FloatArray, local: FloatArray, sensitive: bool
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return states, their derivatives, and the phase of the rollers' transitions (n,)."""
+        driven, constants = self.trials[trial], self.constants
+        q = np.append(shared[:DYNAMIC], local[FIRST_BRISTLE])
+        states, by_q = kernel.integrate(
+            q, driven.current_a, driven.jumps, driven.angle_rad, driven.turning_rad_s,
+            constants.roller_transitions, constants.mass.value, constants.normal_force_n,
+            self.period_s, sensitive,
+        )  # fmt: skip
+        turned = driven.angle_rad + shared[WHEEL_DELAY] * driven.turning_rad_s
+        return states, by_q, constants.roller_transitions * turned
+
+    def _friction(self) -> tuple[Unknown, ...]:
+        found = []
+        for parameter, value in zip(PARAMETERS, self.start, strict=True):
+            start = float(np.clip(value, parameter.low, parameter.high))
+            found.append(
+                Unknown(
+                    FitParameter(
+                        parameter.name, parameter.unit, parameter.low, parameter.high, start,
+                        parameter.scaling,
+                    )
+                )
+            )  # fmt: skip
+        return tuple(found)
+
+    def _known(self) -> tuple[Unknown, ...]:
+        c = self.constants
+        return (
+            _positive("drive_gain", "N m/A", c.drive_gain, "torque constant, gear and efficiency"),
+            _signed("no_load", "N m", c.no_load, "no-load torque and bearings"),
+            _signed("wheel_viscous", "N m s", c.viscous, "viscous no-load torque"),
+            _positive("wheel_inertia", "kg m^2", c.inertia, "inertia of wheel, gear and motor"),
+            _signed("guide_friction", "N", c.guide_friction, "guide friction"),
+            _signed("rolling_resistance", "1", c.rolling_resistance, "rolling resistance"),
+            _zero("drag", "N s/m", DRAG_N_S_M, "drag of a cable"),
+            _zero("slope", "m/s^2", SLOPE_M_S2, "slope of the floor"),
+            _positive("wheel_radius", "m", c.wheel_radius, "wheel radius"),
+            _zero("current_zero", "A", CURRENT_ZERO_A, "zero of the current"),
+            _zero("ripple_cos", "1/s", RIPPLE, "force of the rollers' transitions"),
+            _zero("ripple_sin", "1/s", RIPPLE, "force of the rollers' transitions, sine"),
+            _zero("wheel_delay", "s", DELAY_S, "delay of the wheel encoder"),
+            _zero("carriage_delay", "s", DELAY_S, "delay of the carriage encoder"),
+            _zero("acceleration_gain", "1", ACCELERATION_GAIN, "gain of the accelerometer"),
+            _zero("shake_cos", "1/s", RIPPLE, "shaking of the accelerometer, cos"),
+            _zero("shake_sin", "1/s", RIPPLE, "shaking of the accelerometer, sin"),
+            _zero("shake_2_cos", "1/s", RIPPLE, "shaking of the accelerometer, cos of twice"),
+            _zero("shake_2_sin", "1/s", RIPPLE, "shaking of the accelerometer, sin of twice"),
+        )
+
+    def _local(self) -> tuple[Unknown, ...]:
+        counts = [_count(trial.trial.wheel_angle_rad) for trial in self.trials]
+        lines = [_count(trial.trial.carriage_position_m) for trial in self.trials]
+        return (
+            _zero("first_bristle", "1", BRISTLE, ""),
+            _zero("first_angle", "rad", max(counts) / math.sqrt(12.0), ""),
+            _zero("first_position", "m", max(lines) / math.sqrt(12.0), ""),
+            _zero("zero", "m/s^2", ZERO_M_S2, ""),
+        )
+
+
+def driven_trial(trial: LugreTrial, part: slice, window: int, radius_m: float) -> DrivenTrial:
+    """Return the ``part`` of ``trial`` that is simulated, its current filtered over ``window``.
+
+    Angle and position count from their means over the rest before the step, acceleration and
+    current too: the amplifier gives no current there.
+    """
+    rest = slice(part.start, part.start + LEAD)
+    angle = trial.wheel_angle_rad[part] - float(np.mean(trial.wheel_angle_rad[rest]))
+    position = trial.carriage_position_m[part] - float(np.mean(trial.carriage_position_m[rest]))
+    before = slice(max(0, part.start - REST), part.start + LEAD)
+    zero = float(np.mean(trial.motor_current_a[before]))
+    current = simulated_current(trial.motor_current_a[part] - zero, window)
+    acceleration = trial.acceleration_m_s2[part] - float(np.mean(trial.acceleration_m_s2[before]))
+    measured = np.stack([radius_m * angle - position, position, acceleration], axis=1)
+    period_s = float(np.median(np.diff(trial.t_s)))
+    turning = savgol_filter(angle, TURNING_WINDOW, 2, deriv=1, delta=period_s)
+    return DrivenTrial(
+        trial.label, current.current_a, current.jumps, trial.wheel_angle_rad[part], turning,
+        measured, trial, part, current.noise_a,
+    )  # fmt: skip
+
+
+def period(trials: Sequence[LugreTrial]) -> float:
+    """Return the sampling period of the trials in s."""
+    return float(np.median(np.diff(trials[0].t_s)))
+
+
+def _count(values: FloatArray) -> float:
+    """Return the smallest step of a quantised signal."""
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 0.0]
+    return float(np.min(steps)) if steps.size else 0.0
+
+
+def _positive(name: str, unit: str, known: Known, wording: str) -> Unknown:
+    relative = max(known.u / known.value, LEAST_U)
+    # Far enough for a diameter typed for a radius: the data then contradict it, and say so.
+    parameter = FitParameter(name, unit, known.value / FAR, known.value * FAR, known.value)
+    return Unknown(parameter, relative, wording)
+
+
+def _signed(name: str, unit: str, known: Known, wording: str) -> Unknown:
+    u = max(known.u, LEAST_U * abs(known.value), TINY)
+    reach = max(REACH * u, 3.0 * abs(known.value))
+    parameter = FitParameter(
+        name, unit, known.value - reach, known.value + reach, known.value, Scaling.LINEAR
+    )
+    return Unknown(parameter, u, wording)
+
+
+def _zero(name: str, unit: str, u: float, wording: str) -> Unknown:
+    u = max(u, TINY)
+    parameter = FitParameter(name, unit, -REACH * u, REACH * u, 0.0, Scaling.LINEAR)
+    return Unknown(parameter, u, wording)
