@@ -1,9 +1,10 @@
-"""Recordings: MCAP files written in bulk, read as columns, checked and recovered.
+"""Writes, reads, checks and recovers recordings, which are MCAP files with one run each.
 
-To export one, import :mod:`rigd.record.export`.
+Rows are written in bulk and read as columns. To export a recording, import
+:mod:`rigd.record.export`.
 """
 
-from rigd.record.catalogue import BrokenRun, Catalogue, Filters, list_runs
+from rigd.record.catalogue import BrokenRun, Catalogue, RunFilter, list_runs
 from rigd.record.events import NO_TRIAL, Event
 from rigd.record.gaps import Gap
 from rigd.record.info import RunInfo, StreamInfo, info_json, run_info
@@ -22,11 +23,11 @@ __all__ = [
     "BrokenRun",
     "Catalogue",
     "Event",
-    "Filters",
     "Gap",
     "Recording",
     "RecordingWriter",
     "RecoveryReport",
+    "RunFilter",
     "RunInfo",
     "Step",
     "StreamInfo",

@@ -1,7 +1,7 @@
-"""Portable file access: reads at a position, also while another process writes.
+"""Reads files at a given position on every operating system, also while another process writes.
 
-rigd records on Linux. Recordings are read, exported and identified from on Windows and macOS, too,
-where some of what Linux has is missing.
+rigd writes recordings on Linux only. It reads, exports and identifies from recordings on Windows
+and macOS too, although these systems lack some functions of Linux.
 """
 
 from __future__ import annotations
@@ -23,11 +23,10 @@ except ImportError:  # Windows
 
 
 def require_writing() -> None:
-    """Raise unless this system has what recordings are written with.
+    """Raise unless this system has the functions for writing recordings.
 
     Raises:
-        RecordingError: it has not.
-
+        RecordingError: it lacks one.
     """
     if fcntl is None or not hasattr(os, "pwritev"):
         raise RecordingError(
@@ -73,9 +72,9 @@ def read_at(fd: int, length: int, offset: int) -> bytes:
 
 
 def share(fd: int) -> bool:
-    """Keep writers off a file until it is closed; return False where one has it open.
+    """Lock a file against writers until it is closed; return False if a writer has it open.
 
-    Where files cannot be locked so, nothing of rigd writes them.
+    On systems without such locks, rigd does not write.
     """
     if fcntl is None:
         return True
@@ -87,7 +86,7 @@ def share(fd: int) -> bool:
 
 
 def take(fd: int) -> bool:
-    """Take a file for writing until it is closed; return False where another process has it.
+    """Take a file for writing until it is closed; return False if another process has it.
 
     Raises:
         OSError: files cannot be locked on this system or file system.

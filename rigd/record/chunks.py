@@ -1,7 +1,7 @@
-"""MCAP chunks: builds and parses blocks of messages of one channel with numpy.
+"""Builds and parses MCAP chunks (blocks of messages of one channel) with numpy.
 
-Messages of a stream all have the same size, so N of them are one structured array whose item is
-a complete MCAP Message record: frame, channel, sequence, times, CDR header, values.
+Messages of a stream all have the same size. So N messages are one structured array, and each item
+is a complete MCAP Message record: frame, channel, sequence, times, CDR header, values.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ CDR_SIZE: Final = 4
 
 @cache
 def message_dtype(value_bytes: int) -> np.dtype[np.void]:
-    """Return the dtype of one whole Message record with ``value_bytes`` behind the CDR header."""
+    """Return the dtype of a Message record with ``value_bytes`` after the CDR header."""
     return np.dtype([*_PREFIX, *_TIMES, ("cdr", "<u4"), ("values", f"V{value_bytes}")])
 
 
@@ -53,7 +53,7 @@ def blob_dtype(stream: Stream) -> np.dtype[np.void]:
 class MessageBlock:
     """Message records of one channel, uncompressed, with the time and offset of each.
 
-    Not a copy: good until whoever holds the records fills them anew.
+    Not a copy: good until the owner of the records fills them again.
     """
 
     channel: int
@@ -64,7 +64,7 @@ class MessageBlock:
 
 @dataclass(frozen=True)
 class Chunk:
-    """A block as it stands in the file: the Chunk record and its MessageIndex record.
+    """A chunk as it is in the file: the Chunk record and its MessageIndex record.
 
     ``parts`` are its bytes in order; not joined, as copying a MiB costs more than its CRC.
     """
@@ -80,7 +80,7 @@ class Chunk:
         return self.index.chunk_length + self.index.message_index_length
 
     def index_at(self, offset: int) -> ChunkIndex:
-        """Return the chunk index of this chunk when it stands at ``offset`` in the file."""
+        """Return the chunk index of this chunk for the ``offset`` in the file."""
         moved = {channel: offset + at for channel, at in self.index.message_index_offsets.items()}
         return ChunkIndex(
             **{
@@ -120,7 +120,7 @@ def build_chunk(block: MessageBlock, compression: Compression, packed: bytes | m
 
 
 def build_message_index(channel: int, times: Times, offsets: Times) -> bytes:
-    """Return the MessageIndex record of a channel: when each message was, and where it stands."""
+    """Return the MessageIndex record of a channel: time and offset of each message."""
     entries = np.empty((len(times), 2), "<u8")
     entries[:, 0] = times
     entries[:, 1] = offsets
@@ -155,7 +155,7 @@ def same_entries(entries: Times, messages: tuple[Times, Times]) -> bool:
 
 @dataclass(frozen=True)
 class ChunkHead:
-    """What a Chunk record says of itself before its data."""
+    """The fields of a Chunk record before its data."""
 
     start_ns: int
     end_ns: int
@@ -169,8 +169,7 @@ def parse_chunk(content: memoryview) -> ChunkHead:
     """Return the head of a Chunk record's content.
 
     Raises:
-        Malformed: the content is shorter than it says.
-
+        Malformed: the content is shorter than its sizes.
     """
     head, packed_size = _read_head(content)
     if len(head.packed) != packed_size or head.size > MAX_UNCOMPRESSED:
@@ -202,11 +201,10 @@ def _read_head(content: memoryview) -> tuple[ChunkHead, int]:
 
 
 def begin_of_chunk(head: ChunkHead, size: int) -> bytes:
-    """Return the first ``size`` bytes of the records of a chunk, whatever its rest is.
+    """Return the first ``size`` bytes of the records of a chunk, even if its rest is damaged.
 
     Raises:
-        Malformed: not even those can be had.
-
+        Malformed: these bytes cannot be read either.
     """
     return decompress_begin(head.packed, head.compression, size)
 
@@ -227,7 +225,7 @@ def unpack_chunk(head: ChunkHead, *, check_crc: bool = True) -> bytes | memoryvi
 def uniform_messages(data: bytes | memoryview) -> NDArray[np.void] | None:
     """Return all records of a chunk as one array of :func:`message_dtype`.
 
-    None where they are not all messages of one channel and one size.
+    None if they are not all messages of one channel and one size.
     """
     if len(data) < MESSAGE_HEAD.itemsize + CDR_SIZE:
         return None
@@ -270,7 +268,7 @@ def index_messages(data: bytes | memoryview) -> dict[int, tuple[Times, Times]]:
 
 
 def first_number(data: bytes | memoryview, channel: int) -> int | None:
-    """Return the number of the first message of a channel in a chunk; None where it has none.
+    """Return the number of the first message of a channel in a chunk; None if it has none.
 
     Raises:
         Malformed: the data ends within a record.

@@ -1,4 +1,4 @@
-"""The MCAP summary: collected while writing, read when opening."""
+"""Builds the summary (index) of an MCAP file during writing, and parses it when opening a file."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Contents:
     attachments: list[AttachmentIndex] = field(default_factory=list)
     metadata: list[MetadataIndex] = field(default_factory=list)
     counts: dict[int, int] = field(default_factory=dict)
-    start_ns: int = 0  #: of the first message; 0 where there is none
+    start_ns: int = 0  #: of the first message; 0 if there is none
     end_ns: int = 0
 
     @property
@@ -73,7 +73,7 @@ class Contents:
 
 
 class SummaryWriter:
-    """Builds what stands behind the data: DataEnd, summary, footer.
+    """Builds the records after the data: DataEnd, summary, footer.
 
     The indexes of finished chunks come first in the summary and are kept as bytes with their CRC,
     so that a flush late in a long run costs no more Python than one at its start.
@@ -85,7 +85,7 @@ class SummaryWriter:
         self._index_crc = crc32(self._index)
 
     def add_chunk(self, chunk: Chunk, offset: int) -> None:
-        """Take a finished chunk into the index; it stands at ``offset`` for good."""
+        """Add a finished chunk to the index; its ``offset`` is final."""
         index = chunk.index_at(offset)
         encoded = encode(index)
         self.contents.chunks.append(index)
@@ -95,7 +95,7 @@ class SummaryWriter:
 
     @property
     def index_size(self) -> int:
-        """Bytes of the index of finished chunks: what grows with the length of a run."""
+        """Bytes of the index of finished chunks, which grows with the length of a run."""
         return len(self._index)
 
     def tail(self, data_end: int, data_crc: int, open_chunks: Iterable[tuple[int, Chunk]]) -> bytes:
@@ -139,11 +139,10 @@ class SummaryWriter:
 
 
 def parse_summary(buffer: memoryview) -> Contents:
-    """Return what the summary section in ``buffer`` (without footer) says.
+    """Return the content of the summary section in ``buffer`` (without footer).
 
     Raises:
-        Malformed: a record is damaged, or messages stand outside of every chunk.
-
+        Malformed: a record is damaged, or messages are outside of every chunk.
     """
     contents = Contents()
     statistics: Statistics | None = None
@@ -178,7 +177,7 @@ def add_record(contents: Contents, opcode: int, content: memoryview) -> None:
 def rows_of(index: ChunkIndex) -> int:
     """Return the number of messages of a chunk from the size of its index.
 
-    Exact for a chunk of one channel; of several, not less than there are.
+    Exact for a chunk of one channel; for several channels an upper bound.
     """
     return max(index.message_index_length - MESSAGE_INDEX_HEAD.size, 0) // 16
 

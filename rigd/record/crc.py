@@ -1,9 +1,9 @@
-"""The CRC-32 of MCAP (https://mcap.dev/spec, the one of zlib), by the only door to it here.
+"""Computes the CRC-32 of MCAP (https://mcap.dev/spec, the same as in zlib) for all of rigd.
 
-By Intel's ISA-L, which gives the same values as ``zlib.crc32`` ten times as fast (57 against
-6 GB/s on the machine where this was chosen). Every byte of a recording is summed twice, for its
-chunk and for the data section, which by zlib would be a quarter of the cost of writing it. Where
-ISA-L has no build (other processors), zlib's own does.
+Intel's ISA-L gives the same values as ``zlib.crc32`` ten times as fast (57 against 6 GB/s on the
+machine where it was chosen). Every byte of a recording enters two checksums: of its chunk and of
+the data section. With zlib, the checksums would be a quarter of the cost of writing. On processors
+for which ISA-L has no build, rigd uses zlib.
 """
 
 try:

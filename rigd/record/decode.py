@@ -1,4 +1,7 @@
-"""Decodes the uncompressed bytes of a chunk to rows; without a copy if messages are uniform."""
+"""Decodes the uncompressed bytes of a chunk to rows.
+
+If all messages have the same size, numpy converts all rows at once.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +24,7 @@ def rows_of_chunk(
     """Return the rows of one channel as ``blob`` (time, values as one blob).
 
     Raises:
-        Malformed: a message has another size or byte order than the stream says.
-
+        Malformed: a message has another size or byte order than its stream.
     """
     array = uniform_messages(data)
     value_bytes = blob.itemsize - 8

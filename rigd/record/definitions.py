@@ -1,7 +1,8 @@
-"""Definitions of channels: which contradict themselves, and what stands in for lost ones.
+"""Checks the channel definitions of a recording, and replaces definitions that are lost.
 
-No CRC of its own covers a schema or channel record. What a channel says twice, its name and number,
-must agree; what is lost is taken from the schema, which names fields and units, too.
+No CRC of its own protects a schema or channel record. But rigd writes the name and the number of a
+channel twice, and both copies must agree. If a channel record is lost, rigd takes its content from
+the schema, which also names the fields and units.
 """
 
 from __future__ import annotations
@@ -32,11 +33,10 @@ from rigd.record.wire import Malformed
 
 
 def check_channel(channel: Channel) -> None:
-    """Check that what rigd writes twice into a channel agrees; others write it once.
+    """Check that the two copies of rigd's data in a channel agree; other writers have one.
 
     Raises:
-        Malformed: it does not.
-
+        Malformed: they differ.
     """
     if STREAM_KEY not in channel.metadata:
         return
@@ -90,14 +90,14 @@ def define_events(number: int, known: Contents) -> Channel:
 
 
 def replace_schema(channel: Channel, known: Contents) -> None:
-    """Define the schema of a stream's channel anew, from what the channel says of the stream."""
+    """Define the schema of a stream's channel again, from the stream in the channel."""
     stream = stream_from_json(channel.metadata[STREAM_KEY])
     (name,) = type_names([stream])
     known.schemas[channel.schema_id] = _schema(channel.schema_id, name, schema_text(stream))
 
 
 def _stream_of_type(schema: Schema | None) -> Stream | None:
-    """Return the stream that rigd made a schema for; None where it is no such schema."""
+    """Return the stream that rigd made a schema for; None if it is no such schema."""
     if schema is None:
         return None
     words = re.sub(r"(?<=.)(?=[A-Z])", "_", schema.name.rpartition("/")[2])

@@ -15,7 +15,7 @@ from rigd.record.wire import DATA_END, FOOTER, FRAME, MAGIC, Malformed, decode
 
 
 class Ending(NamedTuple):
-    """What follows the data: ``summary`` is None where it is not sound, for ``problem``."""
+    """The part of a file after the data; ``summary`` is None if ``problem`` makes it invalid."""
 
     summary: Contents | None
     data_end: int  #: where the data ends
@@ -23,7 +23,7 @@ class Ending(NamedTuple):
 
 
 def read_ending(buffer: memoryview) -> Ending:
-    """Return what stands behind the data of a file."""
+    """Return the records after the data of a file."""
     try:
         start, crc = parse_footer(buffer)
         last = len(buffer) - len(MAGIC) - FOOTER.size
@@ -37,7 +37,7 @@ def read_ending(buffer: memoryview) -> Ending:
 
 
 def take_summary(found: Scan, summary: Contents) -> None:
-    """Take schemas and channels from a sound summary, and what chunks there were.
+    """Read schemas, channels and the list of chunks from an intact summary.
 
     Those of the data section have no CRC of their own.
     """

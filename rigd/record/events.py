@@ -1,4 +1,7 @@
-"""Events: what happened besides the samples, one CDR message each on ``/events``."""
+"""Encodes and decodes events, which are the things that happened during a run beside the samples.
+
+Each event is one CDR message on ``/events``.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ _LENGTH: Final = struct.Struct("<I")
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened at ``t_ns`` (ns since the Unix epoch), with what belongs to it."""
+    """Something that happened at ``t_ns`` (ns since the Unix epoch), with its data."""
 
     t_ns: int
     kind: str
@@ -97,7 +100,7 @@ def _read_string(body: memoryview, at: int) -> tuple[str, int]:
 
 
 def _plain(value: object) -> object:
-    """Return ``value`` in what JSON knows."""
+    """Return ``value`` in types of JSON."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

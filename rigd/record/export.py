@@ -1,7 +1,7 @@
-"""Recordings as tables for other programs: Parquet, CSV or MATLAB, one file per stream.
+"""Writes recordings as tables for other programs: Parquet, CSV or MATLAB, one file per stream.
 
-Not part of the package's public list: pyarrow and scipy take 0.4 s to import, which neither the
-recorder nor ``rigd info`` should pay.
+The package :mod:`rigd.record` does not import this module, because pyarrow and scipy take 0.4 s to
+import, and neither the recorder nor ``rigd info`` needs them.
 """
 
 from __future__ import annotations
@@ -40,19 +40,18 @@ def export(
 ) -> list[Path]:
     """Write each stream, and the events, to ``folder`` as a table of its own; return the files.
 
-    The columns are those of :mod:`rigd.record.tables`. A NaN stays one. ``streams`` None: all,
-    with events. ``joined_hz``: the streams in one table instead, at that rate
-    (:mod:`rigd.record.joined`). The table of the trials is written always.
+    The columns are those of :mod:`rigd.record.tables`. A NaN stays NaN. ``streams`` None: all, with
+    events. ``joined_hz``: the streams in one table instead, at that rate
+    (:mod:`rigd.record.joined`). The table of the trials is always written.
 
     Raises:
         RecordingError: no such stream, a file exists (unless ``overwrite``), or it cannot be
             written. Files written before the error stay.
-
     """
     chosen = [*recording.streams, EVENTS_STREAM] if streams is None else list(streams)
     for name in chosen:
         if name != EVENTS_STREAM:
-            recording.count(name)  # raises where there is no such stream
+            recording.count(name)  # raises if there is no such stream
     names = chosen
     if joined_hz is not None:
         names = [_free_name(JOINED_TABLE, recording), *({EVENTS_STREAM} & set(chosen))]
@@ -104,7 +103,7 @@ def _table(
 
 
 def _free_name(name: str, recording: Recording) -> str:
-    """Return the name of a table; ``rigd_`` before it where a stream has that name."""
+    """Return the name of a table, with ``rigd_`` in front if a stream has that name."""
     return f"rigd_{name}" if name in recording.streams else name
 
 

@@ -1,4 +1,4 @@
-"""The file of a recording under way: replaces its end safely."""
+"""Writes the file of a recording in progress, and replaces the end of that file safely."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ _FULL: Final = (errno.ENOSPC, getattr(errno, "EDQUOT", None), errno.EFBIG)
 
 
 class RecordingInUse(RecordingError):
-    """Another process has the recording open to write; it may be asked again."""
+    """Another process has the recording open for writing; the caller may try again."""
 
 
 class RecordingFile:
-    """Sealed data that never changes, then open chunks, summary and footer that each commit does.
+    """Writes sealed data that never change, then the chunks and summary that each commit rewrites.
 
-    Every commit leaves a complete MCAP file. What it overwrites is first saved in the journal;
-    when the system refuses the write, the file is put back to what the last commit left.
+    Every commit leaves a complete MCAP file. The bytes that it overwrites are first saved in the
+    journal; if the system refuses the write, the state of the last commit is restored.
     """
 
     def __init__(self, fd: int, path: Path, summary: SummaryWriter, sealed: int, crc: int) -> None:
-        """Go on with a file whose first ``sealed`` bytes, of CRC ``crc``, stay as they are."""
+        """Continue a file whose first ``sealed`` bytes, with the CRC ``crc``, do not change."""
         self.path = path
         self._fd = fd
         self._summary = summary
@@ -141,11 +141,10 @@ class RecordingFile:
         self._tail, self._open_size = tail, len(opened)
 
     def sync(self) -> None:
-        """Wait until the disk has what was committed.
+        """Wait until the committed data are on the disk.
 
         Raises:
             RecordingError: the disk fails.
-
         """
         try:
             os.fdatasync(self._fd)
@@ -153,7 +152,7 @@ class RecordingFile:
             raise write_error(self.path, error) from error
 
     def close(self) -> None:
-        """Close the file; silent the second time. The journal stays where the file is torn."""
+        """Close the file; silent the second time. The journal stays if the file is damaged."""
         if self._fd < 0:
             return
         fd, self._fd = self._fd, -1
@@ -178,7 +177,7 @@ class RecordingFile:
             )
 
     def _replace(self, parts: Sequence[bytes | memoryview]) -> None:
-        """Write ``parts`` over the tail; put the tail back where that fails."""
+        """Write ``parts`` over the tail; put the tail back if that fails."""
         if self._open_size:
             saved = Saved(self._sealed, self._tail[: self._open_size], self._identity)
             self._journal.save(saved)
@@ -221,7 +220,7 @@ def lock(fd: int, path: Path) -> None:
 
 
 def write_error(path: Path, error: OSError) -> RecordingError:
-    """Return what to tell the user when the system refuses to write ``path``."""
+    """Return the message for the user if the system refuses to write ``path``."""
     if error.errno in _FULL:
         todo = "Free space on that disk or record elsewhere"
     else:

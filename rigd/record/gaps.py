@@ -1,8 +1,8 @@
 """Lists the rows that a recording has lost, with their stream and their times.
 
-Every message carries its number in its stream, so that what is missing between two chunks is known
-exactly. What stood behind the last sound chunk is known from the summary and from the message
-indexes that outlived their chunks.
+Every message carries its number in its stream, so the messages that are missing between two intact
+chunks are known exactly. After the last intact chunk, lost rows are known from the summary of the
+file, and from message indexes that are intact although their chunks are not.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _SILENT_PERIODS: Final = 3
 class Gap:
     """Rows of a stream that are lost, from after ``start_ns`` (or at it) to ``end_ns``.
 
-    ``rows`` is None where that number is not known.
+    ``rows`` is None if that number is not known.
     """
 
     stream: str
@@ -37,7 +37,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Span:
-    """Messages of one channel that stood together: their times, and numbers where known."""
+    """Consecutive messages of one channel: their times, and their numbers if known."""
 
     start_ns: int
     end_ns: int
@@ -54,8 +54,8 @@ def find_gaps(
 ) -> list[Gap]:
     """Return the gaps of one channel, in order of time.
 
-    ``held`` are its sound chunks in the order of the file, ``indexed`` what indexes say there was,
-    ``known`` the gaps that an earlier repair found. The recording began at ``start_ns``.
+    ``held`` are its intact chunks in the order of the file, ``indexed`` the rows according to the
+    indexes, ``known`` the gaps that an earlier repair found. The recording began at ``start_ns``.
     """
     stream = topic.removeprefix("/")
     lost: dict[tuple[int, int], int] = {}
@@ -87,9 +87,9 @@ def find_gaps(
 
 
 def silent_end(topic: str, held: Sequence[Span], end_ns: int) -> list[Gap]:
-    """Return the gap at the end of a stream that fell silent before ``end_ns``, if it did.
+    """Return the gap at the end of a stream that became silent before ``end_ns``, if there is one.
 
-    For a file without its summary, which would say how many rows there were.
+    For a file without its summary, which would contain the number of rows.
     """
     if not held or held[-1].count < 2:
         return []
@@ -129,10 +129,10 @@ def gaps_from_json(text: str) -> tuple[Gap, ...]:
 def with_losses(
     attempts: Sequence[TrialInfo], gaps: Sequence[Gap], events: Sequence[Event], *, asks: bool
 ) -> tuple[TrialInfo, ...]:
-    """Return the trials with what each has lost; one that lost rows is not complete.
+    """Return the trials with the losses of each; a trial that lost rows is not complete.
 
-    ``asks``: the procedure asks a person for what changes its quantities. An answer that is lost
-    holds for all trials behind it, which are then not complete either.
+    ``asks``: the procedure asks a person for settings that change its quantities. A lost answer
+    affects all following trials, which are then not complete either.
     """
     if not gaps:
         return tuple(attempts)
@@ -162,7 +162,7 @@ def describe_rows(gap: Gap) -> str:
 
 
 def gap_text(gap: Gap, start_ns: int) -> str:
-    """Return what is lost and when, in s since the recording began."""
+    """Return which rows are lost and when, in s since the recording began."""
     first, last = ((at - start_ns) * 1e-9 for at in (gap.start_ns, gap.end_ns))
     return f"{describe_rows(gap)}, {first:.3f} s to {last:.3f} s"
 

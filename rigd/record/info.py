@@ -1,4 +1,4 @@
-"""Summary of a recording from its index, metadata and events; no sample is read."""
+"""Summarises a recording from its index, metadata and events; reads no sample."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COMPLETE: Final = "complete"
 
 @dataclass(frozen=True)
 class StreamInfo:
-    """A stream's number of rows and mean rate; 0 Hz where fewer than two rows say nothing."""
+    """A stream's number of rows and mean rate, which is 0 Hz if there are fewer than two rows."""
 
     stream: Stream
     rows: int
@@ -36,7 +36,7 @@ class RunInfo:
     rig: str
     mode: str
     seed: str
-    started: str  #: ISO 8601 as the engine wrote it; empty where unknown
+    started: str  #: ISO 8601 as the engine wrote it; empty if unknown
     state: str  #: as ``run_end`` says, or :data:`INTERRUPTED`
     reason: str
     recovered: bool  #: whether the file was torn and has been repaired
@@ -53,7 +53,7 @@ class RunInfo:
 
     @property
     def losses(self) -> tuple[str, ...]:
-        """What is damaged or lost, in sentences; empty where nothing is known to be."""
+        """The damage and the losses, as sentences; empty if none is known."""
         said = []
         if self.problem:
             said.append(f"{self.path} is damaged, which was passed over: {self.problem}")
@@ -151,7 +151,7 @@ def info_json(info: RunInfo) -> dict[str, object]:
 
 
 def run_state(events: Sequence[Event]) -> tuple[str, str]:
-    """Return state and reason of a run; a resumed one is judged by its last part."""
+    """Return state and reason of a run; a resumed run is judged by its last part."""
     for event in reversed(events):
         if event.kind == "run_end":
             state = str(event.data.get("state") or COMPLETE)

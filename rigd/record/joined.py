@@ -1,4 +1,4 @@
-"""All streams of a recording in one table, on one time base."""
+"""Joins all streams of a recording into one table with a common time base."""
 
 from __future__ import annotations
 
@@ -26,13 +26,12 @@ _MAX_ROWS: Final = 5_000_000
 def joined_table(recording: Recording, streams: Sequence[str], rate_hz: float) -> Table:
     """Return the channels of ``streams`` at regular times, ``rate_hz`` a second.
 
-    Each value is the last sample at or before its time: no value is made up between two samples.
-    It is NaN before the first sample of its stream and where the last one is older than two
-    periods of the stream. A stream that is faster than ``rate_hz`` loses samples, unfiltered.
+    Each value is the last sample at or before its time: no value is interpolated. It is NaN before
+    the first sample of its stream and if the last sample is older than two periods of the stream. A
+    stream that is faster than ``rate_hz`` loses samples, unfiltered.
 
     Raises:
-        RecordingError: no such stream, a damaged chunk, a rate that is none, or too many rows.
-
+        RecordingError: no such stream, a damaged chunk, an invalid rate, or too many rows.
     """
     if not 0 < rate_hz < np.inf:
         raise RecordingError(f"a rate of {rate_hz:g} Hz is none", hint="Give --joined 100, in Hz.")
@@ -88,7 +87,7 @@ def _last_before(
 
 
 def _held(values: Column, at: NDArray[np.intp], held: NDArray[np.bool_]) -> Column:
-    """Return the values as float64, NaN where none is held; a status word fits exactly."""
+    """Return the values as float64, NaN if none is held; a status word fits exactly."""
     if not len(values):
         return np.full(len(at), np.nan)
     return np.where(held, values[at].astype(np.float64), np.nan)

@@ -1,11 +1,12 @@
-"""Rollback journal: a copy of the bytes that the next flush overwrites.
+"""Saves a copy of the bytes that the next flush overwrites (a rollback journal).
 
-A flush overwrites the open chunks that the last flush wrote with sealed ones. A process killed
-in the middle of that write (the kernel stops at a page boundary) would lose up to a second of
-rows that were on disk already. So those rows are first copied to ``RUN.mcap.journal``: ``recover``
-puts them back when the recording is torn, and only what came after the last flush is lost. The
-journal carries the CRC of the first bytes of its recording: beside any other it is ignored.
-SQLite's rollback journal does the same (https://www.sqlite.org/atomiccommit.html, section 3).
+A flush overwrites the open chunks of the last flush with sealed (final) chunks. If a process is
+killed in the middle of that write (the kernel stops at a page boundary), up to a second of rows
+that were already on disk would be lost. So the recorder first copies those rows to
+``RUN.mcap.journal``. If the recording is torn, ``recover`` restores the rows, and only the rows
+after the last flush are lost. The journal carries the CRC of the first bytes of its recording;
+beside any other recording it is ignored. SQLite's rollback journal does the same
+(https://www.sqlite.org/atomiccommit.html, section 3).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ IDENTITY_BYTES: Final = 64 * 1024
 
 
 def journal_path(recording: Path) -> Path:
-    """Return where the journal of a recording stands while it is being written."""
+    """Return the path of the journal of a recording, which exists while it is written."""
     return recording.with_name(recording.name + ".journal")
 
 
@@ -37,7 +38,7 @@ _MAX_PARTS: Final = os.sysconf("SC_IOV_MAX") if hasattr(os, "sysconf") else 16
 
 @dataclass(frozen=True)
 class Identity:
-    """The first ``size`` bytes of a recording, by their CRC."""
+    """Identifies a recording by the CRC of its first ``size`` bytes."""
 
     size: int
     crc: int
@@ -49,7 +50,7 @@ class Identity:
 
 @dataclass(frozen=True)
 class Saved:
-    """Bytes that stood at ``offset`` of the recording ``identity`` before the last flush."""
+    """Holds bytes that were at ``offset`` of the recording ``identity`` before the last flush."""
 
     offset: int
     data: bytes
@@ -86,7 +87,7 @@ class Journal:
 
 
 def read_journal(recording: Path) -> Saved | None:
-    """Return what the journal saved, or None where there is none or it is itself torn."""
+    """Return the content of the journal, or None if it is missing or damaged."""
     try:
         content = journal_path(recording).read_bytes()
     except FileNotFoundError:
@@ -101,11 +102,10 @@ def read_journal(recording: Path) -> Saved | None:
 
 
 def write_all(fd: int, parts: Sequence[bytes | memoryview], offset: int) -> None:
-    """Write ``parts`` one after the other at ``offset``, in one call where the system lets us.
+    """Write ``parts`` one after the other at ``offset``, in a single call if the system permits.
 
     Raises:
         OSError: the disk is full, a limit is reached, the disk fails; part may be written.
-
     """
     for start in range(0, len(parts), _MAX_PARTS):
         some = parts[start : start + _MAX_PARTS]

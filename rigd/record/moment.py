@@ -1,4 +1,4 @@
-"""Date and time of a recording for people."""
+"""Finds the date and time of a recording for display."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _STAMP: Final = re.compile(r"(?<!\d)(\d{8})[-T](\d{6})(?!\d)")
 
 @dataclass(frozen=True)
 class Moment:
-    """A date in UTC, and what it is of: the run's own clock, the file's name, or the file."""
+    """A date in UTC and its source: the run's own clock, the file's name, or the file."""
 
     at: datetime
     of: Literal["run", "file name", "file"]
@@ -28,13 +28,13 @@ def is_virtual(info: RunInfo) -> bool:
 
 
 def recorded_at(info: RunInfo) -> Moment:
-    """Return when the run began; of a run in virtual time, when its file was made.
+    """Return when the run began; for a run in virtual time, when its file was made.
 
-    A run in virtual time repeats bit for bit and so holds no date of its own: its file name says
-    when it was made where rigd chose the name, else the date of the file, which a copy may lose.
+    A run in virtual time repeats bit for bit and so contains no date: its file name contains the
+    date if rigd chose the name, else the date of the file counts, which a copy may lose.
 
     Raises:
-        OSError: the date of the file is needed, and it is gone.
+        OSError: the date of the file is needed, but the file is missing.
     """
     if not is_virtual(info):
         try:

@@ -1,7 +1,7 @@
-"""Open chunks: the rows of a stream since its last sealed chunk.
+"""Collects the rows of a stream in an open chunk until that chunk is sealed (changes no more).
 
-When a chunk is sealed is decided by the data alone, never by the clock or by a flush, so that
-the same rows always make the same file.
+Only the data decide when a chunk is sealed, never the clock or a flush, so that the same rows
+always make the same file.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ class OpenChunk(Protocol):
         ...
 
     def block(self) -> MessageBlock:
-        """Return what is held, good until more is taken."""
+        """Return the stored rows as a block, valid until more rows are added."""
         ...
 
     def clear(self) -> None:
-        """Begin anew, and count on; the last block stays good until more is taken."""
+        """Begin again, and continue the numbers; the last block is valid until rows are added."""
         ...
 
 
@@ -90,14 +90,13 @@ class OpenRows:
         return rows.dtype is self._dtype or rows.dtype == self._dtype
 
     def fill(self, rows: NDArray[np.void]) -> int:
-        """Copy rows up to where the chunk must be sealed; return how many.
+        """Copy rows up to where the chunk must be sealed; return their number.
 
-        ``rows`` are of the stream's row dtype, not empty. Called for every few rows of a run:
-        each numpy call counts.
+        ``rows`` have the stream's row dtype, not empty. Called for every few rows of a run: each
+        numpy call counts.
 
         Raises:
             RecordingError: the first time is before 1970.
-
         """
         block = rows.view(self._blob)
         start = self.count
@@ -121,7 +120,7 @@ class OpenRows:
         return len(block)
 
     def block(self) -> MessageBlock:
-        """Return what is held, good until more is taken."""
+        """Return the stored rows as a block, valid until more rows are added."""
         count = self.count
         return MessageBlock(
             self.channel,
@@ -131,12 +130,12 @@ class OpenRows:
         )
 
     def clear(self) -> None:
-        """Begin anew, and count on; the last block stays good until more is taken."""
+        """Begin again, and continue the numbers; the last block is valid until rows are added."""
         self._sealed += self.count
         self.count = 0
 
     def _fitting(self, times: Times) -> int:
-        """Return how many rows belong into the chunk where its span may end within them.
+        """Return how many of these rows still belong to the chunk, by the limit of its span.
 
         Unsigned: a clock that steps back makes a huge span, and so seals as well.
         """
@@ -170,12 +169,11 @@ class OpenEvents:
         return bool(self._times) and abs(self._times[-1] - self._times[0]) >= EVENTS_SPAN_NS
 
     def add(self, event: Event) -> None:
-        """Take one event.
+        """Add an event.
 
         Raises:
             RecordingError: its time is before 1970.
-            TypeError: its data holds something that JSON has no form for.
-
+            TypeError: its data cannot be written as JSON.
         """
         if event.t_ns < 0:
             raise before_1970(event.t_ns, "events")
@@ -186,19 +184,19 @@ class OpenEvents:
         self._sequence += 1
 
     def block(self) -> MessageBlock:
-        """Return what is held, good until more is taken."""
+        """Return the stored events as a block, valid until more events are added."""
         times, offsets = np.array(self._times, np.uint64), np.array(self._offsets, np.uint64)
         return MessageBlock(self.channel, memoryview(bytes(self._records)), times, offsets)
 
     def clear(self) -> None:
-        """Begin anew, and count on; the last block is a copy, and so stays good."""
+        """Begin again, and continue the numbers; the last block is a copy, and so stays valid."""
         self._records.clear()
         self._times.clear()
         self._offsets.clear()
 
 
 def before_1970(t_ns: int, stream: str) -> RecordingError:
-    """Return what to tell the user about a time that MCAP cannot hold."""
+    """Return the message for the user about a time that MCAP cannot contain."""
     return RecordingError(
         f"a row of {stream!r} has the time {t_ns} ns, before 1970",
         hint="Times are ns since the Unix epoch.",

@@ -1,4 +1,4 @@
-"""Finds the next valid MCAP record behind a damaged place."""
+"""Finds the next valid MCAP record after a damaged place in a file."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _SUMMARY: Final = (
 
 
 def next_record(buffer: memoryview, damaged: int) -> int:
-    """Return where the next sound record begins behind the damaged one at ``damaged``.
+    """Return the start of the next intact record after the damaged record at ``damaged``.
 
-    That is where the damaged one says it ends, if a sound one is there; so what is inside of a
-    record whose content alone is damaged is never taken for a record. Else it is the first place
-    that holds one; the end of the buffer if none does.
+    That is the end of the damaged record according to its size, if an intact record is there; so
+    the content of a damaged record is never taken for a record. Else it is the first place with an
+    intact record, or the end of the buffer.
     """
     try:
         end = record_at(buffer, damaged).end
@@ -50,7 +50,8 @@ def next_record(buffer: memoryview, damaged: int) -> int:
 def begin_of_another(buffer: memoryview, start: int, end: int) -> int | None:
     """Return where another recording begins between two bytes, or None.
 
-    One within a damaged record that ends where it says is that record's own, such as an attachment.
+    A recording within a damaged record of valid length belongs to that record, such as an
+    attachment.
     """
     try:
         if record_at(buffer, start).end == end:
@@ -80,7 +81,7 @@ def is_sound(buffer: memoryview, start: int) -> bool:
 
 
 def check_record(record: Record) -> None:
-    """Check all that a record of the data section says about itself.
+    """Check that the sizes and fields of a record of the data section are consistent.
 
     Raises:
         Malformed: something does not agree, or it does not belong there.
@@ -127,7 +128,7 @@ def check_index_end(buffer: memoryview, index: Record) -> None:
 
 
 def ends_data(buffer: memoryview, record: Record) -> bool:
-    """Return whether what follows a DataEnd record is a summary or a footer."""
+    """Return whether the bytes after a DataEnd record are a summary or a footer."""
     try:
         return record_at(buffer, record.end).opcode in _SUMMARY
     except Malformed:
@@ -135,6 +136,6 @@ def ends_data(buffer: memoryview, record: Record) -> bool:
 
 
 def _check_exact(record: Metadata | Schema | Channel, content: memoryview) -> None:
-    """Check that a record was written from nothing but what was read from it."""
+    """Check that writing the parsed content gives the bytes of the record again."""
     if encode(record)[FRAME.size :] != bytes(content):
         raise Malformed(f"a damaged {type(record).__name__} record")

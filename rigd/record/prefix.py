@@ -1,4 +1,4 @@
-"""The records before the samples: schemas, channels, attachments and metadata."""
+"""Builds the records before the samples: schemas, channels, attachments and metadata."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reads recordings: the index first, then the rows of a stream chunk by chunk into numpy."""
+"""Reads recordings into numpy: first the index, then the rows of a stream chunk by chunk."""
 
 from __future__ import annotations
 
@@ -55,12 +55,12 @@ _LAST_NS: Final = 2**63 - 1
 
 @dataclass(frozen=True, repr=False)
 class Recording:
-    """The index of one recording. Holds no open file; each read opens it anew.
+    """The index of one recording. Keeps no open file; each read opens the file again.
 
     ``recording.trials`` are its trials, ``recording.trial(3)["carriage"]`` is a table of samples.
 
-    ``streams`` are those that rigd can read as columns, by name; :attr:`other_topics` has the
-    rest of a file that something else wrote.
+    ``streams`` are those that rigd can read as columns, by name; :attr:`other_topics` has the rest
+    of a file of another program.
     """
 
     path: Path
@@ -77,12 +77,11 @@ class Recording:
     def open(cls, path: str | PathLike[str], *, partial: bool = False) -> Recording:
         """Read the index of a recording.
 
-        ``partial``: check every byte and pass over what is damaged; :attr:`problem` and
-        :attr:`gaps` say what that is. A file that is being written is not checked.
+        ``partial``: check every byte and skip damaged parts, which :attr:`problem` and :attr:`gaps`
+        describe. A file that is being written is not checked.
 
         Raises:
-            RecordingError: missing, empty, cut short (unless partial), or no MCAP file.
-
+            RecordingError: missing, empty, cut short (unless partial), or not an MCAP file.
         """
         path = Path(path)
         with _opened(path) as fd:
@@ -101,7 +100,7 @@ class Recording:
         return cls(path, contents, streams, others, metadata, size, problem, end, gaps)
 
     def __repr__(self) -> str:
-        """Return what it is in one line."""
+        """Return a description in one line."""
         span_s = (self.end_ns - self.start_ns) * 1e-9
         return f"<Recording {self.path}: {span_s:.1f} s of {', '.join(self.streams) or 'nothing'}>"
 
@@ -118,7 +117,7 @@ class Recording:
 
     @property
     def end_ns(self) -> int:
-        """Time of the last message, or the start where there is none."""
+        """Time of the last message, or the start if there is none."""
         return self.contents.end_ns if self.contents.messages else self.start_ns
 
     def count(self, stream: str) -> int:
@@ -141,7 +140,7 @@ class Recording:
         return self.count(stream) + sum(lost)
 
     def span_ns(self, stream: str) -> tuple[int, int] | None:
-        """Return the times of a stream's first and last row; None where it has no rows.
+        """Return the times of a stream's first and last row; None if it has no rows.
 
         Raises:
             RecordingError: no such stream.
@@ -196,7 +195,7 @@ class Recording:
         return joined[:end].view(dtype)
 
     def events(self) -> list[Event]:
-        """Return all events in the order of the file; none where the file has no ``/events``.
+        """Return all events in the order of the file; none if the file has no ``/events``.
 
         Raises:
             RecordingError: a damaged chunk or event.
@@ -237,13 +236,12 @@ class Recording:
         return self.trials_for(None)
 
     def trials_for(self, streams: Collection[str] | None) -> Trials:
-        """Return all attempts at trials as judged by what was lost of ``streams`` and the events.
+        """Return all attempts at trials, judged by the losses in ``streams`` and the events.
 
-        None: of all streams.
+        None: in all streams.
 
         Raises:
             RecordingError: a damaged chunk or event.
-
         """
         judged = None if streams is None else {*streams, EVENTS_STREAM}
         gaps = [gap for gap in self.gaps if judged is None or gap.stream in judged]
@@ -304,7 +302,7 @@ class Recording:
 
     @property
     def _asks(self) -> bool:
-        """Whether the procedure asks for what changes its quantities, as far as is known."""
+        """Whether the procedure asks for settings that change its quantities, if known."""
         if any(event.data.get("changes") for event in self.all_events if event.kind == "answer"):
             return True
         try:
@@ -346,7 +344,7 @@ class Recording:
 
 
 def damaged(path: Path, problem: object) -> RecordingError:
-    """Return what to say about a file that cannot be read: its writer may just change it."""
+    """Return the error for a file that cannot be read: it may be changing in this moment."""
     with path.open("rb", buffering=0) as file:
         if not share(file.fileno()):
             return RecordingInUse(f"{path} is being written", hint="Wait until its run has ended.")
@@ -428,7 +426,7 @@ def _indexed(fd: int) -> tuple[Contents, int]:
 
 
 def _metadata(fd: int, contents: Contents) -> dict[str, dict[str, str]]:
-    """Return the metadata by name; of several of a name, later values replace earlier ones."""
+    """Return the metadata by name; for a repeated name, later values replace earlier values."""
     found: dict[str, dict[str, str]] = {}
     for index in contents.metadata:
         record = _record(fd, index.offset, index.length, Opcode.METADATA)

@@ -1,4 +1,4 @@
-"""Writes the intact records of a damaged recording to a complete file, byte for byte."""
+"""Writes the intact records of a damaged recording to a new, complete file, byte for byte."""
 
 from __future__ import annotations
 
@@ -23,13 +23,12 @@ _BATCH_BYTES: Final = 4 << 20
 
 
 def rebuild(fd: int, found: Scan, mark: Mapping[str, str]) -> None:
-    """Write a whole recording of the sound pieces to an empty file.
+    """Write a whole recording of the intact pieces to an empty file.
 
-    ``mark`` is its metadata record on the recovery, which takes the place of an older one.
+    ``mark`` is its metadata record on the recovery, which replaces an older record.
 
     Raises:
         OSError: the disk is full or fails.
-
     """
     contents = Contents(schemas=found.contents.schemas, channels=found.contents.channels)
     _write(fd, _whole(found, mark, contents), contents, 0, 0)
@@ -37,13 +36,12 @@ def rebuild(fd: int, found: Scan, mark: Mapping[str, str]) -> None:
 
 
 def complete(fd: int, found: Scan, cut: int, crc: int, mark: Mapping[str, str]) -> None:
-    """Write what is missing from byte ``cut`` of the file on; the pieces before it stay.
+    """Write the missing parts from byte ``cut`` of the file on; the pieces before it stay.
 
-    ``crc`` is the CRC up to there. The pieces behind it are moved together.
+    ``crc`` is the CRC up to there. The pieces after it are moved together.
 
     Raises:
         OSError: the disk is full or fails.
-
     """
     contents = Contents(schemas=found.contents.schemas, channels=found.contents.channels)
     # Copied first: they stand in the file that is being written.
@@ -55,7 +53,7 @@ def complete(fd: int, found: Scan, cut: int, crc: int, mark: Mapping[str, str]) 
 def _write(
     fd: int, parts: Iterator[bytes | memoryview], contents: Contents, at: int, crc: int
 ) -> None:
-    """Write the data from byte ``at`` on, and the summary; cut off what is behind."""
+    """Write the data from byte ``at`` on, and the summary; cut off the bytes after it."""
     batch: list[bytes | memoryview] = []
     waiting = 0
     for part in parts:
@@ -126,7 +124,7 @@ def _name(piece: Piece) -> str:
 
 
 def _index(piece: Piece, at: int, found: Scan, contents: Contents) -> None:
-    """Take a piece that stands at byte ``at`` into the index."""
+    """Add a piece at byte ``at`` to the index."""
     if piece.chunk is not None:
         moved = at - piece.chunk.chunk_start_offset
         offsets = piece.chunk.message_index_offsets

@@ -1,9 +1,9 @@
 """Repairs a recording: leaves out damaged records, keeps all others and the original file.
 
-Where nothing but the end of a file is missing, it is written behind the data in place. Else a
-repaired file is made beside the damaged one, which then keeps its bytes under another name. At
-every moment one of both stands under the name of the recording, whole: a repair that is killed, or
-for which the disk is too small, has changed nothing.
+If only the end of a file is missing, rigd appends it to the file. In all other cases rigd makes a
+repaired file beside the damaged file, and keeps the damaged file under another name. At every
+moment one complete file, the damaged or the repaired one, has the name of the recording. So a
+repair that is killed, or that fails because the disk is full, changes nothing.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from rigd.record.wire import Malformed, map_file
 
 
 class Headless(RecordingError):
-    """Nothing of a recording is there: nothing can be kept of it."""
+    """The file contains no part of a recording, so nothing can be kept."""
 
 
 @dataclass(frozen=True)
 class RecoveryReport:
-    """What :func:`recover` did; ``rows_kept`` by topic.
+    """The result of :func:`recover`; ``rows_kept`` by topic.
 
-    ``lost_bytes`` are those of the damaged file that the repaired one lacks.
+    ``lost_bytes`` are those of the damaged file that the repaired file lacks.
     """
 
     path: Path
     intact: bool  #: nothing was wrong, and nothing was changed
-    problem: str  #: what was wrong first; empty where intact
+    problem: str  #: what was wrong first; empty if intact
     from_journal: bool  #: whether rows came back from the journal of a torn flush
     rows_kept: dict[str, int]
     lost_bytes: int
@@ -57,7 +57,7 @@ def recover(path: Path, *, trusted: int = 0, own: bool = False) -> RecoveryRepor
     The first ``trusted`` bytes are not checked (:mod:`~rigd.record.scan`). ``own``: the caller
     holds all rows that are not flushed, so that the torn end of a file is not worth keeping. It may
     be killed and run again. A repaired recording has a metadata record ``recovery`` that names the
-    rows that are lost; its run counts as interrupted where it has no ``run_end`` event.
+    rows that are lost; its run counts as interrupted if it has no ``run_end`` event.
 
     Raises:
         Headless: empty, or no MCAP file.
@@ -82,7 +82,7 @@ def recover(path: Path, *, trusted: int = 0, own: bool = False) -> RecoveryRepor
 
 
 def _open_locked(path: Path) -> int:
-    """Open the file for writing; again where another has just put a repaired one in its place."""
+    """Open the file for writing; again if another process has just replaced it by a repair."""
     while True:
         fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
         try:
@@ -189,12 +189,12 @@ def _loses_nothing(fd: int, found: Scan) -> bool:
 
 
 def _complete(fd: int, found: Scan, cut: int) -> None:
-    """Write what is missing from byte ``cut`` of the file on."""
+    """Write the missing parts from byte ``cut`` of the file on."""
     complete(fd, found, cut, crc32(map_file(fd)[:cut]), {"problem": found.problem})
 
 
 def _replace(fd: int, path: Path, found: Scan) -> Path:
-    """Put a repaired file in the place of the damaged one; return where that is kept."""
+    """Replace the damaged file by a repaired file; return the path of the damaged file."""
     draft = path.with_name(f"{path.name}.recovering")
     mark = {"problem": found.problem, GAPS_KEY: gaps_to_json(found.gaps())}
     target = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
@@ -207,7 +207,7 @@ def _replace(fd: int, path: Path, found: Scan) -> Path:
         original = _kept(fd, path)
         draft.replace(path)
     except OSError:
-        with suppress(OSError):
+        with suppress(OSError):  # the first error says what is wrong
             draft.unlink()
         raise
     journal = journal_path(path)

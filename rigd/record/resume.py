@@ -1,4 +1,4 @@
-"""Opens a finished recording to append to it, after checking every byte that stays."""
+"""Opens a finished recording to append to it, after a check of every byte that stays."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rigd.record.wire import map_file
 
 @dataclass(frozen=True)
 class Start:
-    """A recording opened to write on: its file, index, and the channel number of each stream."""
+    """A recording opened for appending: its file, index, and the channel number of each stream."""
 
     file: RecordingFile
     contents: Contents

@@ -1,11 +1,11 @@
-"""Checks every byte of a recording; repair and appending depend on it.
+"""Checks every byte of a recording; repair and appending depend on this check.
 
-Behind a damaged place the walk goes on with the next record that proves itself, so that damage
-costs the chunk it is in and no other.
+After a damaged place, the check continues with the next record that is valid by its own CRC or
+lengths. So damage costs only the chunk that contains it.
 
-Unpacking all chunks of a long file takes minutes. A process that wrote the first bytes of it and
-knows that no crash of the machine came since may call those *trusted*: their chunks are taken
-by what their heads and message indexes say, ten times as fast.
+To decompress all chunks of a long file takes minutes. If a process wrote the first bytes of a file
+itself and knows that the machine has not crashed since, it may declare these bytes *trusted*. For
+trusted chunks the check relies on their heads and message indexes, which is ten times as fast.
 """
 
 from __future__ import annotations
@@ -25,13 +25,12 @@ __all__ = ["Damage", "Piece", "Scan", "scan"]
 
 
 def scan(buffer: memoryview, trusted: int = 0) -> Scan:
-    """Walk a whole file, of which the first ``trusted`` bytes are known to be sound.
+    """Scan a whole file, of which the first ``trusted`` bytes are known to be intact.
 
-    Another recording behind the first counts as damage: the two are never mixed.
+    Another recording after the first counts as damage: the two are never mixed.
 
     Raises:
-        Malformed: it is no MCAP file: nothing in it proves itself.
-
+        Malformed: it is not an MCAP file: it contains no intact record.
     """
     found = _scan(buffer, trusted)
     if (second := found.another) is not None:
@@ -89,7 +88,7 @@ def _define_channels(found: Scan) -> None:
 
 
 def _define_own(contents: Contents) -> list[str]:
-    """Define what follows from the rest of a recording by rigd; return what was lost."""
+    """Define again what follows from the rest of a recording by rigd; return the losses."""
     problems: list[str] = []
     if not has_events(EVENTS_CHANNEL, contents):
         define_events(EVENTS_CHANNEL, contents)

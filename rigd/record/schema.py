@@ -1,4 +1,4 @@
-"""A stream as a ROS 2 message type: text for viewers, JSON for the reader.
+"""Describes a stream as a ROS 2 message type: text for viewers, JSON for the reader.
 
 Field names and types follow https://docs.ros.org/en/rolling/Concepts/Basic/About-Interfaces.html.
 """
@@ -156,9 +156,9 @@ def stream_from_json(text: str) -> Stream:
 
 
 def stream_from_schema(topic: str, text: str) -> Stream | None:
-    """Return the stream of a ``ros2msg`` type, or None where it is not plain float64s.
+    """Return the stream of a ``ros2msg`` type, or None if it is not plain float64s.
 
-    What rigd itself says of a field in the comment above it is taken, too.
+    Descriptions that rigd has written into the comment above a field are used too.
     """
     channels: list[Channel] = []
     has_status = False
@@ -195,7 +195,7 @@ def _describe(channel: Channel) -> str:
 
 
 def _described(name: str, comment: str) -> Channel:
-    """Return a channel with what the comment of :func:`_describe` says, if it is one."""
+    """Return a channel with the description from a comment of :func:`_describe`, if it is one."""
     match = _DESCRIBED.fullmatch(comment)
     if match is None:
         return Channel(name)

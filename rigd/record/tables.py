@@ -1,6 +1,6 @@
-"""Tables with units of a stream, of the events or of the trials.
+"""Builds tables with units from a recording: of a stream, of the events or of the trials.
 
-The same columns stand in a notebook and in every exported file. All values are SI.
+The same columns are in a notebook and in every exported file. All values are in SI units.
 """
 
 from __future__ import annotations
@@ -95,13 +95,12 @@ def stream_table(
 ) -> Table:
     """Return the rows of a stream with ``start_ns <= t_ns < end_ns`` as a table.
 
-    Before the channels stand ``t_ns`` (ns since the Unix epoch), ``time`` (s since the recording
+    Before the channels come ``t_ns`` (ns since the Unix epoch), ``time`` (s since the recording
     began), ``trial`` (-1 outside of trials), ``trial_time`` (s since the trial began, NaN outside)
     and ``step`` ("" outside of steps), each with ``rigd_`` before it if a channel has that name.
 
     Raises:
         RecordingError: no such stream, or a damaged chunk.
-
     """
     rows = recording.read(name, start_ns, end_ns)
     stream = recording.streams[name]
@@ -129,7 +128,7 @@ def stream_table(
 
 
 def events_table(events: Sequence[Event], start_ns: int) -> Table:
-    """Return the events as a table; what belongs to an event is a text of JSON."""
+    """Return the events as a table; the details of an event are a text of JSON."""
     times = np.array([event.t_ns for event in events], np.int64)
     columns: dict[str, Column] = {
         TIME_FIELD: times,
@@ -144,7 +143,7 @@ def events_table(events: Sequence[Event], start_ns: int) -> Table:
 def trials_table(attempts: Sequence[TrialInfo], start_ns: int) -> Table:
     """Return the trials as a table, an attempt in each row.
 
-    ``start``, ``end`` (s since the recording began) and ``duration`` are NaN where the recording
+    ``start``, ``end`` (s since the recording began) and ``duration`` are NaN if the recording
     ends within the trial. A column per parameter has its values in SI (numbers), or as texts.
     """
     start = np.array([attempt.start_ns for attempt in attempts], np.int64)

@@ -1,4 +1,4 @@
-"""The trials of a recording as objects for notebooks."""
+"""Provides the trials of a recording as objects for notebooks."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Trial:
 
     @property
     def reason(self) -> str:
-        """Why it ended, or what of it is lost."""
+        """Why it ended, or which of its data are lost."""
         return self.info.reason
 
     @property
@@ -63,7 +63,7 @@ class Trial:
 
     @property
     def end_ns(self) -> int:
-        """When it ended, in ns; behind the last row where the recording ends within it."""
+        """When it ended, in ns; after the last row if the recording ends within it."""
         return self.recording.end_ns + 1 if self.info.end_ns is None else self.info.end_ns
 
     @property

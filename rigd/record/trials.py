@@ -17,10 +17,10 @@ _ENDS_STEP: Final = ("step", "trial_start", "trial_end", "run_start", "run_end")
 
 @dataclass(frozen=True)
 class TrialInfo:
-    """One attempt at a trial; ``end_ns`` is None where the recording ends within it.
+    """One attempt at a trial; ``end_ns`` is None if the recording ends within it.
 
-    ``answers`` holds what was last said of each quantity that prompts set up (``load``, in SI),
-    in this trial or one before; a person may have said something else than ``parameters`` planned.
+    ``answers`` has the last answer for each quantity that prompts set up (``load``, in SI), in this
+    trial or an earlier trial; it may differ from the ``parameters``.
     """
 
     number: int
@@ -35,7 +35,7 @@ class TrialInfo:
     lost: str = ""  #: which of its rows the recording has lost, in words
 
     def text(self, name: str) -> str:
-        """Return the value of a parameter as a person writes it; "" where the trial has none."""
+        """Return the value of a parameter as a person writes it; "" if the trial has none."""
         value, unit = self.parameters.get(name, ""), self.units.get(name)
         if unit is None or isinstance(value, str | bool):
             return str(value)
@@ -46,7 +46,7 @@ class TrialInfo:
 class Step:
     """A step of the procedure as it was played; ``trial`` is -1 outside of trials.
 
-    ``end_ns`` is None where the recording ends within it.
+    ``end_ns`` is None if the recording ends within it.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Step:
 
 
 def steps(events: Sequence[Event]) -> tuple[Step, ...]:
-    """Return the steps in the order they began; each ends where the next, or its trial, does."""
+    """Return the steps in the order of their start; each ends with the next step or its trial."""
     done: list[Step] = []
     current: Step | None = None
     for event in sorted(events, key=lambda event: event.t_ns):
@@ -73,7 +73,7 @@ def steps(events: Sequence[Event]) -> tuple[Step, ...]:
 def trials(events: Sequence[Event]) -> tuple[TrialInfo, ...]:
     """Return every attempt at a trial, in the order they began.
 
-    An attempt ends at its ``trial_end``; where that is missing it lasts, for want of better
+    An attempt ends at its ``trial_end``; if that is missing it lasts, for want of better
     knowledge, until the next ``trial_start`` or ``run_start``.
     """
     done: list[TrialInfo] = []

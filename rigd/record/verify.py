@@ -21,10 +21,10 @@ from rigd.record.wire import Malformed, map_file
 
 @dataclass(frozen=True)
 class Verification:
-    """What a check found. ``damages`` are bytes that are not what they should be.
+    """The result of a check. ``damages`` lists the bytes that are not valid.
 
     ``gaps`` are the rows that are lost, now or since an earlier repair; ``trials`` those that lost
-    some. ``rows`` are the sound ones by topic, ``chunks`` how many of them hold.
+    rows. ``rows`` are the intact rows by topic, ``chunks`` the number of intact chunks.
     """
 
     path: Path
@@ -42,7 +42,7 @@ class Verification:
         return not self.damages
 
     def lines(self) -> list[str]:
-        """Return what there is to say, line by line."""
+        """Return the result as text, line by line."""
         said = [f"damaged: {damage}" for damage in self.damages]
         said += [f"lost: {gap_text(gap, self.start_ns)}" for gap in self.gaps]
         said += [f"trial {trial.number} is not complete: {trial.lost}" for trial in self.trials]

@@ -55,7 +55,7 @@ from rigd.record.wire import FRAME, MAGIC, Malformed, Record, decode, encode, re
 
 
 class Damage(NamedTuple):
-    """Bytes ``start`` to ``end`` of a file that are not what they should be, and why.
+    """Bytes ``start`` to ``end`` of a file that are not valid, and the reason.
 
     Of a file that lacks something as a whole, both are 0.
     """
@@ -65,15 +65,15 @@ class Damage(NamedTuple):
     problem: str
 
     def __str__(self) -> str:
-        """Return where it is, and what."""
+        """Return the place and the damage."""
         return f"bytes {self.start} to {self.end}: {self.problem}" if self.end else self.problem
 
 
 @dataclass(frozen=True)
 class Piece:
-    """Sound bytes of a data section: one record, and behind a chunk its message indexes.
+    """Valid bytes of a data section: one record, and after a chunk its message indexes.
 
-    ``index`` are message indexes that have to be written anew, ``spans`` the messages by channel.
+    ``index`` are message indexes that must be written again, ``spans`` the messages by channel.
     """
 
     opcode: int
@@ -91,18 +91,18 @@ class Piece:
 
 @dataclass
 class Scan:
-    """What a file holds that is sound, and where it is damaged.
+    """The valid parts and the damaged parts of a file.
 
-    ``data_end`` is where the first damage begins, or else the data ends, and ``data_crc`` the CRC
-    up to there. ``indexed`` are messages that indexes name, by channel. ``trusted`` are bytes at
-    the start whose chunks need no unpacking.
+    ``data_end`` is the start of the first damage, or else the end of the data, and ``data_crc`` the
+    CRC up to there. ``indexed`` are messages that indexes name, by channel. ``trusted`` are bytes
+    at the start whose chunks need no unpacking.
     """
 
     contents: Contents = field(default_factory=Contents)
     data_end: int = 0
     data_crc: int = 0
     damages: list[Damage] = field(default_factory=list)
-    library: str = ""  #: what wrote the file; empty where its header is damaged
+    library: str = ""  #: what wrote the file; empty if its header is damaged
     trusted: int = 0
     pieces: list[Piece] = field(default_factory=list)
     indexed: dict[int, list[Span]] = field(default_factory=dict)
@@ -114,12 +114,12 @@ class Scan:
 
     @property
     def intact(self) -> bool:
-        """Whether nothing is wrong with the file."""
+        """Whether the file has no damage."""
         return not self.damages
 
     @property
     def problem(self) -> str:
-        """What is wrong first; empty where nothing is."""
+        """The first problem; empty if there is none."""
         return self.damages[0].problem if self.damages else ""
 
     @property
@@ -135,18 +135,18 @@ class Scan:
 
     @property
     def missing_index(self) -> bytes:
-        """What is to be written at ``data_end`` for the last chunk before it to be complete."""
+        """The bytes that complete the last chunk before ``data_end``, to be written there."""
         before = [piece for piece in self.pieces if piece.end == self.data_end]
         return before[-1].index if before else b""
 
     @property
     def start_ns(self) -> int:
-        """When the recording began; where that is lost, its first message."""
+        """When the recording began; if that is lost, its first message."""
         text = self.metadata.get(FORMAT_METADATA, {}).get(START_KEY, "")
         return int(text) if text.isdecimal() else self.contents.start_ns
 
     def gaps(self) -> tuple[Gap, ...]:
-        """Return what rows are lost: those that an earlier repair noted, too."""
+        """Return the lost rows, including those that an earlier repair noted."""
         if not self.by_rigd:
             return ()  # others number their messages as they like
         try:
@@ -200,9 +200,9 @@ def collect(found: Scan) -> None:
 
 
 def drop_copies(found: Scan) -> None:
-    """Leave out chunks whose messages a longer chunk holds as well.
+    """Remove chunks whose messages a longer chunk also contains.
 
-    A flush that was torn leaves the open chunk of before behind the longer one that replaces it.
+    An interrupted flush leaves the earlier open chunk after the longer chunk that replaces it.
     """
     if not found.by_rigd:
         return
@@ -223,7 +223,7 @@ def drop_copies(found: Scan) -> None:
 
 
 def _keys(piece: Piece) -> list[tuple[tuple[int, int, int], int]]:
-    """Return what the first message of each channel is known by, with the number of messages."""
+    """Return the identity of the first message of each channel, with the number of messages."""
     return [
         ((channel, span.first, span.start_ns), span.count)
         for channel, span in piece.spans.items()
@@ -232,7 +232,7 @@ def _keys(piece: Piece) -> list[tuple[tuple[int, int, int], int]]:
 
 
 def take_head(buffer: memoryview, found: Scan) -> None:
-    """Take magic and header; where they are damaged, the walk begins with what follows."""
+    """Read magic and header; if they are damaged, the scan begins with the next record."""
     magic = bytes(buffer[: len(MAGIC)]) == MAGIC
     try:
         header = record_at(buffer, len(MAGIC))
@@ -254,11 +254,10 @@ def take_head(buffer: memoryview, found: Scan) -> None:
 
 
 def _take(buffer: memoryview, record: Record, found: Scan, base: int) -> int:
-    """Take a record, and the message indexes behind a chunk; return where the next one begins.
+    """Read a record, and the message indexes after a chunk; return the start of the next record.
 
     Raises:
-        Malformed: it is damaged, and nothing of it is taken.
-
+        Malformed: it is damaged, and no part of it is used.
     """
     if record.opcode == Opcode.CHUNK:
         if base + record.end < found.trusted:
@@ -300,11 +299,10 @@ def _take_small(record: Record, found: Scan, base: int) -> None:
 
 
 def _check_same(record: Record, known: Contents) -> None:
-    """Check a definition against an earlier one of the same number: the earlier one holds.
+    """Check a definition against an earlier definition with the same number, which holds.
 
     Raises:
         Malformed: they differ.
-
     """
     if record.opcode == Opcode.SCHEMA:
         schema = decode(Schema, record.content)
@@ -319,7 +317,7 @@ def _check_same(record: Record, known: Contents) -> None:
 
 
 def _take_orphan(record: Record, found: Scan) -> None:
-    """Note what a message index says about a chunk that is lost."""
+    """Note the content of a message index whose chunk is lost."""
     channel, entries = parse_message_index(record.content)
     if len(entries):
         times = entries[:, 0]
@@ -328,9 +326,9 @@ def _take_orphan(record: Record, found: Scan) -> None:
 
 
 def _take_torn(torn: memoryview, found: Scan) -> bool:
-    """Note what the head of a damaged chunk says; return whether it says anything to be believed.
+    """Note the head of a damaged chunk; return whether any of it is credible.
 
-    Its channel is that of its first message, which the rest need not be sound for.
+    Its channel is that of its first message, for which the rest need not be intact.
     """
     try:
         if FRAME.unpack_from(torn)[0] != Opcode.CHUNK:
@@ -405,7 +403,7 @@ def _check_times(head: ChunkHead, spans: Mapping[int, Span]) -> None:
 
 
 def _behind_index(buffer: memoryview, start: int) -> int:
-    """Return where the walk goes on behind a chunk whose message indexes are not all sound."""
+    """Return the offset after the intact message indexes that follow a chunk."""
     at = start
     try:
         while (record := record_at(buffer, at)).opcode == Opcode.MESSAGE_INDEX:
@@ -458,8 +456,8 @@ def _message_indexes(
 ) -> tuple[dict[int, bytes], int | None]:
     """Return the message indexes of a chunk by channel, and their end if the file has them all.
 
-    They may stand in any order, of channels and of entries; where one is missing or says
-    something else, all are rebuilt.
+    They may have any order, of channels and of entries; if one is missing or differs, all are
+    rebuilt.
     """
     in_file: dict[int, bytes] = {}
     at = start

@@ -1,6 +1,7 @@
-"""Encodes MCAP records: framing by rigd, rare records by the ``mcap`` library.
+"""Encodes and decodes MCAP records, the units of which an MCAP file consists.
 
-Format: https://mcap.dev/spec (version 0). A record is an opcode, a length and that many bytes.
+Format: https://mcap.dev/spec (version 0). A record is an opcode, a length and that many bytes. rigd
+encodes this framing itself; the ``mcap`` library encodes the rare kinds of record.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ R = TypeVar("R", bound=McapRecord)
 
 
 class Malformed(ValueError):
-    """Bytes that are not what the MCAP specification says; turned into a RecordingError above."""
+    """Bytes that do not follow the MCAP specification; callers turn it into a RecordingError."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def records(buffer: memoryview, start: int = 0) -> Iterator[Record]:
 def map_file(fd: int) -> memoryview:
     """Return the bytes of a file that is not empty, to read only.
 
-    Only for a locked file: one that is cut shorter meanwhile would kill the process.
+    Only for a locked file: if another process cuts the file shorter, a read kills this process.
     """
     return memoryview(mmap.mmap(fd, 0, access=mmap.ACCESS_READ))
 

@@ -1,13 +1,13 @@
 """Writes recordings; after every flush the file is a complete MCAP file.
 
-Rows become MCAP messages by one copy into a numpy array of whole Message records
+One copy into a numpy array of whole Message records turns rows into MCAP messages
 (:mod:`~rigd.record.openchunk`). The bytes of a closed file depend on the sequence of calls that
-gave data, not on flushes or wall time. Chunks are compressed where they are sealed, in at most
-2 ms: a thread for it was tried, and cost more than it freed.
+gave data, not on flushes or wall time. The writer compresses a chunk when it seals the chunk, in at
+most 2 ms. A separate thread for the compression was tried, and cost more than it saved.
 
-What can be lost: nothing that was flushed, when the process is killed (also in the middle of a
-flush, :mod:`~rigd.record.journal`); when the power fails, what came after the last
-``fdatasync``, and at most the open chunks (1 s) before it.
+If the process is killed, also in the middle of a flush (:mod:`~rigd.record.journal`), no flushed
+data are lost. If the power fails, the data after the last ``fdatasync`` are lost, and at most the
+open chunks (1 s) before it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Self
 
 import numpy as np
@@ -44,8 +43,8 @@ SUMMARY_INTERVAL_S: Final = 2.0
 class RecordingWriter:
     """One recording being written. Use as a context manager, or call :meth:`close`.
 
-    After an error every method raises that same error again and touches nothing; ``close`` is
-    silent. The file then holds what the last flush left.
+    After an error every method raises the same error again and changes nothing; ``close`` is
+    silent. The file then contains the data of the last flush.
     """
 
     def __init__(
@@ -157,7 +156,7 @@ class RecordingWriter:
 
     @property
     def sealed(self) -> int:
-        """Bytes at the start of the file that nothing changes again."""
+        """Bytes at the start of the file that do not change any more."""
         return self._file.sealed
 
     def write(self, stream: str, rows: NDArray[np.void]) -> None:
@@ -190,7 +189,7 @@ class RecordingWriter:
     def event(
         self, t_ns: int, kind: str, trial: int | None = None, data: Mapping[str, Any] | None = None
     ) -> None:
-        """Take an event at ``t_ns``; ``trial`` None where it belongs to none.
+        """Take an event at ``t_ns``; ``trial`` None if it belongs to none.
 
         Raises:
             RecordingError: the data has no form in JSON, or an earlier error.
@@ -206,11 +205,10 @@ class RecordingWriter:
             self._seal(self._events)
 
     def flush(self) -> None:
-        """Put all that was given on disk, as a complete MCAP file (a long one every 2 s).
+        """Write all given data to disk, as a complete MCAP file (a long file every 2 s).
 
         Raises:
             RecordingError: the disk is full or fails; the file is as the last flush left it.
-
         """
         self._check()
         if self._changed:
@@ -224,11 +222,10 @@ class RecordingWriter:
                 self._guard(self._file.sync)
 
     def close(self) -> None:
-        """Seal and write what is left, wait for the disk; silent the second time.
+        """Seal and write the remaining data, wait for the disk; silent the second time.
 
         Raises:
             RecordingError: the disk is full or fails; the file is as the last flush left it.
-
         """
         if self._closed:
             return
@@ -246,12 +243,7 @@ class RecordingWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _open(self) -> list[OpenChunk]:
@@ -289,7 +281,7 @@ class RecordingWriter:
         self._waiting_bytes = 0
 
     def _guard(self, action: Callable[[], None]) -> None:
-        """Do ``action``; an error is kept, as nothing may be written after a gap."""
+        """Do ``action``; an error is stored, because nothing may be written after a gap."""
         try:
             action()
         except RecordingError as error:
