@@ -1,5 +1,5 @@
-"""Rig files: YAML with positions to typed objects, errors as file:line:column.
+"""Reads rig files: YAML to typed objects, with errors as file:line:column.
 
-Import :mod:`rigd.config.loader` to read one. This package itself imports nothing: each process of
-a run takes :mod:`rigd.config.rig` alone, and reads no file.
+Import :mod:`rigd.config.loader` to read a rig file. This package itself imports nothing, because
+each process of a run imports only :mod:`rigd.config.rig` and reads no file.
 """

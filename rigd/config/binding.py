@@ -1,4 +1,4 @@
-"""Binds documents to typed objects; every error of pydantic becomes file:line:column."""
+"""Converts parsed YAML to typed objects; every error of pydantic becomes file:line:column."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic import BaseModel, Tag, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from rigd.config.document import Data, Document, Path_
+from rigd.config.document import Data, Document, KeyPath
 from rigd.config.problems import Problems, suggest
 from rigd.model.units import format_quantity
 from rigd.sdk import In
@@ -19,7 +19,7 @@ from rigd.sdk.documented import description
 
 M = TypeVar("M", bound=BaseModel)
 
-#: What a value of the wrong shape should have been, by pydantic's error type.
+#: The expected kind of value, by pydantic's error type.
 _EXPECTED: Final = {
     "string_type": "text", "int_parsing": "a whole number", "int_type": "a whole number",
     "int_from_float": "a whole number", "int_parsing_size": "a smaller whole number",
@@ -38,16 +38,16 @@ _BOUNDS: Final = {
 
 
 def bind(
-    document: Document, model: type[M], problems: Problems, path: Path_ = (), data: Any = None
+    document: Document, model: type[M], problems: Problems, path: KeyPath = (), data: Any = None
 ) -> M | None:
     """Return the part of ``document`` at ``path`` as ``model``, or None with the problems noted.
 
-    ``data`` replaces what stands there, where the caller has taken keys out of it.
+    ``data`` replaces the part at ``path`` if the caller has removed keys from it.
     """
     try:
         return model.model_validate(
             document.get(path) if data is None else data,
-            context={"folder": document.path.parent},  # what relative paths start from
+            context={"folder": document.path.parent},  # the folder for relative paths
         )
     except ValidationError as error:
         for detail in error.errors(include_url=False):
@@ -59,7 +59,7 @@ def _note(
     document: Document,
     model: type[BaseModel],
     problems: Problems,
-    base: Path_,
+    base: KeyPath,
     detail: ErrorDetails,
 ) -> None:
     spot = _locate(document, model, base, detail["loc"])
@@ -98,27 +98,27 @@ def _note(
     elif kind in ("too_long", "string_too_long"):
         message = f"at most {context['max_length']} allowed, found {written}"
     elif kind in ("union_tag_invalid", "union_tag_not_found"):
-        message = f"cannot tell what {written} is"
+        message = f"the kind of {written} is unknown"
     place = document.key_place(where) if is_key else document.place(where)
     problems.add(place, message, hint)
 
 
 @dataclass(frozen=True)
 class _Spot:
-    """A place in the schema: the path into the document, the model around it, unit and doc."""
+    """A place in the schema: the path into the document, its model, unit and docstring."""
 
-    path: Path_
+    path: KeyPath
     parent: type[BaseModel] | None
     unit: str | None
     doc: str | None
 
 
 def _locate(
-    document: Document, model: type[BaseModel], base: Path_, loc: Sequence[str | int]
+    document: Document, model: type[BaseModel], base: KeyPath, loc: Sequence[str | int]
 ) -> _Spot:
     """Follow pydantic's ``loc`` through schema and document together.
 
-    ``loc`` also names union branches, which the document does not have: those only choose the
+    ``loc`` also names union branches, which the document does not have: they only select the
     annotation.
     """
     annotation: Any = model
@@ -145,9 +145,9 @@ def _locate(
 
 
 def _strip(annotation: Any, step: str | int | None) -> tuple[Any, str | None, bool]:
-    """Return the annotation without Annotated and Optional, and the unit found on the way.
+    """Return the annotation without Annotated and Optional, and its unit if it has one.
 
-    The last is true where ``step`` chose a branch of a union instead of going deeper.
+    The last value is true if ``step`` selected a branch of a union instead of going deeper.
     """
     unit = None
     while True:
@@ -196,7 +196,7 @@ def _name(model: type[BaseModel] | None, step: str | int) -> str | None:
 
 
 def _item(annotation: Any) -> Any:
-    """Return what a list or mapping type holds."""
+    """Return the type of the items of a list or mapping type."""
     arguments = [item for item in get_args(annotation) if item is not Ellipsis]
     return arguments[-1] if arguments else None
 

@@ -1,4 +1,4 @@
-"""The values that a calibration may hold: what the installed analyses declare."""
+"""Lists the values that a calibration may contain, as the installed analyses declare them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigd.sdk.analysis import Calibratable, DeclaredAnalysis
 
 
 def calibratable() -> Mapping[str, Calibratable]:
-    """Return every value that a calibration may hold, by name.
+    """Return every value that a calibration may contain, by name.
 
     Analyses that cannot be loaded declare nothing: a rig needs only those of its own family.
 
@@ -23,7 +23,7 @@ def calibratable() -> Mapping[str, Calibratable]:
 
 
 def unknown(name: str) -> str:
-    """Return what to do about a value called ``name`` that no analysis declares."""
+    """Return the remedy for a value called ``name`` that no analysis declares."""
     known, broken = _declared()
     hint = suggest(name, known)
     lacking = "".join(f"; the analysis {item!r} cannot be loaded: rigd analyses" for item in broken)
@@ -44,8 +44,8 @@ def _declared() -> tuple[dict[str, Calibratable], tuple[str, ...]]:
         for name, item in declared.items():
             if found.setdefault(name, item) != item:
                 raise ConfigError(
-                    f"the calibrated value {name!r} of analysis {analysis!r} is another value of "
-                    "another analysis",
-                    hint="give it a name that says which rigs it is of",
+                    f"analysis {analysis!r} declares the calibrated value {name!r}, which has "
+                    "another meaning in another analysis",
+                    hint="give it a name that contains its rig family",
                 )
     return found, tuple(broken)

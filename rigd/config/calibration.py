@@ -1,7 +1,7 @@
-"""Calibration files: measured values of a rig with uncertainty and expiry.
+"""Reads calibration files: measured values of a rig with uncertainty and expiry.
 
-The rig file names it (``calibration: calibrations/bench.yaml``), a run attaches it to its
-recording as :data:`ATTACHMENT`, and ``rigd calibrate`` writes it.
+The rig file names the calibration file (``calibration: calibrations/bench.yaml``). A run attaches
+the calibration file to its recording as :data:`ATTACHMENT`. ``rigd calibrate`` writes it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rigd.config.calibration_source import (
     ReplacedSource,
     ValueSource,
 )
-from rigd.config.document import Document, Path_, parse_document, read_document
+from rigd.config.document import Document, KeyPath, parse_document, read_document
 from rigd.config.problems import Problems
 from rigd.config.quantities import read_quantity
 from rigd.model.errors import ConfigError, Place
@@ -29,7 +29,8 @@ from rigd.model.units import format_quantity
 from rigd.sdk.analysis import Calibratable
 from rigd.sdk.shipped import shipped_folder
 
-#: No value of a rig is beyond this in SI, and no scale below its inverse: it is a slip of the pen.
+#: No value of a rig is larger than this in SI, and no scale smaller than its inverse: such a number
+#: is a typing error.
 LARGEST: Final = 1e9
 
 #: The name under which a recording carries the calibration of its run.
@@ -38,17 +39,17 @@ ATTACHMENT: Final = "calibration.yaml"
 
 @dataclass(frozen=True)
 class CalibratedValue:
-    """A value in SI with its standard uncertainty (k = 1), and who vouches for it until when."""
+    """A value in SI with its standard uncertainty (k = 1), its operator and its last valid day."""
 
     value: float
     u: float
     unit: str
     source: Origin
-    origin: str  #: the recording, or why it is assumed; ``from`` in the file
+    origin: str  #: the recording, or the reason for an assumption; ``from`` in the file
     made: date
     operator: str
-    valid_until: date | None = None  #: the last day; None: what is assumed does not expire
-    instruments: Mapping[str, str] = field(default_factory=dict)  #: device -> what it said it was
+    valid_until: date | None = None  #: the last day; None: an assumed value does not expire
+    instruments: Mapping[str, str] = field(default_factory=dict)  #: device -> its identity
 
     def __str__(self) -> str:
         return (
@@ -57,13 +58,13 @@ class CalibratedValue:
         )
 
     def expired(self, on: date) -> bool:
-        """Return whether it may no longer be used on that day."""
+        """Return whether the value has expired on that day."""
         return self.valid_until is not None and on > self.valid_until
 
 
 @dataclass(frozen=True)
 class ReplacedValue:
-    """A value that another one replaced on that day."""
+    """A value, and the day on which another value replaced it."""
 
     name: str
     value: CalibratedValue
@@ -72,7 +73,7 @@ class ReplacedValue:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What is known of the rigs named, as its file says; ``text`` is that file."""
+    """The calibrated values of the named rigs; ``text`` is the text of their file."""
 
     name: str
     rigs: tuple[str, ...]
@@ -88,7 +89,7 @@ class Calibration:
 
     @property
     def valid_until(self) -> date | None:
-        """The last day on which every value may be used; None: none of them expires."""
+        """The last day on which every value may be used; None if none expires."""
         days = [
             value.valid_until for value in self.values.values() if value.valid_until is not None
         ]
@@ -96,13 +97,13 @@ class Calibration:
 
     @property
     def sha256(self) -> str:
-        """The hash of its text, by which a recording names it."""
+        """The hash of its text, by which a recording identifies it."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
 
 @dataclass(frozen=True)
 class CalibrationSetup:
-    """The calibration that a rig file names; ``held`` is None where there is no such file."""
+    """The calibration that a rig file names; ``held`` is None if the file does not exist."""
 
     path: Path
     held: Calibration | None
@@ -112,36 +113,36 @@ def load_calibration(path: Path) -> Calibration:
     """Return the calibration in the file at ``path``.
 
     Raises:
-        ConfigError: it cannot be read, or is wrong; names every problem with its place.
+        ConfigError: it cannot be read, or is wrong; the error names every problem with its place.
     """
     return _build(read_document(path))
 
 
 def parse_calibration(text: str, name: str) -> Calibration:
-    """Return the calibration that ``text`` describes, such as one attached to a recording.
+    """Return the calibration in ``text``, such as the text attached to a recording.
 
-    ``name`` is what errors call it.
+    ``name`` is the name in error messages.
 
     Raises:
-        ConfigError: the text is wrong; names every problem with its place.
+        ConfigError: the text is wrong; the error names every problem with its place.
     """
     return _build(parse_document(text, Path(name)))
 
 
 def find_calibration(name: str, folder: Path) -> Path:
-    """Return where the calibration file of a rig file in ``folder`` stands, or should.
+    """Return the path of the calibration file of a rig file in ``folder``, also if it is missing.
 
-    A relative path counts from there; what is not there may be a shipped one.
+    A relative path starts at the folder; if the file is not there, a shipped file may be meant.
     """
-    beside = folder / name
+    own_path = folder / name
     shipped = shipped_folder("configs") / name
-    return shipped if shipped.is_file() and not beside.exists() else beside
+    return shipped if shipped.is_file() and not own_path.exists() else own_path
 
 
 def read_setup(name: str | None, folder: Path, problems: Problems) -> CalibrationSetup | None:
-    """Return the calibration that a rig file in ``folder`` names, or None with what is wrong noted.
+    """Return the calibration that a rig file in ``folder`` names, or None with problems noted.
 
-    That the file is missing is no problem here: it keeps only some runs from starting.
+    A missing file is not a problem here: it only blocks some runs.
     """
     if name is None:
         return None
@@ -164,7 +165,7 @@ def _build(document: Document) -> Calibration:
         raise ConfigError("the calibration file cannot be used", place=document.place(()))
     values = {}
     for name, item in source.values.items():
-        path: Path_ = ("values", name)
+        path: KeyPath = ("values", name)
         known = _known(document.key_place(path), name, problems)
         if known is not None:
             values[name] = _value(document, path, item, known, problems)
@@ -188,14 +189,14 @@ def _build(document: Document) -> Calibration:
 def _known(place: Place, name: str, problems: Problems) -> Calibratable | None:
     known = calibratable().get(name)
     if known is None:
-        message = f"there is no calibrated value {name!r}"
+        message = f"unknown calibrated value {name!r}"
         problems.add(place, message, unknown(name))
     return known
 
 
 def _value(
     document: Document,
-    path: Path_,
+    path: KeyPath,
     source: ValueSource | ReplacedSource,
     known: Calibratable,
     problems: Problems,
@@ -206,9 +207,9 @@ def _value(
     if known.sign == "positive" and value <= 0:
         problems.add(place, f"{source.value} must be above 0", known.doc)
     elif abs(value) > LARGEST or (known.sign == "positive" and value < 1 / LARGEST):
-        problems.add(place, f"{source.value} cannot be: no rig has it", known.doc)
+        problems.add(place, f"{source.value} is impossible for a rig", known.doc)
     elif u > (value if known.sign == "positive" else LARGEST):
-        message = f"with an uncertainty of {source.u} nothing is known of {source.value}"
+        message = f"with an uncertainty of {source.u} the value {source.value} has no meaning"
         problems.add(document.place((*path, "u")), message, "give the standard uncertainty (k = 1)")
     if known.sign == "not negative" and value < 0:
         problems.add(place, f"{source.value} must not be below 0", known.doc)
@@ -216,10 +217,13 @@ def _value(
         problems.add(document.place((*path, "u")), f"the uncertainty {source.u} is below 0",
                      "give the standard uncertainty (k = 1)")  # fmt: skip
     if source.source == "measured" and source.valid_until is None:
-        problems.add(document.place(path), "what is measured must say until when it is valid",
+        problems.add(document.place(path), "a measured value needs the last day on which it "
+                                           "is valid",
                      "add 'valid_until: 2027-11-21'")  # fmt: skip
     if source.valid_until is not None and source.valid_until < source.made:
-        message = f"valid_until {source.valid_until} is before {source.made}, the day it was made"
+        message = (
+            f"valid_until {source.valid_until} is before {source.made}, the day of the measurement"
+        )
         problems.add(document.place((*path, "valid_until")), message)
     return CalibratedValue(
         value,

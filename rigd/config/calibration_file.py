@@ -1,7 +1,7 @@
-"""Writes a renewed calibration file: new values, others unchanged, replaced ones kept.
+"""Writes a renewed calibration file: new values, unchanged values, and replaced values.
 
-The file is data: what is kept of it is the text of each value, and the comment at its head. A
-comment elsewhere is lost; ``from:`` is the place for a reason.
+The module keeps the text of each value and the comment at the head of the file. Any other comment
+is lost; write a reason in ``from:`` instead.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from rigd.config.document import parse_document
 from rigd.model.errors import ConfigError
 from rigd.model.units import parse_unit
 
-#: A value is written with so many digits more than its uncertainty has, which has two.
+#: A value is written with this number of digits more than its uncertainty, which has two.
 _GUARD_DIGITS: Final = 1
 _DAYS: Final = ("made", "valid_until", "replaced")
 _NUMBERS: Final = ("value", "u")
 _NEW_HEAD: Final = """\
-# What was measured of this rig. Written by `rigd calibrate`, which keeps this comment and no other.
+# Measured values of this rig. Written by `rigd calibrate`, which keeps this comment and no other.
 """
 
 
@@ -41,13 +41,13 @@ def renewed(
     path: Path,
     on: date,
 ) -> Calibration:
-    """Return ``old`` with ``values`` in place of its own, as the text that ``path`` shall hold.
+    """Return ``old`` with ``values`` instead of its own values, as the text for ``path``.
 
-    What they replace goes to the history, as replaced ``on`` that day. Without an ``old`` one the
-    calibration is called ``name`` and belongs to ``rigs``.
+    Replaced values move to the history, with the day ``on``. Without an ``old`` calibration the
+    name is ``name`` and the rigs are ``rigs``.
 
     Raises:
-        ConfigError: a value cannot stand in a calibration, such as a scale below zero.
+        ConfigError: a value is not allowed in a calibration, such as a scale below zero.
     """
     data: dict[str, Any] = {"calibration": name, "rigs": list(rigs), "values": {}, "history": []}
     head = _NEW_HEAD
@@ -68,18 +68,18 @@ def renewed(
     text = StringIO()
     yaml = YAML()
     yaml.width = 100
-    yaml.representer.ignore_aliases = lambda _: True  # one day may stand in several places
+    yaml.representer.ignore_aliases = lambda _: True  # a day may be in several places
     yaml.dump(_plain(data), text)
     return parse_calibration(head + text.getvalue(), str(path))
 
 
 def write_calibration(new: Calibration, before: str | None) -> None:
-    """Write ``new`` to its path: whole or not at all, whatever happens meanwhile.
+    """Write ``new`` to its path: completely or not at all.
 
-    ``before`` is the text that stood there when it was renewed, None where there was no file.
+    ``before`` is the text of the file when it was renewed, None if there was no file.
 
     Raises:
-        ConfigError: somebody else has changed the file since, or it cannot be written.
+        ConfigError: the file has changed since, or it cannot be written.
     """
     path = new.path
     try:
@@ -88,7 +88,7 @@ def write_calibration(new: Calibration, before: str | None) -> None:
         if found != before:
             raise ConfigError(
                 f"{path} has changed since it was read; nothing is written",
-                hint="look at it, then `rigd calibrate --from RECORDING` once more",
+                hint="check the file, then run `rigd calibrate --from RECORDING` again",
             )
         _replace(path, new.text)
     except OSError as error:
@@ -98,28 +98,28 @@ def write_calibration(new: Calibration, before: str | None) -> None:
 
 
 def _replace(path: Path, text: str) -> None:
-    """Put ``text`` in place of the file at once: a reader sees the old one or the new one."""
-    number, beside = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    """Replace the file by ``text`` in one step: a reader sees the old or the new text."""
+    number, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:
         with os.fdopen(number, "w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
             os.fchmod(number, path.stat().st_mode & 0o777 if path.exists() else 0o644)
             os.fsync(number)
-        Path(beside).replace(path)
+        Path(temporary).replace(path)
     except BaseException:
         with suppress(FileNotFoundError):
-            Path(beside).unlink()
+            Path(temporary).unlink()
         raise
     folder = os.open(path.parent, os.O_RDONLY)
     try:
-        os.fsync(folder)  # the new name too survives a loss of power
+        os.fsync(folder)  # the new name also survives a loss of power
     finally:
         os.close(folder)
 
 
 def _head(text: str) -> str:
-    """Return the lines of comment, and blank ones, that stand before the first key."""
+    """Return the lines of comment, and blank lines, before the first key."""
     lines = text.splitlines(keepends=True)
     first = next(
         (at for at, line in enumerate(lines) if line.strip() and not line.startswith("#")),
@@ -129,7 +129,7 @@ def _head(text: str) -> str:
 
 
 def _block(value: CalibratedValue) -> dict[str, Any]:
-    """Return a value as its keys stand in the file."""
+    """Return the keys of a value for the file."""
     places = _places(value.u / parse_unit(value.unit).factor)
     block: dict[str, Any] = {
         "value": _quantity(value.value, value.unit, places),
@@ -147,7 +147,7 @@ def _block(value: CalibratedValue) -> dict[str, Any]:
 
 
 def _places(u: float) -> int:
-    """Return the decimals that two digits of ``u`` and a guard need; many where it is 0."""
+    """Return the number of decimals for two digits of ``u`` and a guard; many if ``u`` is 0."""
     if not u:
         return 9
     first = f"{u:e}".partition("e")[2]
@@ -163,11 +163,11 @@ def _plain(data: Any, key: str = "") -> Any:
     """Return ``data`` with days and numbers as such: YAML writes them without quotation marks."""
     if isinstance(data, list):
         return [_plain(item) for item in data]
-    if isinstance(data, dict) and key != "instruments":  # whose devices are called as they like
+    if isinstance(data, dict) and key != "instruments":  # its devices may have any name
         return {name: _plain(item, name) for name, item in data.items()}
     if isinstance(data, str) and key in _DAYS:
         return date.fromisoformat(data)
     if isinstance(data, str) and key in _NUMBERS:
-        number = YAML().load(data)  # which remembers how it was written: 0.990, 1.5e-4
+        number = YAML().load(data)  # keeps the form of a number: 0.990, 1.5e-4
         return number if isinstance(number, int | float) else data
     return data

@@ -1,7 +1,7 @@
-"""Schema of a calibration file: the keys and values that are allowed.
+"""Defines the schema of a calibration file: the keys and values that are allowed.
 
-Every value stands for itself: it has its own date, operator, instruments and validity, because
-values are measured one procedure at a time and grow old apart.
+Every value has its own date, operator, instruments and validity, because each procedure measures
+some values only, and the values expire at different times.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from pydantic import BeforeValidator, Field, StringConstraints
 
 from rigd.config.source import FileName, Name, QuantityText, Source
 
-#: Where the number of a value comes from.
+#: The kind of source of a value.
 Origin = Literal["measured", "assumed", "data sheet"]
 ShortText = Annotated[str, StringConstraints(min_length=1, max_length=300)]
 
 
 def _day(value: object) -> object:
-    """Return the day that ``value`` writes; pydantic alone would also take seconds since 1970."""
+    """Return the day in ``value``; pydantic alone would also accept seconds since 1970."""
     if not isinstance(value, str):
         return value
     try:
         return date.fromisoformat(value)
     except ValueError:
-        raise ValueError(f"{value!r} is no day such as 2026-11-21") from None
+        raise ValueError(f"{value!r} is not a day such as 2026-11-21") from None
 
 
 #: A day as 2026-11-21.
@@ -40,36 +40,36 @@ class ValueSource(Source):
     u: QuantityText
     """Its standard uncertainty (k = 1), in the same kind of unit."""
     source: Origin
-    """Where the number comes from: `measured`, `assumed` or `data sheet`."""
+    """Source of the number: `measured`, `assumed` or `data sheet`."""
     origin: Annotated[ShortText, Field(alias="from")]
-    """The recording it was measured with, or why it is assumed."""
+    """The recording of the measurement, or the reason for the assumption."""
     made: Day
-    """Day it was measured or decided."""
+    """Day of the measurement or decision."""
     operator: ShortText
-    """Who answers for it."""
+    """The person who is responsible for it."""
     valid_until: Day | None = None
-    """Last day it may be used; what is measured must have one."""
+    """Last day on which it may be used; required for a measured value."""
     instruments: dict[Name, ShortText] = Field(default_factory=dict)
-    """What each device said it was when this was measured; another one blocks a run."""
+    """The identity of each device at the measurement; another device blocks a run."""
 
 
 class ReplacedSource(ValueSource):
-    """A value that another has replaced."""
+    """A value that was replaced by another value."""
 
     name: Name
-    """Name it had."""
+    """Its name."""
     replaced: Day
-    """Day it was replaced."""
+    """Day of the replacement."""
 
 
 class CalibrationSource(Source):
-    """What is known of a rig by measuring it: one value each, with its uncertainty."""
+    """The measured values of a rig, each with its uncertainty."""
 
     calibration: FileName
     """Name of the calibration."""
     rigs: Annotated[list[FileName], Field(min_length=1, max_length=16)]
-    """The rigs it belongs to; several only where they are rig files of the same bench."""
+    """Rigs with this calibration; several only if they are rig files of the same bench."""
     values: dict[Name, ValueSource]
     """The values by name."""
     history: list[ReplacedSource] = Field(default_factory=list)
-    """What was replaced, the newest first; `rigd calibrate` keeps it."""
+    """Replaced values, the newest first; `rigd calibrate` keeps them."""

@@ -1,14 +1,13 @@
 """Parses YAML 1.2 to plain data and keeps the position of every key and value.
 
-Every scalar stays the text its author wrote: the schema, not YAML, decides whether ``1.50`` is a
-number or ``no`` a word. Of YAML only what a rig file needs is accepted: one document of mappings,
-lists and scalars. Anchors, aliases, tags and merge keys are refused, so that a file says what it
-seems to say and cannot grow when it is read.
+Every scalar stays the text that its author wrote: the schema, not YAML, decides whether ``1.50`` is
+a number or ``no`` a word. The parser accepts only the part of YAML that a rig file needs: one
+document of mappings, lists and scalars. It refuses anchors, aliases, tags and merge keys, because
+they could give a file another meaning than a reader sees, or make it grow when it is read.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,45 +31,39 @@ from ruamel.yaml.reader import ReaderError
 from rigd.config.mistakes import explain
 from rigd.model.errors import ConfigError, Place
 
-#: Mappings, lists, text, and None for a key with nothing behind it.
+#: Mappings, lists, text, and None for a key without a value.
 Data: TypeAlias = "dict[str, Data] | list[Data] | str | None"
 #: The keys and list indices that lead to a value.
-Path_: TypeAlias = tuple[str | int, ...]
+KeyPath: TypeAlias = tuple[str | int, ...]
 
-#: Bytes a rig or procedure file may have: a hundred times the longest we know.
+#: Most bytes of a rig or procedure file: a hundred times the longest known file.
 MAX_BYTES: Final = 512 * 1024
-#: How deep mappings and lists may nest; rig and procedure files need 6.
+#: Deepest nesting of mappings and lists; rig and procedure files need 6 levels.
 MAX_DEPTH: Final = 24
-#: What libyaml, 15 times as fast, reads another way than the YAML 1.2 parser in Python: line breaks
-#: no editor shows, tabs, directives, '? ' keys, a comment glued to a block scalar's header. A file
-#: with any of it is left to the latter; on others the two agree, and a test says so.
-_UNUSUAL: Final = re.compile(
-    r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\ufeff]|^%|(?<!\w)\?[\s:]|[|>][-+\d]*#", re.M
-)
 
 
 @dataclass(frozen=True)
 class Document:
-    """One YAML file: its data, and where each key and each value stands."""
+    """One YAML file: its data, and the position of each key and each value."""
 
     path: Path
     text: str
     data: Data
-    values: dict[Path_, Place]
-    keys: dict[Path_, Place]
+    values: dict[KeyPath, Place]
+    keys: dict[KeyPath, Place]
 
-    def place(self, path: Path_) -> Place:
-        """Return where the value at ``path`` stands, or else the nearest one around it."""
+    def place(self, path: KeyPath) -> Place:
+        """Return the place of the value at ``path``, or else of the nearest value around it."""
         while path not in self.values and path:
             path = path[:-1]
         return self.values[path]
 
-    def key_place(self, path: Path_) -> Place:
-        """Return where the key at ``path`` stands, or else its value."""
+    def key_place(self, path: KeyPath) -> Place:
+        """Return the place of the key at ``path``, or else of its value."""
         return self.keys.get(path) or self.place(path)
 
-    def get(self, path: Path_) -> Data:
-        """Return the value at ``path``, or None where there is none."""
+    def get(self, path: KeyPath) -> Data:
+        """Return the value at ``path``, or None if there is none."""
         value: Any = self.data
         for step in path:
             try:
@@ -79,10 +72,10 @@ class Document:
                 return None
         return value  # type: ignore[no-any-return]  # data is built from Data alone
 
-    def inside(self, path: Path_, offset: int) -> Place:
-        """Return the place ``offset`` characters into the text at ``path``, where it can be told.
+    def inside(self, path: KeyPath, offset: int) -> Place:
+        """Return the place ``offset`` characters into the text at ``path``, if it is known.
 
-        Text that spans lines or holds escapes gives the place where it begins.
+        For text that spans lines or contains escapes, the result is the place where it begins.
         """
         place, value = self.place(path), self.get(path)
         lines = self.text.split("\n", place.line)
@@ -99,8 +92,7 @@ def read_document(path: Path) -> Document:
     """Return the file at ``path`` as a document.
 
     Raises:
-        ConfigError: the file cannot be read, is too large, is not UTF-8, or is not such YAML.
-
+        ConfigError: the file cannot be read, is too large, is not UTF-8, or is not accepted YAML.
     """
     start = Place(str(path), 1, 1)
     try:
@@ -131,20 +123,11 @@ def read_document(path: Path) -> Document:
 
 
 def parse_document(text: str, path: Path) -> Document:
-    """Return ``text`` as a document; ``path`` is the name that errors give.
+    """Return ``text`` as a document; ``path`` is the name in error messages.
 
     Raises:
-        ConfigError: the text is not such YAML.
-
+        ConfigError: the text is not accepted YAML.
     """
-    if _UNUSUAL.search(text) is None:
-        composer = _Composer(str(path))
-        try:
-            data = composer.compose(YAML(typ="safe", plug_ins=[]).parse(text))
-        except (YAMLError, ConfigError, ValueError):
-            pass  # the other parser says what is wrong, the same wherever rigd is installed
-        else:
-            return Document(path, text, data, composer.values, composer.keys)
     composer = _Composer(str(path))
     try:
         data = composer.compose(YAML(typ="safe", pure=True, plug_ins=[]).parse(text))
@@ -152,10 +135,10 @@ def parse_document(text: str, path: Path) -> Document:
         raise explain(error, text, composer.last) from error
     except ReaderError as error:
         raise ConfigError(
-            f"character U+{ord(text[error.position]):04X} may not stand in YAML",
+            f"character U+{ord(text[error.position]):04X} is not allowed in YAML",
             place=_place_of(text, error.position, str(path)), hint="remove it",
         ) from error  # fmt: skip
-    # The library lets slip what its own code meets in text it did not expect.
+    # The library does not catch errors of its own code in unexpected text.
     except (YAMLError, ValueError, OverflowError, LookupError, AttributeError) as error:
         raise ConfigError(
             "the text from here on cannot be read as YAML 1.2", place=composer.last,
@@ -170,13 +153,13 @@ def _place_of(text: str, position: int, file: str) -> Place:
 
 
 class _Composer:
-    """Builds data from the parser's events, and remembers where each came from."""
+    """Builds data from the parser's events and stores the position of each key and value."""
 
     def __init__(self, file: str) -> None:
         self.file = file
         self.last = Place(file, 1, 1)
-        self.values: dict[Path_, Place] = {}
-        self.keys: dict[Path_, Place] = {}
+        self.values: dict[KeyPath, Place] = {}
+        self.keys: dict[KeyPath, Place] = {}
 
     def compose(self, events: Iterator[Event]) -> Data:
         data: Data = None
@@ -189,8 +172,8 @@ class _Composer:
                     raise ConfigError("a second document begins here", place=self.last,
                                       hint="one file, one document: split it at '---'")  # fmt: skip
                 if event.version not in (None, (1, 2)):
-                    raise ConfigError("the file asks for another YAML than 1.2", place=self.last,
-                                      hint="remove the %YAML line")  # fmt: skip
+                    raise ConfigError("the file requests a YAML version other than 1.2",
+                                      place=self.last, hint="remove the %YAML line")  # fmt: skip
             elif isinstance(event, NodeEvent):
                 data = self._node(event, events, ())
         if not documents or data is None:
@@ -198,7 +181,7 @@ class _Composer:
                               hint="begin with 'rig: NAME' or 'procedure: NAME'")  # fmt: skip
         return data
 
-    def _node(self, event: Event, events: Iterator[Event], path: Path_) -> Data:
+    def _node(self, event: Event, events: Iterator[Event], path: KeyPath) -> Data:
         place = self.last = self._place(event)
         self.values[path] = place
         self._refuse_extras(event, place)
@@ -217,7 +200,7 @@ class _Composer:
             items.append(self._node(item, events, (*path, len(items))))
         return items
 
-    def _mapping(self, events: Iterator[Event], path: Path_) -> dict[str, Data]:
+    def _mapping(self, events: Iterator[Event], path: KeyPath) -> dict[str, Data]:
         mapping: dict[str, Data] = {}
         for event in events:
             if isinstance(event, MappingEndEvent):
@@ -228,31 +211,32 @@ class _Composer:
                 raise ConfigError("a list or mapping cannot be a key", place=place,
                                   hint="quote text that holds braces: '${name}'")  # fmt: skip
             key = str(event.value)
-            here = (*path, key)
+            key_path = (*path, key)
             if key == "<<":
                 raise ConfigError("merge keys are not YAML 1.2", place=place,
                                   hint="write the values out")  # fmt: skip
             if key in mapping:
                 raise ConfigError(
-                    f"key {key!r} stands twice; first in line {self.keys[here].line}",
+                    f"key {key!r} is given twice; first in line {self.keys[key_path].line}",
                     place=place, hint="remove one of the two",
                 )  # fmt: skip
-            self.keys[here] = place
-            value = mapping[key] = self._node(next(events), events, here)
-            if value is None:  # the parser places nothing where the next thing begins
-                self.values[here] = place
+            self.keys[key_path] = place
+            value = mapping[key] = self._node(next(events), events, key_path)
+            if value is None:  # the parser gives no value a place: the place of the next item
+                self.values[key_path] = place
         return mapping
 
     def _refuse_extras(self, event: Event, place: Place) -> None:
         if isinstance(event, AliasEvent) or getattr(event, "anchor", None):
             raise ConfigError(
-                "anchors and aliases (& and *) are not read", place=place,
-                hint="write the value out, or make it a parameter; quote text that begins so",
+                "anchors and aliases (& and *) are not allowed", place=place,
+                hint=("write the value itself, or make it a parameter; quote text that begins "
+                     "with & or *"),
             )  # fmt: skip
         if not isinstance(event, ScalarEvent | MappingStartEvent | SequenceStartEvent):
-            raise ConfigError("a value was expected here", place=place)
+            raise ConfigError("a value is missing here", place=place)
         if event.tag is not None and str(event.tag) != "!":
-            raise ConfigError("tags (!) are not read", place=place,
+            raise ConfigError("tags (!) are not allowed", place=place,
                               hint="quote text that begins with '!'")  # fmt: skip
 
     def _place(self, event: Event) -> Place:

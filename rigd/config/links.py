@@ -1,9 +1,12 @@
-"""Reads the links of a rig file and checks that each device uses a link that fits."""
+"""Reads the links (shared connections) of a rig file and checks them against the devices.
+
+Each device must use a link of a kind that fits.
+"""
 
 from __future__ import annotations
 
 from rigd.config.binding import bind
-from rigd.config.document import Document, Path_
+from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
 from rigd.config.registry import find_link
 from rigd.config.rig import LinkSetup
@@ -14,10 +17,10 @@ from rigd.model.errors import ConfigError
 def read_links(
     document: Document, source: RigSource, problems: Problems
 ) -> dict[str, LinkSetup | None]:
-    """Return every link by name; None for one that is wrong, so that its devices are spared."""
+    """Return every link by name; None for a wrong link, so that its devices report no error."""
     links: dict[str, LinkSetup | None] = {}
     for name, link in source.links.items():
-        path: Path_ = ("links", name)
+        path: KeyPath = ("links", name)
         links[name] = None
         try:
             link_class = find_link(link.type)
@@ -32,13 +35,13 @@ def read_links(
 
 def check_link(
     document: Document,
-    path: Path_,
+    path: KeyPath,
     source: DeviceSource,
     kind: str,
     links: dict[str, LinkSetup | None],
     problems: Problems,
 ) -> None:
-    """Check that the device names a link where its driver needs one, and one of that kind."""
+    """Check that the device names a link of the right kind if its driver needs a link."""
     fitting = [name for name, link in links.items() if link and link.link_class.kind == kind]
     if source.link is None:
         if kind:
@@ -51,7 +54,7 @@ def check_link(
         return
     place = document.place((*path, "link"))
     if source.link not in links:
-        problems.add(place, f"there is no link {source.link!r}", suggest(source.link, links))
+        problems.add(place, f"unknown link {source.link!r}", suggest(source.link, links))
     elif not kind:
         problems.add(place, f"{source.driver} takes no link", "remove this line")
     elif links[source.link] is not None and source.link not in fitting:

@@ -9,10 +9,10 @@ from typing import Any, Final
 
 from rigd.config.binding import bind
 from rigd.config.calibration import read_setup
-from rigd.config.document import Document, Path_, parse_document, read_document
+from rigd.config.document import Document, KeyPath, parse_document, read_document
 from rigd.config.links import check_link, read_links
 from rigd.config.problems import Problems, suggest
-from rigd.config.quantities import check_inside, rate_unit, read_quantity
+from rigd.config.quantities import check_inside, rate_unit, read_quantity, read_uncertainty
 from rigd.config.registry import find_driver, find_plant, find_simulation
 from rigd.config.remote import read_remote
 from rigd.config.rig import (
@@ -25,16 +25,17 @@ from rigd.config.rig import (
     Supervision,
     Waiver,
 )
-from rigd.config.shipped import find_file, whence
-from rigd.config.source import DeviceSource, InterlockSource, LimitSource, RigSource
+from rigd.config.shipped import find_file, location
+from rigd.config.source import ConstantSource, DeviceSource, InterlockSource, LimitSource, RigSource
 from rigd.model.channels import Channel
+from rigd.model.constants import Constant
 from rigd.model.errors import ConfigError, RigdError
 from rigd.model.limits import Interlock, Priority, SetpointLimit
 from rigd.model.severity import Severity
-from rigd.model.units import Quantity, parse_quantity, parse_unit
+from rigd.model.units import parse_quantity, parse_unit
 from rigd.sdk import BlockDriver
 
-#: Cycles without a sign of life that say nothing yet.
+#: Number of silent cycles that is still normal.
 _CYCLES_OF_SILENCE: Final = 3
 
 
@@ -42,22 +43,35 @@ def load_rig(given: str | Path) -> RigConfig:
     """Return the rig of a file, or of a rig's name (see :func:`find_file`).
 
     Raises:
-        ConfigError: there is no such file, or it is wrong; names every problem with its place.
+        ConfigError: the file is missing or wrong; the error names every problem with its place.
     """
     found = find_file(given, "configs")
     rig = _build(read_document(found))
-    return replace(rig, source=replace(rig.source, whence=whence(given, found, "configs")))
+    return replace(rig, source=replace(rig.source, location=location(given, found, "configs")))
 
 
 def parse_rig(text: str, path: Path) -> RigConfig:
-    """Return the rig that ``text`` describes, such as one attached to a recording.
+    """Return the rig in ``text``, such as the text attached to a recording.
 
-    ``path`` is the name that errors give, and the folder that relative paths start from.
+    ``path`` is the name in error messages; its folder is the start of relative paths.
 
     Raises:
-        ConfigError: the text is wrong; names every problem with its place.
+        ConfigError: the text is wrong; the error names every problem with its place.
     """
     return _build(parse_document(text, path))
+
+
+def parse_constants(text: str, path: Path) -> dict[str, Constant]:
+    """Return the constants of the rig in ``text``; its drivers need not be installed.
+
+    Raises:
+        ConfigError: the text is wrong; the error names every problem with its place.
+    """
+    document, problems = parse_document(text, path), Problems()
+    source = bind(document, RigSource, problems)
+    constants = {} if source is None else _constants(document, source, problems)
+    problems.raise_any()
+    return constants
 
 
 def _build(document: Document) -> RigConfig:
@@ -92,20 +106,20 @@ def _build(document: Document) -> RigConfig:
         remote=read_remote(document, source.remote, problems),
     )
     if len(devices) < len(source.devices):
-        problems.raise_any()  # channels of a device that failed would all seem unknown
+        problems.raise_any()  # the channels of a wrong device would all seem unknown
     interlocks = _interlocks(document, source.interlocks, rig, problems)
     problems.raise_any()
     return RigConfig(**{**vars(rig), "interlocks": interlocks})
 
 
 def _check_supervision(document: Document, source: RigSource, problems: Problems) -> None:
-    """Check that the cycle has the time to give a sign of life: it does so once per cycle."""
+    """Check that the cycle has time for its sign of life, which it gives once per cycle."""
     least_s = _CYCLES_OF_SILENCE / source.cycle
     if source.supervision.cycle_silence < least_s:
         problems.add(
             document.place(("supervision", "cycle_silence")),
             f"cycle_silence {source.supervision.cycle_silence:g} s is less than "
-            f"{_CYCLES_OF_SILENCE} cycles: a healthy cycle would be taken for dead",
+            f"{_CYCLES_OF_SILENCE} cycles: a healthy cycle would count as dead",
             f"give at least {least_s:g} s",
         )
 
@@ -117,7 +131,7 @@ def _device(
     links: dict[str, LinkSetup | None],
     problems: Problems,
 ) -> DeviceConfig | None:
-    path: Path_ = ("devices", name)
+    path: KeyPath = ("devices", name)
     try:
         driver_class = find_driver(source.driver)
     except ConfigError as error:
@@ -128,47 +142,42 @@ def _device(
     if config is None:
         return None
     try:
-        driver = driver_class(config, None)
+        declaration = driver_class.declare(config)
     except (ValueError, RigdError) as error:
         problems.add(document.place((*path, "options")), f"{source.driver}: {error}")
         return None
     link = links.get(source.link or "")
-    for text in driver.contradictions(None if link is None else link.config):
+    for text in driver_class.contradictions(config, None if link is None else link.config):
         problems.add(document.place((*path, "options")), f"{source.driver}: {text}")
-    setpoints: tuple[Channel, ...] = getattr(driver, "setpoints", ())
     waiver = source.waiver
     return DeviceConfig(
         name=name,
         driver=source.driver,
         driver_class=driver_class,
         config=config,
-        channels=driver.channels,
-        setpoints=setpoints,
-        has_status=driver.has_status,
-        limits=_limits(document, path, source.limits, setpoints, problems),
+        declaration=declaration,
+        limits=_limits(document, path, source.limits, declaration.setpoints, problems),
         link=source.link,
         waiver=None if waiver is None else Waiver(waiver.by, waiver.reason),
-        status_bits=driver.status_bits,
-        oldest_s=driver.oldest_s if isinstance(driver, BlockDriver) else 0.0,
     )
 
 
 def _check_ground(
     document: Document, device: DeviceConfig, source: RigSource, problems: Problems
 ) -> None:
-    """Check that a block device simulated on a plant has one to stand on."""
+    """Check that a block device which is simulated on a plant has a plant."""
     kind = device.driver_class
     if issubclass(kind, BlockDriver) and kind.on_plant and source.plant is None:
         problems.add(
             document.place(("devices", device.name, "driver")),
-            f"{device.driver} stands on a plant, and this rig has none",
-            "add 'plant: {model: ...}', or take the driver of a real device",
+            f"{device.driver} is simulated on a plant, and this rig has no plant",
+            "add 'plant: {model: ...}', or use the driver of a real device",
         )
 
 
 def _limits(
     document: Document,
-    device: Path_,
+    device: KeyPath,
     sources: dict[str, LimitSource],
     setpoints: tuple[Channel, ...],
     problems: Problems,
@@ -198,7 +207,7 @@ def _limits(
 
 
 def _limit(
-    document: Document, path: Path_, source: LimitSource, setpoint: Channel, problems: Problems
+    document: Document, path: KeyPath, source: LimitSource, setpoint: Channel, problems: Problems
 ) -> SetpointLimit:
     unit = setpoint.unit
     owner = f"the device's own {setpoint.name}"
@@ -240,7 +249,7 @@ def _plant(document: Document, source: RigSource, problems: Problems) -> PlantSe
         return None
     try:
         settings = config.settings()
-    except ConfigError as error:  # of the file that they stand in, with places of its own
+    except ConfigError as error:  # places in the plant's own file
         problems.found += [error, *error.others]
         return None
     for name, value in config.at_start().items():
@@ -275,13 +284,18 @@ def _simulation(
     return SimulationSetup(model, simulation_class, config, simulation_class.settings(config))
 
 
-def _constants(document: Document, source: RigSource, problems: Problems) -> dict[str, Quantity]:
+def _constants(document: Document, source: RigSource, problems: Problems) -> dict[str, Constant]:
     constants = {}
-    for name, text in source.constants.items():
+    for name, item in source.constants.items():
+        given = ConstantSource(value=item) if isinstance(item, str) else item
+        path: KeyPath = ("constants", name)
         try:
-            constants[name] = parse_quantity(text)
+            found = parse_quantity(given.value)
         except ValueError as error:
-            problems.add(document.place(("constants", name)), str(error))
+            problems.add(document.place((*path, "value")), str(error))
+            continue
+        u = read_uncertainty(document, (*path, "u"), given.u, found.unit, problems)
+        constants[name] = Constant(found.value, found.unit, u, given.source or "")
     return constants
 
 
@@ -293,13 +307,14 @@ def _interlocks(
     for index, source in enumerate(sources):
         path = ("interlocks", index)
         if source.name in seen:
-            problems.add(document.place((*path, "name")), f"interlock {source.name!r} stands twice",
-                         "give each a name of its own")  # fmt: skip
+            problems.add(document.place((*path, "name")), f"interlock name {source.name!r} is used "
+                                                          "twice",
+                         "give each interlock a different name")  # fmt: skip
         seen.add(source.name)
         channel = rig.channel(source.source)
         if channel is None:
             problems.add(
-                document.place((*path, "source")), f"the rig has no channel {source.source!r}",
+                document.place((*path, "source")), f"unknown channel {source.source!r}",
                 suggest(source.source, channel_names(rig)),
             )  # fmt: skip
             continue
@@ -309,7 +324,7 @@ def _interlocks(
 
 def _interlock(
     document: Document,
-    path: Path_,
+    path: KeyPath,
     source: InterlockSource,
     channel: Channel,
     rig: RigConfig,
@@ -344,9 +359,9 @@ def _interlock(
 
 
 def _check_staleness(
-    document: Document, path: Path_, source: InterlockSource, rig: RigConfig, problems: Problems
+    document: Document, path: KeyPath, source: InterlockSource, rig: RigConfig, problems: Problems
 ) -> None:
-    """Check that rows which come as they should are never called stale."""
+    """Check that rows which arrive on time are never stale."""
     place = document.place((*path, "stale_after"))
     if source.stale_after * 1e9 < 2 * rig.period_ns:
         problems.add(
@@ -356,21 +371,23 @@ def _check_staleness(
     channels = [item for item in (source.source, source.low, source.high) if item]
     for name in dict.fromkeys(channel.partition(".")[0] for channel in channels):
         device = rig.devices.get(name)
-        if device is None or not device.oldest_s:
+        oldest_s = 0.0 if device is None else device.declaration.oldest_s
+        if not oldest_s:
             continue
-        least_s = device.oldest_s + 1e-9 * rig.period_ns  # the cycle looks once in each period
+        least_s = oldest_s + 1e-9 * rig.period_ns  # the cycle looks once per period
         if source.stale_after < least_s:
             problems.add(
                 place,
-                f"stale_after {source.stale_after:g} s is too short for {name}: while all is well, "
-                f"its newest row becomes {1e3 * device.oldest_s:.1f} ms old before the next comes",
+                f"stale_after {source.stale_after:g} s is too short for {name}: in normal "
+                f"operation its newest row becomes {1e3 * oldest_s:.1f} ms old before the "
+                "next row",
                 f"give at least {math.ceil(1e3 * least_s)} ms, or make its blocks smaller",
             )
 
 
 def _bound(
     document: Document,
-    path: Path_,
+    path: KeyPath,
     text: str | None,
     channel: Channel,
     rig: RigConfig,
@@ -382,7 +399,7 @@ def _bound(
     if text[:1].isalpha():
         other = rig.channel(text)
         if other is None:
-            problems.add(document.place(path), f"the rig has no channel {text!r}",
+            problems.add(document.place(path), f"unknown channel {text!r}",
                          suggest(text, channel_names(rig)))  # fmt: skip
         elif not parse_unit(other.unit).same_kind(parse_unit(channel.unit)):
             problems.add(

@@ -1,4 +1,4 @@
-"""Explains YAML mistakes in the words of an author of files instead of the parser's."""
+"""Explains YAML mistakes in the words of a rig file instead of the words of the parser."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from rigd.model.errors import ConfigError, Place
 
 @dataclass(frozen=True)
 class Mistake:
-    """What the parser says of a mistake, and what to say instead.
+    """A message of the parser, and the message that replaces it.
 
-    ``at`` is where it stands: where the parser gave up, or where what it was reading began.
-    ``{...}`` are the groups of ``pattern``, ``{rest}`` what stands at the place up to the end of
-    its line, ``{begin}`` the line and ``{column}`` the column where it began.
+    ``at`` selects the place: where the parser stopped, or where the construct began. ``{...}`` are
+    the groups of ``pattern``, ``{rest}`` is the text from that place to the end of its line,
+    ``{begin}`` and ``{column}`` are the line and column where the construct began.
     """
 
     pattern: str
@@ -28,67 +28,69 @@ class Mistake:
 
 _FLOW: Final = "a bracket or brace of line {begin} is not closed, or a comma is missing before this"
 _FLOW_HINT: Final = "close it, or separate the items by ', '; quote text that holds , [ ] {{ or }}"
-_QUOTE: Final = "this quote is never closed"
+_QUOTE: Final = "this quote is not closed"
 _QUOTE_HINT: Final = "close it; inside '…' a quote is written twice: ''"
 _EXTRA: Final = (
-    "text that begins with '{first}' has a meaning of its own in YAML, which is not read"
+    "text that begins with '{first}' has a special meaning in YAML, which is not allowed here"
 )
 _EXTRA_HINT: Final = "quote it: '{rest}'"
 _INDENT_HINT: Final = (
-    "keys that belong together begin in the same column, and what belongs to a key stands further "
-    "right"
+    "keys of the same mapping begin in the same column; the content of a key is indented further"
 )
 
-#: The first that fits; the text is what was being read, a semicolon, and what was met.
+#: The first pattern that matches counts; the text is the construct, a semicolon, and the problem.
 MISTAKES: Final = (
-    Mistake(r"\\t'", "a tab stands here", "indent with spaces"),
+    Mistake(r"\\t'", "a tab is not allowed here", "indent with spaces"),
     Mistake(r"block scalar.*(expected|but found)",
-            "text behind '{opens}' begins in the next line; a condition or text that begins with "
-            "'{opens}' must be quoted", "write '{opened}'", "context"),
-    Mistake(r"in a block scalar", "this line is indented further than the first one of its text",
-            "indent the lines of a text alike"),
+            "text after '{opens}' begins in the next line; a condition or text that begins "
+            "with '{opens}' must be quoted", "write '{opened}'", "context"),
+    Mistake(r"in a block scalar", "this line is indented further than the first line of its "
+                                  "text",
+            "indent all lines of a text equally"),
     Mistake(r"quoted scalar.*(end of stream|document separator)", _QUOTE, _QUOTE_HINT, "context"),
     Mistake(r"double-quoted scalar.*(escape|hex|but found)",
-            "a backslash has a meaning of its own inside double quotes",
+            "a backslash has a special meaning inside double quotes",
             r"use single quotes: 'a\b', or write \\"),
-    Mistake(r"simple key.*could not find expected", "this line has no ': ' behind its key",
-            "write 'key: value', with a blank behind the colon", "context"),
+    Mistake(r"simple key.*could not find expected", "this line has no ': ' after its key",
+            "write 'key: value', with a space after the colon", "context"),
     Mistake(r"mapping values are not allowed", "a second ': ' in one value, or a line that is "
-            "indented too far", "quote text that holds ': ', put a blank behind the colon of the "
-            "line above, or check the indentation"),
-    Mistake(r"mapping keys are not allowed", "'?' cannot stand here", "quote text that begins so"),
+            "indented too far", "quote text that contains ': ', put a space after the colon "
+                                "of the line above, or check the indentation"),
+    Mistake(r"mapping keys are not allowed", "'?' is not allowed here", "quote text with '?'"),
     Mistake(r"sequence entries are not allowed", "a list item '- ' cannot begin here",
-            "begin each item in a line of its own, or write [a, b]"),
-    Mistake(r"flow (mapping|sequence).*(found|got) '\{'", "a brace inside of braces",
+            "begin each item in its own line, or write [a, b]"),
+    Mistake(r"flow (mapping|sequence).*(found|got) '\{'", "a brace inside braces",
             "inside braces, quote references: {{speed: '${{speed}}'}}"),
     Mistake(r"flow |unclosed", _FLOW, _FLOW_HINT),
-    Mistake(r"but found '<scalar>'", "text goes on behind a quote that was closed",
-            "quote all of it, or nothing"),
+    Mistake(r"but found '<scalar>'", "text continues after a closed quote",
+            "quote all of it, or none"),
     Mistake(r"block (mapping|collection).*expected <block end>",
-            "this does not go on as it began: what it belongs to begins in line {begin}, "
-            "column {column}", _INDENT_HINT),
+            "this line does not continue the block that begins in line {begin}, column "
+            "{column}", _INDENT_HINT),
     Mistake(r"cannot start any token", "text cannot begin with '{first}'", _EXTRA_HINT),
     Mistake(r"(an? (anchor|alias)|scanning an)\b", _EXTRA, _EXTRA_HINT, "context"),
     Mistake(r"\btag\b", _EXTRA, _EXTRA_HINT, "context"),
-    Mistake(r"directive|incompatible YAML", "a line that begins with '%' is not read",
+    Mistake(r"directive|incompatible YAML", "a line that begins with '%' is not allowed",
             "remove it, or quote the text"),
-    Mistake(r"node content", "a value is missing before this", "write one, or remove the key"),
-    Mistake(r"document (start|end)", "this line does not belong to what stands above it",
+    Mistake(r"node content", "a value is missing before this", "write a value, or remove the key"),
+    Mistake(r"document (start|end)", "this line does not belong to the lines above it",
             "a file is one list of 'key: value' lines; " + _INDENT_HINT),
 )  # fmt: skip
 _ANY: Final = Mistake(
     "", "this cannot be read as YAML",
-    "look at the quotes, brackets, colons and indentation of this line and of the one above it",
+    "check the quotes, brackets, colons and indentation of this line and of the line above it",
 )  # fmt: skip
 
 
 def explain(error: MarkedYAMLError, text: str, last: Place) -> ConfigError:
-    """Return what is wrong with ``text``, where the parser raised ``error``.
+    """Return the problem of ``text`` at the place where the parser raised ``error``.
 
-    ``last`` is the last thing that was read, the place if the error has none.
+    ``last`` is the last token, whose place is used if the error has no place.
     """
-    said = f"{error.context or ''}; {error.problem or ''}"
-    mistake = next((item for item in MISTAKES if re.search(item.pattern, said, re.S)), _ANY)
+    message_of_parser = f"{error.context or ''}; {error.problem or ''}"
+    mistake = next(
+        (item for item in MISTAKES if re.search(item.pattern, message_of_parser, re.S)), _ANY
+    )
     problem = error.problem_mark or error.context_mark
     context = error.context_mark or error.problem_mark
     mark = context if mistake.at == "context" else problem

@@ -1,17 +1,18 @@
-"""Parses quantities of a file in the unit that another part of the file determines."""
+"""Parses quantities in a file if another part of the file determines their unit."""
 
 from __future__ import annotations
 
 import math
 
-from rigd.config.document import Document, Path_
+from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems
-from rigd.model.units import format_quantity
+from rigd.model.constants import Uncertainty, parse_uncertainty
+from rigd.model.units import Unit, format_quantity
 from rigd.sdk import In
 
 
 def read_quantity(
-    document: Document, path: Path_, text: str, unit: str, problems: Problems
+    document: Document, path: KeyPath, text: str, unit: str, problems: Problems
 ) -> float:
     """Return ``text`` in SI, or NaN with the problem noted at ``path``."""
     try:
@@ -21,6 +22,23 @@ def read_quantity(
         return math.nan
 
 
+def read_uncertainty(
+    document: Document, path: KeyPath, text: str | None, unit: Unit, problems: Problems
+) -> Uncertainty | None:
+    """Return the uncertainty of a value in ``unit``, or None with a problem noted at ``path``.
+
+    Also None, without a problem, if ``text`` is None: no uncertainty is given.
+    """
+    if text is None:
+        return None
+    try:
+        return parse_uncertainty(text, unit)
+    except ValueError as error:
+        hint = f"give the standard uncertainty (k = 1), such as '0.1 {unit}' or '0.2 %'"
+        problems.add(document.place(path), str(error), hint)
+        return None
+
+
 def rate_unit(unit: str) -> str:
     """Return the unit of a change of ``unit`` per second: ``m/s`` gives ``m/s^2``."""
     return f"{unit}^2" if unit.endswith("/s") else f"{unit}/s"
@@ -28,14 +46,14 @@ def rate_unit(unit: str) -> str:
 
 def check_inside(
     document: Document,
-    path: Path_,
+    path: KeyPath,
     value: float,
     bounds: tuple[float, float],
     unit: str,
     owner: str,
     problems: Problems,
 ) -> None:
-    """Note a ``value`` outside ``bounds`` (all in SI); NaN was noted when it was read."""
+    """Note a ``value`` outside ``bounds`` (all in SI); NaN was noted when the value was read."""
     low, high = bounds
     if value < low or value > high:
         side, bound = ("below", low) if value < low else ("above", high)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from inspect import isabstract
 from typing import Final, TypeVar
 
 from rigd.config.problems import suggest
@@ -12,6 +13,7 @@ from rigd.sdk import AnyDriver, Link, Plant, Simulation
 
 ANALYSES: Final = "rigd.analyses"
 DRIVERS: Final = "rigd.drivers"
+FRICTION_LAWS: Final = "rigd.friction_laws"
 LINKS: Final = "rigd.links"
 PLANTS: Final = "rigd.plants"
 SIMULATIONS: Final = "rigd.simulations"
@@ -31,7 +33,7 @@ def find_driver(name: str) -> type[AnyDriver]:
     Raises:
         ConfigError: no such driver is installed, or it cannot be loaded.
     """
-    return find(DRIVERS, AnyDriver, "driver", name)
+    return find(DRIVERS, AnyDriver, "driver", name)  # type: ignore[type-abstract]
 
 
 def find_link(name: str) -> type[Link]:
@@ -53,7 +55,7 @@ def find(group: str, base: type[T], kind: str, name: str) -> type[T]:
     """Return the class called ``name`` of ``group``, derived from ``base``.
 
     Raises:
-        ConfigError: none is installed, or it cannot be loaded; ``kind`` is what errors call it.
+        ConfigError: none is installed, or it cannot be loaded; ``kind`` is its name in errors.
     """
     known = installed(group)
     if name not in known:
@@ -66,6 +68,12 @@ def find(group: str, base: type[T], kind: str, name: str) -> type[T]:
             hint=f"reinstall the package that provides {known[name].value}",
         ) from error
     if isinstance(found, type) and issubclass(found, base):
+        if isabstract(found):
+            missing = ", ".join(sorted(getattr(found, "__abstractmethods__", ())))
+            raise ConfigError(
+                f"{kind} {name!r} is not complete: {found.__name__} has no {missing}",
+                hint=f"it is written for another version of rigd: update {known[name].value}",
+            )
         return found
     raise ConfigError(
         f"{name!r} ({known[name].value}) is not a {base.__module__.rpartition('.')[0]}."

@@ -1,4 +1,4 @@
-"""The ``remote:`` section of a rig file: endpoints, certificates, roles."""
+"""Reads the ``remote:`` section of a rig file: endpoints, certificates, roles."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # the processes of a run, and clients, read no rig file
     from rigd.config.problems import Problems
     from rigd.config.source import RemoteSource, TlsSource
 
-#: Where a daemon listens unless its rig file says otherwise: zenoh's own port, this machine only.
+#: The address of a daemon without an entry in its rig file: zenoh's own port, this machine only.
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
 
 _ENDPOINT: Final = re.compile(
@@ -25,17 +25,17 @@ _ENDPOINT: Final = re.compile(
 
 @dataclass(frozen=True)
 class Endpoint:
-    """An address in zenoh's words: ``tls/0.0.0.0:7447``, ``tcp/[::1]:7447``."""
+    """A network address in the form of zenoh: ``tls/0.0.0.0:7447``, ``tcp/[::1]:7447``."""
 
     protocol: str
     """``tcp`` or ``tls``."""
     host: str
-    """A name or an address, without brackets."""
+    """A host name or an address, without brackets."""
     port: int
 
     @classmethod
     def read(cls, text: str) -> Self | None:
-        """Return the address that ``text`` says; None where it is none."""
+        """Return the address in ``text``; None if it is not an address."""
         match = _ENDPOINT.fullmatch(text)
         if match is None or not 0 < int(match["port"]) < 2**16:
             return None
@@ -44,9 +44,9 @@ class Endpoint:
 
 @dataclass(frozen=True)
 class TlsFiles:
-    """What one end of a connection proves itself with: PEM files, by absolute path.
+    """The certificate files of one end of a connection: PEM files, by absolute path.
 
-    ``ca`` signs everybody who is trusted, ``certificate`` and ``key`` are one's own.
+    ``ca`` is the authority that both ends trust; ``certificate`` and ``key`` belong to this end.
     """
 
     ca: Path
@@ -56,10 +56,10 @@ class TlsFiles:
 
 @dataclass(frozen=True)
 class RemoteSetup:
-    """Where a daemon listens, what it proves itself with, and who may do what.
+    """The addresses and certificates of a daemon, and the roles of its clients.
 
-    Without ``tls`` every endpoint is on this machine's loopback, and an identity is the name that
-    a client gives itself; with it, the common name of its certificate.
+    Without ``tls`` every endpoint is on this machine's loopback, and the identity of a client is
+    the name that it gives itself; with ``tls`` it is the common name of its certificate.
     """
 
     listen: tuple[str, ...] = (DEFAULT_ENDPOINT,)
@@ -68,7 +68,7 @@ class RemoteSetup:
 
 
 def read_remote(document: Document, source: RemoteSource | None, problems: Problems) -> RemoteSetup:
-    """Return what the rig file says of remote control; problems are noted in ``problems``."""
+    """Return the remote control section of the rig file; problems are noted in ``problems``."""
     if source is None:
         return RemoteSetup()
     for index, endpoint in enumerate(source.listen):
@@ -76,7 +76,7 @@ def read_remote(document: Document, source: RemoteSource | None, problems: Probl
     if source.tls is not None and not source.roles:
         problems.add(
             document.key_place(("remote", "tls")),
-            "nobody could connect: with TLS, only who has a role may",
+            "no client could connect: with TLS, a client needs a role",
             "add 'roles: {NAME: operator}', by the names in the certificates",
         )
     tls = None if source.tls is None else _files(source.tls, document.path.parent)
@@ -84,7 +84,7 @@ def read_remote(document: Document, source: RemoteSource | None, problems: Probl
 
 
 def _files(source: TlsSource, folder: Path) -> TlsFiles:
-    # Whether they are there is for the daemon to see: a rig file is checked on other machines too.
+    # The daemon checks whether the files exist: a rig file is checked on other machines too.
     return TlsFiles(
         *((folder / name).absolute() for name in (source.ca, source.certificate, source.key))
     )
@@ -101,7 +101,7 @@ def _check_endpoint(
             "such as tcp/127.0.0.1:7447 or, with certificates, tls/0.0.0.0:7447",
         )  # fmt: skip
     elif has_tls and read.protocol != "tls":
-        problems.add(place, f"{endpoint} would let in whoever has no certificate",
+        problems.add(place, f"{endpoint} would admit clients without a certificate",
                      f"write tls{endpoint[3:]}")  # fmt: skip
     elif not has_tls and read.protocol == "tls":
         problems.add(place, f"{endpoint} needs certificates",
@@ -109,7 +109,7 @@ def _check_endpoint(
                      "rigd remote setup-tls makes them")  # fmt: skip
     elif not has_tls and not _is_loopback(read.host):
         problems.add(
-            place, f"{endpoint} can be reached from other machines, by anybody",
+            place, f"every client on the network can reach {endpoint} without a certificate",
             "listen on tcp/127.0.0.1 only, or add 'tls: ...' and write "
             f"tls{endpoint[3:]}; rigd remote setup-tls makes the certificates",
         )  # fmt: skip
@@ -119,4 +119,4 @@ def _is_loopback(host: str) -> bool:
     try:
         return ip_address(host).is_loopback
     except ValueError:
-        return False  # a name, even localhost, means what the resolver says
+        return False  # the meaning of a name, even of localhost, depends on the resolver

@@ -1,4 +1,4 @@
-"""A rig as typed data: all values in SI, all names resolved."""
+"""Defines a rig as typed data: all values in SI, all names resolved."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rigd.config.remote import RemoteSetup
-from rigd.model.channels import Channel, Stream
+from rigd.model.channels import ECHO, Channel, Stream
+from rigd.model.constants import Constant
 from rigd.model.limits import Interlock, SetpointLimit
-from rigd.model.units import Quantity
 from rigd.sdk import (
     AnyDriver,
+    Declaration,
     DriverConfig,
     Link,
     LinkConfig,
@@ -31,17 +32,17 @@ if TYPE_CHECKING:  # the processes of a run read no file
 class SourceFile:
     """A file as its author wrote it; recordings attach it unchanged.
 
-    ``whence`` is where it was taken from, as :func:`rigd.config.shipped.whence` says it.
+    ``location`` is the place where it was found, from :func:`rigd.config.shipped.location`.
     """
 
     path: Path
     text: str
-    whence: str = ""
+    location: str = ""
 
 
 @dataclass(frozen=True)
 class Waiver:
-    """Who takes it upon themselves that a device has no watchdog, and why."""
+    """The person who accepts that a device has no watchdog, and the reason."""
 
     by: str
     reason: str
@@ -49,7 +50,7 @@ class Waiver:
 
 @dataclass(frozen=True)
 class LinkSetup:
-    """One shared connection: ``link_class(config)`` makes it, nothing is opened yet."""
+    """A shared connection: ``link_class(config)`` constructs the link and opens nothing."""
 
     name: str
     model: str
@@ -59,7 +60,7 @@ class LinkSetup:
 
 @dataclass(frozen=True)
 class Supervision:
-    """After how many seconds of silence a process is taken for dead."""
+    """The seconds of silence after which a process counts as dead."""
 
     cycle_silence_s: float = 0.05
     daemon_silence_s: float = 1.0
@@ -67,33 +68,39 @@ class Supervision:
 
 @dataclass(frozen=True)
 class DeviceConfig:
-    """One driver instance: ``driver_class(config, link)`` makes it, nothing is opened yet.
+    """A driver with its options: ``driver_class(config, link)`` constructs it and opens nothing.
 
-    ``limits`` has exactly one entry for each of ``setpoints``. ``link`` names the shared link
-    that the device stands on.
+    ``declaration`` is what the driver declares for ``config``. ``limits`` has exactly one entry for
+    each of its setpoints. ``link`` names the shared link of the device.
     """
 
     name: str
     driver: str
     driver_class: type[AnyDriver]
     config: DriverConfig
-    channels: tuple[Channel, ...]
-    setpoints: tuple[Channel, ...]
-    has_status: bool
+    declaration: Declaration
     limits: Mapping[str, SetpointLimit]
     link: str | None = None
     waiver: Waiver | None = None
-    status_bits: Mapping[str, int] = field(default_factory=dict)
-    oldest_s: float = 0.0  #: how old its newest row becomes while all is well, in s
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """The channels that the device measures, in the order of a row."""
+        return self.declaration.channels
+
+    @property
+    def setpoints(self) -> tuple[Channel, ...]:
+        """The setpoints that the device accepts; empty for a sensor."""
+        return self.declaration.setpoints
 
     @property
     def stream(self) -> Stream:
-        """The stream that the device's rows are recorded as; empty for a pure actuator."""
+        """The stream in which the device's rows are recorded; empty for a pure actuator."""
         return Stream(
             name=self.name,
             channels=self.channels,
             doc=self.driver_class.title,
-            has_status=self.has_status,
+            has_status=self.declaration.has_status,
             source=self.driver,
         )
 
@@ -110,7 +117,7 @@ class PlantSetup:
 
 @dataclass(frozen=True)
 class SimulationSetup:
-    """The simulated devices behind the links: ``simulation_class(config)`` reaches them."""
+    """The simulated devices behind the links: ``simulation_class(config)`` serves them."""
 
     model: str
     simulation_class: type[Simulation]
@@ -120,7 +127,7 @@ class SimulationSetup:
 
 @dataclass(frozen=True)
 class RigConfig:
-    """One bench, checked: what a rig file says, with its drivers found and their options valid."""
+    """A checked rig: the content of a rig file, with its drivers and valid options."""
 
     name: str
     title: str
@@ -128,7 +135,7 @@ class RigConfig:
     plant: PlantSetup | None
     devices: Mapping[str, DeviceConfig]
     interlocks: tuple[Interlock, ...]
-    constants: Mapping[str, Quantity]
+    constants: Mapping[str, Constant]
     source: SourceFile
     links: Mapping[str, LinkSetup] = field(default_factory=dict)
     simulation: SimulationSetup | None = None
@@ -138,13 +145,18 @@ class RigConfig:
 
     @property
     def settings(self) -> Mapping[str, Setting] | None:
-        """What prompts can change at the plant; None if the rig is a real one."""
+        """The settings of the plant that prompts can change; None if the rig is real."""
         simulated = self.plant or self.simulation
         return None if simulated is None else simulated.settings
 
     def channel(self, name: str) -> Channel | None:
         """Return the measured channel called ``device.channel``, or None."""
         return _find(self.devices, name, "channels")
+
+    def recorded(self, name: str) -> Channel | None:
+        """Return the recorded quantity ``device.channel``: a reading, or a setpoint; or None."""
+        echoed = name.removesuffix(ECHO)
+        return self.channel(name) or (self.setpoint(echoed) if echoed != name else None)
 
     def setpoint(self, name: str) -> Channel | None:
         """Return the setpoint called ``device.setpoint``, or None."""

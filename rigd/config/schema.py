@@ -1,4 +1,4 @@
-"""JSON Schemas of the files that users write, generated from the models that check them."""
+"""Generates the JSON Schemas of the files that users write, from the models that check them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigd.config.source import RigSource
 
 
 def rig_schema() -> dict[str, Any]:
-    """Return the JSON Schema of rig files; driver and plant options are left to their owners."""
+    """Return the JSON Schema of rig files; the options of drivers and plants are not checked."""
     return file_schema(RigSource, "rigd rig file")
 
 

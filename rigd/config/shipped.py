@@ -12,7 +12,7 @@ from rigd.model.errors import ConfigError
 from rigd.sdk.shipped import Kind, shipped_folder
 
 _KEYS: Final = {"configs": "rig", "procedures": "procedure"}
-_HEAD_BYTES: Final = 4096  # the name stands near the top of a file
+_HEAD_BYTES: Final = 4096  # the name is near the top of a file
 
 
 def is_path(given: str | Path) -> bool:
@@ -21,13 +21,13 @@ def is_path(given: str | Path) -> bool:
 
 
 def find_file(given: str | Path, kind: Kind) -> Path:
-    """Return the file that ``given`` means: a path, or a name as it stands in the file.
+    """Return the file that ``given`` means: a path, or the name inside a file.
 
-    A path means that file and no other. Only ``procedures/quick.yaml``, as the documentation
-    writes it, is the shipped one where the current folder has no ``procedures``.
+    A path means exactly that file, with one exception: ``procedures/quick.yaml``, as in the
+    documentation, is the shipped file if the current folder has no ``procedures``.
 
     Raises:
-        ConfigError: there is no such file, or the name stands in two files of one folder.
+        ConfigError: the file is missing, or two files of one folder have the name.
     """
     path = Path(given)
     shipped = shipped_folder(kind)
@@ -44,7 +44,7 @@ def find_file(given: str | Path, kind: Kind) -> Path:
             matches = [file for file, name in found.items() if str(given) in (name, file.stem)]
             if len(matches) > 1:
                 both = " and ".join(map(str, matches))
-                raise ConfigError(f"{given!s} could be {both}", hint="give the path of one")
+                raise ConfigError(f"{given!s} could be {both}", hint="give the path of the file")
             if matches:
                 return matches[0]
     else:
@@ -52,21 +52,21 @@ def find_file(given: str | Path, kind: Kind) -> Path:
             names.update((file.stem, name))
         if path.stem in names:
             raise ConfigError(
-                f"there is no file {str(given)!r} below {Path.cwd()}",
-                hint=f"the shipped {_KEYS.get(kind, 'file')} is meant by its name: {path.stem}",
+                f"file {str(given)!r} does not exist below {Path.cwd()}",
+                hint=(f"to use the shipped {_KEYS.get(kind, 'file')}, give its name: {path.stem}"),
             )
     raise ConfigError(
-        f"there is no {_KEYS.get(kind, 'file')} {str(given)!r}, neither below {Path.cwd()} "
-        f"nor among the shipped ones",
+        f"{_KEYS.get(kind, 'file')} {str(given)!r} is neither below {Path.cwd()} nor among "
+        "the shipped files",
         hint=suggest(path.stem, names),
     )
 
 
-def whence(given: str | Path, found: Path, kind: Kind) -> str:
-    """Return where the file that ``given`` means was taken from, as a person reads it.
+def location(given: str | Path, found: Path, kind: Kind) -> str:
+    """Return a description of the place where the file ``given`` was found.
 
-    ``found`` is what :func:`find_file` returned. A file of the current folder that was found by
-    the name of a shipped one says so: the two may differ in everything but the name.
+    ``found`` is the result of :func:`find_file`. The description of a file in the current folder
+    with the name of a shipped file mentions it: the two files may differ.
     """
     shipped = shipped_folder(kind)
     if found.resolve().is_relative_to(shipped):
@@ -78,20 +78,20 @@ def whence(given: str | Path, found: Path, kind: Kind) -> str:
     return f"./{found}{instead}"
 
 
-def titled(name: str, whence: str) -> str:
-    """Return ``name``, which a file gives, with where that was taken from, if that is known."""
-    return f"{name} ({whence})" if whence else name
+def titled(name: str, location: str) -> str:
+    """Return ``name``, which is from a file, with the location of that file if it is known."""
+    return f"{name} ({location})" if location else name
 
 
 def _named_files(folder: Path, kind: Kind) -> Iterator[tuple[Path, str]]:
-    """Yield the files of ``folder`` that say what they are, with the name they give."""
+    """Yield the files of ``folder`` that state their kind, with the name that they give."""
     pattern = re.compile(rf"^{_KEYS.get(kind, kind)}:[ \t]*([A-Za-z0-9_-]+)", re.MULTILINE)
     for file in sorted(folder.glob("*.yaml")):
         try:
             with file.open("rb") as stream:
                 head = stream.read(_HEAD_BYTES).decode("utf-8", errors="replace")
         except OSError:
-            continue  # what cannot be read cannot be meant by name; its path still reports why
+            continue  # an unreadable file has no name; its path reports the error
         match = pattern.search(head)
         if match:
             yield file, match[1]

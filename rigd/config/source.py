@@ -1,27 +1,40 @@
-"""Schema of a rig file: the keys and values that are allowed."""
+"""Defines the schema of a rig file: the keys and values that are allowed."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Le
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    StringConstraints,
+    Tag,
+)
 
 from rigd.model.patterns import quantity_schema
 from rigd.sdk import Documented, In
 
 #: Names of rigs, devices, interlocks and constants.
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)]
-#: Rigs and procedures may carry a dash: names on the command line, not in expressions.
+#: Rigs and procedures may contain a dash: their names are used on the command line, not in
+#: expressions.
 FileName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_-]*$", max_length=60)]
 #: ``device.channel``.
 ChannelName = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*$")]
-#: A quantity whose unit another part of the file decides.
+#: A quantity whose unit follows from another part of the file.
 QuantityText = Annotated[str, Field(json_schema_extra=quantity_schema())]
-#: Path of a file, relative to the one that names it.
+#: Path of a file, relative to the file that names it.
 FilePath = Annotated[str, StringConstraints(min_length=1, max_length=300)]
 #: Name of a person or program in its certificate; part of zenoh keys.
 Identity = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9._-]{1,64}$")]
+
+
+#: The source of a value, for people.
+Origin = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 
 
 def _nothing_is_empty(value: object) -> object:
@@ -29,13 +42,35 @@ def _nothing_is_empty(value: object) -> object:
 
 
 class Source(Documented, BaseModel):  # both: ruff does not look into other modules
-    """A part of a file: every key known, every field documented."""
+    """A part of a file: unknown keys are refused, every field is documented."""
 
     model_config = ConfigDict(allow_inf_nan=False)
 
 
+class ConstantSource(Source):
+    """A known quantity, and its uncertainty."""
+
+    value: QuantityText
+    """The quantity."""
+    u: QuantityText | None = None
+    """Standard uncertainty (k = 1), at least 0: of the same kind, or in % of the value."""
+    source: Origin | None = None
+    """Its source: `caliper, 2026-10`, `data sheet`, `assumed: ...`."""
+
+
+def _constant_kind(value: object) -> str:
+    return "full" if isinstance(value, dict) else "value"
+
+
+#: A quantity alone, or with its uncertainty and source.
+GivenConstant = Annotated[
+    Annotated[QuantityText, Tag("value")] | Annotated[ConstantSource, Tag("full")],
+    Discriminator(_constant_kind),
+]
+
+
 class LimitSource(Source):
-    """What the rig allows one setpoint."""
+    """The bounds of one setpoint on this rig."""
 
     low: QuantityText
     """Smallest value, in the unit of the setpoint."""
@@ -48,16 +83,16 @@ class LimitSource(Source):
 
 
 class WaiverSource(Source):
-    """Lets a device be armed that nothing makes safe when this computer dies."""
+    """Permits arming of a device that no watchdog makes safe if this computer fails."""
 
     by: Annotated[str, StringConstraints(min_length=1, max_length=100)]
     """The person who decided it."""
     reason: Annotated[str, StringConstraints(min_length=10, max_length=300)]
-    """Why nothing can happen: what else makes the device safe."""
+    """The reason why this is safe: what else makes the device safe."""
 
 
 class LinkSource(Source):
-    """One connection that devices share."""
+    """A connection that devices share."""
 
     type: FileName
     """Kind of link; `rigd drivers` lists them."""
@@ -66,37 +101,38 @@ class LinkSource(Source):
 
 
 class SupervisionSource(Source):
-    """When a process that says nothing is taken for dead."""
+    """The silence after which a process counts as dead."""
 
     cycle_silence: Annotated[float, In("s"), Ge(0.005), Le(5)] = 0.05
-    """The cycle: its process is ended and the rig made safe over a second link."""
+    """The cycle: the daemon kills its process and makes the rig safe over a second link."""
     daemon_silence: Annotated[float, In("s"), Ge(0.1), Le(60)] = 1.0
     """The daemon: the cycle makes the rig safe and ends."""
 
 
 class TlsSource(Source):
-    """What the daemon proves itself with, and whom it trusts; paths count from the rig file."""
+    """The daemon's certificate, and the authority that it trusts; paths start at the rig file."""
 
     ca: FilePath
-    """Certificate that signs everybody who is trusted."""
+    """Certificate of the authority that the daemon and its clients trust."""
     certificate: FilePath
     """The daemon's own certificate."""
     key: FilePath
-    """Its private key."""
+    """The daemon's private key."""
 
 
 class RemoteSource(Source):
-    """Control from elsewhere: by default from this machine only, by anybody on it."""
+    """Remote control: by default from this machine only, by every user of it."""
 
     listen: Annotated[list[str], Field(min_length=1, max_length=8)] = ["tcp/127.0.0.1:7447"]
-    """Where the daemon listens; beyond loopback only by `tls/...`."""
+    """The addresses on which the daemon listens; beyond loopback only `tls/...`."""
     tls: TlsSource | None = None
     """Certificates; `rigd remote setup-tls` makes them."""
     roles: Annotated[
         dict[Identity, Literal["observer", "operator", "maintainer"]], Field(max_length=64)
     ] = {}
-    """Who may do what, by the names in their certificates; without certificates, by the names
-    that clients give themselves, where those not named are operators."""
+    """The roles of clients by name: with certificates, the names in them; without certificates, the
+    names that clients give themselves, and clients not listed are operators.
+    """
 
 
 class DeviceSource(Source):
@@ -105,20 +141,20 @@ class DeviceSource(Source):
     driver: FileName
     """Name of an installed driver; `rigd drivers` lists them."""
     link: Name | None = None
-    """The link of this file that the device stands on, for drivers that share one."""
+    """The link of this file that the device uses, for drivers that share a link."""
     options: Annotated[dict[str, Any], BeforeValidator(_nothing_is_empty)] = {}
     """Options of the driver."""
     limits: Annotated[dict[Name, LimitSource], BeforeValidator(_nothing_is_empty)] = {}
     """One entry for each setpoint of the device."""
     waiver: WaiverSource | None = None
-    """Who takes it upon themselves that the device has no watchdog; recorded with every run."""
+    """The person who accepts that the device has no watchdog; recorded with every run."""
 
 
 class InterlockSource(Source):
     """A condition checked every cycle; NaN trips it too."""
 
     name: Name
-    """Name that the recording and the operator see."""
+    """Name in the recording and for the operator."""
     source: ChannelName
     """The channel watched, as `device.channel`."""
     low: QuantityText | None = None
@@ -126,19 +162,19 @@ class InterlockSource(Source):
     high: QuantityText | None = None
     """Trips above this value, or above another channel (`device.channel`)."""
     delay: Annotated[float, In("s"), Ge(0), Le(60)] = 0.0
-    """How long the value must stay outside without a break; by default it trips at once."""
+    """How long the value must stay outside without interruption; by default it trips at once."""
     deadband: QuantityText | None = None
     """How far inside the bound the value must return before the interlock clears."""
     stale_after: Annotated[float, In("s"), Gt(0), Le(60)] = 0.05
-    """Age of the last value at which it counts as lost."""
+    """Age of the last value at which the channel counts as lost."""
     latch: bool = False
     """Whether it stays tripped until a person acknowledges it."""
     priority: Literal["low", "medium", "high", "critical"] = "medium"
-    """How urgently a person must look."""
+    """How urgently a person must look at the rig."""
     action: Literal["warn", "end_trial", "stop", "abort", "estop"]
-    """What happens: each escalates the one before."""
+    """The action, in order of severity."""
     message: Annotated[str, StringConstraints(min_length=1, max_length=300)]
-    """What the operator reads when it trips."""
+    """Message for the operator when it trips."""
 
 
 class PlantSource(Documented):
@@ -147,16 +183,16 @@ class PlantSource(Documented):
     model_config = ConfigDict(extra="allow")
 
     model: FileName
-    """Name of the plant; its options stand beside it."""
+    """Name of the plant; its options follow beside it."""
 
 
 class SimulationSource(Documented):
-    """The simulated devices that stand behind the links of this rig, with their options."""
+    """The simulated devices behind the links of this rig, with their options."""
 
     model_config = ConfigDict(extra="allow")
 
     model: FileName
-    """Name of the simulation; its options stand beside it."""
+    """Name of the simulation; its options follow beside it."""
 
 
 class RigSource(Source):
@@ -165,24 +201,25 @@ class RigSource(Source):
     rig: FileName
     """Name of the rig, as in `--rig NAME`."""
     title: Annotated[str, StringConstraints(min_length=1, max_length=200)]
-    """One line for a person."""
+    """A title in one line."""
     cycle: Annotated[float, In("Hz"), Ge(100), Le(5000)]
-    """How often devices are exchanged with and interlocks checked: 100 Hz to 5 kHz."""
+    """How often devices are read and written and interlocks are checked: 100 Hz to 5 kHz."""
     plant: PlantSource | None = None
     """Only for a rig simulated in process."""
     simulation: SimulationSource | None = None
     """Only for a rig whose devices `rigd sim` simulates at the wire."""
     supervision: SupervisionSource = SupervisionSource()
-    """How the processes of rigd watch one another."""
+    """How the processes of rigd supervise one another."""
     links: Annotated[dict[Name, LinkSource], BeforeValidator(_nothing_is_empty)] = {}
     """Connections that devices share, by name."""
     devices: Annotated[dict[Name, DeviceSource], Field(min_length=1, max_length=64)]
     """The devices by name."""
     interlocks: Annotated[list[InterlockSource], Field(max_length=256)]
-    """Conditions that end what the rig does; `[]` says that there are none."""
+    """Conditions that end a run; `[]` if there are none."""
     remote: RemoteSource | None = None
-    """Control from elsewhere, where it is to be other than from this machine only."""
+    """Remote control, if it is not only from this machine."""
     calibration: FilePath | None = None
-    """File of what was measured of this rig, with its uncertainty; the path counts from here."""
-    constants: dict[Name, QuantityText] = {}
-    """Quantities of the rig that procedures use as `${rig.NAME}`."""
+    """File with measured values of this rig and their uncertainty; relative to this file."""
+    constants: dict[Name, GivenConstant] = {}
+    """Quantities of the rig that procedures use as `${rig.NAME}`: `50 mm`, or
+    `{value: 50 mm, u: 0.1 mm, source: caliper}`."""

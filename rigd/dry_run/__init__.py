@@ -1,4 +1,4 @@
-"""Dry run: a compiled procedure played on the simulated plant, nothing recorded."""
+"""Plays a compiled procedure on the simulated plant and records nothing (a dry run)."""
 
 from rigd.dry_run.play import DryRunResult, PredictedPeak, dry_run
 from rigd.dry_run.steps import StepRow

@@ -1,4 +1,7 @@
-"""A sink that keeps only the extremes of every channel and the times of every step."""
+"""Keeps the extremes of every channel and the times of every step during a dry run.
+
+The dry run writes its rows to this sink instead of a recording.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,9 @@ from rigd.model.rows import TIME_FIELD
 
 @dataclass
 class PeakSink:
-    """Takes what a run produces; ``peaks`` maps ``stream.field`` to (lowest, highest) in SI.
+    """Keeps extremes of a run; ``peaks`` maps ``stream.field`` to (lowest, highest) in SI.
 
-    ``steps`` holds (time in ns, trial number, step name) in order of play.
+    ``steps`` has (time in ns, trial number, step name) in order of play.
     """
 
     peaks: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -26,7 +29,7 @@ class PeakSink:
     last_ns: int = 0
 
     def write(self, stream: str, rows: Rows) -> None:
-        """Widen the extremes by ``rows``; NaN is passed over."""
+        """Update the extremes with ``rows``; NaN is skipped."""
         self.last_ns = max(self.last_ns, int(rows[TIME_FIELD][-1]))
         for name in rows.dtype.names or ():
             if name in (TIME_FIELD, STATUS_FIELD):
@@ -37,7 +40,7 @@ class PeakSink:
             self.peaks[f"{stream}.{name}"] = (min(known[0], low), max(known[1], high))
 
     def event(self, t_ns: int, kind: str, trial: int, data: Mapping[str, object]) -> None:
-        """Keep steps, trips and setpoints that were cut."""
+        """Keep steps, trips and limited setpoints."""
         if kind == "step":
             self.steps.append((t_ns, trial, str(data["name"])))
         elif kind == "interlock" and data["action"] != "warn":
@@ -47,7 +50,7 @@ class PeakSink:
             self.cut.update(names if isinstance(names, list) else ())
 
     def flush(self) -> None:
-        """Do nothing: nothing is kept on disk."""
+        """Do nothing: nothing is stored on disk."""
 
     def close(self) -> None:
         """Do nothing: nothing is open."""

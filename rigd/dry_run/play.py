@@ -1,7 +1,7 @@
 """Plays a compiled procedure on the simulated plant; returns duration and margins to limits.
 
-The same engine, the same interlocks and the same plant as the run itself; only the recording is
-left out.
+The dry run uses the same engine, the same interlocks and the same plant as the run itself. Only the
+recording is left out.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class PredictedPeak:
     highest: float
     low: float
     high: float
-    limit_by: str  #: what sets the limit: the rig file, an interlock, the procedure's trial
+    limit_by: str  #: the source of the limit: the rig file, an interlock, the procedure's trial
 
     @property
     def inside(self) -> bool:
@@ -46,7 +46,7 @@ class PredictedPeak:
 
 @dataclass(frozen=True)
 class DryRunResult:
-    """What a dry run found. ``refusals`` says why the procedure must not run; empty if it may."""
+    """The result of a dry run. ``refusals``: why the procedure must not run; empty if it may."""
 
     duration_s: float
     steps: tuple[StepRow, ...]
@@ -62,11 +62,12 @@ def dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunRe
         Blocked: the rig has no plant, or preflight refuses.
     """
     if rig.plant is None:
-        # Its devices would be opened, and moved as fast as they answer.
+        # Its devices would be opened, and moved as fast as they respond.
         raise Blocked(
             [
-                f"rig {rig.name} has no `plant`: a dry run plays on physics simulated in process, "
-                "never on devices\n  give --rig the simulated sibling of this rig, such as lugre-1"
+                f"rig {rig.name} has no `plant`: a dry run plays on a plant simulated in "
+                "process, never on devices\n  give --rig the simulated version of this rig, "
+                "such as lugre-1"
             ],
             "nothing is played",
         )
@@ -83,7 +84,7 @@ def dry_run(procedure: CompiledProcedure, rig: RigConfig, seed: int) -> DryRunRe
     result = Run(answering, host, control, OwnAnswers(), change).execute()
     peaks = tuple(_peaks(procedure, rig, sink))
     refusals = list(sink.trips)
-    refusals += [f"a setpoint of {name} is beyond its limit" for name in sorted(sink.cut)]
+    refusals += [f"a setpoint of {name} exceeds its limit" for name in sorted(sink.cut)]
     if result.exit_code and not sink.trips and not result.incomplete:
         refusals.append(result.reason)
     refusals += [f"trial {n} would end early: {why}" for n, why in result.incomplete]

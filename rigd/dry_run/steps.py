@@ -1,4 +1,4 @@
-"""The step table of a dry run: what each step does, how it ends, how long it takes."""
+"""Builds the step table of a dry run: what each step does, how it ends, and how long it takes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from rigd.config.rig import RigConfig
 from rigd.model.units import format_quantity
 from rigd.procedure.agreement import check_of
-from rigd.procedure.profiles import Constant, Profile, Ramp
+from rigd.procedure.condition_text import describe_condition
+from rigd.procedure.profiles import ConstantProfile, Profile, Ramp
 from rigd.procedure.program import (
     CompiledProcedure,
     Condition,
@@ -17,14 +18,13 @@ from rigd.procedure.program import (
     Segment,
     StatusCondition,
 )
-from rigd.procedure.standing import describe_condition
 
 
 @dataclass(frozen=True)
 class StepRow:
-    """One step of the table: what it does, and its duration over all trials, in s.
+    """A step of the table: its action, and its duration over all trials, in s.
 
-    ``setpoints`` and ``ends`` hold a line each; what the sweep varies is given as a range.
+    ``setpoints`` and ``ends`` have a line each; values that the sweep varies are given as a range.
     """
 
     block: str
@@ -44,7 +44,7 @@ def step_rows(
 ) -> tuple[StepRow, ...]:
     """Return one row per step, in the order of first play.
 
-    ``played`` holds (time in ns, trial number, step name) as the cycle entered them.
+    ``played`` has (time in ns, trial number, step name) at the start of each step.
     """
     variants: dict[str, list[Segment]] = {}
     blocks: dict[str, str] = {}
@@ -88,7 +88,7 @@ def _setpoints(variants: Sequence[Segment], rig: RigConfig) -> Iterator[str]:
         channel = rig.setpoint(name)
         unit = "1" if channel is None else channel.unit
         profiles = [variant.setpoints[name] for variant in variants if name in variant.setpoints]
-        constants = [profile.value for profile in profiles if isinstance(profile, Constant)]
+        constants = [profile.value for profile in profiles if isinstance(profile, ConstantProfile)]
         if len(constants) == len(profiles):
             yield f"{name} = {_range(constants, unit)}"
         else:

@@ -1,1 +1,1 @@
-"""The engine: the control cycle, interlocks, limits, and the run that plays a procedure."""
+"""Runs procedures on a rig: the control cycle, its interlocks and limits, and the run itself."""

@@ -1,4 +1,7 @@
-"""Answers to the prompts of a procedure: their sources and their checks."""
+"""Reads and checks the answers to the prompts (questions to the operator) of a procedure.
+
+The operator or the procedure file gives an answer.
+"""
 
 from __future__ import annotations
 
@@ -10,42 +13,42 @@ from rigd.procedure.program import Answer, AnswerKind, Prompt
 
 
 class AnswerRefused(ProcedureError):
-    """An answer that cannot be, where another one may: the message says what speaks against it."""
+    """The answer was refused; the operator may give another answer. The message is the reason."""
 
 
 class Answers(Protocol):
     """A source of answers: the operator, or the procedure file itself."""
 
     by: str  #: recorded beside each answer: ``operator`` or ``procedure``
-    asks_again: bool  #: whether it may give another answer where one was refused
+    asks_again: bool  #: whether it can give another answer if an answer was refused
 
     def can_answer(self, prompt: Prompt) -> bool:
-        """Return whether :meth:`answer` will be able to."""
+        """Return whether :meth:`answer` can return an answer."""
         ...
 
     def answer(self, prompt: Prompt, objection: str = "") -> Answer:
         """Return the answer; may wait for a person.
 
-        ``objection`` is what spoke against the one given before, if there was one.
+        ``objection`` is the reason why the previous answer was refused, if it was.
         """
         ...
 
     def withdraw(self) -> None:
-        """Put the question that waits no longer: something else has ended what plays.
+        """Withdraw the question that waits: something else has ended the program.
 
-        Its :meth:`answer` may return whenever it likes; nobody takes what it gives.
+        :meth:`answer` may return at any later time; its result is ignored.
         """
         ...
 
 
 class OwnAnswers:
-    """The procedure file's own answers: in simulation, and with ``--yes``."""
+    """Gives the answers that the procedure file contains: in simulation, and with ``--yes``."""
 
     by = "procedure"
     asks_again = False
 
     def can_answer(self, prompt: Prompt) -> bool:
-        """A confirmation needs no answer of its own."""
+        """Return whether the prompt has an answer; a confirmation needs none."""
         return prompt.answer is not None or prompt.kind is AnswerKind.CONFIRM
 
     def answer(self, prompt: Prompt, objection: str = "") -> Answer:
@@ -57,14 +60,14 @@ class OwnAnswers:
         raise ProcedureError(f"prompt {prompt.name!r} has no answer of its own")
 
     def withdraw(self) -> None:
-        """Do nothing: none ever waits."""
+        """Do nothing: no question ever waits."""
 
 
 def read_answer(prompt: Prompt, text: str) -> Answer:
-    """Return what a person typed, as the prompt's type, numbers in SI.
+    """Return a typed text as the prompt's type, numbers in SI.
 
     Raises:
-        ValueError: cannot be read as an answer to this prompt.
+        ValueError: the text cannot be parsed as an answer to this prompt.
     """
     match prompt.kind:
         case AnswerKind.CONFIRM:
@@ -91,7 +94,7 @@ def check_answer(prompt: Prompt, answer: Answer) -> Answer:
 
     Raises:
         AnswerRefused: out of bounds, not one of the choices, or of the wrong type.
-        ProcedureError: declined.
+        ProcedureError: the operator declined.
     """
     match prompt.kind:
         case AnswerKind.CONFIRM:
@@ -100,7 +103,7 @@ def check_answer(prompt: Prompt, answer: Answer) -> Answer:
         case AnswerKind.NUMBER:
             if isinstance(answer, bool) or not isinstance(answer, int | float):
                 raise AnswerRefused(
-                    f"prompt {prompt.name!r} wants a number in {prompt.unit}, got {answer!r}"
+                    f"prompt {prompt.name!r} expects a number in {prompt.unit}, got {answer!r}"
                 )
             _check_bounds(prompt, float(answer))
         case AnswerKind.CHOICE:
@@ -110,12 +113,12 @@ def check_answer(prompt: Prompt, answer: Answer) -> Answer:
                 )
         case AnswerKind.TEXT:
             if not isinstance(answer, str):
-                raise AnswerRefused(f"prompt {prompt.name!r} wants text, got {answer!r}")
+                raise AnswerRefused(f"prompt {prompt.name!r} expects text, got {answer!r}")
     return answer
 
 
 def _check_bounds(prompt: Prompt, value: float) -> None:
-    # Written so that NaN is out of bounds too.
+    # Written so that NaN is also out of bounds.
     low_ok = prompt.low is None or value >= prompt.low
     high_ok = prompt.high is None or value <= prompt.high
     if low_ok and high_ok and value == value:

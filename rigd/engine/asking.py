@@ -1,4 +1,7 @@
-"""Asks a prompt until the answer is valid and the channels of the rig confirm it."""
+"""Asks the operator a question until the answer is valid and the channels of the rig confirm it.
+
+If the procedure itself gives an answer and that answer is refused, the run ends as failed.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +17,16 @@ from rigd.model.severity import Severity
 from rigd.procedure.agreement import check_of, objection_to
 from rigd.procedure.program import Answer, AnswerKind, Prompt
 
-#: ``change(quantity, value)``: what a simulated rig does when a prompt was answered.
+#: ``change(quantity, value)``: changes the plant of a simulated rig after an answer.
 ChangePlant = Callable[[str, float | str], None]
 
 
 @dataclass(frozen=True)
 class Asking:
-    """Puts prompts to ``answers`` on the rig behind ``host``, which stays at rest meanwhile.
+    """Asks prompts of ``answers`` on the rig behind ``host``, which stays at rest meanwhile.
 
-    ``change`` is None for a real rig. A person whose answer cannot be is told why and asked again;
-    the procedure's own answer ends the run as failed.
+    ``change`` is None for a real rig. An operator whose answer is refused gets the reason and is
+    asked again; if the procedure's own answer is refused, the run ends as failed.
     """
 
     host: Host
@@ -31,11 +34,11 @@ class Asking:
     change: ChangePlant | None = None
 
     def ask(self, prompt: Prompt) -> Outcome | None:
-        """Return once the rig may move on: None, or the outcome that ends what plays."""
+        """Return when the rig may move on: None, or the outcome that ends the program."""
         objection = ""
         while True:
-            told = {"name": prompt.name, "text": prompt.text}
-            self.host.event("prompt", told | ({"objection": objection} if objection else {}))
+            question = {"name": prompt.name, "text": prompt.text}
+            self.host.event("prompt", question | ({"objection": objection} if objection else {}))
             given: list[Answer] = []
             try:
                 outcome = self.host.ask(partial(self._ask, prompt, objection, given))
@@ -54,11 +57,11 @@ class Asking:
         given.append(self.answers.answer(prompt, objection))
 
     def _take(self, prompt: Prompt, given: Answer) -> Outcome | None:
-        """Record the answer, let a simulated rig obey it, and see whether the rig shows it.
+        """Record the answer, change the plant of a simulated rig, and check that the rig shows it.
 
         Raises:
             AnswerRefused: another answer is needed.
-            ProcedureError: a person said no.
+            ProcedureError: the operator declined.
         """
         answer = check_answer(prompt, given)
         self.host.event(
@@ -85,13 +88,13 @@ class Asking:
             return None
         outcome = self.host.play(check)
         agreed = outcome.severity is Severity.DONE
-        # A program that commands nothing can fail in one way only: it ran out of time.
+        # A program that commands nothing can only fail by running out of time.
         if not agreed and outcome.severity is not Severity.FAIL:
             return outcome
         self.host.event(
             "answer_checked",
-            {"name": prompt.name, "answer": answer, "agreed": agreed, "shown": outcome.stood},
+            {"name": prompt.name, "answer": answer, "agreed": agreed, "shown": outcome.last_values},
         )
         if not agreed:
-            raise AnswerRefused(objection_to(prompt, answer, outcome.stood))
+            raise AnswerRefused(objection_to(prompt, answer, outcome.last_values))
         return None

@@ -1,4 +1,4 @@
-"""Checks the rows that a block device returns in blocks, and records them in bulk."""
+"""Checks and records the rows of a device whose library returns rows in blocks (a block device)."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rigd.model.errors import DeviceError
 from rigd.model.rows import TIME_FIELD, row_dtype
 from rigd.sdk import Block
 
-#: A cycle that decides nothing for so long does not run: no window opens until it does.
+#: A cycle that decides nothing for this time does not run: no window opens until it runs.
 PATIENCE_NS: Final = 1_000_000_000
 _VALUES: Final = "values"
 
 
 class BlockSink(Protocol):
-    """Where the recorded rows of one block device go; a ring between processes is one."""
+    """Receives the recorded rows of a block device; a ring between processes is such a sink."""
 
     def push_block(self, rows: Rows) -> None:
         """Append rows of the stream's row dtype, shape (n,)."""
@@ -28,16 +28,16 @@ class BlockSink(Protocol):
 
 
 class BlockQueue:
-    """Rows of ``stream`` that come in blocks, within one process: it takes the room it needs."""
+    """Queues rows of ``stream`` that arrive in blocks within one process; has no size limit."""
 
-    overruns = 0  #: for those who count them of every ring
+    overruns = 0  #: every ring has this counter
 
     def __init__(self, stream: Stream) -> None:
         self._empty: Rows = np.empty(0, row_dtype(stream))
         self._blocks: list[Rows] = []
 
     def push_block(self, rows: Rows) -> None:
-        """Append rows of the stream's row dtype, shape (n,); they must not change any more."""
+        """Append rows of the stream's row dtype, shape (n,); the caller keeps them unchanged."""
         self._blocks.append(rows)
 
     def drain(self) -> Rows:
@@ -47,7 +47,7 @@ class BlockQueue:
 
 
 class BlockRows:
-    """Makes rows of ``stream`` from blocks; ``offset_ns`` takes the driver's times to Unix time."""
+    """Converts blocks to rows of ``stream``; adds ``offset_ns`` to the times to get Unix time."""
 
     def __init__(self, stream: Stream, offset_ns: int = 0) -> None:
         self._stream = stream
@@ -55,26 +55,27 @@ class BlockRows:
         self._width = len(stream.channels) + stream.has_status
         self._layout = _layout(stream)
         self._dtype = row_dtype(stream)
-        self._last_ns = -1  # of the row before; virtual time may begin at 0
+        self._last_ns = -1  # time of the previous row; virtual time may begin at 0
 
     def make(self, block: Block) -> Rows:
         """Return the rows of ``block``, shape (n,).
 
         Raises:
-            DeviceError: they are not as the driver has to give them.
+            DeviceError: the block violates the interface of drivers.
         """
         times_ns, values = block.times_ns, block.values
         if values.shape != (len(times_ns), self._width):
             raise DeviceError(
-                f"the driver gave values of shape {values.shape} for {len(times_ns)} times, "
-                f"expected ({len(times_ns)}, {self._width})",
+                f"the driver returned values of shape {values.shape} for {len(times_ns)} "
+                f"times, expected ({len(times_ns)}, {self._width})",
                 hint="correct its read_block()",
             )
         rows = np.empty(len(times_ns), self._layout)
         if len(times_ns):
             if times_ns[0] <= self._last_ns or np.any(np.diff(times_ns) <= 0):
                 raise DeviceError(
-                    "the driver gave times that do not increase", hint="correct its read_block()"
+                    "the driver returned times that do not increase",
+                    hint="correct its read_block()",
                 )
             self._last_ns = int(times_ns[-1])
             rows[TIME_FIELD] = times_ns + self._offset_ns
@@ -85,20 +86,20 @@ class BlockRows:
 
 
 class BlockRecorder:
-    """Records every ``every``-th row, of those inside ``windows`` (None: of all) once decided."""
+    """Records every ``every``-th row, of those inside ``windows`` (None: of all), once decided."""
 
     def __init__(self, sink: BlockSink, every: int, windows: Windows | None) -> None:
         self._sink = sink
         self._every = every
-        self._skip = 0  # rows until the next one that is recorded
+        self._skip = 0  # rows until the next recorded row
         self._windows = windows
-        self._waiting: deque[Rows] = deque()  # rows that the cycle has not decided about yet
+        self._waiting: deque[Rows] = deque()  # rows about which the cycle has not decided yet
 
     def take(self, rows: Rows) -> None:
         """Take the next rows of the device.
 
         Raises:
-            DeviceError: they come too late, see :meth:`Windows.covers`.
+            DeviceError: the rows arrive too late, see :meth:`Windows.covers`.
         """
         recorded = rows[self._skip :: self._every]
         self._skip = (self._skip - len(rows)) % self._every
@@ -109,13 +110,13 @@ class BlockRecorder:
             self.settle()
 
     def settle(self) -> None:
-        """Record or drop the rows that the cycle has decided about meanwhile."""
+        """Record or drop the rows about which the cycle has decided meanwhile."""
         if self._windows is not None and self._waiting:
             newest_ns = int(self._waiting[-1][TIME_FIELD][-1])
             self._settle(self._windows, max(self._windows.decided_ns, newest_ns - PATIENCE_NS))
 
     def finish(self) -> None:
-        """Record or drop what still waits, by what is decided so far: no more will be."""
+        """Record or drop the rows that still wait, by the last decision of the cycle."""
         if self._windows is not None and self._waiting:
             self._settle(self._windows, int(self._waiting[-1][TIME_FIELD][-1]))
 

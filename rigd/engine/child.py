@@ -1,8 +1,8 @@
-"""A process that this one starts, watches and ends.
+"""Starts a child process of this process, watches it and ends it.
 
-``python -m rigd.engine.child PARENT COMMAND...`` is a command that ends with its parent. If the
-parent is killed, nobody is left to end what it started; the kernel then sends SIGTERM (prctl(2),
-PR_SET_PDEATHSIG; it stays in force over exec).
+``python -m rigd.engine.child PARENT COMMAND...`` runs COMMAND so that COMMAND ends with the process
+PARENT (a process id). If the parent is killed, the parent can no longer end its children. The
+kernel then sends SIGTERM to COMMAND (prctl(2), PR_SET_PDEATHSIG; exec keeps this setting).
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from typing import Final
 from rigd.engine.realtime import as_program
 
 _PR_SET_PDEATHSIG: Final = 1  # <linux/prctl.h>
-#: How much of its log is looked at for what a process printed last, in bytes.
+#: Bytes at the end of its log in which the last printed line of a process is searched.
 _LAST_WORDS: Final = 500
 
 
 class Child:
-    """A process started by this one, in a session of its own: a terminal's Ctrl-C is not for it.
+    """Starts and ends a process, in a session of its own so that Ctrl-C does not reach it.
 
     Args:
-        command: what it runs; :func:`module` makes it of a module of rigd.
-        log: file to which what it prints is added; None if it prints where this process does.
-        fds: descriptors that it inherits; those below 0 are left out.
-        tied: whether it ends with this process, however that ends.
-        stdin: whether it reads what :meth:`wake` or :meth:`talk` gives it; else it reads nothing.
-        output: whether :meth:`talk` returns what it prints.
-        environment: what is added to the environment of this process.
+        command: the command; :func:`module` returns the command of a module of rigd.
+        log: file to which the output is appended; None: the output of this process.
+        fds: descriptors that it inherits; negative numbers are left out.
+        tied: whether it ends with this process, however this process ends.
+        stdin: whether it reads the input of :meth:`wake` or :meth:`talk`; else it has no input.
+        output: whether :meth:`talk` returns its output.
+        environment: variables added to the environment of this process.
 
     Raises:
         OSError: it cannot be started.
@@ -75,36 +75,36 @@ class Child:
 
     @property
     def code(self) -> int | None:
-        """Its exit code, negative for the signal that ended it; None while it lives."""
+        """Its exit code, negative for the signal that ended it; None while it runs."""
         return self._process.poll()
 
     @property
     def ended(self) -> str:
-        """How it ended, in words, or "" while it lives."""
+        """How it ended, as text, or "" while it runs."""
         return "" if self.code is None else how_ended(self.code)
 
     def wait(self, timeout_s: float | None) -> bool:
-        """Wait until it has ended, for ever if ``timeout_s`` is None; return whether it has."""
+        """Wait until it has ended, forever if ``timeout_s`` is None; return whether it has."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout_s)
             return True
         return False
 
     def fence(self, timeout_s: float | None) -> bool:
-        """End it for good, whatever it does; return whether it is gone within ``timeout_s``.
+        """Kill it, whatever it does; return whether it has ended within ``timeout_s``.
 
-        One that the kernel holds (a call into a device that hangs) may not be gone, but once killed
-        it executes nothing of its own any more. Fencing twice is silent.
+        A process that the kernel holds (a call into a device that hangs) may not end, but after the
+        kill it executes no more of its own code. Fencing twice is silent.
         """
         self._process.kill()
         return self.wait(timeout_s)
 
     def terminate(self) -> None:
-        """Ask it to end (SIGTERM)."""
+        """Request it to end (SIGTERM)."""
         self._process.terminate()
 
     def wake(self) -> bool:
-        """Give a process that waits for a line its line; return whether it was there to read it."""
+        """Send a line to a process that waits for it; return whether the process could read it."""
         if self.code is not None or self._process.stdin is None:
             return False
         try:
@@ -117,13 +117,13 @@ class Child:
         return True
 
     def close_stdin(self) -> None:
-        """Give it nothing more to read; one that has ended reads no more anyway."""
+        """Close its input; a process that has ended reads no more anyway."""
         if self._process.stdin is not None:
             with suppress(BrokenPipeError):
                 self._process.stdin.close()
 
     def talk(self, given: str | None, timeout_s: float) -> tuple[str, str] | None:
-        """Give it all that it reads; return what it has printed once it has ended, and as errors.
+        """Send its whole input; return its output and error output after it has ended.
 
         None if it has not ended within ``timeout_s``: call it again, with None for ``given``.
         """
@@ -135,7 +135,7 @@ class Child:
         return out.decode(), errors.decode(errors="replace")
 
     def last_words(self) -> str:
-        """Return the last line that it has printed into its log, or ""."""
+        """Return the last line that it has printed to its log, or ""."""
         if self._log is None:
             return ""
         with self._log.open("rb") as file:
@@ -147,12 +147,12 @@ class Child:
 
 def module(name: str, *arguments: str) -> list[str]:
     """Return the command that runs a module of rigd in this interpreter."""
-    # Without -P the folder it is started in could bring modules of its own.
+    # Without -P the folder in which it starts could provide modules of its own.
     return [sys.executable, "-P", "-m", name, *arguments]
 
 
 def how_ended(code: int) -> str:
-    """Return what an exit code of :mod:`subprocess` says: ``signal SIGKILL``, ``exit code 1``."""
+    """Describe an exit code of :mod:`subprocess`: ``signal SIGKILL``, ``exit code 1``."""
     if code >= 0:
         return f"exit code {code}"
     try:
@@ -162,7 +162,7 @@ def how_ended(code: int) -> str:
 
 
 def _become() -> None:
-    """Become the command, unless the parent is gone already."""
+    """Execute the command, unless the parent has ended already."""
     parent, *command = sys.argv[1:]
     if ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0) != 0:
         sys.exit(f"cannot be tied to process {parent}: {os.strerror(ctypes.get_errno())}")

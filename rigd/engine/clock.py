@@ -1,6 +1,6 @@
-"""Clocks of the engine: cycle slots on a fixed grid, in virtual time or real time.
+"""Provides the clocks of the control cycle: time slots on a fixed grid, in virtual or real time.
 
-The only module of the engine that asks the operating system for the time.
+The cycle, the interlocks and the player never ask the operating system for the time themselves.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ class Clock(Protocol):
         ...
 
     def now(self) -> int:
-        """Return ns since the start of the run."""
+        """Return the time since the start of the run, in ns."""
         ...
 
 
 class VirtualClock:
-    """Time that never waits: each slot is due as soon as it is asked for."""
+    """Counts slots in virtual time and never waits: each slot is due when the cycle asks for it."""
 
     def __init__(self, period_ns: int, start_ns: int) -> None:
         self.period_ns = period_ns
@@ -38,18 +38,18 @@ class VirtualClock:
         return self._slot
 
     def now(self) -> int:
-        """Return when the slot under way was due: in virtual time nothing takes time."""
+        """Return the time at which the present slot was due: in virtual time nothing takes time."""
         return max(self._slot, 0) * self.period_ns
 
 
 class WallClock:
-    """Slots on absolute deadlines of the monotonic clock, ``pace`` times as fast as the wall.
+    """Slots on absolute deadlines of the monotonic clock, ``pace`` times as fast as real time.
 
-    A slot that has already passed is skipped, never caught up (no bursts).
+    A slot that has already passed is skipped and not repeated later (no bursts).
     """
 
     def __init__(self, period_ns: int, pace: float = 1.0, earliest_ns: int = 0) -> None:
-        """``earliest_ns`` is a Unix time before which no slot may be: that of what is resumed."""
+        """``earliest_ns`` is the earliest Unix time of a slot: the end of the resumed recording."""
         self.period_ns = period_ns
         self.start_ns = max(time.time_ns(), earliest_ns)
         self._earliest_ns = earliest_ns
@@ -73,7 +73,7 @@ class WallClock:
         return slot
 
     def now(self) -> int:
-        """Return ns since the start of the run, in run time (wall time × pace)."""
+        """Return the time since the start of the run, in ns of run time (real time × pace)."""
         if self._origin is None:
             return 0
         return int((time.monotonic_ns() - self._origin) * self._pace)
@@ -106,15 +106,15 @@ class RealClock:
         return slot
 
     def now(self) -> int:
-        """Return ns since slot 0."""
+        """Return the time since slot 0, in ns."""
         return time.monotonic_ns() - self._origin_ns
 
 
 def monotonic_ns() -> int:
-    """Return the monotonic clock of the machine, for intervals that people wait through."""
+    """Return the monotonic clock of the machine, for intervals of waiting for people."""
     return time.monotonic_ns()
 
 
 def idle(seconds: float) -> None:
-    """Let the processor rest while a person is being waited for."""
+    """Let the processor rest while a person is expected to answer."""
     time.sleep(seconds)

@@ -1,7 +1,7 @@
-"""The control cycle: read every device, check interlocks, play, limit, write; it never waits.
+"""Runs the control cycle: read every device, check interlocks, compute, limit and write setpoints.
 
-Whatever the program says, each cycle passes the interlocks first and the limiter last. When no
-program is loaded, setpoints go to rest.
+The cycle never waits for a device. In each cycle the interlocks are checked first and the limiter
+acts last, whatever the program commands. When no program is loaded, setpoints go to rest.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from rigd.engine.block_rows import BlockSink
 from rigd.engine.clock import Clock
@@ -17,42 +17,59 @@ from rigd.engine.control import Control
 from rigd.engine.cycle_rows import CycleRows, RowSink
 from rigd.engine.interlocks import InterlockBank, Trip
 from rigd.engine.limiter import Limiter
-from rigd.engine.mount import MountedRig
+from rigd.engine.mount import Mount, MountedRig
 from rigd.engine.player import Outcome, Player
 from rigd.engine.stand_in import StandIn
 from rigd.engine.windows import Windows
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.model.severity import Severity
 from rigd.procedure.program import CycleProgram, Recorded
+from rigd.sdk import Driver
 
-#: Between two programs setpoints are held for so long at most, then they go to rest: the next
+#: Between two programs setpoints are held for this time at most, then they go to rest: the next
 #: program may come from another process.
 HOLD_NS = 100_000_000
 
-#: Trips that are kept; a value that trembles at its limit makes hundreds per second. All of them
-#: are recorded as events.
+#: Most trips in the result; a value that fluctuates at its limit trips hundreds of times per
+#: second. All trips are recorded as events.
 MOST_TRIPS = 100
 
-#: What a device's failure looks like, whoever must act on it.
+#: The errors by which a device fails.
 DEVICE_ERRORS = (DeviceError, LinkError, ProtocolError)
 
 _NONE: Final[Mapping[str, Any]] = MappingProxyType({})
 
-#: ``emit(t_ns, kind, data)``: something happened that a person will want to read about.
+#: ``emit(t_ns, kind, data)``: records an event that is of interest to people.
 Emit = Callable[[int, str, Mapping[str, object]], None]
 
 
 def _nowhere(t_ns: int, kind: str, data: Mapping[str, object]) -> None:
-    """Where events go before the cycle is connected."""
+    """Discard events before the cycle is connected."""
 
 
 @dataclass
 class CycleCounters:
-    """What the cycle counts about itself over a run."""
+    """Counts the cycles, missed slots and stale rows of a run."""
 
     cycles: int = 0
-    missed: int = 0  #: slots that passed without a cycle
-    stale: int = 0  #: rows that repeat an earlier one, as the device was late
+    missed: int = 0  #: slots without a cycle
+    stale: int = 0  #: rows that repeat an earlier row, because the device was late
+
+
+class _Read(NamedTuple):
+    """A device as the cycle reads it; ``places`` are those of its ``width`` values."""
+
+    name: str
+    driver: Driver
+    places: slice
+    width: int
+    stand_in: StandIn | None
+
+    @classmethod
+    def of(cls, mount: Mount) -> _Read:
+        places, driver = mount.values, mount.driver
+        stand_in = driver if isinstance(driver, StandIn) else None
+        return cls(mount.name, driver, places, places.stop - places.start, stand_in)
 
 
 class Cycle:
@@ -73,7 +90,7 @@ class Cycle:
         self.control = control
         self.counters = CycleCounters()
         self.segment = ""
-        self.trips: list[Trip] = []  #: what tripped in this run, the first :data:`MOST_TRIPS`
+        self.trips: list[Trip] = []  #: trips in this run, the first :data:`MOST_TRIPS`
         #: Called before the devices are made safe, which may take longer than a cycle.
         self.on_make_safe: Callable[[], None] = lambda: None
         self._emit: Emit = _nowhere
@@ -82,63 +99,67 @@ class Cycle:
         self._watched = {**rig.readings, **rig.status}
         self._values = [float("nan")] * len(rig.device_of)
         self._stamps = [0] * len(rig.mounts)
-        self._mute = {mount.name for mount in rig.mounts}
+        self._silent = {mount.name for mount in rig.mounts}
         self._rest = [limit.rest for limit in limiter.limits]
         self._wanted = list(self._rest)
-        self._actuators = [mount for mount in rig.mounts if mount.driver.setpoints]
+        self._actuators = [
+            (mount.name, mount.driver, mount.commands)
+            for mount in rig.mounts
+            if mount.driver.declaration.setpoints
+        ]
         self._links = tuple(rig.links.items())
-        self._silent_ns = [round(mount.driver.silent_s * 1e9) for mount in rig.mounts]
-        self._stand_ins = [item.driver if isinstance(item.driver, StandIn) else None
-                           for item in rig.mounts]  # fmt: skip
-        self._widths = [mount.values.stop - mount.values.start for mount in rig.mounts]
-        self._steady = [i for i, mount in enumerate(rig.mounts) if mount.driver.every_cycle]
+        self._silent_ns = [round(mount.driver.declaration.silent_s * 1e9) for mount in rig.mounts]
+        self._reads = [_Read.of(mount) for mount in rig.mounts]
+        self._steady = [
+            i for i, mount in enumerate(rig.mounts) if mount.driver.declaration.every_cycle
+        ]
         self._hold_until_ns = 0
         self._settle_ns = max(self._silent_ns, default=0)
         self._begun_ns = 0
         self._settled = False
         self._player: Player | None = None
-        self._then: Player | None = None  #: follows without a gap where the player plays to its end
+        self._then: Player | None = None  #: follows without a gap when the player reaches its end
         self._leaving: Outcome | None = None
-        self._heeded: Severity | None = None
+        self._obeyed: Severity | None = None
         self._slot = -1
         self._cut: frozenset[int] = frozenset()
 
     @property
     def t_ns(self) -> int:
-        """Unix time of the slot under way, in ns."""
+        """Unix time of the present slot, in ns."""
         return self.clock.start_ns + max(self._slot, 0) * self.clock.period_ns
 
     @property
-    def mute(self) -> int:
-        """How many devices have not given a single row yet."""
-        return len(self._mute)
+    def silent_devices(self) -> int:
+        """Number of devices that have not returned a row yet."""
+        return len(self._silent)
 
-    def unfit(self) -> Sequence[str]:
-        """Return why the rig, looked at in rest, is not fit to be armed; a sentence each."""
-        reasons = [f"{name} gave no row" for name in sorted(self._mute)]
+    def arming_blockers(self) -> Sequence[str]:
+        """Return the reasons why the rig, at rest, cannot be armed; one sentence each."""
+        reasons = [f"{name} gave no row" for name in sorted(self._silent)]
         violated = self.interlocks.violated(Severity.END_TRIAL)
-        return reasons + [f"interlock {item.name} stands violated at rest" for item in violated]
+        return reasons + [f"interlock {item.name} is violated at rest" for item in violated]
 
-    def unready(self) -> Sequence[str]:
-        """Return the names of the devices that are not enabled yet, after they were armed."""
+    def not_enabled(self) -> Sequence[str]:
+        """Return the names of the devices that are armed but not enabled yet."""
         return [mount.name for mount in self.rig.mounts if not mount.driver.ready()]
 
     def arm(self) -> Outcome | None:
-        """Begin to enable every device; return an outcome where one refused (all are safe then)."""
+        """Begin to enable every device; return an outcome if a device refused (all are safe)."""
         for mount in self.rig.mounts:
             try:
                 mount.driver.arm()
             except DEVICE_ERRORS as error:
-                return self._fault(self.t_ns, f"{mount.name}: {error.told}")
+                return self._fault(self.t_ns, f"{mount.name}: {error.one_line}")
         return None
 
-    def ends_everything(self) -> str:
-        """Return why nothing may move any more: a latched trip, or one that still stands; or ""."""
+    def lockout_reason(self) -> str:
+        """Return why motion is locked out (a trip that is latched or still active), or ""."""
         for trip in self.trips:
             if trip.interlock.latch and trip.interlock.action >= Severity.END_TRIAL:
                 return f"interlock {trip.interlock.name} is latched: {trip.reason}"
         for interlock in self.interlocks.active(Severity.END_TRIAL):
-            return f"interlock {interlock.name} still stands tripped"
+            return f"interlock {interlock.name} is still tripped"
         return ""
 
     def connect(
@@ -150,7 +171,7 @@ class Cycle:
         blocks: Mapping[str, BlockSink] = _NONE,
         windows: Mapping[str, Windows] = _NONE,
     ) -> None:
-        """From now on push rows to ``rings`` as ``record`` says, those of blocks to ``blocks``.
+        """Start to push rows to ``rings`` according to ``record``, rows of blocks to ``blocks``.
 
         ``windows`` are those of streams that another process records.
         """
@@ -158,10 +179,10 @@ class Cycle:
         self._rows = CycleRows(self.rig, rings, record, blocks, windows)
 
     def load(self, program: CycleProgram | None, then: CycleProgram | None = None) -> None:
-        """Play ``program`` from the next cycle on; None lets the setpoints go to rest.
+        """Play ``program`` from the next cycle on; None takes the setpoints to rest.
 
-        Where it plays to its end, ``then`` follows in the cycle after. A way out that is being
-        taken is not given up: it ends the new program at once.
+        After the end of the program, ``then`` follows in the next cycle. A stop in progress is not
+        cancelled: it ends the new program at once.
         """
         self._player, self._then = self._bound(program), self._bound(then)
         self.segment = ""
@@ -175,7 +196,7 @@ class Cycle:
         return {name: self._values[index] for name, index in self.rig.readings.items()}
 
     def step(self) -> Outcome | None:
-        """Run one cycle; return how the program ended, or None while it plays on."""
+        """Run one cycle; return how the program ended, or None while it continues."""
         clock = self.clock
         slot = clock.next_slot()
         began = clock.now()
@@ -198,7 +219,7 @@ class Cycle:
                 if outcome is None or outcome.severity is not Severity.ESTOP:
                     outcome = self._write(t_ns) or outcome
         except BaseException:
-            self.make_safe(t_ns)  # a bug in a driver: safe first, then let it be known
+            self.make_safe(t_ns)  # a bug in a driver: first make the rig safe, then raise
             raise
         self._rows.decide(t_ns, self._playing)
         self._push(t_ns, slot, began)
@@ -209,60 +230,60 @@ class Cycle:
             try:
                 link.begin(t_ns)
             except DEVICE_ERRORS as error:
-                return self._fault(t_ns, f"{name}: {error.told}")
-        values, stamps = self._values, self._stamps
-        for index, mount in enumerate(self.rig.mounts):
+                return self._fault(t_ns, f"{name}: {error.one_line}")
+        values, stamps, silent = self._values, self._stamps, self._silent
+        for index, (name, driver, places, width, stand_in) in enumerate(self._reads):
             try:
-                row = mount.driver.read(t_ns)
+                row = driver.read(t_ns)
             except DEVICE_ERRORS as error:
-                return self._fault(t_ns, f"{mount.name}: {error.told}")
+                return self._fault(t_ns, f"{name}: {error.one_line}")
             if row is not None:
-                if len(row) != self._widths[index]:  # it would move the values of all others
+                if len(row) != width:  # it would move the values of all other devices
                     return self._fault(
                         t_ns,
-                        f"{mount.name} gave a row of {len(row)} values, expected "
-                        f"{self._widths[index]}: correct its read()",
+                        f"{name} gave a row of {len(row)} values, expected {width}: "
+                        "correct its read()",
                     )
-                values[mount.values] = row
-                stand_in = self._stand_ins[index]
+                values[places] = row[:]  # a plain tuple: a list of a Row takes 3 times as long
                 stamps[index] = t_ns if stand_in is None else stand_in.taken_ns
-                self._mute.discard(mount.name)
+                if silent:
+                    silent.discard(name)
             elif t_ns - stamps[index] > self._silent_ns[index]:
                 silent_ms = self._silent_ns[index] // 1_000_000
                 return self._fault(
                     t_ns,
-                    f"{mount.name} gave no row for {silent_ms} ms "
-                    "(check its supply, its cable and what lies between)",
+                    f"{name} gave no row for {silent_ms} ms (check its supply, its cable "
+                    "and the parts between)",
                 )
         return None
 
     def _write(self, t_ns: int) -> Outcome | None:
         setpoints = self.limiter.apply(self._wanted)
-        for mount in self._actuators:
+        for name, driver, commands in self._actuators:
             try:
-                mount.driver.write(setpoints[mount.commands])
+                driver.write(setpoints[commands])
             except DEVICE_ERRORS as error:
-                return self._fault(t_ns, f"{mount.name}: {error.told}")
+                return self._fault(t_ns, f"{name}: {error.one_line}")
         for name, link in self._links:
             try:
                 link.end(t_ns)
             except DEVICE_ERRORS as error:
-                return self._fault(t_ns, f"{name}: {error.told}")
+                return self._fault(t_ns, f"{name}: {error.one_line}")
         if self.limiter.cut != self._cut:
             self._report_cut(t_ns)
         return None
 
     def _decide(self, t_ns: int) -> Outcome | None:
-        """Set the wanted setpoints from interlocks, requests and the program, in that order."""
+        """Set the wanted setpoints by interlocks, requests and the program, in that order."""
         if not self._settled:
-            # Before its first row a device has no value that could be judged; nothing is armed.
-            self._settled = not self._mute or t_ns - self._begun_ns >= self._settle_ns
+            # Before its first row a device has no value to check; nothing is armed.
+            self._settled = not self._silent or t_ns - self._begun_ns >= self._settle_ns
         if self._settled:
             for trip in self.interlocks.check(t_ns, self._values, self._stamps):
-                self._heed_trip(trip)
+                self._handle_trip(trip)
         asked = self.control.asked
-        if asked is not None and asked != self._heeded:
-            self._heeded = asked
+        if asked is not None and asked != self._obeyed:
+            self._obeyed = asked
             self._leave(Outcome(asked, self.control.reason))
         if self._leaving is None and self._player is not None:
             ended = self._player.step(t_ns, self._values, self._wanted)
@@ -270,7 +291,7 @@ class Cycle:
                 self.segment = name
                 self._emit(t_ns, "step", {"name": name})
             if ended is None or ended.severity is Severity.DONE:
-                self._playing = self.segment  # what follows without a gap begins in the next cycle
+                self._playing = self.segment  # the program ``then`` begins in the next cycle
             if ended is None:
                 return None
             if ended.severity is Severity.DONE:
@@ -281,28 +302,28 @@ class Cycle:
         if self._leaving is None and t_ns < self._hold_until_ns:
             return None
         self._wanted[:] = self._rest
-        return self._left(t_ns)
+        return self._stop_completed(t_ns)
 
-    def _left(self, t_ns: int) -> Outcome | None:
-        """Return the outcome once the way out is complete."""
+    def _stop_completed(self, t_ns: int) -> Outcome | None:
+        """Return the outcome when the stop is complete."""
         leaving = self._leaving
         if leaving is None:
             return None
         if leaving.severity is Severity.ESTOP:
             self.make_safe(t_ns)
         elif not self.limiter.at_rest():
-            return None  # rest is reached one cycle after it was wanted, and seen here
+            return None  # the setpoints reach rest one cycle later, which is noticed here
         self._leaving = self._player = self._then = None
         return leaving
 
     def _leave(self, outcome: Outcome) -> None:
-        """Take the way out of the program, unless one at least as severe is being taken."""
+        """Begin a stop of the program, unless an equally severe stop is in progress."""
         if self._leaving is None or outcome.severity > self._leaving.severity:
             self._leaving = outcome
 
-    def _heed_trip(self, trip: Trip) -> None:
+    def _handle_trip(self, trip: Trip) -> None:
         interlock = trip.interlock
-        if len(self.trips) < MOST_TRIPS or interlock.latch:  # a latched one trips once
+        if len(self.trips) < MOST_TRIPS or interlock.latch:  # a latched interlock trips once
             self.trips.append(trip)
         if interlock.action > Severity.WARN:
             reason = f"interlock {interlock.name}: {trip.reason}"
@@ -322,7 +343,7 @@ class Cycle:
         )
 
     def give_up(self, waiting: Sequence[str]) -> Outcome:
-        """Make the rig safe, as the devices ``waiting`` did not become ready; return that."""
+        """Make the rig safe as devices ``waiting`` did not become ready; return the outcome."""
         return self._fault(self.t_ns, f"{', '.join(waiting)} did not become ready to run")
 
     def _fault(self, t_ns: int, reason: str) -> Outcome:
@@ -337,8 +358,9 @@ class Cycle:
 
     def _push(self, t_ns: int, slot: int, began: int) -> None:
         clock, stamps, stale = self.clock, self._stamps, 0
-        for index in self._steady:
-            stale += stamps[index] != t_ns
+        if stamps.count(t_ns) != len(stamps):
+            for index in self._steady:
+                stale += stamps[index] != t_ns
         self.counters.stale += stale
         self._rows.push(t_ns, slot, self._values, self.limiter.applied, stamps)
         spent_ns = clock.now() - began
@@ -346,9 +368,9 @@ class Cycle:
         self._rows.push_own(t_ns, slot, own)
 
     def make_safe(self, t_ns: int | None = None) -> Sequence[str]:
-        """Bring every device to its safe state; return what went wrong, a sentence each.
+        """Bring every device to its safe state; return the errors, one sentence each.
 
-        One device that fails never keeps the others from being made safe.
+        An error of a device does not prevent that the others are made safe.
         """
         self.on_make_safe()
         problems = []
@@ -358,7 +380,7 @@ class Cycle:
             except Exception as error:  # noqa: BLE001 - boundary: recorded, and the others go on
                 problems.append(f"{mount.name} could not be made safe: {error}")
         now_ns = self.t_ns if t_ns is None else t_ns
-        self._rows.decide(now_ns, "")  # nothing plays any more, and there may be no more cycle
-        for problem in problems:  # told once all are safe
+        self._rows.decide(now_ns, "")  # nothing plays any more, and no cycle may follow
+        for problem in problems:  # recorded after all are safe
             self._emit(now_ns, "fault", {"reason": problem})
         return problems

@@ -1,8 +1,9 @@
-"""The cycle process: runs the control cycle in real time.
+"""Runs the control cycle of one rig in real time, in a process of its own.
 
-``python -m rigd.engine.cycle_process FOLDER FD``. It does what the daemon says over a socket that
-it never waits on, and shows on the board that it is alive. When the daemon dies or falls silent,
-it takes the setpoints to rest, makes every device safe, and ends.
+The daemon starts ``python -m rigd.engine.cycle_process FOLDER FD`` and sends commands over a
+socket. The cycle process never waits on that socket. It writes signs of life to the board (status
+words in shared memory). When the daemon ends or is silent too long, the cycle process takes the
+setpoints to rest, makes every device safe, and ends.
 """
 
 from __future__ import annotations
@@ -35,14 +36,15 @@ from rigd.sdk import Driver
 
 T = TypeVar("T")
 
-#: How long setpoints may take to rest once the daemon is gone; then all is made safe at once.
+#: Longest time for setpoints to reach rest after the daemon has ended; then all devices are made
+#: safe at once.
 LEAVE_NS: Final = 1_000_000_000
-#: While nothing plays, the process wakes this often to show that it is alive.
+#: Without a program, the process wakes at this interval to give its sign of life.
 IDLE_S: Final = 0.01
 
 
 class CycleProcess:
-    """The cycle of one rig, served to the daemon at the other end of ``link``."""
+    """Runs the cycle of one rig by the commands of the daemon at the other end of ``link``."""
 
     def __init__(self, folder: Path, link: socket.socket) -> None:
         self._folder = folder
@@ -60,7 +62,7 @@ class CycleProcess:
         self._cycle: Cycle = wiring.cycle
         self._cycle.on_make_safe = self._begin_making_safe
         self._plant = wiring.plant
-        # A ring has one writer: devices beside the cycle have theirs.
+        # A ring has only one writer: off-cycle devices have their own.
         elsewhere = {device.name for device in rig.devices.values() if not in_cycle(device)}
         rings = {
             name: ring for name, ring in run.row_rings(run.job).items() if name not in elsewhere
@@ -68,22 +70,22 @@ class CycleProcess:
         windows = stand_ins.windows
         self._cycle.connect(rings, self._job.record, self._emit, blocks=rings, windows=windows)
         self._trial = NO_TRIAL
-        self._serial = 0  #: of what plays, 0 where nothing was asked for that has not ended
+        self._serial = 0  #: of the command in progress, 0 if there is none
         self._endings: list[tuple[int, Outcome]] = []  #: by serial; the daemon may not know them
         self._final: Outcome | None = None  #: every device is safe; nothing moves any more
         self._in_cycle = [mount for mount in self._cycle.rig.mounts if mount.name not in elsewhere]
-        self._acting: tuple[m.Act, Driver] | None = None  #: what was asked, and of what
+        self._acting: tuple[m.Act, Driver] | None = None  #: the action, and its device
         self._arming_since: int | None = None
         self._ticking = False
         self._real_time = RealTime()
         self._silence_ns = round(rig.supervision.daemon_silence_s * 1e9)
-        self._told_steps = ""
-        self._told_trips = 0
+        self._reported_steps = ""
+        self._reported_trips = 0
         self._unsent: deque[bytes] = deque()
         self.over = False
 
     def run(self) -> None:
-        """Serve until told to close, or until the daemon is gone."""
+        """Serve until the daemon closes the run, or ends."""
         try:
             while not self.over:
                 if self._ticking:
@@ -107,27 +109,27 @@ class CycleProcess:
         board[Word.CYCLES] = counters.cycles
         board[Word.MISSED] = counters.missed
         board[Word.STALE] = counters.stale
-        board[Word.MUTE] = cycle.mute
+        board[Word.SILENT_DEVICES] = cycle.silent_devices
         board[Word.AT_REST] = cycle.limiter.at_rest()
         if self._arming_since is not None and outcome is None:
             outcome = self._arming()
         if self._acting is not None:
             self._look_at_action(*self._acting)
-        if cycle.segment != self._told_steps:
-            self._told_steps = cycle.segment
-            self._say(m.Entered(cycle.segment))
-        if len(cycle.trips) > self._told_trips:
-            self._say(m.Tripped(cycle.trips[self._told_trips]))
-            self._told_trips += 1
+        if cycle.segment != self._reported_steps:
+            self._reported_steps = cycle.segment
+            self._send(m.Entered(cycle.segment))
+        if len(cycle.trips) > self._reported_trips:
+            self._send(m.Tripped(cycle.trips[self._reported_trips]))
+            self._reported_trips += 1
         if outcome is not None:
             self._end(outcome)
         if time.monotonic_ns() - board[Word.BEAT_DAEMON] > self._silence_ns:
             silent_s = self._silence_ns * 1e-9
-            self._abandon(f"the daemon said nothing for {silent_s:g} s")
+            self._abandon(f"the daemon was silent for {silent_s:g} s")
 
     def _arming(self) -> Outcome | None:
-        """Return DONE once every device is enabled, or that some never were."""
-        waiting = self._cycle.unready()
+        """Return DONE when every device is enabled, or the failure if some were not in time."""
+        waiting = self._cycle.not_enabled()
         if not waiting:
             self._arming_since = None
             return Outcome(Severity.DONE)
@@ -136,18 +138,18 @@ class CycleProcess:
         return None
 
     def _end(self, outcome: Outcome) -> None:
-        """Tell how what was asked for ended; what nobody heard answers the next command."""
+        """Report the outcome of a command; a missed outcome answers the next command."""
         if outcome.severity >= Severity.ESTOP:
-            self._stand_still()
+            self._stop_exchanging()
             self._final = outcome
         self._arming_since = None
         self._endings.append((self._serial, outcome))
         if self._serial:
-            self._say(m.Ended(self._serial, outcome))
+            self._send(m.Ended(self._serial, outcome))
             self._serial = 0
 
     def _receive(self) -> None:
-        """Take one command, if there is one; the daemon's death shows as an empty packet."""
+        """Receive a command, if there is one; the end of the daemon is an empty packet."""
         try:
             packet = self._link.recv(m.MAX_PACKET + 1000)
         except BlockingIOError:
@@ -155,53 +157,53 @@ class CycleProcess:
         except OSError:
             packet = b""
         if not packet:
-            self._abandon("the daemon is gone")
+            self._abandon("the daemon has ended")
             return
         self._do(pickle.loads(packet))
 
     def _do(self, command: m.Command) -> None:
         match command:
-            case m.Play(serial, heard, trial, program, then, file):
+            case m.Play(serial, last_received, trial, program, then, file):
                 if file:
                     program, then = pickle.loads((self._folder / file).read_bytes())
                 self._trial = trial
                 if program is not None:
                     self._cycle.load(program, then)
-                self._begin(serial, heard)
-            case m.Rest(serial, heard, trial):
+                self._begin(serial, last_received)
+            case m.Rest(serial, last_received, trial):
                 self._trial = trial
                 self._cycle.load(None)
-                self._begin(serial, heard)
+                self._begin(serial, last_received)
             case m.Request(_, stop, reason):
                 self._control.request(stop, reason)
             case m.Acknowledge(_, interlock):
                 self._cycle.interlocks.acknowledge(interlock)
-            case m.Arm(serial, heard):
+            case m.Arm(serial, last_received):
                 self._cycle.load(None)
-                if self._begin(serial, heard):
+                if self._begin(serial, last_received):
                     self._arm()
             case m.Act():
                 self._act(command)
             case m.Question():
                 self._reply(command)
             case _:
-                raise TypeError(f"no such command: {command!r}")
+                raise TypeError(f"unknown command: {command!r}")
 
     def _reply(self, question: m.Question[Any]) -> None:
-        """Answer what can be answered at once."""
+        """Answer a question that can be answered at once."""
         match question:
             case m.Open(_, judge):
                 self._answer(question, self._open(judge=judge))
             case m.Judge():
                 judged = [*judge_devices(self._cycle), *self._prove_watchdogs()]
                 self._answer(question, judged)
-            case m.Unfit():
-                self._answer(question, self._cycle.unfit())
-            case m.Barred():
-                self._answer(question, self._cycle.ends_everything())
-            case m.Standing():
-                standing = self._cycle.interlocks.active()
-                self._answer(question, [interlock.name for interlock in standing])
+            case m.ArmingBlockers():
+                self._answer(question, self._cycle.arming_blockers())
+            case m.LockoutReason():
+                self._answer(question, self._cycle.lockout_reason())
+            case m.ActiveInterlocks():
+                tripped = self._cycle.interlocks.active()
+                self._answer(question, [interlock.name for interlock in tripped])
             case m.Identities():
                 self._answer(question, self._identities())
             case m.Loads():
@@ -216,12 +218,12 @@ class CycleProcess:
                 self._answer(question, [*self._make_safe(), *close_devices(self._cycle)])
                 self.over = True
             case _:
-                raise TypeError(f"no such question: {question!r}")
+                raise TypeError(f"unknown question: {question!r}")
 
-    def _begin(self, serial: int, heard: int) -> bool:
-        """Return whether what was asked for begins; else the cycle has acted, which is told."""
+    def _begin(self, serial: int, last_received: int) -> bool:
+        """Return whether the command begins; else report that the cycle has acted."""
         self._serial = serial
-        outcome = self._unheard(heard) or self._final
+        outcome = self._unheard(last_received) or self._final
         if outcome is not None:
             self._cycle.load(None)
             self._end(outcome)
@@ -230,11 +232,11 @@ class CycleProcess:
         self._board[Word.CYCLE_STATE] = CycleState.TICKING
         return True
 
-    def _unheard(self, heard: int) -> Outcome | None:
-        """Return the most severe ending after the one of ``heard``; from now on none is."""
+    def _unheard(self, last_received: int) -> Outcome | None:
+        """Return the most severe outcome after serial ``last_received``; forget all of them."""
         endings, self._endings = self._endings, []
         for place, (serial, _) in enumerate(endings):
-            if serial and serial == heard:
+            if serial and serial == last_received:
                 endings = endings[place + 1 :]
                 break
         return max((ending for _, ending in endings), key=lambda item: item.severity, default=None)
@@ -251,51 +253,52 @@ class CycleProcess:
 
     def _make_safe(self) -> Sequence[str]:
         problems = self._cycle.make_safe()
-        self._stand_still()
+        self._stop_exchanging()
         return problems
 
-    def _stand_still(self) -> None:
-        """Exchange nothing any more: every device is safe."""
+    def _stop_exchanging(self) -> None:
+        """Stop exchanging with devices: every device is safe."""
         self._ticking = False
         self._board[Word.CYCLE_STATE] = CycleState.WAITING
 
     def _open(self, *, judge: bool) -> Sequence[str]:
         reasons = list(open_devices(self._cycle, judge=judge, links_open=self._links_open))
-        self._tell("devices", self._identities())
+        self._record_event("devices", self._identities())
         if reasons:
             return reasons
         if judge:
             reasons = self._prove_watchdogs()
         self._real_time.enter()
         real_time = self._real_time
-        self._tell("realtime", {"granted": real_time.granted, "lost": real_time.lost})
+        self._record_event("realtime", {"granted": real_time.granted, "lost": real_time.lost})
         for sentence in self._real_time.lost:
-            self._say(m.Notice(f"not in real time: {sentence}"))
+            self._send(m.Notice(f"not in real time: {sentence}"))
         return reasons
 
     def _identities(self) -> Mapping[str, str]:
         return {mount.name: mount.driver.identity for mount in self._in_cycle}
 
     def _links_open(self) -> None:
-        """From now on the devices are ours, to be made safe over a second link if need be."""
+        """Note that this run has opened the links: only then a second link may make them safe."""
         self._board[Word.OURS] = 1
 
     def _prove_watchdogs(self) -> list[str]:
-        """Let each actuator's watchdog act once; a waiver is recorded instead."""
+        """Test the watchdog of each actuator once; for a waived device, record the waiver."""
         reasons = []
         for mount in self._cycle.rig.mounts:
             driver, device = mount.driver, self._job.rig.devices[mount.name]
-            if not driver.setpoints or self._plant is not None:
+            if not device.setpoints or self._plant is not None:
                 continue
             if driver.watchdog_s is None:
                 if device.waiver is None:
                     reasons.append(
-                        f"{mount.name} has no watchdog: nothing makes it safe when this computer "
-                        "dies. Give it one, or a `waiver` with a name and a reason in the rig file"
+                        f"{mount.name} has no watchdog: nothing makes it safe if this "
+                        "computer fails. Use one, or give a `waiver` with a name and a "
+                        "reason in the rig file"
                     )
                 else:
                     waiver = {"by": device.waiver.by, "reason": device.waiver.reason}
-                    self._tell("waiver", {"device": mount.name, **waiver})
+                    self._record_event("waiver", {"device": mount.name, **waiver})
                 continue
             try:
                 took_s = driver.prove_watchdog()
@@ -303,7 +306,7 @@ class CycleProcess:
                 reasons.append(f"{mount.name}: its watchdog is not proven: {error}")
                 continue
             found = {"device": mount.name, "safe_after_s": took_s, "bound_s": driver.watchdog_s}
-            self._tell("watchdog", found)
+            self._record_event("watchdog", found)
         return reasons
 
     def _act(self, question: m.Act) -> None:
@@ -316,20 +319,20 @@ class CycleProcess:
         self._acting = (question, driver)
 
     def _look_at_action(self, question: m.Act, driver: Driver) -> None:
-        """Answer what became of the action under way, once it is over."""
+        """Answer with the result of the action in progress, when it has ended."""
         try:
-            said = driver.acted()
+            reply = driver.acted()
         except DEVICE_ERRORS as error:
             self._answer(question, m.Acted("", error))
         else:
-            if said is None:
+            if reply is None:
                 return
-            self._answer(question, m.Acted(said))
+            self._answer(question, m.Acted(reply))
         self._acting = None
 
     def _change(self, quantity: str, value: float | str) -> Sequence[str]:
         if self._plant is None:
-            return [f"there is no plant to change {quantity} of"]
+            return [f"there is no plant whose {quantity} could change"]
         try:
             self._plant.change(quantity, value)
         except ValueError as error:
@@ -337,58 +340,58 @@ class CycleProcess:
         return []
 
     def _abandon(self, reason: str) -> None:
-        """The daemon is gone: setpoints to rest within their rates, then safe, closed, over."""
+        """End without a daemon: setpoints to rest within their rates, then make safe and close."""
         self._control.request(Severity.ABORT, reason)
-        self._tell("fault", {"reason": f"{reason}; the rig is made safe"})
+        self._record_event("fault", {"reason": f"{reason}; the rig is made safe"})
         if self._ticking:
             self._cycle.load(None)
             until = time.monotonic_ns() + LEAVE_NS
             while self._cycle.step() is None and time.monotonic_ns() < until:
                 self._board[Word.BEAT_CYCLE] = time.monotonic_ns()
         for problem in (*self._make_safe(), *close_devices(self._cycle)):
-            self._tell("fault", {"reason": problem})
-        sys.stderr.write(f"{reason}; the rig was made safe\n")  # for a daemon that comes back
+            self._record_event("fault", {"reason": problem})
+        sys.stderr.write(f"{reason}; the rig was made safe\n")  # for a daemon that restarts
         self.over = True
 
-    def heed(self, number: int, frame: FrameType | None) -> None:
-        """Abort on a signal meant for this process alone."""
+    def handle_signal(self, number: int, frame: FrameType | None) -> None:
+        """Abort on a signal for this process only."""
         name = signal.Signals(number).name
         self._control.request(Severity.ABORT, f"{name} was sent to the cycle process")
 
     def _emit(self, t_ns: int, kind: str, data: Mapping[str, object]) -> None:
         self._events.push(t_ns, kind, self._trial, data)
 
-    def _tell(self, kind: str, data: Mapping[str, object]) -> None:
+    def _record_event(self, kind: str, data: Mapping[str, object]) -> None:
         """Record an event outside of the slots."""
         clock = self._cycle.clock
         self._emit(clock.start_ns + clock.now(), kind, data)
 
     def _answer(self, question: m.Question[T], value: T) -> None:
-        self._say(m.Answer(question.serial, value))
+        self._send(m.Answer(question.serial, value))
 
-    def _say(self, message: m.Answer[Any] | m.Ended | m.News) -> None:
+    def _send(self, message: m.Answer[Any] | m.Ended | m.Notification) -> None:
         self._unsent.append(pickle.dumps(message))
         self._send_unsent()
 
     def _send_unsent(self) -> None:
-        """Send what waits, as far as the daemon takes it; never wait for it."""
+        """Send the waiting messages as far as the socket accepts them; never wait."""
         while self._unsent:
             try:
                 self._link.send(self._unsent[0])
             except BlockingIOError:
                 return
             except OSError:
-                self._unsent.clear()  # the daemon is gone, which _receive sees
+                self._unsent.clear()  # the daemon has ended, which _receive notices
                 return
             self._unsent.popleft()
 
 
 def main(folder: Path, fd: int) -> None:
-    """Run the cycle process of the run in ``folder``, commanded over the socket ``fd``."""
+    """Run the cycle process of the run in ``folder``, with commands over the socket ``fd``."""
     with socket.socket(fileno=fd) as link:
         process = CycleProcess(folder, link)
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, process.heed)
+            signal.signal(number, process.handle_signal)
         signal.signal(signal.SIGTSTP, signal.SIG_IGN)
         process.run()
 

@@ -1,12 +1,12 @@
-"""Puts the rows of a cycle into the rings of their streams."""
+"""Writes the rows of each cycle into the rings, the buffers from which the recorder reads rows."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from rigd.engine.block_rows import BlockSink
-from rigd.engine.mount import CYCLE_STREAM, Mount, MountedRig
+from rigd.engine.mount import CYCLE_STREAM, MountedRig
 from rigd.engine.plant_blocks import PlantBlocks
 from rigd.engine.windows import StepWindows, Windows
 from rigd.model.channels import STALE
@@ -14,15 +14,28 @@ from rigd.procedure.program import Recorded
 
 
 class RowSink(Protocol):
-    """Where the rows of one stream go; never waits."""
+    """Takes the rows of one stream; never waits."""
 
     def push(self, t_ns: int, row: Sequence[float]) -> None:
-        """Take one row: the values in order, the status word (an int) last where there is one."""
+        """Append a row: the values in order, the status word (an int) last if there is one."""
         ...
 
 
+class _Pushed(NamedTuple):
+    """A device whose rows are pushed: its places in the tables, and when they are pushed."""
+
+    position: int
+    places: slice
+    commands: slice
+    has_status: bool
+    every_cycle: bool
+    ring: RowSink
+    every: int
+    window: Windows | None
+
+
 class CycleRows:
-    """Pushes what the cycle has read and written to ``rings``, as ``record`` says.
+    """Pushes the values that the cycle has read and written to ``rings``, according to ``record``.
 
     Blocks that are read in the cycle go to ``blocks``, row by row at their own times. ``windows``
     are those of the streams that another process records.
@@ -37,7 +50,7 @@ class CycleRows:
         windows: Mapping[str, Windows],
     ) -> None:
         self._windows = StepWindows(record, windows)
-        self._devices: list[tuple[Mount, int, RowSink, int, Windows | None]] = []
+        self._devices: list[_Pushed] = []
         self._own: tuple[RowSink, int, Windows | None] | None = None
         for index, mount in enumerate(rig.mounts):
             name = mount.name
@@ -46,46 +59,59 @@ class CycleRows:
                     mount.driver.record(blocks[name], record[name].every, self._windows.of(name))
             elif name in rings:
                 every, window = record[name].every, self._windows.of(name)
-                self._devices.append((mount, index, rings[name], every, window))
+                declared = mount.driver.declaration
+                self._devices.append(
+                    _Pushed(
+                        index,
+                        mount.values,
+                        mount.commands,
+                        declared.has_status,
+                        declared.every_cycle,
+                        rings[name],
+                        every,
+                        window,
+                    )
+                )
         name = CYCLE_STREAM.name
         if name in rings:
             self._own = rings[name], record[name].every, self._windows.of(name)
 
     def decide(self, t_ns: int, step: str) -> None:
-        """Say which step plays in the cycle at ``t_ns`` ("": none); before :meth:`push`."""
+        """Set the step that plays in the cycle at ``t_ns`` ("": none); call before :meth:`push`."""
         self._windows.decide(t_ns, step)
 
     def push(
         self,
         t_ns: int,
         slot: int,
-        values: Sequence[float],
+        values: list[float],
         setpoints: Sequence[float],
         stamps: Sequence[int],
     ) -> None:
-        """Push the row of every device that has one in this cycle.
+        """Push the row of every device that has a row in this cycle.
 
-        ``values`` and ``setpoints`` are the tables of the rig; ``stamps`` say how old they are.
+        ``values`` and ``setpoints`` are the tables of the rig; ``stamps`` are the times of the
+        values.
         """
-        for mount, index, ring, every, window in self._devices:
-            fresh = stamps[index] == t_ns
-            if slot % every or not (fresh or mount.driver.every_cycle):
+        for position, places, commands, has_status, steady, ring, every, window in self._devices:
+            fresh = stamps[position] == t_ns
+            if slot % every or not (fresh or steady):
                 continue
             if window is not None and not window.is_open:
                 continue
-            row = list(values[mount.values])
-            if mount.driver.has_status:
+            row = values[places]
+            if has_status:
                 status = row.pop()
-                # NaN: the device has not answered yet; all bits set says "unknown".
-                row += setpoints[mount.commands]
+                # NaN: the device has not answered yet; all bits set means "unknown".
+                row += setpoints[commands]
                 word = int(status) if status == status else 0xFFFFFFFF
                 row.append(word if fresh else word | STALE)
             else:
-                row += setpoints[mount.commands]
+                row += setpoints[commands]
             ring.push(t_ns, row)
 
     def push_own(self, t_ns: int, slot: int, row: Sequence[float]) -> None:
-        """Push what the cycle says about itself."""
+        """Push the cycle's own counters and times."""
         if self._own is None:
             return
         ring, every, window = self._own

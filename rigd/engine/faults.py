@@ -1,4 +1,7 @@
-"""Faults that a procedure injects into the simulated devices of its rig; they end with the run."""
+"""Makes the simulated devices of a rig show the faults that a procedure asks for.
+
+The faults end with the run.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +18,14 @@ Ask = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 
 
 class ShownFaults:
-    """The faults of one run, shown by the simulation behind ``ask``."""
+    """Starts and ends the faults of one run through ``ask``, a request to the simulation."""
 
     def __init__(self, ask: Ask) -> None:
         self._ask = ask
         self._shown: list[Fault] = []
 
     def unknown(self, procedure: CompiledProcedure) -> Sequence[str]:
-        """Return which faults of ``procedure`` the simulation cannot show, a sentence each."""
+        """Return the faults of ``procedure`` that the simulation cannot show, one sentence each."""
         wanted = [step for step in procedure.steps() if isinstance(step, Fault)]
         if not wanted:
             return ()
@@ -34,17 +37,19 @@ class ShownFaults:
         for item in wanted:
             if item.part not in parts:
                 hint = suggest(item.part, parts)
-                reasons.append(f"the simulation has no device {item.part!r} to fail: {hint}")
+                reasons.append(
+                    f"the simulation has no device {item.part!r} that could fail: {hint}"
+                )
             elif item.fault not in parts[item.part]:
                 hint = suggest(item.fault, parts[item.part])
                 reasons.append(f"{item.part} cannot show the fault {item.fault!r}: {hint}")
         return reasons
 
     def show(self, fault: Fault) -> None:
-        """Let the simulation show ``fault``.
+        """Show ``fault`` in the simulation.
 
         Raises:
-            ValueError: it cannot; says why.
+            ValueError: the simulation cannot show it; the message gives the reason.
         """
         try:
             self._ask(
@@ -62,8 +67,8 @@ class ShownFaults:
         self._shown.append(fault)
 
     def clear(self) -> None:
-        """End everything that was shown, also what was still to come."""
-        with suppress(LinkError):  # a simulation that has ended shows nothing any more
+        """End every fault, also those that have not begun yet."""
+        with suppress(LinkError):  # a simulation that has ended shows no faults
             while self._shown:
                 fault = self._shown.pop()
                 self._ask({"do": "clear", "part": fault.part, "fault": fault.fault})

@@ -1,8 +1,9 @@
-"""The interface through which a run reaches the control cycle, in this process or another.
+"""Defines the interface through which a run commands the control cycle.
 
-In virtual time, and for simulations paced otherwise than the wall, the cycle runs in this process
-(:class:`~rigd.engine.in_process.InProcessHost`); on real devices it is a process of its own
-(:class:`~rigd.engine.process_host.ProcessHost`). The run knows only this.
+In virtual time, and for simulations at another speed than the wall clock, the cycle runs in the
+same process as the run (:class:`~rigd.engine.in_process.InProcessHost`). On real devices the cycle
+is a process of its own (:class:`~rigd.engine.process_host.ProcessHost`). A run uses only this
+interface.
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ from rigd.procedure.program import CycleProgram
 
 
 class Host(Protocol):
-    """Plays cycle programs on the devices of a rig and records what they give.
+    """Plays cycle programs on the devices of a rig and records the rows and events that result.
 
-    Whatever returns an :class:`Outcome` returns it where the cycle had to act: an interlock, a
-    request to stop, a device that failed. Every method may raise RecordingError where the
-    recording cannot be kept.
+    A method that returns an :class:`Outcome` returns it if the cycle had to act: an interlock, a
+    request to stop, a device that failed. Every method may raise RecordingError if the recording
+    cannot be continued.
     """
 
-    trial: int  #: number of the trial that events belong to
-    on_drain: Callable[[], None]  #: called now and then while something plays
+    trial: int  #: trial number of the events
+    on_drain: Callable[[], None]  #: called from time to time while a program plays
 
     @property
     def virtual(self) -> bool:
@@ -34,7 +35,7 @@ class Host(Protocol):
 
     @property
     def t_ns(self) -> int:
-        """Unix time of the slot under way, in ns."""
+        """Unix time of the present slot, in ns."""
         ...
 
     @property
@@ -44,17 +45,17 @@ class Host(Protocol):
 
     @property
     def segment(self) -> str:
-        """Name of the step that plays."""
+        """Name of the present step."""
         ...
 
     @property
     def counters(self) -> CycleCounters:
-        """What the cycle counts about itself."""
+        """Counters of the cycle."""
         ...
 
     @property
     def trips(self) -> Sequence[Trip]:
-        """Everything that tripped so far."""
+        """All trips so far."""
         ...
 
     @property
@@ -63,15 +64,15 @@ class Host(Protocol):
         ...
 
     def open(self) -> Sequence[str]:
-        """Open every device and prove its watchdog; return what keeps the rig from being armed."""
+        """Open every device and test its watchdog; return why the rig cannot be armed."""
         ...
 
     def identities(self) -> Mapping[str, str]:
-        """Return what every device said it is, by name, once all are open."""
+        """Return the identity that each device reported, by name, after all are open."""
         ...
 
-    def unfit(self) -> Sequence[str]:
-        """Return why the rig, looked at in rest, is not fit to be armed; a sentence each."""
+    def arming_blockers(self) -> Sequence[str]:
+        """Return the reasons why the rig, at rest, cannot be armed; one sentence each."""
         ...
 
     def arm(self) -> Outcome | None:
@@ -81,8 +82,8 @@ class Host(Protocol):
     def play(self, program: CycleProgram, then: CycleProgram | None = None) -> Outcome:
         """Play ``program`` to its end and return how it ended.
 
-        ``then`` is what will be played next, if it comes to that: where ``program`` plays to its
-        end, the cycle goes on with it at once, whether or not anybody asks for it in time.
+        ``then`` is the probable next program: if ``program`` reaches its end, the cycle continues
+        with ``then`` at once, even if the request for it arrives late.
         """
         ...
 
@@ -91,33 +92,33 @@ class Host(Protocol):
         ...
 
     def come_to_rest(self) -> Outcome | None:
-        """Let the setpoints go to rest, each within its rate, and return once they are there."""
+        """Take the setpoints to rest, each within its rate, and return when they are there."""
         ...
 
     def rest_while(self, condition: Callable[[], bool]) -> Outcome | None:
-        """Keep the rig at rest as long as ``condition`` holds."""
+        """Keep the rig at rest while ``condition`` holds."""
         ...
 
     def settle(self, count: int) -> Outcome | None:
-        """Run ``count`` cycles at rest, and more until every device has given a row."""
+        """Run ``count`` cycles at rest, and more until every device has returned a row."""
         ...
 
-    def ends_everything(self) -> str:
-        """Return why nothing may move any more, or ""."""
+    def lockout_reason(self) -> str:
+        """Return why motion is locked out, or ""."""
         ...
 
     def drain(self) -> None:
-        """See to it that what was recorded so far is handed on."""
+        """Write the rows and events recorded so far to the sink."""
         ...
 
     def event(self, kind: str, data: Mapping[str, object]) -> None:
-        """Record one event, stamped with the slot under way."""
+        """Record an event with the time of the present slot."""
         ...
 
     def make_safe(self) -> Sequence[str]:
-        """Bring every device to its safe state; return what went wrong, a sentence each."""
+        """Bring every device to its safe state; return the errors, one sentence each."""
         ...
 
     def close(self) -> None:
-        """Close every device, then finish the recording."""
+        """Close every device, then complete the recording."""
         ...

@@ -1,7 +1,8 @@
-"""Host in one process: runs the cycle and drains its rings into a sink.
+"""Runs the control cycle in the process of the run, and moves its rows from the rings to a sink.
 
-The form for virtual time and for simulations paced to the wall clock. It owns the order in which
-rows and events reach the sink, so that in virtual time a recording repeats bit for bit.
+A run uses this host in virtual time, and for simulations at another speed than the wall clock. The
+host decides the order in which rows and events reach the sink, so in virtual time a recording
+repeats bit for bit.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ from rigd.engine.sink import Sink
 from rigd.procedure.program import CycleProgram, Recorded
 from rigd.record.events import NO_TRIAL
 
-#: Rows wait at most this long before they are on disk (a killed recorder loses less than this).
+#: Longest time until rows are on disk (if the recorder is killed, no more than this is lost).
 FLUSH_NS = 100_000_000
-#: Rings are drained this often, in time of the run.
+#: Interval of draining the rings, in run time.
 DRAIN_NS = 50_000_000
-#: How long devices may take to be enabled.
+#: Longest time for devices to become enabled.
 ARM_NS = 3_000_000_000
-#: In virtual time nothing is gained by draining often; larger blocks are cheaper.
+#: In virtual time frequent draining has no benefit; larger blocks are cheaper.
 VIRTUAL_DRAIN_NS = 1_000_000_000
 
 
@@ -38,8 +39,8 @@ class InProcessHost:
         cycle: the cycle, wired to its rig.
         clock: the clock of that cycle.
         virtual: whether that clock never waits.
-        sink: where rows go.
-        record: streams to record, and what of them.
+        sink: receives the rows.
+        record: the streams to record, and which of their rows.
         on_drain: called after each drain, for progress.
     """
 
@@ -59,7 +60,7 @@ class InProcessHost:
         self.on_drain = on_drain
         every_ns = VIRTUAL_DRAIN_NS if virtual else DRAIN_NS
         self._drain_every = max(1, every_ns // clock.period_ns)
-        # Ten times what one drain takes out: room for a disk that pauses.
+        # Ten times the rows of one drain: room for a disk that pauses.
         room = 10 * self._drain_every + 1000
         in_blocks = {
             mount.name for mount in cycle.rig.mounts if isinstance(mount.driver, PlantBlocks)
@@ -73,13 +74,13 @@ class InProcessHost:
         blocks = {item.name: BlockQueue(item) for item in streams if item.name in in_blocks}
         cycle.connect(rings, record, self._emit, blocks=blocks)
         self._rings: dict[str, RowRing | BlockQueue] = {**rings, **blocks}
-        self.trial = NO_TRIAL  #: number of the trial that events belong to
+        self.trial = NO_TRIAL  #: trial number of the events
         self._cycles = 0
         self._flushed_ns = monotonic_ns()
 
     @property
     def t_ns(self) -> int:
-        """Unix time of the slot under way, in ns."""
+        """Unix time of the present slot, in ns."""
         return self.cycle.t_ns
 
     @property
@@ -89,56 +90,56 @@ class InProcessHost:
 
     @property
     def segment(self) -> str:
-        """Name of the step that plays."""
+        """Name of the present step."""
         return self.cycle.segment
 
     @property
     def counters(self) -> CycleCounters:
-        """What the cycle counts about itself."""
+        """Counters of the cycle."""
         return self.cycle.counters
 
     @property
     def trips(self) -> Sequence[Trip]:
-        """Everything that tripped so far."""
+        """All trips so far."""
         return self.cycle.trips
 
     def open(self) -> Sequence[str]:
-        """Open every device; return what keeps the rig from being armed.
+        """Open every device; return the reasons why the rig cannot be armed.
 
-        Simulated in process, the devices die with this process: there is no watchdog to prove.
+        Devices simulated in process end with this process: there is no watchdog to test.
         """
         reasons = open_devices(self.cycle)
-        if said := {name: identity for name, identity in self.identities().items() if identity}:
-            self.event("devices", said)
+        if reported := {name: identity for name, identity in self.identities().items() if identity}:
+            self.event("devices", reported)
         return reasons
 
     def identities(self) -> Mapping[str, str]:
-        """Return what every device said it is, once all are open."""
+        """Return the identity that each device reported, after all are open."""
         return {mount.name: mount.driver.identity for mount in self.cycle.rig.mounts}
 
-    def unfit(self) -> Sequence[str]:
-        """Return why the rig, looked at in rest, is not fit to be armed."""
-        return self.cycle.unfit()
+    def arming_blockers(self) -> Sequence[str]:
+        """Return the reasons why the rig, at rest, cannot be armed; one sentence each."""
+        return self.cycle.arming_blockers()
 
     def arm(self) -> Outcome | None:
-        """Enable every device, at rest, and run cycles until all are."""
+        """Enable every device, at rest, and run cycles until all are enabled."""
         outcome = self.cycle.arm()
         begun_ns = self.cycle.t_ns
         self.cycle.load(None)
-        while outcome is None and (waiting := self.cycle.unready()):
+        while outcome is None and (waiting := self.cycle.not_enabled()):
             outcome = self._step()
             if outcome is None and self.cycle.t_ns - begun_ns > ARM_NS:
                 outcome = self.cycle.give_up(waiting)
         return outcome
 
-    def ends_everything(self) -> str:
-        """Return why nothing may move any more, or ""."""
-        return self.cycle.ends_everything()
+    def lockout_reason(self) -> str:
+        """Return why motion is locked out, or ""."""
+        return self.cycle.lockout_reason()
 
     def play(self, program: CycleProgram, then: CycleProgram | None = None) -> Outcome:
         """Play ``program`` to its end and return how it ended.
 
-        ``then`` need not be known: what is played next follows in the next cycle here.
+        ``then`` is not needed: here the next program always follows in the next cycle.
         """
         self.cycle.load(program)
         while (outcome := self._step()) is None:
@@ -146,13 +147,13 @@ class InProcessHost:
         return outcome
 
     def ask(self, question: Callable[[], None]) -> Outcome | None:
-        """Run ``question`` in a thread; the cycle goes on at rest until it returns.
+        """Run ``question`` in a thread; the cycle continues at rest until it returns.
 
-        In virtual time the world stands still instead, unless a person wants out. Returns an
-        outcome where the cycle had to act meanwhile (an interlock, a stop); the question is then
-        left behind in its thread, which dies with the process.
+        In virtual time the clock stops instead, except for a request to stop. Returns an outcome if
+        the cycle had to act meanwhile (an interlock, a stop); the question then remains in its
+        thread, which ends with the process.
         """
-        # Rest first, so that what holds afterwards does not depend on how fast the answer came.
+        # Rest first, so that the state afterwards does not depend on the speed of the answer.
         outcome = self.come_to_rest()
         if outcome is not None:
             return outcome
@@ -168,11 +169,11 @@ class InProcessHost:
         return None
 
     def come_to_rest(self) -> Outcome | None:
-        """Let the setpoints go to rest, each within its rate, and return once they are there."""
+        """Take the setpoints to rest, each within its rate, and return when they are there."""
         return self.rest_while(lambda: not self.cycle.limiter.at_rest())
 
     def rest_while(self, condition: Callable[[], bool]) -> Outcome | None:
-        """Keep the rig at rest as long as ``condition`` holds; return an outcome as :meth:`ask`."""
+        """Keep the rig at rest while ``condition`` holds; return an outcome like :meth:`ask`."""
         self.cycle.load(None)
         while condition():
             outcome = self._step()
@@ -181,9 +182,11 @@ class InProcessHost:
         return None
 
     def settle(self, count: int) -> Outcome | None:
-        """Run ``count`` cycles at rest, and more until every device has given a row."""
+        """Run ``count`` cycles at rest, and more until every device has returned a row."""
         enough = self.cycle.counters.cycles + count
-        return self.rest_while(lambda: self.cycle.counters.cycles < enough or self.cycle.mute > 0)
+        return self.rest_while(
+            lambda: self.cycle.counters.cycles < enough or self.cycle.silent_devices > 0
+        )
 
     def _step(self) -> Outcome | None:
         outcome = self.cycle.step()
@@ -193,11 +196,11 @@ class InProcessHost:
         return outcome
 
     def drain(self) -> None:
-        """Hand all waiting rows to the sink; flush when the last flush is old enough."""
+        """Write all waiting rows to the sink; flush if the last flush is old enough."""
         self._cycles = 0
         self._hand_over()
         now = monotonic_ns()
-        # Half a drain early rather than half a drain late.
+        # Rather half a drain early than half a drain late.
         if now - self._flushed_ns >= FLUSH_NS - DRAIN_NS // 2:
             self._sink.flush()
             self._flushed_ns = now
@@ -210,22 +213,22 @@ class InProcessHost:
                 self._sink.write(name, rows)
 
     def event(self, kind: str, data: Mapping[str, object]) -> None:
-        """Hand one event to the sink, stamped with the slot under way."""
+        """Record an event with the time of the present slot."""
         self._emit(self.cycle.t_ns, kind, data)
 
     def _emit(self, t_ns: int, kind: str, data: Mapping[str, object]) -> None:
         self._sink.event(t_ns, kind, self.trial, data)
 
     def make_safe(self) -> Sequence[str]:
-        """Bring every device to its safe state; return what went wrong, a sentence each."""
+        """Bring every device to its safe state; return the errors, one sentence each."""
         return self.cycle.make_safe()
 
     def close(self) -> None:
-        """Close every device, then finish the recording."""
+        """Close every device, then complete the recording."""
         try:
             for problem in close_devices(self.cycle):
                 self.event("fault", {"reason": problem})
-            self._hand_over()  # what a block device gave last
+            self._hand_over()  # the last rows of a block device
         finally:
             self._sink.close()
 
@@ -238,11 +241,11 @@ class InProcessHost:
 def open_devices(
     cycle: Cycle, *, judge: bool = True, links_open: Callable[[], None] = lambda: None
 ) -> Sequence[str]:
-    """Open links and devices of ``cycle``; return what keeps them from being armed.
+    """Open links and devices of ``cycle``; return the reasons why they cannot be armed.
 
-    What stands on a link that could not be opened is left out: one cause, one sentence. With
-    ``judge`` False what is open is not asked whether it is fit (see :func:`judge_devices`).
-    ``links_open`` is called once all links are, before the first device is.
+    Devices on a link that could not be opened are left out: one cause gives one sentence. With
+    ``judge`` False, open devices are not asked whether they are fit (see :func:`judge_devices`).
+    ``links_open`` is called after all links are open, before the first device is.
     """
     reasons: list[str] = []
     dead = set()
@@ -269,7 +272,7 @@ def open_devices(
 
 
 def judge_devices(cycle: Cycle) -> Sequence[str]:
-    """Return what keeps the devices of ``cycle``, all open, from being armed; a sentence each."""
+    """Return the reasons why the open devices of ``cycle`` cannot be armed; one sentence each."""
     return [reason for mount in cycle.rig.mounts for reason in _unfit(mount)]
 
 
@@ -281,7 +284,7 @@ def _unfit(mount: Mount) -> list[str]:
 
 
 def close_devices(cycle: Cycle) -> Sequence[str]:
-    """Close devices and links of ``cycle``; return what went wrong, a sentence each."""
+    """Close devices and links of ``cycle``; return the errors, one sentence each."""
     problems = []
     closing = [(mount.name, mount.driver.close) for mount in cycle.rig.mounts]
     closing += [(name, link.close) for name, link in cycle.rig.links.items()]

@@ -1,4 +1,4 @@
-"""Interlocks: conditions on channels, checked in every cycle."""
+"""Checks the interlocks of a rig, which are conditions on channels, in every cycle."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from rigd.model.units import Quantity, parse_unit
 
 @dataclass(frozen=True)
 class Trip:
-    """An interlock that acted: when, why, in words for the operator.
+    """A trip of an interlock: its time, and its reason as text for the operator.
 
-    ``message`` is the interlock's own, or "" where it speaks of bounds and nothing is known of
-    the value.
+    ``message`` is the interlock's own text, or "" if it describes bounds but the value is unknown.
     """
 
     t_ns: int
@@ -36,21 +35,21 @@ class _Rule:
     unit: str
     low: float
     high: float
-    low_from: int  # index of the channel that gives the bound, or -1
+    low_from: int  # index of the channel that is the bound, or -1
     high_from: int
-    bound_devices: tuple[int, ...]  # those that give a bound
+    bound_devices: tuple[int, ...]  # channels that are a bound
     delay_ns: int
     stale_ns: int
 
 
 class InterlockBank:
-    """All interlocks of a rig, with what each has seen so far.
+    """Checks all interlocks of a rig and keeps the state of each.
 
-    ``readings`` maps channel names to indices of the values table, ``units`` gives their units,
-    ``device_of`` the device each index belongs to.
+    ``readings`` maps channel names to indices of the values table, ``units`` has their units,
+    ``device_of`` has the device of each index.
 
     Raises:
-        KeyError: an interlock names a channel the rig does not have.
+        KeyError: an interlock names an unknown channel.
     """
 
     def __init__(
@@ -61,14 +60,14 @@ class InterlockBank:
         device_of: Sequence[int],
     ) -> None:
         self._rules = [_bind(interlock, readings, units, device_of) for interlock in interlocks]
-        self._since: list[int | None] = [None] * len(interlocks)  # when the violation began
+        self._since: list[int | None] = [None] * len(interlocks)  # start of the violation
         self._tripped = [False] * len(interlocks)
 
     def check(self, t_ns: int, values: Sequence[float], stamps: Sequence[int]) -> list[Trip]:
         """Return the interlocks that trip in this cycle.
 
-        ``stamps`` holds when each device last gave a row, in ns. A channel that gives a bound must
-        be as fresh as the one it bounds.
+        ``stamps`` has the time of each device's last row, in ns. A channel that is a bound must be
+        as fresh as the channel that it bounds.
         """
         trips: list[Trip] = []
         for index, rule in enumerate(self._rules):
@@ -78,7 +77,7 @@ class InterlockBank:
             own_age_ns = age_ns = t_ns - stamps[rule.device]
             for device in rule.bound_devices:
                 age_ns = max(age_ns, t_ns - stamps[device])
-            # NaN fails every comparison, in the value as in a bound, and so counts as a violation.
+            # NaN fails every comparison, as value and as bound, and so counts as a violation.
             if low <= value <= high and age_ns <= rule.stale_ns:
                 if self._since[index] is not None:
                     self._recover(index, value, low, high)
@@ -86,7 +85,7 @@ class InterlockBank:
             since = self._since[index]
             if since is None:
                 since = self._since[index] = t_ns
-            # No delay excuses data that cannot be trusted.
+            # Data that cannot be trusted trip without delay.
             untrusted = age_ns > rule.stale_ns or math.isnan(value + low - high)
             if not self._tripped[index] and (untrusted or t_ns - since >= rule.delay_ns):
                 self._tripped[index] = True
@@ -107,7 +106,7 @@ class InterlockBank:
             self._since[index] = None
 
     def active(self, least: Severity = Severity.WARN) -> list[Interlock]:
-        """Return the interlocks that stand tripped, of at least this severity."""
+        """Return the interlocks that are tripped, of at least this severity."""
         return [
             rule.interlock
             for rule, tripped in zip(self._rules, self._tripped, strict=True)
@@ -115,7 +114,7 @@ class InterlockBank:
         ]
 
     def violated(self, least: Severity) -> list[Interlock]:
-        """Return the interlocks whose condition holds now, whatever their delay still allows."""
+        """Return the interlocks whose condition holds now, also during their delay."""
         return [
             rule.interlock
             for rule, since in zip(self._rules, self._since, strict=True)
@@ -123,10 +122,10 @@ class InterlockBank:
         ]
 
     def acknowledge(self, name: str) -> None:
-        """Let a latched interlock clear; it trips again at once if its condition still holds.
+        """Permit a latched interlock to clear; it trips again at once if its condition still holds.
 
         Raises:
-            KeyError: no interlock of that name.
+            KeyError: unknown interlock.
         """
         for index, rule in enumerate(self._rules):
             if rule.interlock.name == name:
@@ -165,10 +164,10 @@ def _reason(
 ) -> str:
     source, unit = rule.interlock.source, parse_unit(rule.unit)
     if age_ns > rule.stale_ns:
-        what = source if own_age_ns > rule.stale_ns else f"a bound of {source}"
+        stale_name = source if own_age_ns > rule.stale_ns else f"a bound of {source}"
         return (
-            f"{what} is stale: its last row is {age_ns / 1e6:.0f} ms old, "
-            f"at most {rule.stale_ns / 1e6:.0f} ms is allowed"
+            f"{stale_name} is stale: its last row is {age_ns / 1e6:.0f} ms old, at most "
+            f"{rule.stale_ns / 1e6:.0f} ms are allowed"
         )
     if math.isnan(value):
         return f"{source} is not a number (NaN)"

@@ -1,6 +1,8 @@
-"""The processes of a run, begun: its folder in memory first, then the cycle and what is beside it.
+"""Starts the processes of a run: prepares the run's folder in memory, then starts the cycle.
 
-Nothing is opened here. Whoever keeps what the rings hold (a recorder) begins between the two.
+:func:`prepare` makes the folder. After that the caller may start the recorder, which writes the
+rows of the rings to disk. Then :func:`launch` starts the cycle process and the off-cycle devices,
+which the cycle does not exchange with itself. This module opens no device.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from rigd.engine.control import Control
 from rigd.engine.process_host import ProcessHost, Watched
 from rigd.engine.rates import ring_rows
 from rigd.engine.shared import Job, RunFolder, Word
-from rigd.engine.slow.beside import Beside
+from rigd.engine.slow.off_cycle import OffCycleDevices
 from rigd.procedure.program import Recorded
 
 
@@ -22,7 +24,7 @@ def prepare(
     """Make the board and the rings of ``job`` in ``folder``; each ring holds ``ring_s`` of rows.
 
     Raises:
-        RecordingError: the folder still holds what an earlier run left, or has no room.
+        RecordingError: the folder still contains data of an earlier run, or has no room.
     """
     folder.prepare(
         job,
@@ -56,6 +58,6 @@ def launch(
         folder=folder,
         control=control,
         watched=watched,
-        beside=Beside(rig, folder, job, origin_ns=origin_ns, record=record),
+        off_cycle=OffCycleDevices(rig, folder, job, origin_ns=origin_ns, record=record),
         finish=finish,
     )

@@ -1,4 +1,4 @@
-"""The limiter: no setpoint leaves rigd outside its bounds or faster than its rate."""
+"""Limits every setpoint of a rig in value and rate before a driver writes it."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from rigd.model.limits import SetpointLimit
 class Limiter:
     """Bounds every setpoint in value and in rate, cycle by cycle.
 
-    ``limits`` in the order of the command table. Setpoints begin at rest.
+    ``limits`` are in the order of the command table. Setpoints begin at rest.
     """
 
     def __init__(self, limits: Sequence[SetpointLimit], period_s: float) -> None:
         self.limits = tuple(limits)
-        self.applied = [limit.rest for limit in limits]  #: what was last let through
-        self.cut: set[int] = set()  #: indices whose last command was refused or out of bounds
+        self.applied = [limit.rest for limit in limits]  #: the last setpoints that passed
+        self.cut: set[int] = set()  #: indices of commands refused or out of bounds
         self._bounds = [(lim.low, lim.high, lim.rate * period_s) for lim in limits]
 
     def apply(self, wanted: Sequence[float]) -> list[float]:
         """Return the setpoints that may be written now.
 
-        A setpoint that is not finite holds the last one that was.
+        For a setpoint that is not finite, the last finite value holds.
         """
         applied = self.applied
         for index, (low, high, step) in enumerate(self._bounds):
@@ -48,7 +48,7 @@ class Limiter:
         return applied
 
     def at_rest(self) -> bool:
-        """Return whether every setpoint stands at its rest value."""
+        """Return whether every setpoint has its rest value."""
         return all(
             value == limit.rest for value, limit in zip(self.applied, self.limits, strict=True)
         )

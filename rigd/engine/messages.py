@@ -1,8 +1,8 @@
-"""Messages between the daemon and the cycle process: one pickled object per packet.
+"""Defines the messages between the daemon and the cycle process: one pickled object per packet.
 
-To the cycle go commands, among them questions; a question names the type of its answer. From the
-cycle come answers, endings and news. Both ends run the same code and nobody else holds an end of
-the socket.
+The daemon sends commands. A question is a command that names the type of its answer. The cycle
+process sends answers, the endings of commands, and news (a step, a trip, a notice). Both processes
+run the same code, and no other process has an end of the socket.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ T = TypeVar("T")
 
 #: The file of the job in the run's folder.
 JOB: Final = "cycle.pickle"
-#: A packet on the socket is at most this long; a longer program goes by way of a file.
+#: Longest packet on the socket; a longer program is passed in a file.
 MAX_PACKET: Final = 100_000
 
 
 @dataclass(frozen=True)
 class CycleJob:
-    """What the cycle process needs to build its rig; pickled into the run's folder.
+    """The data with which the cycle process builds its rig; pickled into the run's folder.
 
-    ``record`` names the streams that are recorded, and what of them.
+    ``record`` has the streams that are recorded, and which of their rows.
     """
 
     rig: RigConfig
@@ -40,7 +40,7 @@ class CycleJob:
 
 @dataclass(frozen=True)
 class Command:
-    """Something to do; what comes of it carries the same ``serial``."""
+    """A command for the cycle process; every reply has the same ``serial``."""
 
     serial: int
 
@@ -52,9 +52,9 @@ class Question(Command, Generic[T]):
 
 @dataclass(frozen=True)
 class Open(Question[Sequence[str]]):
-    """Open every device; answered with what keeps the rig from being armed, a sentence each.
+    """Open every device; the answer is the reasons why the rig cannot be armed, one sentence each.
 
-    ``judge`` False: only with what could not be opened. :class:`Judge` asks for the rest.
+    ``judge`` False: only the devices that could not be opened. :class:`Judge` asks for the rest.
     """
 
     judge: bool = True
@@ -62,37 +62,37 @@ class Open(Question[Sequence[str]]):
 
 @dataclass(frozen=True)
 class Judge(Question[Sequence[str]]):
-    """Ask every open device whether it may be armed, and prove its watchdog; answered as Open."""
+    """Ask every open device whether it may be armed, and test its watchdog; answered like Open."""
 
 
 @dataclass(frozen=True)
-class Unfit(Question[Sequence[str]]):
-    """Ask why the rig, looked at in rest, is not fit to be armed; a sentence each."""
+class ArmingBlockers(Question[Sequence[str]]):
+    """Ask for the reasons why the rig, at rest, cannot be armed; one sentence each."""
 
 
 @dataclass(frozen=True)
-class Barred(Question[str]):
-    """Ask why nothing may move any more; answered with "" if it may."""
+class LockoutReason(Question[str]):
+    """Ask for the reason why motion is locked out; the answer is "" if motion is permitted."""
 
 
 @dataclass(frozen=True)
-class Standing(Question[Sequence[str]]):
-    """Ask for the names of the interlocks that stand tripped."""
+class ActiveInterlocks(Question[Sequence[str]]):
+    """Ask for the names of the interlocks that are tripped."""
 
 
 @dataclass(frozen=True)
 class Identities(Question[Mapping[str, str]]):
-    """Ask what every device in the cycle said it is, by name."""
+    """Ask for the identity that every device in the cycle reports, by device name."""
 
 
 @dataclass(frozen=True)
 class Loads(Question[Mapping[str, float | None]]):
-    """Ask which share of its capacity each link carries, 0 to 1; None if it does not know."""
+    """Ask for the share of its capacity that each link uses, 0 to 1; None if it is not known."""
 
 
 @dataclass(frozen=True)
 class Act(Question["Acted"]):
-    """Begin an action of a device; answered once it is over, in the cycles that follow."""
+    """Begin an action of a device; the answer follows in a later cycle, when the action is over."""
 
     device: str
     action: str
@@ -100,7 +100,7 @@ class Act(Question["Acted"]):
 
 @dataclass(frozen=True)
 class Change(Question[Sequence[str]]):
-    """Change the plant of a simulated rig; answered with what was wrong, if anything."""
+    """Change the plant of a simulated rig; the answer is the list of errors."""
 
     quantity: str
     value: float | str
@@ -108,36 +108,36 @@ class Change(Question[Sequence[str]]):
 
 @dataclass(frozen=True)
 class MakeSafe(Question[Sequence[str]]):
-    """Make every device safe and stop the cycle; answered with what went wrong."""
+    """Make every device safe and stop the cycle; the answer is the list of errors."""
 
 
 @dataclass(frozen=True)
 class Close(Question[Sequence[str]]):
-    """Close everything and end; answered with what went wrong."""
+    """Close every device and end the process; the answer is the list of errors."""
 
 
 @dataclass(frozen=True)
 class Begin(Command):
-    """Something that ends with an outcome; ``heard`` is the serial of the last one that was heard.
+    """Begin a task that ends with an outcome; ``last_received`` is the serial of the last outcome.
 
-    If the cycle has acted since, that is the answer, and nothing begins: the daemon may have
-    stopped listening (a rest that was long enough) before the cycle reported it.
+    If the cycle has acted since, that outcome is the answer, and nothing begins: the daemon may
+    have stopped listening before the cycle reported it.
     """
 
-    heard: int
+    last_received: int
 
 
 @dataclass(frozen=True)
 class Arm(Begin):
-    """Enable every device; replied by Ended once all are."""
+    """Enable every device; answered by Ended when all are enabled."""
 
 
 @dataclass(frozen=True)
 class Play(Begin):
-    """Play a program, and ``then`` without a gap; replied by Ended of the program.
+    """Play a program, and ``then`` without a gap; answered by Ended of the program.
 
-    ``file`` holds both if they are long. Neither is given if the program is the one that was the
-    last one's ``then``: it plays already, or has ended.
+    ``file`` contains both if they are long. Neither is given if the program was ``then`` of the
+    last program: it plays already, or has ended.
     """
 
     trial: int
@@ -148,14 +148,14 @@ class Play(Begin):
 
 @dataclass(frozen=True)
 class Rest(Begin):
-    """Let the setpoints go to rest, and run; Ended comes only if the cycle had to act."""
+    """Take the setpoints to rest and keep running; Ended comes only if the cycle had to act."""
 
     trial: int
 
 
 @dataclass(frozen=True)
 class Request(Command):
-    """Stop, abort or estop; no reply of its own."""
+    """Request a stop, abort or estop; has no reply."""
 
     stop: Severity
     reason: str
@@ -163,7 +163,7 @@ class Request(Command):
 
 @dataclass(frozen=True)
 class Acknowledge(Command):
-    """Let a latched interlock clear; no reply of its own."""
+    """Permit a latched interlock to clear; has no reply."""
 
     interlock: str
 
@@ -178,15 +178,15 @@ class Answer(Generic[T]):
 
 @dataclass(frozen=True)
 class Acted:
-    """What a device said of an action, or the error that it ended with."""
+    """Holds the result that a device reports for an action, or the error that ended the action."""
 
-    said: str
+    reply: str
     error: RigdError | None = None
 
 
 @dataclass(frozen=True)
 class Ended:
-    """How what was commanded by ``serial`` ended."""
+    """Holds the outcome of the command ``serial``."""
 
     serial: int
     outcome: Outcome
@@ -194,14 +194,14 @@ class Ended:
 
 @dataclass(frozen=True)
 class Entered:
-    """A step of the program began."""
+    """A step of the program has begun."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Tripped:
-    """An interlock acted."""
+    """An interlock has tripped."""
 
     trip: Trip
 
@@ -213,5 +213,5 @@ class Notice:
     line: str
 
 
-#: What the cycle reports without being asked.
-News = Entered | Tripped | Notice
+#: Unsolicited reports of the cycle.
+Notification = Entered | Tripped | Notice

@@ -7,19 +7,21 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from rigd.engine.stand_in import StandIn
-from rigd.model.channels import STATUS_FIELD, Channel, Stream
-from rigd.sdk import Driver, Link
+from rigd.model.channels import ECHO, STATUS_FIELD, Channel, Stream
+from rigd.sdk import Declaration, Driver, Link
 
-#: What the cycle says about itself, once per cycle.
+#: The cycle's own stream, one row per cycle.
 CYCLE_STREAM = Stream(
     "cycle",
     (
         Channel(
-            "scheduled", "s", "when this cycle was due, since the run (or its resumed part) began"
+            "scheduled",
+            "s",
+            "time when this cycle was due, since the start of the run (or of its resumed part)",
         ),
-        Channel("actual", "s", "when it did begin, on the same clock"),
-        Channel("spent", "s", "how long it took; 0 in virtual time"),
-        Channel("stale", "1", "devices whose row of this cycle repeats an earlier one"),
+        Channel("actual", "s", "time when it began, on the same clock"),
+        Channel("spent", "s", "its duration; 0 in virtual time"),
+        Channel("stale", "1", "number of devices whose row of this cycle repeats an earlier row"),
     ),
     doc="Timing of the control cycle itself",
     source="rigd",
@@ -28,7 +30,7 @@ CYCLE_STREAM = Stream(
 
 @dataclass(frozen=True)
 class Mount:
-    """One device and its places: ``values`` in the table of readings, ``commands`` in the other."""
+    """A device and its places: ``values`` in the table of readings, ``commands`` in the other."""
 
     name: str
     driver: Driver
@@ -59,7 +61,7 @@ class MountedRig:
 
     @cached_property
     def device_of(self) -> tuple[int, ...]:
-        """For every index of the values table, the index of its mount."""
+        """The index of its mount, for every index of the values table."""
         owners: list[int] = []
         for index, mount in enumerate(self.mounts):
             owners += [index] * (mount.values.stop - mount.values.start)
@@ -71,10 +73,7 @@ def mount(
 ) -> MountedRig:
     """Return the rig made of ``devices``: name -> (driver name, driver instance).
 
-    ``links`` are the connections they share, by name, in the order they are opened.
-
-    A device's stream holds its readings, then the setpoint written in the same cycle as
-    ``<name>_setpoint``, then its status word where it has one.
+    ``links`` are their shared connections by name, in the order of opening.
     """
     mounts: list[Mount] = []
     readings: dict[str, int] = {}
@@ -82,26 +81,35 @@ def mount(
     status: dict[str, int] = {}
     value_count = command_count = 0
     for name, (source, driver) in devices.items():
-        echoes = tuple(
-            replace(
-                setpoint,
-                name=f"{setpoint.name}_setpoint",
-                doc=f"setpoint written in this cycle, after limits: {setpoint.doc}",
-            )
-            for setpoint in driver.setpoints
-        )
-        channels = (*driver.channels, *echoes)
-        stream = Stream(name, channels, driver.title, driver.has_status, source)
+        declared = driver.declaration
+        stream = recorded_stream(name, source, driver.title, declared)
         if isinstance(driver, StandIn):
             stream = driver.stream
-        values = slice(value_count, value_count + len(driver.channels) + driver.has_status)
-        commands = slice(command_count, command_count + len(driver.setpoints))
-        for offset, channel in enumerate(driver.channels):
+        values = slice(value_count, value_count + len(declared.channels) + declared.has_status)
+        commands = slice(command_count, command_count + len(declared.setpoints))
+        for offset, channel in enumerate(declared.channels):
             readings[f"{name}.{channel.name}"] = value_count + offset
-        if driver.has_status:
+        if declared.has_status:
             status[f"{name}.{STATUS_FIELD}"] = values.stop - 1
-        for offset, channel in enumerate(driver.setpoints):
+        for offset, channel in enumerate(declared.setpoints):
             setpoints[f"{name}.{channel.name}"] = command_count + offset
         mounts.append(Mount(name, driver, stream, values, commands))
         value_count, command_count = values.stop, commands.stop
     return MountedRig(tuple(mounts), readings, setpoints, links or {}, status)
+
+
+def recorded_stream(name: str, source: str, title: str, declared: Declaration) -> Stream:
+    """Return the recorded stream of the device ``name`` of the driver ``source``.
+
+    It contains the readings, then the setpoints written in the same cycle as ``<name>_setpoint``,
+    then the status word if there is one.
+    """
+    echoes = tuple(
+        replace(
+            setpoint,
+            name=f"{setpoint.name}{ECHO}",
+            doc=f"setpoint written in this cycle, after limits: {setpoint.doc}",
+        )
+        for setpoint in declared.setpoints
+    )
+    return Stream(name, (*declared.channels, *echoes), title, declared.has_status, source)

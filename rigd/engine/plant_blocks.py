@@ -1,4 +1,7 @@
-"""A block device of a simulated plant: read in the cycle, recorded in bulk."""
+"""Runs a block device of a simulated plant in the cycle, and records its rows block by block.
+
+A block device is a device whose library returns blocks of rows.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +16,18 @@ from rigd.sdk import BlockDriver, Plant
 
 
 class PlantBlocks(StandIn):
-    """Runs a block driver on ``plant`` and stands in the cycle for it.
+    """Runs a block driver on ``plant`` and replaces it in the cycle.
 
-    All rows of its blocks go to a sink of their own (:meth:`record`), at their own times; the
-    cycle sees the newest.
+    All rows of its blocks go to its own sink (:meth:`record`), with their own times; the cycle gets
+    the newest row.
     """
 
     def __init__(self, device: DeviceConfig, plant: Plant) -> None:
         super().__init__(device)
         driver = device.driver_class(device.config, plant)
         if not isinstance(driver, BlockDriver):
-            raise TypeError(f"{device.driver} is no block driver")
-        self.silent_s = driver.silent_s
+            raise TypeError(f"{device.driver} is not a block driver")
+        self._silent_ns = round(self.declaration.silent_s * 1e9)
         self._driver = driver
         self._plant = plant
         self._rows = BlockRows(device.stream)
@@ -32,7 +35,7 @@ class PlantBlocks(StandIn):
         self._started = False
 
     def record(self, sink: BlockSink, every: int, windows: Windows | None) -> None:
-        """From now on record every ``every``-th row in ``sink``, of those inside ``windows``."""
+        """Start to record every ``every``-th row in ``sink``, of those inside ``windows``."""
         self._recorder = BlockRecorder(sink, every, windows)
 
     def open(self) -> None:
@@ -41,14 +44,14 @@ class PlantBlocks(StandIn):
         self.identity = self._driver.identity
 
     def preflight(self) -> Sequence[str]:
-        """Return what the device itself says."""
+        """Return the reasons of the device itself."""
         return self._driver.preflight()
 
     def read(self, t_ns: int) -> Sequence[float] | None:
-        """Take all blocks that are there; return the newest row, None where there is no new one.
+        """Take all available blocks; return the newest row, or None without a new row.
 
         Raises:
-            DeviceError: the device reports a fault, or its rows are not as they have to be.
+            DeviceError: the device reports a fault, or its rows violate the interface of drivers.
         """
         driver = self._driver
         self._plant.advance(t_ns)
@@ -63,19 +66,19 @@ class PlantBlocks(StandIn):
             if self.taken_ns > t_ns:
                 ahead_s = (self.taken_ns - t_ns) * 1e-9
                 raise DeviceError(
-                    f"the driver gave a row that is {ahead_s:.6g} s ahead of the plant",
+                    f"the driver returned a row that is {ahead_s:.6g} s ahead of the plant",
                     hint="correct its read_block()",
                 )
             if self._recorder is not None:
                 self._recorder.take(rows)
         if self._recorder is not None:
             self._recorder.settle()
-        if newest is None or t_ns - self.taken_ns > self.silent_s * 1e9:
+        if newest is None or t_ns - self.taken_ns > self._silent_ns:
             return None
         return driver.newest_row(newest)
 
     def close(self) -> None:
-        """Close the device, and record what it gave last."""
+        """Close the device, and record its last rows."""
         self._driver.close()
         if self._recorder is not None:
             self._recorder.finish()

@@ -1,4 +1,7 @@
-"""Plays a cycle program: profiles, end conditions and limits of a trial, one step per cycle."""
+"""Plays the compiled steps of a procedure (a cycle program) on a rig, one cycle at a time.
+
+The player computes the setpoint profiles and checks the end conditions and the limits of a trial.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,8 @@ from dataclasses import dataclass, field
 
 from rigd.engine.interlocks import Trip
 from rigd.model.severity import Severity, WayOut, way_out
-from rigd.procedure.profiles import Constant, Profile
+from rigd.procedure.condition_text import describe_values
+from rigd.procedure.profiles import ConstantProfile, Profile
 from rigd.procedure.program import (
     Comparison,
     Condition,
@@ -16,29 +20,28 @@ from rigd.procedure.program import (
     Segment,
     StatusCondition,
 )
-from rigd.procedure.standing import describe_standing
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a cycle program ended, with the reason in words and the trip that caused it.
+    """How a cycle program ended, with the reason as text and the trip that caused it.
 
-    ``stood`` is where the channels stood that the last segment waited for, once it was over.
+    ``last_values`` are the last values of the channels for which the last segment waited.
     """
 
     severity: Severity
     reason: str = ""
     trip: Trip | None = None
-    stood: Mapping[str, float] = field(default_factory=dict, compare=False)
+    last_values: Mapping[str, float] = field(default_factory=dict, compare=False)
 
     @property
     def latched(self) -> bool:
-        """Whether an interlock ended it that stays tripped until a person acknowledges it."""
+        """Whether it was ended by an interlock that stays tripped until acknowledged."""
         return self.trip is not None and self.trip.interlock.latch
 
     @property
     def way_out(self) -> WayOut:
-        """How a run ends that this ends."""
+        """How a run ends with this outcome."""
         return way_out(self.severity, tripped=self.trip is not None, latched=self.latched)
 
 
@@ -55,11 +58,11 @@ class Player:
     """One cycle program bound to the tables of a rig.
 
     Call :meth:`step` once per cycle with the newest values; it updates the wanted setpoints in
-    place and returns an outcome once the program is over. A segment that ends hands over within
-    the same cycle. ``readings`` holds status words, too, as ``device.status``.
+    place and returns an outcome when the program has ended. The next segment begins within the same
+    cycle. ``readings`` also contains status words, as ``device.status``.
 
     Raises:
-        KeyError: the program names a channel or setpoint the rig does not have.
+        KeyError: the program names an unknown channel or setpoint.
     """
 
     def __init__(
@@ -86,14 +89,14 @@ class Player:
 
     @property
     def segment(self) -> Segment | None:
-        """The segment that plays now."""
+        """The present segment."""
         inside = 0 <= self._position < len(self._segments)
         return self._segments[self._position] if inside else None
 
     def step(
         self, t_ns: int, values: Sequence[float], wanted: MutableSequence[float]
     ) -> Outcome | None:
-        """Look at ``values`` of the cycle at ``t_ns`` and set ``wanted``; None while it plays."""
+        """Check ``values`` of the cycle at ``t_ns``, set ``wanted``; return None while it plays."""
         if self.entered:
             self.entered = []
         for index, low, high, channel in self._limits:
@@ -110,9 +113,9 @@ class Player:
             if not over:
                 break
             if self._position == len(self._segments) - 1:
-                stood = self._stood(values)
+                last_values = self._last_values(values)
                 self._position += 1
-                return Outcome(Severity.DONE, stood=stood)
+                return Outcome(Severity.DONE, last_values=last_values)
             self._position += 1
             self._enter(t_ns, wanted)
         if self._moving:
@@ -129,13 +132,13 @@ class Player:
         for place, profile in self._profiles[self._position]:
             initial = wanted[place]
             wanted[place] = profile.at(0.0, initial)
-            if not isinstance(profile, Constant):
+            if not isinstance(profile, ConstantProfile):
                 self._moving.append((place, profile, initial))
 
     def _segment_over(self, t_ns: int, values: Sequence[float]) -> bool | Outcome:
         segment = self._segments[self._position]
         for row in self._watches[self._position]:
-            # Every condition is looked at, so that each keeps its own time.
+            # Every condition is checked, because each has its own time.
             if all([self._holds(watch, t_ns, values) for watch in row]):
                 return True
         elapsed_ns = t_ns - self._began_ns
@@ -145,15 +148,17 @@ class Player:
             return False
         if segment.on_timeout is OnTimeout.NEXT:
             return True
-        stood = self._stood(values)
+        last_values = self._last_values(values)
         reason = f"step {segment.name!r} did not end within {segment.timeout_s:.6g} s"
-        if where := describe_standing(segment.until, stood):
+        if where := describe_values(segment.until, last_values):
             reason += f": {where}"
         early = segment.on_timeout is OnTimeout.END_TRIAL
-        return Outcome(Severity.END_TRIAL if early else Severity.FAIL, reason, stood=stood)
+        return Outcome(
+            Severity.END_TRIAL if early else Severity.FAIL, reason, last_values=last_values
+        )
 
-    def _stood(self, values: Sequence[float]) -> Mapping[str, float]:
-        """Return the newest value of every channel that the segment under way waits for."""
+    def _last_values(self, values: Sequence[float]) -> Mapping[str, float]:
+        """Return the newest value of every channel for which the present segment waits."""
         if self._position < 0:
             return {}
         segment, watches = self._segments[self._position], self._watches[self._position]
@@ -175,7 +180,7 @@ def _watch(condition: Condition | StatusCondition, readings: Mapping[str, int]) 
 
 
 def _test(condition: Condition | StatusCondition) -> Callable[[float], bool]:
-    """Return what tells whether a value meets ``condition``; NaN meets none."""
+    """Return the test of a value against ``condition``; NaN fails every test."""
     if isinstance(condition, StatusCondition):
         mask, wanted = condition.mask, condition.wanted
         return lambda word: word == word and bool(int(word) & mask) is wanted

@@ -1,4 +1,4 @@
-"""Preflight: all checks that can refuse a run before anything is armed."""
+"""Makes all checks that can refuse a run before anything is armed (the preflight)."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from rigd.model.errors import Blocked
 from rigd.model.severity import Severity
 from rigd.procedure.program import CompiledProcedure, Prompt
 
-#: Cycles read before arming, so that a dead sensor or a standing trip is seen at rest.
+#: Cycles read before arming, so that a failed sensor or an active trip is noticed at rest.
 PREFLIGHT_CYCLES = 20
 
-#: What every device said it is to what keeps the rig from being armed, a sentence each.
+#: From the identities of the devices to the reasons why the rig cannot be armed.
 IdentityCheck = Callable[[Mapping[str, str]], Sequence[str]]
 
 
@@ -25,10 +25,10 @@ def preflight(
     extra_checks: Sequence[Callable[[], Sequence[str]]] = (),
     identity_check: IdentityCheck = lambda _: (),
 ) -> Outcome | None:
-    """Open every device, look at it at rest, and raise unless all is well.
+    """Open every device, check it at rest, and raise unless all checks pass.
 
-    ``extra_checks`` are made before anything is opened, ``identity_check`` on what is open.
-    Returns an outcome where a person stopped it meanwhile.
+    ``extra_checks`` run before anything is opened, ``identity_check`` on the open devices. Returns
+    an outcome if a person stopped it meanwhile.
 
     Raises:
         Blocked: with every reason found, not only the first.
@@ -43,7 +43,7 @@ def preflight(
         if outcome is not None and outcome.trip is None and outcome.severity is not Severity.FAULT:
             return outcome
         reasons += [] if outcome is None else [outcome.reason]
-        reasons += host.unfit()
+        reasons += host.arming_blockers()
     if reasons:
         raise Blocked(list(dict.fromkeys(reasons)))
     return None

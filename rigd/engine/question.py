@@ -1,4 +1,4 @@
-"""Asks a person in a thread while the cycle continues."""
+"""Asks a person a question in a separate thread while the cycle continues."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 
 class PendingQuestion:
-    """Runs ``ask`` in a thread of its own, which dies with the process where nobody answers."""
+    """Runs ``ask`` in a thread of its own, which ends with the process if no answer comes."""
 
     def __init__(self, ask: Callable[[], None]) -> None:
         self._ask = ask
@@ -17,7 +17,7 @@ class PendingQuestion:
 
     @property
     def answered(self) -> bool:
-        """Whether it has returned, or failed."""
+        """Whether ``ask`` has returned, or failed."""
         return self._answered.is_set()
 
     def wait(self, timeout_s: float) -> None:
@@ -25,7 +25,7 @@ class PendingQuestion:
         self._answered.wait(timeout_s)
 
     def raise_error(self) -> None:
-        """Raise what ``ask`` raised, if it did."""
+        """Raise the exception of ``ask``, if it raised any."""
         if self._errors:
             raise self._errors[0]
 

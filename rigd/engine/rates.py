@@ -1,4 +1,7 @@
-"""The highest row rate of a stream and the rows of its ring; no device is opened."""
+"""Computes the highest row rate of a stream and the number of rows in its ring (buffer).
+
+No device is opened.
+"""
 
 from __future__ import annotations
 
@@ -9,23 +12,23 @@ from rigd.engine.wiring import in_cycle
 from rigd.model.channels import Stream
 from rigd.sdk import BlockDriver, Driver
 
-#: Rows per second of a slow device, at most.
+#: Most rows per second of a slow device.
 SLOW_HZ: Final = 100.0
-#: Rows beyond what a ring is to hold, so that even that of a slow stream has room for a burst.
+#: Additional rows of a ring, so that the ring of a slow stream also has room for a burst.
 SPARE_ROWS: Final = 1000
 
 
 def most_rows_hz(rig: RigConfig, stream: Stream) -> float:
-    """Return how many rows per second ``stream`` gives, at most: one per cycle, or its own rate."""
+    """Return the highest row rate of ``stream`` in Hz: one row per cycle, or its own rate."""
     device = rig.devices.get(stream.name)
     if device is None or issubclass(device.driver_class, Driver):
         return 1e9 / rig.period_ns
-    driver = device.driver_class(device.config, None)
-    return driver.rate_hz if isinstance(driver, BlockDriver) else SLOW_HZ
+    is_block = issubclass(device.driver_class, BlockDriver)
+    return device.declaration.rate_hz if is_block else SLOW_HZ
 
 
 def ring_rows(rig: RigConfig, stream: Stream, ring_s: float, every: int = 1) -> int:
-    """Return how many rows a ring has that holds ``stream`` for so long, one of ``every`` rows."""
+    """Return the number of rows of a ring for every ``every``-th row of ``stream``."""
     in_this_cycle = stream.name not in rig.devices or in_cycle(rig.devices[stream.name])
     rate_hz = most_rows_hz(rig, stream) / (every if in_this_cycle else 1)
     return round(ring_s * rate_hz) + SPARE_ROWS

@@ -1,11 +1,15 @@
-"""Real-time scheduling of this process, and reports of what the kernel does not grant.
+"""Sets real-time scheduling for this process, and reports each setting that the kernel refuses.
 
-Measured on a virtual machine of two processors at 1 kHz under load: misses of its own per 1000
-cycles fall from 28 to 0 by SCHED_FIFO alone; locked memory and a frozen collector guard against
-rare long stalls; `/dev/cpu_dma_latency` held at 0 keeps the processor from sleeping deeply. Where
-others run at SCHED_FIFO too, the kernel moves whoever is in their way to another processor, and a
-cycle that finds its caches cold takes twice as long: at 4 kHz beside four such loops, p99 fell from
-680 to 220 us and missed slots from 5400 to 75 of 40 000 as the process kept to one processor.
+Measured on a virtual machine of two processors at 1 kHz under load:
+
+- SCHED_FIFO alone reduces the misses that the process causes itself from 28 to 0 per 1000 cycles.
+- Locked memory and a frozen garbage collector protect against rare long stalls.
+- ``/dev/cpu_dma_latency``, held at 0, keeps the processor from deep sleep.
+
+If other processes run at SCHED_FIFO too, the kernel moves a process that is in their way to another
+processor. A cycle that finds its caches cold takes twice as long. So the process keeps to one
+processor: at 4 kHz beside four such loops, p99 fell from 680 to 220 us, and missed slots fell from
+5400 to 75 of 40 000.
 """
 
 from __future__ import annotations
@@ -22,11 +26,12 @@ from typing import Final
 
 #: SCHED_FIFO priority of the cycle: above interrupt threads' 50, below the kernel's watchdogs 99.
 PRIORITY: Final = 80
-#: That of a helper process whose library streams blocks: its buffer gives it some time.
+#: Priority of a helper process whose library streams blocks: its buffer gives it some time.
 HELPER_PRIORITY: Final = 60
-#: That of devices simulated at the wire: they stand for hardware, which does not wait for programs.
+#: Priority of devices simulated at the wire: they represent hardware, which does not wait for
+#: programs.
 SIMULATED_PRIORITY: Final = 70
-#: That of the daemon of a rig (SCHED_RR): before all ordinary programs, so that a stop does not
+#: Priority of the daemon of a rig (SCHED_RR): before all ordinary programs, so that a stop does not
 #: wait for them. All its threads have it: they share the interpreter's lock, and the thread of a
 #: stop waits for the thread that holds it.
 DAEMON_PRIORITY: Final = 1
@@ -37,16 +42,16 @@ _DMA_LATENCY: Final = Path("/dev/cpu_dma_latency")
 
 
 class RealTime:
-    """What a process holds to be on time; ``lost`` says, a sentence each, what was not granted."""
+    """The real-time settings of a process; ``lost`` has a sentence for each refused setting."""
 
     def __init__(self) -> None:
         self.lost: list[str] = []
         self.granted: list[str] = []
         self._latency_fd: int | None = None
-        self._allowed: set[int] = set()  #: processors that it may use again afterwards
+        self._allowed: set[int] = set()  #: processors that the process may use again afterwards
 
     def enter(self, priority: int = PRIORITY) -> None:
-        """Ask for everything; call once all memory is allocated and all code has run once."""
+        """Request all settings; call when all memory is allocated and all code has run once."""
         gc.collect()
         gc.freeze()
         gc.disable()
@@ -54,10 +59,10 @@ class RealTime:
         self._hold_latency()
         self._lock_memory()
         self.schedule(priority)
-        self._keep_to_one_processor()
+        self._pin_to_processor()
 
     def leave(self) -> None:
-        """Give back what others would miss: the processor's sleep, and the choice of one."""
+        """Release the settings that affect other processes: deep sleep, choice of processor."""
         if self._allowed:
             os.sched_setaffinity(0, self._allowed)
             self._allowed = set()
@@ -70,9 +75,9 @@ class RealTime:
         libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)  # 1 ns instead of 50 us; cannot be refused
 
     def _hold_latency(self) -> None:
-        """Keep processors out of deep sleep for as long as the file is open."""
+        """Prevent deep sleep of the processors while the file is open."""
         if not _DMA_LATENCY.exists():
-            return  # the kernel has no such states to hold it from
+            return  # the kernel has no such states to prevent
         try:
             self._latency_fd = os.open(_DMA_LATENCY, os.O_WRONLY | os.O_CLOEXEC)
             os.write(self._latency_fd, struct.pack("=i", 0))
@@ -83,31 +88,31 @@ class RealTime:
                 "a cycle can begin 0.5 ms late"
             )
 
-    def _keep_to_one_processor(self) -> None:
-        """Stay where we are: on a processor that was free enough to be given."""
-        here = ctypes.CDLL(None).sched_getcpu()
-        if here < 0:
-            return  # the kernel cannot tell
+    def _pin_to_processor(self) -> None:
+        """Stay on the present processor."""
+        processor = ctypes.CDLL(None).sched_getcpu()
+        if processor < 0:
+            return  # the kernel does not know
         self._allowed = os.sched_getaffinity(0)
-        os.sched_setaffinity(0, {here})
-        self.granted.append(f"processor {here}")
+        os.sched_setaffinity(0, {processor})
+        self.granted.append(f"processor {processor}")
 
     def _lock_memory(self) -> None:
         soft, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
         libc = ctypes.CDLL(None, use_errno=True)
         limited = os.geteuid() != 0 and soft != resource.RLIM_INFINITY
-        # With a limit, a later allocation would fail where it is locked already: not asked for.
+        # With a limit, a later allocation would fail if memory is locked: do not request it.
         if not limited and libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0:
             self.granted.append("memory locked")
             return
         why = f"limit {soft // 1024} kB" if limited else os.strerror(ctypes.get_errno())
         self.lost.append(
-            f"memory is not locked ({why}): a page fault can stall a cycle for 10 ms; "
-            "set `ulimit -l unlimited` (LimitMEMLOCK=infinity)"
+            f"memory is not locked ({why}): a page fault can stall a cycle for 10 ms; set "
+            "`ulimit -l unlimited` (LimitMEMLOCK=infinity)"
         )
 
     def schedule(self, priority: int = PRIORITY) -> None:
-        """Ask for SCHED_FIFO at ``priority`` for the calling thread, or what comes near it."""
+        """Request SCHED_FIFO at ``priority`` for this thread, or the nearest permitted setting."""
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
             self.granted.append(f"SCHED_FIFO {priority}")
@@ -120,16 +125,16 @@ class RealTime:
         except OSError:
             instead = "normal priority instead"
         self.lost.append(
-            f"SCHED_FIFO {priority} was refused ({refused}), {instead}: under load 3 to 30 cycles "
-            "of 1000 come late; set `ulimit -r 95` (LimitRTPRIO=95)"
+            f"SCHED_FIFO {priority} was refused ({refused}), {instead}: under load 3 to 30 "
+            "cycles of 1000 are late; set `ulimit -r 95` (LimitRTPRIO=95)"
         )
 
 
 @contextmanager
 def before_programs() -> Iterator[None]:
-    """Let this thread, and the threads that it starts inside, run before all ordinary programs.
+    """Run this thread, and threads that it starts inside, before all ordinary programs.
 
-    Nothing changes where the kernel refuses it.
+    Nothing changes if the kernel refuses it.
     """
     with _scheduled(os.SCHED_RR, DAEMON_PRIORITY):
         yield
@@ -137,14 +142,14 @@ def before_programs() -> Iterator[None]:
 
 @contextmanager
 def as_program() -> Iterator[None]:
-    """Let this thread, and what it starts inside, be ordinary, whatever it is outside."""
+    """Run this thread, and everything that it starts inside, with ordinary priority."""
     with _scheduled(os.SCHED_OTHER, 0):
         yield
 
 
 @contextmanager
 def _scheduled(policy: int, priority: int) -> Iterator[None]:
-    """Schedule this thread by ``policy`` of sched(7), as far as the kernel allows it."""
+    """Schedule this thread by ``policy`` of sched(7), as far as the kernel permits it."""
     before, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
     with suppress(PermissionError):
         os.sched_setscheduler(0, policy, os.sched_param(priority))

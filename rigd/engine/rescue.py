@@ -1,7 +1,7 @@
 """Makes a rig safe over new links after the cycle process was killed.
 
-Fence first: whoever calls this has made sure that the cycle process is gone. A device that no
-second process can open is left to its watchdog.
+The caller must first make sure that the cycle process is gone. A device that no second process can
+open is made safe by its watchdog.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from rigd.config.rig import DeviceConfig, RigConfig
 from rigd.engine.shared.scarce import insist
 from rigd.sdk import Driver
 
-#: A rescue that has not returned by then is given up; the device's watchdog stands behind it.
+#: A rescue that has not returned after this time is given up; the device's watchdog remains.
 RESCUE_S = 1.0
 
 
 @dataclass
 class Rescue:
-    """What came of it, a sentence per actuator."""
+    """The result of a rescue, one sentence per actuator."""
 
     done: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 
 
 def rescue(rig: RigConfig) -> Rescue:
-    """Make every actuator of ``rig`` safe, all at the same time; returns within about 1 s."""
+    """Make every actuator of ``rig`` safe, all at the same time; return within about 1 s."""
     found = Rescue()
     if rig.plant is not None:
-        return found  # devices simulated in process have died with it
+        return found  # devices simulated in process have ended with it
     threads = [
         threading.Thread(target=_rescue, args=(rig, device, found), daemon=True, name=device.name)
         for device in rig.devices.values()

@@ -1,4 +1,4 @@
-"""Progress and result of a run."""
+"""Computes the progress and the remaining time of a run, and holds its result."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigd.procedure.program import TrialPlan
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a run stands, for whoever watches."""
+    """The progress of a run, for displays and clients."""
 
     state: RunState
     step: str
@@ -20,15 +20,14 @@ class Progress:
     trials_total: int
     trial: TrialPlan | None
     run_s: float  #: time of the run so far, in s
-    trips: tuple[Trip, ...] = ()  #: everything that tripped so far
+    trips: tuple[Trip, ...] = ()  #: all trips so far
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """How a run ended: the final state, why, and the exit code that says so to a script.
+    """The result of a run: the final state, the reason, and the exit code for a script.
 
-    ``ending`` is the word for it that the recording holds and people read, one of
-    :mod:`rigd.model.severity`.
+    ``ending`` is its name in the recording and for people, from :mod:`rigd.model.severity`.
     """
 
     state: RunState
@@ -42,4 +41,36 @@ class RunResult:
     cycles: int = 0
     missed_cycles: int = 0
     trips: tuple[str, ...] = ()
-    problems: tuple[str, ...] = ()  #: what went wrong while making the rig safe
+    problems: tuple[str, ...] = ()  #: errors while the rig was made safe
+
+
+class TimeLeft:
+    """Estimates the time that a run still needs from the duration of its trials, in s.
+
+    ``expected_s`` is the duration of a dry run, if there was one.
+    """
+
+    def __init__(self, expected_s: float | None = None) -> None:
+        self._expected_s = expected_s
+        self._took_s: list[float] = []
+        self._trial: int | None = None
+        self._since_s = 0.0
+
+    def watch(self, progress: Progress) -> None:
+        """Note the progress of the run; a pause counts to no trial, a prompt does."""
+        number = None if progress.trial is None else progress.trial.number
+        if number == self._trial:
+            return
+        if self._trial is not None:
+            self._took_s.append(progress.run_s - self._since_s)
+        self._trial, self._since_s = number, progress.run_s
+
+    def left_s(self, progress: Progress) -> float | None:
+        """Return the estimated time until the last trial ends in s, or None."""
+        if not self._took_s:
+            expected = self._expected_s
+            return None if expected is None else max(expected - progress.run_s, 0.0)
+        mean_s = sum(self._took_s) / len(self._took_s)
+        remaining = progress.trials_total - progress.trials_done
+        begun_s = 0.0 if self._trial is None else progress.run_s - self._since_s
+        return max(remaining * mean_s - min(begun_s, mean_s), 0.0)

@@ -1,8 +1,8 @@
-"""One execution of a procedure on a rig: preflight, arm, trials, finish, make safe.
+"""Runs a procedure once on a rig: preflight, arm, trials, finish, make safe.
 
-``finish`` and ``make_safe`` are two things: ``finish`` may move (bring the carriage home) and
-plays only where nothing went wrong with the rig itself; ``make_safe`` never moves anything on
-purpose and runs on every way out.
+``finish`` and ``make_safe`` are different. ``finish`` may move the rig (for example, bring the
+carriage home) and plays only if the rig itself has no fault. ``make_safe`` never moves anything on
+purpose and runs on every way out of a run.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rigd.procedure.program import (
 )
 from rigd.record.events import NO_TRIAL
 
-#: Beyond this share of missed cycles a recording is not what it looks like.
+#: With more missed cycles than this share, a recording is not reliable.
 MISSED_SHARE = 0.05
 
 
@@ -41,8 +41,8 @@ MISSED_SHARE = 0.05
 class Run:
     """Plays ``procedure`` on the rig behind ``host``.
 
-    ``done`` holds the numbers of trials that an earlier, interrupted run has completed.
-    ``change`` is None for a real rig, ``faults`` for one that is not simulated at the wire.
+    ``done`` are the numbers of trials that an earlier, interrupted run has completed. ``change`` is
+    None for a real rig, ``faults`` for a rig that is not simulated at the wire.
     """
 
     procedure: CompiledProcedure
@@ -63,11 +63,11 @@ class Run:
 
     def __post_init__(self) -> None:
         self._asking = Asking(self.host, self.answers, self.change)
-        self._trials_done = len(self.done)  # from the start: one may end before the next trial
+        self._trials_done = len(self.done)  # from the start: the run may end before the next trial
 
     @property
     def progress(self) -> Progress:
-        """Where the run stands now."""
+        """The present progress of the run."""
         return Progress(
             self.state,
             self.host.segment,
@@ -79,14 +79,14 @@ class Run:
         )
 
     def execute(self) -> RunResult:
-        """Run the procedure; on every way out the rig is made safe and the sink closed.
+        """Run the procedure; however it ends, the rig is made safe and the sink closed.
 
         Raises:
             Blocked: preflight refused; nothing moved.
-            RigdError: the recording could not be kept, or a driver failed outside the cycle; the
+            RigdError: the recording failed, or a driver failed outside the cycle; the
                 rig is safe when this is raised.
         """
-        self.host.on_drain = self._look_around
+        self.host.on_drain = self._report_progress
         way, reason = BROKEN, "interrupted"
         try:
             way, reason = self._live()
@@ -101,7 +101,7 @@ class Run:
             reason = f"{type(error).__name__}: {error}"
             raise
         finally:
-            # In this order: nothing that can fail or take time comes before a safe rig.
+            # In this order: the rig must be safe before anything that can fail or take time.
             problems = self.host.make_safe()
             try:
                 self._record_end(way.ending, reason)
@@ -113,12 +113,12 @@ class Run:
         """Return how the run ended, and why; its state is then final."""
         self._to(RunEvent.CHECK)
         outcome = self._begin()
-        if outcome is not None:  # nothing has moved, so that there is nothing to finish
+        if outcome is not None:  # nothing has moved, so `finish` is not needed
             way, reason = outcome.way_out, outcome.reason
         else:
             outcome = self._sequence()
             way, reason = outcome.way_out, outcome.reason
-            barred = self.host.ends_everything() if way.finishes else ""
+            barred = self.host.lockout_reason() if way.finishes else ""
             if barred:
                 way = WAYS_OUT[Severity.FAULT]
                 reason = reason if barred in reason else f"{reason}; {barred}"
@@ -131,7 +131,7 @@ class Run:
         """Check and arm the rig; return why it does not run, or None.
 
         Raises:
-            Blocked: preflight refuses, and nobody has stopped it.
+            Blocked: preflight refuses, and no person has stopped it.
         """
         checks = [*self.extra_checks]
         if self.faults is not None:
@@ -155,7 +155,7 @@ class Run:
         return refused
 
     def _finish(self, way: WayOut, reason: str) -> tuple[WayOut, str]:
-        """Play `finish`; return how a run ends, and why, that was on ``way`` for ``reason``."""
+        """Play `finish`; return the ending of a run that would end in ``way`` for ``reason``."""
         ends = way.exit_code is not Exit.OK
         for event in (RunEvent.STOP, RunEvent.STOPPED) if ends else (RunEvent.COMPLETE,):
             self._to(event)
@@ -165,9 +165,9 @@ class Run:
             if at_rest is None:
                 return way, reason
             outcome = at_rest
-        # What went wrong first is what the operator must hear; worse only adds to it.
-        told = f"{reason}; in finish: {outcome.reason}" if ends else outcome.reason
-        return way.then(outcome.way_out), told
+        # The operator needs the first failure; a worse failure is only added to it.
+        text = f"{reason}; in finish: {outcome.reason}" if ends else outcome.reason
+        return way.then(outcome.way_out), text
 
     def _reach(self, way: WayOut) -> None:
         """Go to the final state of ``way``."""
@@ -183,7 +183,7 @@ class Run:
             self._to(RunEvent.FINISHED if finishing else RunEvent.STOP)
 
     def _judge(self, reason: str) -> tuple[WayOut, str]:
-        """Return what to call a run that came to its end but is not what was asked for."""
+        """Return the ending of a run that reached its end, perhaps with missed cycles."""
         incomplete = WAYS_OUT[Severity.FAIL]
         counters = self.host.counters
         if counters.missed > MISSED_SHARE * (counters.cycles + counters.missed):
@@ -195,7 +195,7 @@ class Run:
         return WAYS_OUT[Severity.DONE], reason
 
     def _sequence(self) -> Outcome:
-        """Play `prepare` and the trials, up to what ends the run."""
+        """Play `prepare` and the trials, until an event ends the run."""
         outcome = self._play_block(self.procedure.prepare, "prepare")
         for trial in self.procedure.trials:
             if outcome.severity is not Severity.DONE:
@@ -206,8 +206,8 @@ class Run:
             return outcome
         return Outcome(Severity.DONE, "all trials played")
 
-    def _look_around(self) -> None:
-        """Between two cycles: show progress, and show that a pause was asked for."""
+    def _report_progress(self) -> None:
+        """Show progress between two cycles, and that a pause was requested."""
         if self.control.pause_wanted and self.state is RunState.RUNNING:
             self._to(RunEvent.PAUSE)
         elif not self.control.pause_wanted and self.state is RunState.PAUSING:
@@ -216,7 +216,7 @@ class Run:
             self.watch(self.progress)
 
     def _between_trials(self) -> Outcome | None:
-        """Wait here while a pause is wanted; return why no trial follows, or None."""
+        """Wait here during a pause; return why no trial follows, or None."""
         if self.control.pauses:
             if self.state is RunState.RUNNING:
                 self._to(RunEvent.PAUSE)
@@ -227,7 +227,7 @@ class Run:
             self._to(RunEvent.RESUME)
         if self.control.last_trial:
             return Outcome(Severity.STOP, self.control.last_trial)
-        barred = self.host.ends_everything()
+        barred = self.host.lockout_reason()
         return Outcome(Severity.FAULT, barred) if barred else None
 
     def _still_paused(self) -> bool:
@@ -236,7 +236,7 @@ class Run:
         return self.control.pauses
 
     def _play_trial(self, trial: TrialPlan) -> Outcome:
-        """Play a trial and what follows it; return DONE where the next one may follow."""
+        """Play a trial and its `after`; return DONE if the next trial may follow."""
         self._trial = trial
         self.host.trial = trial.number
         parameters = dict(trial.parameters)
@@ -271,14 +271,14 @@ class Run:
             self.host.trial = NO_TRIAL
 
     def _play_block(self, steps: Sequence[Step], block: str) -> Outcome:
-        """Play a block in which nothing may end early."""
+        """Play a block of steps that must not end early."""
         outcome = self._play(steps)
         if outcome.severity is Severity.END_TRIAL:
             return Outcome(Severity.FAIL, f"{block}: {outcome.reason}", outcome.trip)
         return outcome
 
     def _play(self, steps: Sequence[Step], after: Sequence[Step] = ()) -> Outcome:
-        """Play ``steps``; the first of ``after`` follows the last one without a gap."""
+        """Play ``steps``; the first step of ``after`` follows the last without a gap."""
         for step, following in zip(steps, [*steps[1:], *after[:1], None], strict=False):
             if isinstance(step, Prompt):
                 outcome = self._asking.ask(step)
@@ -296,9 +296,9 @@ class Run:
         return Outcome(Severity.DONE)
 
     def _show(self, fault: Fault) -> Outcome | None:
-        """Let a simulated device show a fault; the setpoints stay as they are."""
+        """Show a fault of a simulated device; the setpoints do not change."""
         if self.faults is None:
-            raise RuntimeError("a fault step was compiled for a rig that shows no faults")
+            raise RuntimeError("a fault step was compiled for a rig that cannot show faults")
         try:
             self.faults.show(fault)
         except ValueError as error:
@@ -307,10 +307,10 @@ class Run:
         return None
 
     def _to(self, event: RunEvent) -> None:
-        """Move on in the table of states; an event the table refuses is a bug here."""
+        """Go to the next state of the table; an event that the table refuses is a bug here."""
         state = next_state(self.state, event)
         if state is None:
-            raise RuntimeError(f"run state {self.state.name} has no way out by {event.name}")
+            raise RuntimeError(f"run state {self.state.name} has no transition for {event.name}")
         if state is not self.state:
             self.state = state
             self.watch(self.progress)
@@ -319,7 +319,7 @@ class Run:
         self.host.event(kind, data)
 
     def _record_end(self, ending: str, reason: str) -> None:
-        """Record how the run ended, as far as the sink still takes anything."""
+        """Record how the run ended, if the sink still accepts events."""
         self.host.drain()
         self._event(
             "run_end",

@@ -1,4 +1,4 @@
-"""The interface to which rows and events are written: a recording or a dry run."""
+"""Defines the interface to which a run writes rows and events: a recording or a dry run."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ Rows = np.ndarray[tuple[int], np.dtype[np.void]]
 
 
 class Sink(Protocol):
-    """Takes what a run produces; :class:`rigd.record.RecordingWriter` is one."""
+    """Takes the rows and events of a run; :class:`rigd.record.RecordingWriter` is one."""
 
     def write(self, stream: str, rows: Rows) -> None:
-        """Take rows of one stream, laid out as :func:`rigd.model.rows.row_dtype`, shape (n,)."""
+        """Append rows of one stream, laid out as :func:`rigd.model.rows.row_dtype`, shape (n,)."""
         ...
 
     def event(self, t_ns: int, kind: str, trial: int, data: Mapping[str, object]) -> None:
-        """Take one event; ``trial`` is its number, or NO_TRIAL."""
+        """Append an event; ``trial`` is its number, or NO_TRIAL."""
         ...
 
     def flush(self) -> None:
-        """Put everything taken so far where a crash cannot reach it."""
+        """Write everything so far to a place that survives a crash."""
         ...
 
     def close(self) -> None:
-        """Finish; closing twice is silent."""
+        """Complete the data; closing twice is silent."""
         ...

@@ -1,31 +1,39 @@
-"""The driver that the cycle mounts in place of an off-cycle device."""
+"""Defines the driver that the cycle uses in place of a device that it does not read itself.
+
+Such a device is a slow device or a block device (its library returns blocks of rows).
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rigd.config.rig import DeviceConfig
-from rigd.sdk import Driver
+from rigd.sdk import Declaration, Driver, DriverConfig
 
 
-class StandIn(Driver):
-    """Stands in the cycle for a slow or block device, for interlocks and end conditions to see it.
+class StandIn(Driver[DriverConfig, None]):
+    """Replaces a slow or block device in the cycle, for interlocks and end conditions.
 
-    It gives the newest row once, and none until there is a newer one. The row is as old as
-    ``taken_ns`` says, not as its arrival: a block comes behind the samples in it. There is nothing
-    to make safe: such devices take no setpoints.
+    It returns the newest row once, and none until there is a newer row. The time of the row is
+    ``taken_ns``, not its arrival: a block arrives after its samples. There is nothing to make safe:
+    such devices accept no setpoints.
     """
 
-    every_cycle = False
-    taken_ns: int  #: when the row that :meth:`read` gave last was taken, on the clock of the cycle
+    taken_ns: int  #: time of the last row that :meth:`read` returned, on the clock of the cycle
 
     def __init__(self, device: DeviceConfig) -> None:
         super().__init__(device.config, None)
-        self.channels = device.channels
-        self.has_status = device.has_status
+        self.declaration = replace(device.declaration, every_cycle=False)
         self.stream = device.stream
         self.taken_ns = 0
 
+    @classmethod
+    def declare(cls, config: DriverConfig) -> Declaration:
+        """Return nothing: a stand-in has the declaration of its device."""
+        return Declaration()
+
     def open(self) -> None:
-        """Do nothing: whoever runs the device has opened it."""
+        """Do nothing: the process that runs the device opens it."""
 
     def arm(self) -> None:
         """Do nothing: it only measures."""

@@ -1,8 +1,8 @@
-"""Recording windows: the steps during which a stream is recorded.
+"""Stores the recording windows: the times of the steps during which a stream is recorded.
 
-A block device hands rows over some time after they were taken, perhaps in a process of its own.
-What counts is when a row was taken: the cycle writes down when a window opened and closed, and who
-records looks up each row's time there.
+A block device returns a row some time after the device took it, perhaps in another process. The
+time at which the row was taken decides if it is recorded. So the cycle writes the times at which a
+window opened and closed, and the process that records compares the time of each row with them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from rigd.model.errors import DeviceError
 from rigd.procedure.program import Recorded
 
-#: Windows that are remembered; a block device is a few blocks behind, and a step rarely shorter.
+#: Number of windows that are kept; a block device is a few blocks late, and a step is rarely
+#: shorter.
 _KEPT: Final = 32
 _DECIDED, _COUNT, _PAIRS = 0, 1, 2  #: words, then opening and closing time of each window
 _LINE_BYTES: Final = 64
@@ -24,11 +25,11 @@ _STILL_OPEN: Final = 2**63 - 1
 
 
 class Windows:
-    """The windows of one stream, written by the cycle and read by one who records.
+    """The windows of one stream, written by the cycle and read by the recorder.
 
-    A window holds the times from its opening to before its closing, Unix time in ns. Both stand in
-    ``memory`` of :data:`BYTES`, which processes may share: each word has one writer and is written
-    behind what it announces (see :mod:`rigd.engine.shared.mapping`).
+    A window has the times from its opening to before its closing, Unix time in ns. Both are in
+    ``memory`` of :data:`BYTES` bytes, which processes may share: each word has one writer and is
+    written after the data that it announces (see :mod:`rigd.engine.shared.mapping`).
     """
 
     #: Whole cache lines.
@@ -36,16 +37,16 @@ class Windows:
 
     def __init__(self, memory: memoryview) -> None:
         self._words = memory.cast("B")[: self.BYTES].cast("q")
-        self.is_open = False  #: for the writer: whether a row of this cycle is recorded
-        self._next = 0  #: for the reader: the first window that rows to come may lie in
+        self.is_open = False  #: for the writer: whether rows of this cycle are recorded
+        self._next = 0  #: for the reader: the first window that may contain future rows
 
     @classmethod
     def unshared(cls) -> Self:
-        """Return windows that stay within this process."""
+        """Return windows for this process only."""
         return cls(memoryview(bytearray(cls.BYTES)))
 
     def decide(self, t_ns: int, *, is_open: bool) -> None:
-        """Let the cycle at ``t_ns`` say whether what is taken from now on is recorded."""
+        """Decide in the cycle at ``t_ns`` whether rows taken from now on are recorded."""
         words = self._words
         if is_open is not self.is_open:
             self.is_open = is_open
@@ -60,14 +61,14 @@ class Windows:
 
     @property
     def decided_ns(self) -> int:
-        """All is said about rows taken until this time; 0 before the first cycle."""
+        """The decision on rows taken until this time is final; 0 before the first cycle."""
         return self._words[_DECIDED]
 
     def covers(self, times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which of ``times_ns``, increasing from call to call, lie in a window.
+        """Return which of ``times_ns``, increasing from call to call, are in a window.
 
         Raises:
-            DeviceError: so many windows have come since that some are forgotten.
+            DeviceError: so many windows have followed that some are no longer kept.
         """
         inside = np.zeros(len(times_ns), np.bool_)
         words, first = self._words, self._next
@@ -78,18 +79,18 @@ class Windows:
             inside[low:high] = True
             if len(times_ns) and closed <= times_ns[-1]:
                 self._next = number + 1
-        if words[_COUNT] - first >= _KEPT:  # the oldest one looked at may be overwritten by now
+        if words[_COUNT] - first >= _KEPT:  # the oldest of them may be overwritten by now
             raise DeviceError(
-                f"its rows come more than {_KEPT - 1} recording windows late",
-                hint="smaller blocks, or longer steps in `record: ... during`",
+                f"its rows arrive more than {_KEPT - 1} recording windows late",
+                hint="use smaller blocks, or longer steps in `record: ... during`",
             )
         return inside
 
 
 class StepWindows:
-    """Opens and closes the windows of the streams that are recorded during some steps only.
+    """Opens and closes the windows of streams that are recorded only during some steps.
 
-    ``shared`` holds those that another process reads.
+    ``shared`` has the windows that another process reads.
     """
 
     def __init__(self, record: Mapping[str, Recorded], shared: Mapping[str, Windows]) -> None:
@@ -101,10 +102,10 @@ class StepWindows:
         self._all = [(record[stream].during, windows) for stream, windows in self._of.items()]
 
     def of(self, stream: str) -> Windows | None:
-        """Return the windows of ``stream``; None where it is recorded always."""
+        """Return the windows of ``stream``; None if it is always recorded."""
         return self._of.get(stream)
 
     def decide(self, t_ns: int, step: str) -> None:
-        """Let the cycle at ``t_ns``, in which ``step`` plays ("": none), decide for all streams."""
+        """Decide for all streams in the cycle at ``t_ns``, in which ``step`` plays ("": none)."""
         for during, windows in self._all:
             windows.decide(t_ns, is_open=step in during)

@@ -1,4 +1,7 @@
-"""Builds the control cycle of a rig: devices on plant or links, limiter, interlocks."""
+"""Builds the control cycle of a rig from its devices, limiter and interlocks; opens nothing.
+
+Devices are connected to a simulated plant or to links (a bus, a serial line, a card).
+"""
 
 from __future__ import annotations
 
@@ -11,42 +14,37 @@ from rigd.engine.control import Control
 from rigd.engine.cycle import Cycle
 from rigd.engine.interlocks import InterlockBank
 from rigd.engine.limiter import Limiter
-from rigd.engine.mount import CYCLE_STREAM, mount
+from rigd.engine.mount import CYCLE_STREAM, mount, recorded_stream
 from rigd.engine.plant_blocks import PlantBlocks
 from rigd.model.channels import Stream
 from rigd.model.errors import Blocked
 from rigd.sdk import BlockDriver, Driver, Link, Plant
 
-#: ``stand_in(device)``: what the cycle reads of a device that runs elsewhere.
+#: ``stand_in(device)``: returns the driver that replaces an off-cycle device in the cycle.
 StandIn = Callable[[DeviceConfig], Driver]
 
 
 @dataclass(frozen=True)
 class Wiring:
-    """A rig ready to be played on; ``plant`` is None where the devices are reached by links."""
+    """The cycle of a rig; ``plant`` is None if the devices are reached by links."""
 
     cycle: Cycle
     plant: Plant | None
 
 
 def in_cycle(device: DeviceConfig) -> bool:
-    """Return whether the device is exchanged with in the cycle, not in a process beside it."""
+    """Return whether the cycle itself exchanges with the device."""
     kind = device.driver_class
     return issubclass(kind, Driver) or (issubclass(kind, BlockDriver) and kind.on_plant)
 
 
 def streams_of(rig: RigConfig) -> Sequence[Stream]:
-    """Return every stream a run on ``rig`` can record; opens and starts nothing."""
-    fast = {
-        name: (device.driver, _fast(device, None))
+    """Return every stream that a run on ``rig`` can record; opens and starts nothing."""
+    recorded = (
+        recorded_stream(name, device.driver, device.driver_class.title, device.declaration)
         for name, device in rig.devices.items()
-        if issubclass(device.driver_class, Driver)
-    }
-    known = {stream.name: stream for stream in mount(fast).streams}
-    return [
-        *(known.get(name, device.stream) for name, device in rig.devices.items()),
-        CYCLE_STREAM,
-    ]
+    )
+    return [*recorded, CYCLE_STREAM]
 
 
 def wire(
@@ -55,8 +53,8 @@ def wire(
     """Return the wired rig; nothing is opened yet.
 
     Raises:
-        Blocked: a device runs beside the cycle, and there is no stand-in for it; or one stands on
-            a plant, and the rig has none.
+        Blocked: an off-cycle device has no stand-in; or a device is simulated on a plant, and the
+            rig has no plant.
     """
     plant = None
     if rig.plant is not None:
@@ -75,7 +73,7 @@ def wire(
     units = {
         f"{item.name}.{channel.name}": channel.unit
         for item in mounted.mounts
-        for channel in item.driver.channels
+        for channel in item.driver.declaration.channels
     }
     interlocks = InterlockBank(rig.interlocks, mounted.readings, units, mounted.device_of)
     limiter = Limiter(limits, rig.period_ns * 1e-9)
@@ -92,11 +90,13 @@ def _driver(
         return _fast(device, plant if device.link is None else links[device.link])
     if in_cycle(device):
         if plant is None:
-            raise Blocked([f"{device.name}: {device.driver} stands on a plant, and there is none"])
+            raise Blocked(
+                [f"{device.name}: {device.driver} is simulated on a plant, and there is no plant"]
+            )
         return PlantBlocks(device, plant)
     if stand_in is None:
         raise Blocked(
-            [f"{device.name}: {device.driver} runs beside the cycle, which needs real time"]
+            [f"{device.name}: {device.driver} is an off-cycle device, which needs real time"]
         )
     return stand_in(device)
 
@@ -104,5 +104,5 @@ def _driver(
 def _fast(device: DeviceConfig, link: Plant | Link | None) -> Driver:
     driver = device.driver_class(device.config, link)
     if not isinstance(driver, Driver):
-        raise TypeError(f"{device.driver} is no fast driver")
+        raise TypeError(f"{device.driver} is not a fast driver")
     return driver

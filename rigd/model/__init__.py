@@ -1,4 +1,4 @@
-"""Facts that every layer shares: units, channels, streams, limits, states, errors."""
+"""Defines what every layer shares: units, channels, streams, limits, states, errors."""
 
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import (

@@ -1,4 +1,4 @@
-"""Operator, note and metadata of a run."""
+"""Checks the operator, the note and the metadata that a person gives for a run."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ MOST_NOTE_LETTERS: Final = 2000
 MOST_VALUE_LETTERS: Final = 200
 MOST_ENTRIES: Final = 32
 _KEY: Final = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
-#: Categories of characters that steer a terminal or hide text, or are no text at all.
+#: Categories of characters that control a terminal, hide text, or are not text.
 _NO_TEXT: Final = frozenset({"Cc", "Cs", "Co", "Cn", "Zl", "Zp"})
-#: Characters that turn the direction in which everything behind them is read.
+#: Characters that change the direction in which the following text is read.
 _TURNING: Final = frozenset(
     "\u200e\u200f\u061c\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
 )
@@ -23,7 +23,7 @@ _TURNING: Final = frozenset(
 
 @dataclass(frozen=True)
 class About:
-    """What was said of a run when it was started, checked."""
+    """Holds the operator, note and metadata given at the start of a run, after a check."""
 
     operator: str = ""
     note: str = ""
@@ -33,36 +33,38 @@ class About:
         """Check every text.
 
         Raises:
-            ValueError: one is too long or holds a character that is no text; says which.
+            ValueError: a text is too long or contains a control character; the message names it.
         """
         check_text(self.operator, "the operator", MOST_LETTERS)
         check_text(self.note, "the note", MOST_NOTE_LETTERS, lines=True)
         if len(self.meta) > MOST_ENTRIES:
-            raise ValueError(f"{len(self.meta)} values are given, at most {MOST_ENTRIES} are kept")
+            raise ValueError(
+                f"{len(self.meta)} values are given, at most {MOST_ENTRIES} are allowed"
+            )
         for key, value in self.meta.items():
             if _KEY.fullmatch(key) is None:
                 raise ValueError(
-                    f"{plain(key)!r} is no name: it begins with a letter and has at most 40 "
-                    "letters, digits, _ and -"
+                    f"{plain(key)!r} is not a name: it begins with a letter and has at most "
+                    "40 letters, digits, _ and -"
                 )
             check_text(value, key, MOST_VALUE_LETTERS)
 
 
-def check_text(text: str, what: str, most: int, *, lines: bool = False) -> None:
-    """Check that a text is short enough and only text; ``lines`` lets it have several lines.
+def check_text(text: str, name: str, most: int, *, lines: bool = False) -> None:
+    """Check that a text is short and has no control characters; ``lines`` allows several lines.
 
     Raises:
-        ValueError: it is not; names ``what``, and the character by its number.
+        ValueError: it is not; names ``name``, and the character by its number.
     """
     if len(text) > most:
-        raise ValueError(f"{what} has {len(text)} letters, at most {most} are kept")
+        raise ValueError(f"{name} has {len(text)} letters, at most {most} are allowed")
     for letter in text:
         if not _is_text(letter) and not (lines and letter in "\n\t"):
-            raise ValueError(f"{what} holds the character U+{ord(letter):04X}, which is no text")
+            raise ValueError(f"{name} contains the control character U+{ord(letter):04X}")
 
 
 def visible(text: str) -> str:
-    """Return a text of any lines in which each character that is no text stands as its escape."""
+    """Return a text in which every control character is replaced by its escape; line ends stay."""
     if text.isascii() and text.isprintable():
         return text
     return "".join(
@@ -71,7 +73,7 @@ def visible(text: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Return a text as one line, :func:`visible`."""
+    """Return a text as one line, with :func:`visible`."""
     return visible(text).replace("\n", " ").replace("\t", " ")
 
 

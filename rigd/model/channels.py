@@ -1,4 +1,4 @@
-"""Channels and streams with unit and range."""
+"""Defines channels (quantities with unit and range) and streams (channels sampled together)."""
 
 from __future__ import annotations
 
@@ -8,19 +8,21 @@ from typing import Final
 
 from rigd.model.units import parse_unit
 
-#: Name of the integer field a stream carries when its device reports a status word.
+#: Name of the integer field of a stream whose device reports a status word.
 STATUS_FIELD: Final = "status"
-#: Bit of the status word that is rigd's own: the row repeats the values of an earlier cycle, as
-#: the device gave none for this one.
+#: Suffix of the channel that records a setpoint as it was written in the cycle.
+ECHO: Final = "_setpoint"
+#: Bit of the status word that belongs to rigd: the row repeats the values of an earlier cycle,
+#: because the device returned no row for this cycle.
 STALE: Final = 1 << 31
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One named quantity of a device, with the SI unit its samples and setpoints are given in.
+    """A named quantity of a device, with the SI unit of its samples and setpoints.
 
-    ``low`` and ``high`` are the range the device can measure or take; ``raw_of`` names the
-    channel that this one is the unconverted reading of (counts, volts).
+    ``low`` and ``high`` are the range that the device can measure or accept. ``raw_of`` names the
+    channel of which this channel is the unconverted reading (counts, volts).
     """
 
     name: str
@@ -37,17 +39,17 @@ class Channel:
 
 @dataclass(frozen=True)
 class Stream:
-    """The channels of one device sampled together: one row per sample, one topic per stream.
+    """The channels of a device that are sampled together: one row per sample, one topic per stream.
 
-    A row is ``(t_ns, *values)`` with one float64 per channel, and an unsigned 32-bit status word
-    behind them where ``has_status``.
+    A row is ``(t_ns, *values)`` with one float64 per channel, followed by an unsigned 32-bit status
+    word if ``has_status``.
     """
 
     name: str
     channels: tuple[Channel, ...]
     doc: str = ""
     has_status: bool = False
-    source: str = ""  #: driver that the samples come from, for the recording's metadata
+    source: str = ""  #: driver of the samples, for the recording's metadata
 
     def index(self, channel: str) -> int:
         """Return the position of ``channel`` in a row's values.

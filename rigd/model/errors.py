@@ -1,15 +1,15 @@
-"""The error tree; each branch names the person who can act.
+"""Defines the error classes of rigd; the class of an error names the person who can act.
 
 RigdError
 ├── ConfigError      the author of a file: what is wrong, where (file:line:column), what to do
-├── LinkError        whoever wired the rig: a device cannot be reached
+├── LinkError        the person who wired the rig: a device cannot be reached
 ├── ProtocolError    the device: it answered, but not as its manual says
 ├── DeviceError      the device: it reports a fault, or gave no row in time
-├── Blocked          the operator: preflight refuses to arm, and says what is missing
+├── Blocked          the operator: preflight refuses to arm, and reports what is missing
 ├── ProcedureError   the operator: a step did not end as the procedure demands
-├── RecordingError   whoever keeps the files: a recording cannot be written or read
-├── DataError        the analyst: a recording reads well but cannot answer the question
-└── Refusal          whoever asks a daemon: it does not do so, and nothing has changed (rigd.remote)
+├── RecordingError   the person who keeps the files: a recording cannot be written or read
+├── DataError        the analyst: a recording can be read but cannot answer the question
+└── Refusal          the client of a daemon: the daemon refuses, nothing has changed (rigd.remote)
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ class Exit(IntEnum):
     """Exit codes of the command line, documented in ``rigd --help``."""
 
     OK = 0
-    INTERNAL = 1  #: a bug in rigd, or an error it has no name for
+    INTERNAL = 1  #: a bug in rigd, or an error without its own code
     BAD_INPUT = 2  #: wrong arguments, rig file or procedure file; nothing moved
     BLOCKED = 3  #: preflight refused to arm; nothing moved
     TRIPPED = 4  #: an interlock or a device fault ended the run
     STOPPED = 5  #: a person stopped, aborted or estopped the run
     FAILED = 6  #: a step of the procedure did not end as demanded
-    BAD_DATA = 7  #: a recording cannot be written, read, or answer the question
+    BAD_DATA = 7  #: a recording cannot be written, read, or used for the request
+    MISFIT = 8  #: the model does not fit the data: no number is given, or the model is rejected
 
 
 @dataclass(frozen=True)
@@ -46,9 +47,9 @@ class Place:
 
 
 class RigdError(Exception):
-    """Root of every error rigd raises on purpose; raise a branch, never the root.
+    """Root of every error that rigd raises on purpose; raise a subclass, never the root.
 
-    ``hint`` says what to do about it and is printed below the message.
+    ``hint`` is the remedy, and is printed below the message.
     """
 
     exit_code = Exit.INTERNAL
@@ -62,16 +63,16 @@ class RigdError(Exception):
         return self.message if self.hint is None else f"{self.message}\n  {self.hint}"
 
     @property
-    def told(self) -> str:
-        """The same in one line, as a reason to end a run."""
+    def one_line(self) -> str:
+        """The same in one line, as the reason for the end of a run."""
         return self.message if self.hint is None else f"{self.message} ({self.hint})"
 
 
 class ConfigError(RigdError):
-    """A rig or procedure file is wrong; holds every problem found, each with its place.
+    """A rig or procedure file is wrong; contains every problem found, each with its place.
 
-    ``lacks`` names what the file needs and its rig has not (``scale.mass``), empty if it is
-    something else that is wrong.
+    ``lacks`` names what the file needs and its rig lacks (``scale.mass``); empty if anything else
+    is wrong.
     """
 
     exit_code = Exit.BAD_INPUT
@@ -91,7 +92,7 @@ class ConfigError(RigdError):
 
     @classmethod
     def several(cls, errors: Sequence[ConfigError]) -> ConfigError:
-        """Return the first of ``errors`` with the rest attached, so that one report names all."""
+        """Return the first of ``errors`` with the others attached, so that one report names all."""
         first, *rest = errors
         first.others = (*first.others, *rest)
         return first
@@ -124,8 +125,8 @@ class DeviceError(RigdError):
 class Blocked(RigdError):
     """Preflight refuses to arm; ``reasons`` names everything that is missing.
 
-    ``what`` is what does not happen for these reasons. Several are printed below one another, as
-    each may have a hint of its own.
+    ``what`` is the statement that the reasons explain. Several reasons are printed below one
+    another, because each may have a hint.
     """
 
     exit_code = Exit.BLOCKED
@@ -154,6 +155,6 @@ class RecordingError(RigdError):
 
 
 class DataError(RigdError):
-    """A recording reads well but cannot answer the question asked of it."""
+    """A recording can be read but does not contain the required data."""
 
     exit_code = Exit.BAD_DATA

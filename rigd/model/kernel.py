@@ -1,7 +1,8 @@
-"""``@kernel``: numba's ``njit`` with types.
+"""Provides the decorator ``@kernel``, which compiles a numerical function to machine code.
 
-Compiled functions are cached on disk beside their module (or in numba's user cache where that
-folder cannot be written), so only the first call after an installation compiles.
+It is numba's ``njit`` with the same options for all of rigd; a type checker still sees the type of
+the original function. numba stores a compiled function on disk beside its module (or in numba's
+user cache if that folder cannot be written). So only the first call after an installation compiles.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Limits of setpoints, and interlocks, as data."""
+"""Defines the limits of setpoints, and the interlocks (conditions on channels), as plain data."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from rigd.model.severity import Severity
 class SetpointLimit:
     """Bounds of one setpoint, in its unit; ``rate`` is per second.
 
-    ``rest`` is where a stop takes the setpoint (within ``rate``): 0 A for a motor, 1 for a clutch
-    that holds when engaged.
+    ``rest`` is the value to which a stop takes the setpoint (within ``rate``): 0 A for a motor, 1
+    for a clutch that holds when engaged.
     """
 
     low: float
@@ -24,7 +24,7 @@ class SetpointLimit:
 
 
 class Priority(IntEnum):
-    """How urgently a person must look (IEC 62682, 4 classes)."""
+    """How urgently a person must look at the rig (IEC 62682, 4 classes)."""
 
     LOW = auto()
     MEDIUM = auto()

@@ -1,4 +1,4 @@
-"""Names of the pages that stand beside a recording."""
+"""Defines the names of the HTML pages that rigd writes beside a recording."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ from pathlib import Path
 
 
 def page_of(recording: Path) -> Path:
-    """Return where the page of a run stands; that of its identification ends in ``.html`` alone."""
+    """Return the path of the page of a run; the report of its analysis ends in ``.html`` only."""
     return recording.with_name(f"{recording.stem}-run.html")

@@ -1,7 +1,7 @@
-"""Patterns of quantities and conditions for the JSON Schema.
+"""Builds the patterns by which the JSON Schema checks quantities and conditions in an editor.
 
-They refuse plain slips, and nothing that ``rigd check`` accepts: whatever is more than a number and
-one symbol behind it may be an expression, and is left to the check.
+A pattern refuses simple mistakes, and nothing that ``rigd check`` accepts. A text that is more than
+a number and one symbol may be an expression; ``rigd check`` checks such a text.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, Final
 from rigd.model.units import NO_DIMENSION, PREFIXES, parse_unit, symbols
 
 _NUMBER: Final = r"[-+\s]*(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-#: What a condition must hold, and what it never does.
+#: What a condition must contain, and what it never contains.
 _CONDITION: Final = r"^(?![\s\S]*(?:=|&|\|\||\s[oO][rR]\s))(?=[\s\S]*(?:[<>]|\sis\s))"
 
 
@@ -33,13 +33,13 @@ def quantity_schema(unit: str | None = None) -> dict[str, Any]:
         rf"^{_NUMBER}[ \t]*(?:{known}){optional}\s*$"
         rf"|^(?!{_NUMBER}[ \t]*[A-Za-zµμΩ°%]*\s*$)[^,]*$"
     )
-    told = "a number with its unit, such as '1.5 A'"
+    description = "a number with its unit, such as '1.5 A'"
     if unit is not None:
-        told = f"a number with a unit of the kind of {unit}, such as '1 {unit}'"
+        description = f"a number with a unit of the kind of {unit}, such as '1 {unit}'"
     return {
         "type": ["string", "number"] if is_bare else "string",
         "pattern": pattern,
-        "patternErrorMessage": f"{told}, or an expression",
+        "patternErrorMessage": f"{description}, or an expression",
     }
 
 

@@ -1,4 +1,4 @@
-"""The memory layout of the rows of a stream, shared by cycle, ring and recorder."""
+"""Defines the memory layout of the rows of a stream, which cycle, ring and recorder share."""
 
 from __future__ import annotations
 

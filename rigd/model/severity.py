@@ -1,7 +1,8 @@
-"""How severe what ends a run is, as one ladder, and how a run ends at each of its rungs.
+"""Defines how strongly an event ends a run, as an ordered scale, and how a run ends at each level.
 
-An interlock acts by it (``warn`` to ``estop``), a person asks by it (:data:`STOPS`), and what plays
-ends by it. Of two that come together the more severe counts.
+Each interlock has an action on this scale (``warn`` to ``estop``). A request of a person
+(:data:`STOPS`) and the outcome of a program that plays are on the same scale. If two come together,
+the more severe one counts.
 """
 
 from __future__ import annotations
@@ -16,30 +17,30 @@ from rigd.model.states import RunState
 
 
 class Severity(IntEnum):
-    """What ends a run, or part of it; each is more severe than the one before."""
+    """What ends a run, or part of it; each value is more severe than the previous value."""
 
-    DONE = 0  #: played to its end
+    DONE = 0  #: the program ends normally
     WARN = 1  #: recorded and shown; ends nothing
-    END_TRIAL = 2  #: this trial ends early, the next one follows
+    END_TRIAL = 2  #: this trial ends early, the next trial follows
     FAIL = 3  #: a step did not end as the procedure demands
     STOP = 4  #: controlled: setpoints ramp to rest, then `finish` plays
     ABORT = 5  #: setpoints to rest now, nothing else follows
-    ESTOP = 6  #: ask for power to drop at once
+    ESTOP = 6  #: the devices are requested to drop power at once
     FAULT = 7  #: a device failed; every device is made safe
 
     @property
     def word(self) -> str:
-        """What files, events and the protocol call it."""
+        """The name in files, events and the protocol."""
         return self.name.lower()
 
 
-#: What a person may ask of a run, each more severe than the one before.
+#: The stops that a person may request, in order of severity.
 STOPS: Final = (Severity.STOP, Severity.ABORT, Severity.ESTOP)
 
 
 @dataclass(frozen=True)
 class WayOut:
-    """How a run ends: the word for it, its final state, its exit code.
+    """How a run ends: its name, its final state, its exit code.
 
     ``finishes`` is whether the `finish` of the procedure plays, which may move the rig.
     """
@@ -50,17 +51,16 @@ class WayOut:
     finishes: bool
 
     def then(self, later: WayOut) -> WayOut:
-        """Return how a run ends whose `finish` was ended by ``later``.
+        """Return how a run ends if ``later`` ended its `finish`.
 
-        The exit code is that of what went wrong first; that a person stopped a run is nothing
-        wrong.
+        The exit code is that of the first failure; a stop by a person is not a failure.
         """
         if self.exit_code in (Exit.OK, Exit.STOPPED):
             return later
         return self if later.finishes else replace(later, exit_code=self.exit_code)
 
 
-#: How a run ends that no interlock ended, by the most severe of what happened to it.
+#: How a run ends without an interlock, by the most severe event.
 WAYS_OUT: Final[Mapping[Severity, WayOut]] = {
     Severity.DONE: WayOut("complete", RunState.DONE, Exit.OK, finishes=True),
     Severity.WARN: WayOut("complete", RunState.DONE, Exit.OK, finishes=True),
@@ -72,7 +72,7 @@ WAYS_OUT: Final[Mapping[Severity, WayOut]] = {
     Severity.FAULT: WayOut("faulted", RunState.FAULTED, Exit.TRIPPED, finishes=False),
 }
 
-#: How a run ends that preflight refuses to begin, and one that an error ends.
+#: How a run ends if preflight refuses it, and if an error ends it.
 BLOCKED: Final = WayOut("blocked", RunState.BLOCKED, Exit.BLOCKED, finishes=False)
 BROKEN: Final = WayOut("faulted", RunState.FAULTED, Exit.INTERNAL, finishes=False)
 
@@ -81,7 +81,8 @@ def way_out(severity: Severity, *, tripped: bool = False, latched: bool = False)
     """Return how a run ends.
 
     ``tripped``: an interlock ended it. ``latched``: that interlock stays tripped until a person
-    acknowledges it, so that the rig must not be moved: as bad as a fault, unless worse was asked.
+    acknowledges it, so that the rig must not be moved: this counts as a fault, unless something
+    more severe was requested.
     """
     if latched and severity < Severity.ABORT:
         severity = Severity.FAULT

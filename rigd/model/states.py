@@ -1,8 +1,9 @@
-"""The life of a run as one table: (state, event) -> state; anything else is refused.
+"""Defines the states of a run as one table: (state, event) -> state; all else is refused.
 
-``stop`` is controlled, ``abort`` ramps to zero now, ``estop`` drops power; each escalates the
-last. ``finish`` may move the rig and is therefore reachable only where the rig itself is well: at
-the end of the procedure, after a person's stop, a step that failed, or a trip that has cleared.
+``stop`` is controlled, ``abort`` ramps to zero now, ``estop`` drops power; each is more severe than
+the one before. ``finish`` may move the rig. So a run can reach ``finish`` only if the rig itself
+has no fault: at the end of the procedure, after a person's stop, a step that failed, or a trip that
+has cleared.
 """
 
 from __future__ import annotations
@@ -12,25 +13,25 @@ from typing import Final
 
 
 class RunState(Enum):
-    """Where a run stands."""
+    """The state of a run."""
 
     IDLE = auto()  #: nothing opened
-    PREFLIGHT = auto()  #: devices opened, checks under way, nothing moves
+    PREFLIGHT = auto()  #: devices are open, checks in progress, nothing moves
     BLOCKED = auto()  #: preflight refused; end
-    ARMED = auto()  #: everything proven, actuators enabled, nothing has moved
+    ARMED = auto()  #: all checks passed, actuators enabled, nothing has moved
     RUNNING = auto()  #: a trial or `prepare` plays
-    PAUSING = auto()  #: a pause was asked for; the trial under way ends first
+    PAUSING = auto()  #: a pause was requested; the present trial ends first
     PAUSED = auto()  #: setpoints at rest, waiting for resume
-    STOPPING = auto()  #: controlled stop under way
+    STOPPING = auto()  #: controlled stop in progress
     FINISHING = auto()  #: the procedure's `finish` plays
-    ABORTING = auto()  #: setpoints ramp to zero now; nothing else follows
+    ABORTING = auto()  #: setpoints ramp to zero now; nothing follows
     FAULTED = auto()  #: a device or interlock ended the run; end
-    ESTOPPED = auto()  #: power was asked to drop; end
+    ESTOPPED = auto()  #: drop of power was requested; end
     DONE = auto()  #: made safe, file closed; end
 
 
 class RunEvent(Enum):
-    """What can happen to a run."""
+    """The events of a run."""
 
     CHECK = auto()
     BLOCK = auto()
@@ -72,7 +73,7 @@ TRANSITIONS: Final[dict[tuple[RunState, RunEvent], RunState]] = {
     (_S.FINISHING, _E.FINISHED): _S.DONE,
     (_S.ABORTING, _E.SAFE): _S.DONE,
 }
-# From every state in which something may move: the three ways out.
+# In every state in which something may move, these events are possible: the three stops.
 for _state in (
     _S.PREFLIGHT, _S.ARMED, _S.RUNNING, _S.PAUSING, _S.PAUSED, _S.STOPPING, _S.FINISHING,
     _S.ABORTING,
@@ -84,5 +85,5 @@ for _state in (
 
 
 def next_state(state: RunState, event: RunEvent) -> RunState | None:
-    """Return the state that ``event`` leads to, or None where the table refuses it."""
+    """Return the state after ``event``, or None if the table refuses the event."""
     return TRANSITIONS.get((state, event))

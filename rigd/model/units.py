@@ -1,8 +1,9 @@
-"""Units: ``"0.15 A"`` to 0.15, ``"15 deg"`` to 0.2618; SI inside, conversion at the edges.
+"""Converts quantities with units to SI: ``"0.15 A"`` to 0.15, ``"15 deg"`` to 0.2618.
 
-The units a rig file and a procedure may use are the table below, times the SI prefixes where a
-prefix is usual. ``rad`` and ``count`` are kept as dimensions of their own, unlike in SI: an angle
-given as ``0.3`` or an encoder scale given in ``m`` instead of ``m/count`` is then an error.
+rigd computes in SI; it converts when it reads or shows a quantity. The table below lists the units
+that a rig file and a procedure may use; a prefix of SI is allowed if it is usual for the unit.
+``rad`` and ``count`` are dimensions of their own, unlike in SI: an angle given as ``0.3`` or an
+encoder scale given in ``m`` instead of ``m/count`` is then an error.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ _SYNONYMS: Final = {"Ω": "ohm", "°": "deg", "counts": "count", "sec": "s"}
 _SUPERSCRIPTS: Final = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _MAX_POWER: Final = 9  # no quantity of physics needs more, and 1000.0**200 overflows
 _FACTOR: Final = re.compile(r"(?P<symbol>[A-Za-zµμΩ°%]+|1)(?:\^?(?P<power>-?\d+))?$")
-#: A number as many write it: the part before the comma, and what follows it.
+#: A number in the style of many languages: the part before the comma, and the part after it.
 DECIMAL_COMMA: Final = re.compile(r"\s*([-+]?\d+),(\d.*)$", re.DOTALL)
 _NUMBER: Final = re.compile(
     r"\s*(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>.*?)\s*$"
@@ -96,11 +97,10 @@ class Quantity:
 def parse_unit(text: str) -> Unit:
     """Return the unit written as ``m/s^2``, ``N m``, ``kg·m²``, ``1/m`` or ``s/m``.
 
-    Every ``/`` divides by the one factor behind it.
+    Every ``/`` divides by the single factor after it.
 
     Raises:
-        ValueError: no such unit; the message names the factor that is unknown.
-
+        ValueError: unknown unit; the message names the unknown factor.
     """
     symbol = text.strip() or "1"
     plain = symbol.translate(_SUPERSCRIPTS).replace("·", " ").replace("*", " ").replace("/", " / ")
@@ -123,9 +123,9 @@ def parse_unit(text: str) -> Unit:
 
 
 def symbols(unit: str | None = None) -> tuple[list[str], list[str]]:
-    """Return the symbols that stand for a unit of the kind of ``unit`` (None: any), and alone.
+    """Return the symbols for units of the kind of ``unit`` (None: any kind), in two groups.
 
-    The first may carry an SI prefix (:data:`PREFIXES`), the second may not.
+    Symbols of the first group may carry an SI prefix (:data:`PREFIXES`), the others may not.
     """
     kind = None if unit is None else parse_unit(unit).dimension
     prefixed: list[str] = []
@@ -142,9 +142,9 @@ def _parse_factor(word: str, text: str) -> tuple[float, Dimension, int]:
     if match is None:
         raise ValueError(f"cannot read {word!r} in unit {text!r}")
     symbol = _SYNONYMS.get(match["symbol"], match["symbol"])
-    power = int((match["power"] or "1")[:9])  # nine characters show that it is too large
+    power = int((match["power"] or "1")[:9])  # nine characters prove that it is too large
     if abs(power) > _MAX_POWER:
-        raise ValueError(f"the power in {word!r} is beyond {_MAX_POWER}")
+        raise ValueError(f"the power in {word!r} is larger than {_MAX_POWER}")
     if symbol in _UNITS:
         factor, dimension, _ = _UNITS[symbol]
         return factor, dimension, power
@@ -156,7 +156,7 @@ def _parse_factor(word: str, text: str) -> tuple[float, Dimension, int]:
 
 
 def _meant(symbol: str) -> str:
-    """Return ``, did you mean 'mA'?`` for ``ma``: letters in the wrong case, a blank left out."""
+    """Return ``, did you mean 'mA'?`` for ``ma``: wrong case of letters, or a missing space."""
     known = [*_UNITS, *(f"{prefix}{stem}" for stem, (_, _, may) in _UNITS.items() if may
                         for prefix in PREFIXES)]  # fmt: skip
     same = [item for item in known if item.casefold() == symbol.casefold()]
@@ -169,8 +169,7 @@ def parse_quantity(text: str) -> Quantity:
     """Return the quantity written as ``0.15 A`` or ``1e3 1/m``; a bare number has no dimension.
 
     Raises:
-        ValueError: not a number followed by a known unit.
-
+        ValueError: the text is not a number followed by a known unit.
     """
     if (comma := DECIMAL_COMMA.match(text)) is not None:
         raise ValueError(f"{text!r} has a decimal comma: write '{comma[1]}.{comma[2]}'")

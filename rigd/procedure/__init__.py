@@ -1,5 +1,5 @@
-"""Procedure files: read, checked, compiled to cycle programs.
+"""Reads and checks procedure files, and compiles them to programs that the control cycle plays.
 
-Import :mod:`rigd.procedure.loader` to read one, :mod:`rigd.procedure.compile` to compile it. This
-package itself imports nothing: who plays a program needs :mod:`rigd.procedure.program` alone.
+Import :mod:`rigd.procedure.loader` to read a file, :mod:`rigd.procedure.compile` to compile it.
+This package itself imports nothing, because the cycle needs only :mod:`rigd.procedure.program`.
 """

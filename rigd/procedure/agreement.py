@@ -1,10 +1,14 @@
-"""What channels must show after a prompt was answered, as a program for the cycle."""
+"""Builds the check that the channels of the rig agree with the operator's answer to a prompt.
+
+The check is a program that the control cycle plays; the setpoints stay at rest.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 from rigd.model.units import format_quantity
+from rigd.procedure.condition_text import describe_until, describe_values
 from rigd.procedure.program import (
     Agreement,
     Answer,
@@ -15,11 +19,10 @@ from rigd.procedure.program import (
     Segment,
     StatusCondition,
 )
-from rigd.procedure.standing import describe_standing, describe_until
 
 
 def check_of(prompt: Prompt, answer: Answer) -> CycleProgram | None:
-    """Return the program that ends once ``answer`` is borne out, or None where nothing is checked.
+    """Return the program that ends when channels agree with ``answer``; None without a check.
 
     It commands nothing: the setpoints stay at rest.
     """
@@ -33,25 +36,25 @@ def check_of(prompt: Prompt, answer: Answer) -> CycleProgram | None:
     return CycleProgram((Segment(prompt.name, until=until, timeout_s=prompt.timeout_s),))
 
 
-def objection_to(prompt: Prompt, answer: Answer, stood: Mapping[str, float]) -> str:
-    """Return what speaks against ``answer`` where its check ran out of time.
+def objection_to(prompt: Prompt, answer: Answer, values: Mapping[str, float]) -> str:
+    """Return the reason against ``answer`` if its check ran out of time.
 
-    ``stood`` is where the channels of the check stood then.
+    ``values`` are the last values of the channels of the check.
     """
     check = check_of(prompt, answer)
     if check is None:
-        raise ValueError(f"nothing speaks against an answer to {prompt.name!r}: it has no check")
-    where, said, expected = describe_standing(check.segments[0].until, stood), "", []
+        raise ValueError(f"the answer to {prompt.name!r} has no check")
+    found, answered, expected = describe_values(check.segments[0].until, values), "", []
     if prompt.agrees is not None:
         number = float(answer)
-        said = f"the answer was {format_quantity(number, prompt.unit)}, but "
+        answered = f"the answer was {format_quantity(number, prompt.unit)}, but "
         low, high = (format_quantity(item, prompt.unit) for item in band(prompt.agrees, number))
         expected.append(f"{low} to {high}")
     if prompt.until:
         expected.append(describe_until(prompt.until))
     return (
-        f"prompt {prompt.name!r}: {said}{where} "
-        f"(looked at for {prompt.timeout_s:g} s, expected {' and '.join(expected)})"
+        f"prompt {prompt.name!r}: {answered}{found} (checked for {prompt.timeout_s:g} s, expected "
+        f"{' and '.join(expected)})"
     )
 
 
@@ -62,7 +65,7 @@ def band(agrees: Agreement, answer: float) -> tuple[float, float]:
 
 
 def inside(agrees: Agreement, answer: float, unit: str) -> tuple[Condition, ...]:
-    """Return what says that the channel shows ``answer``; ``unit`` is the one people read."""
+    """Return the conditions for agreement with ``answer``; ``unit`` is the displayed unit."""
     low, high = band(agrees, answer)
     return (
         Condition(agrees.channel, Comparison.ABOVE, low, for_s=agrees.for_s, unit=unit),

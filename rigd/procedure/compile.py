@@ -1,7 +1,8 @@
-"""Compiles a procedure for a rig to plain data; checks everything before anything moves.
+"""Compiles a procedure for a rig to plain data, and checks everything before anything moves.
 
-The check is static and fast: names, units, ranges and limits for every trial of the sweep, and
-end conditions that a range, a limit or an interlock always precedes. Physics runs in the dry run.
+The check plays nothing and is fast. It covers names, units, ranges and limits for every trial of
+the sweep. It also refuses an end condition that can never be met, because a range, a limit or an
+interlock always acts first. The dry run computes the physics.
 """
 
 from __future__ import annotations
@@ -9,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-from rigd.config.document import Path_
+from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
 from rigd.config.problems import Problems, suggest
 from rigd.config.rig import RigConfig
-from rigd.procedure.expression import Number, Reference, Scope, Value
+from rigd.procedure.expression import Number, Scope, Value
+from rigd.procedure.identify import read_plan
 from rigd.procedure.loader import Procedure
 from rigd.procedure.parameters import Parameters, read_parameters, read_tables, read_unit
 from rigd.procedure.program import (
@@ -29,7 +31,7 @@ from rigd.procedure.source import FaultSource, MoveSource, ProcedureSource, Prom
 from rigd.procedure.steps import StepCompiler
 from rigd.procedure.sweep import MAX_STEPS, play_order, read_points
 
-#: The stream that the cycle itself gives; always recorded, because lateness is data.
+#: The stream of the cycle itself; always recorded, because delays are data.
 CYCLE_STREAM = "cycle"
 
 
@@ -45,11 +47,11 @@ def compile_procedure(
 
     ``overrides`` are the texts of ``--set NAME=VALUE``. ``done`` are the numbers of trials that an
     earlier, interrupted run has completed: they stay in the plan, but a prompt that is shown once
-    per value is shown again in the first trial that is still to be played.
+    per value is shown again in the first trial that is still to play.
 
     Raises:
-        TooLong: all trials together have more than ``most_steps``; nothing was compiled.
-        ConfigError: the procedure does not fit; names every problem with its place.
+        TooLong: all trials together have more than ``most_steps`` steps; nothing was compiled.
+        ConfigError: the procedure does not fit the rig; names every problem with its place.
     """
     source, problems = procedure.source, Problems()
     swept = frozenset((*source.sweep.grid, *source.sweep.zip))
@@ -63,12 +65,13 @@ def compile_procedure(
     units = _units(rig, parameters, [base, *scopes[:1]])
     units |= {name: read_unit(reader, ("tables", name, "unit"), table.unit)
               for name, table in source.tables.items() if table.unit}  # fmt: skip
-    compiler = StepCompiler(replace(reader, units=units), rig, source.parameters)
+    reader = replace(reader, units=units)
+    compiler = StepCompiler(reader, rig, source.parameters)
     prepare = compiler.compile(("prepare",), source.prepare, base)
     trials = _trials(compiler, source, scopes, done)
     finish = compiler.compile(("finish",), source.finish, base)
     record = _record(reader, source, rig)
-    identify = _identify(reader, source, rig, base, hidden)
+    identify = _identify(reader, source, rig, (base, next(iter(scopes), base)), hidden)
     _check_names(reader, source)
     problems.raise_any()
     return CompiledProcedure(
@@ -100,7 +103,7 @@ def _scope(
 
 
 def _units(rig: RigConfig, parameters: Parameters, scopes: Sequence[Scope]) -> dict[str, str]:
-    """Return the unit that people read each named quantity in."""
+    """Return the displayed unit of each named quantity."""
     units = {
         name: describe_unit(value)
         for scope in scopes
@@ -144,25 +147,25 @@ def _trials(
 
 
 def _check_names(reader: Reader, source: ProcedureSource) -> None:
-    """Note steps and prompts that share a name: logs, reports and answers go by it."""
+    """Note steps and prompts that share a name: logs, reports and answers use the names."""
     seen: dict[str, int] = {}
     for path, steps in _blocks(source):
         for index, step in enumerate(steps):
             if isinstance(step, FaultSource):
-                continue  # it goes by its device and fault, and may be shown often
+                continue  # a fault has the name of its device and kind, and may be shown often
             key, name = (
                 ("step", step.step) if isinstance(step, MoveSource) else ("prompt", step.prompt)
             )
             place = reader.document.place((*path, index, key))
             if name in seen:
-                message = f"the name {name!r} stands twice; first in line {seen[name]}"
-                reader.problems.add(place, message, "give each step a name of its own")
+                message = f"the name {name!r} is used twice; first in line {seen[name]}"
+                reader.problems.add(place, message, "give each step a different name")
             seen.setdefault(name, place.line)
 
 
 def _blocks(
     source: ProcedureSource,
-) -> tuple[tuple[Path_, Sequence[MoveSource | PromptSource | FaultSource]], ...]:
+) -> tuple[tuple[KeyPath, Sequence[MoveSource | PromptSource | FaultSource]], ...]:
     """Return every list of steps, with its place."""
     return (
         (("prepare",), source.prepare),
@@ -173,7 +176,7 @@ def _blocks(
 
 
 def _own(scope: Scope) -> dict[str, float | str | bool]:
-    """Return parameters and tables as plain values; the rig's constants are in its own file."""
+    """Return parameters and tables as plain values; the rig file has the rig's constants."""
     return {
         name: value.value if isinstance(value, Number) else value
         for name, value in scope.items()
@@ -208,14 +211,15 @@ def _identify(
     reader: Reader,
     source: ProcedureSource,
     rig: RigConfig,
-    base: Scope,
+    scopes: tuple[Scope, Scope],
     hidden: Collection[str],
 ) -> IdentifyPlan | None:
+    """Return the plan; ``scopes`` are those of the whole run and of its first trial."""
     plan = source.identify
     if plan is None:
         return None
     for signal, channel in plan.signals.items():
-        if rig.channel(channel) is None:
+        if rig.recorded(channel) is None:
             place = reader.document.place(("identify", "signals", signal))
             known = channel_names(rig)
             reader.problems.add_lacking(place, rig.name, "channel", channel, known)
@@ -223,59 +227,4 @@ def _identify(
         if name not in source.parameters:
             reader.note(("identify", "group_by", index), f"unknown parameter {name!r}",
                         suggest(name, source.parameters))  # fmt: skip
-    constants: dict[str, float | str] = {}
-    for name, text in plan.constants.items():
-        path = ("identify", "constants", name)
-        expression = reader.parse(path, text)
-        if expression is None:
-            continue
-        if isinstance(expression.root, Reference) and expression.root.name in hidden:
-            constants[name] = expression.root.name
-            continue
-        value = reader.value(path, text, base)
-        if isinstance(value, Number):
-            constants[name] = value.value
-        elif value is not None:
-            reader.note(path, f"{value!r} is a word, expected a quantity")
-    return IdentifyPlan(
-        plan.model,
-        plan.signals,
-        constants,
-        tuple(plan.group_by),
-        _reference(reader, source, base),
-        "" if plan.reference is None else plan.reference.label,
-    )
-
-
-def _reference(reader: Reader, source: ProcedureSource, base: Scope) -> dict[str, float]:
-    """Return the published values for the choice that ``base`` makes.
-
-    Where the sweep makes the choice, those of every choice, as ``choice.name``.
-    """
-    reference = None if source.identify is None else source.identify.reference
-    if reference is None:
-        return {}
-    path: Path_ = ("identify", "reference")
-    parameter = source.parameters.get(reference.by)
-    if parameter is None or not parameter.choices:
-        with_choices = [name for name, item in source.parameters.items() if item.choices]
-        reader.note((*path, "by"), f"{reference.by!r} is not a parameter with choices",
-                    suggest(reference.by, with_choices))  # fmt: skip
-        return {}
-    for choice in reference.values:
-        if choice not in parameter.choices:
-            reader.note_key((*path, "values", choice),
-                            f"{choice!r} is not a choice of {reference.by}",
-                            suggest(choice, parameter.choices))  # fmt: skip
-    swept = reference.by in source.sweep.grid or reference.by in source.sweep.zip
-    values = {}
-    for choice, texts in reference.values.items():
-        for name, text in texts.items():
-            value = reader.value((*path, "values", choice, name), text, base)
-            if not isinstance(value, Number):
-                continue
-            if swept:
-                values[f"{choice}.{name}"] = value.value
-            elif base.get(reference.by) == choice:
-                values[name] = value.value
-    return values
+    return read_plan(reader, source, plan, rig.constants, scopes, hidden)

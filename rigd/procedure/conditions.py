@@ -1,4 +1,7 @@
-"""End conditions: ``|belt.speed| < 3 mm/s for 0.2 s and scale is stable``."""
+"""Parses the conditions that end a step, and refuses those that can never be met.
+
+Example: ``|belt.speed| < 3 mm/s for 0.2 s and scale is stable``.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,16 @@ import math
 import re
 from collections.abc import Sequence
 
-from rigd.config.document import Path_
+from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
 from rigd.model.severity import Severity
 from rigd.model.units import format_quantity
+from rigd.procedure.condition_text import describe_condition
 from rigd.procedure.expression import Scope
 from rigd.procedure.program import Comparison, Condition, StatusCondition, TrialLimit, Until
 from rigd.procedure.reader import Reader
-from rigd.procedure.standing import describe_condition
 
 _CLAUSE = re.compile(
     r"\s*(?P<open>\|)?\s*(?P<channel>[A-Za-z_]\w*(?:\.\w+)?)\s*(?P<close>\|)?\s*"
@@ -27,9 +30,12 @@ _STATUS = re.compile(
     r"(?:\s+for\s(?P<time>.+))?\s*$",
     re.DOTALL,
 )
-#: What other languages have, and what to write instead, by its first character.
+#: Operators of other languages, and the replacement, by first character.
 _FOREIGN = re.compile(r"\s(?:or|OR|AND|not)\s|\|\||&&?|[<>=!]=|=")
-_ANY = "give a list, any of which ends it: ['a.x > 1 m', 'b.y < 2 m']; 'and' joins within one"
+_ANY = (
+    "give a list, which ends the step by any of its items: ['a.x > 1 m', 'b.y < 2 m']; "
+    "'and' joins conditions of an item"
+)
 _COMPARE = "compare with '>' or '<'; a measured value never equals a number"
 _INSTEAD = {
     **dict.fromkeys("oO|", _ANY),
@@ -42,15 +48,15 @@ _JOIN = re.compile(r"\sand\s")
 
 def read_until(
     reader: Reader,
-    path: Path_,
+    path: KeyPath,
     texts: Sequence[str],
     scope: Scope,
     rig: RigConfig,
     limits: Sequence[TrialLimit],
 ) -> Until:
-    """Return the conditions of ``until``: any row of all its clauses; problems are noted.
+    """Return the conditions of ``until``: rows of which any must hold; problems are noted.
 
-    ``limits`` are those of the trial that the step plays in.
+    ``limits`` are those of the trial that contains the step.
     """
     is_list = isinstance(reader.document.get(path), list)
     rows = []
@@ -72,7 +78,7 @@ def read_until(
 
 
 def _read_clause(
-    reader: Reader, path: Path_, text: str, start: int, scope: Scope, rig: RigConfig
+    reader: Reader, path: KeyPath, text: str, start: int, scope: Scope, rig: RigConfig
 ) -> Condition | None:
     match = _CLAUSE.match(text)
     place = reader.document.inside(path, start)
@@ -80,7 +86,7 @@ def _read_clause(
     if foreign is not None:
         word = foreign[0].strip()
         place = reader.document.inside(path, start + foreign.start() + foreign[0].index(word))
-        reader.problems.add(place, f"a condition has no {word!r}", _INSTEAD[word[0]])
+        reader.problems.add(place, f"a condition cannot contain {word!r}", _INSTEAD[word[0]])
         return None
     if match is None or bool(match["open"]) != bool(match["close"]):
         hint = "such as 'carriage.position > 1.15 m' or '|belt.speed| < 3 mm/s for 0.2 s'"
@@ -106,7 +112,7 @@ def _read_clause(
 
 
 def _read_status(
-    reader: Reader, path: Path_, match: re.Match[str], start: int, scope: Scope, rig: RigConfig
+    reader: Reader, path: KeyPath, match: re.Match[str], start: int, scope: Scope, rig: RigConfig
 ) -> StatusCondition | None:
     name, word = match["device"], match["word"]
     device = rig.devices.get(name)
@@ -114,13 +120,13 @@ def _read_status(
         place = reader.document.inside(path, start + match.start("device"))
         reader.problems.add_lacking(place, rig.name, "device", name, rig.devices)
         return None
-    mask = device.status_bits.get(word)
+    mask = device.declaration.status_bits.get(word)
     if mask is None:
         place = reader.document.inside(path, start + match.start("word"))
-        words = device.status_bits
+        words = device.declaration.status_bits
         reader.problems.add(
             place,
-            f"{name} ({device.driver}) does not tell whether it is {word}",
+            f"{name} ({device.driver}) does not report whether it is {word}",
             suggest(word, words) if words else "none of its status bits has a name",
         )
         return None
@@ -129,9 +135,9 @@ def _read_status(
 
 
 def _read_time(
-    reader: Reader, path: Path_, match: re.Match[str], start: int, scope: Scope
+    reader: Reader, path: KeyPath, match: re.Match[str], start: int, scope: Scope
 ) -> float:
-    """Return the time behind ``for``, 0 where there is none."""
+    """Return the time after ``for``, 0 without ``for``."""
     if match["time"] is None:
         return 0.0
     for_s = reader.number(path, match["time"], "s", scope, start + match.start("time"))
@@ -143,13 +149,13 @@ def _read_time(
 
 def check_reachable(
     reader: Reader,
-    path: Path_,
+    path: KeyPath,
     start: int,
     condition: Condition,
     rig: RigConfig,
     limits: Sequence[TrialLimit],
 ) -> None:
-    """Note a condition that the channel's range, an interlock or a trial limit always precedes."""
+    """Note a condition that a range, an interlock or a trial limit always precedes."""
     channel = rig.channel(condition.channel)
     if channel is None:
         return

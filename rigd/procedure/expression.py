@@ -1,6 +1,6 @@
-"""Quantities that a procedure computes: ``0.5 * ${current} + 0.1 A``, with units checked.
+"""Parses and computes expressions such as ``0.5 * ${current} + 0.1 A``, with a check of the units.
 
-Grammar, on top of number-with-unit::
+The grammar extends a number with its unit::
 
     sum      = product { ("+" | "-") product }
     product  = factor { ("*" | "/") factor }
@@ -8,7 +8,7 @@ Grammar, on top of number-with-unit::
     quantity = number [ unit ]
     name     = parameter | table | "rig." constant
 
-A unit ends where a number, a ``$`` or a bracket follows, so ``2 m / ${time}`` divides.
+A unit ends before a number, a ``$`` or a bracket, so ``2 m / ${time}`` divides.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rigd.model.units import DECIMAL_COMMA, NO_DIMENSION, Dimension, parse_unit,
 
 #: How deep brackets may nest.
 _MAX_DEPTH: Final = 20
-#: Characters of an expression; a longer one is not for people.
+#: Most characters of an expression; people cannot read a longer expression.
 _MAX_LENGTH: Final = 300
 _NUMBER: Final = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _FACTOR = r"[A-Za-zµμΩ°%]+(?:\^-?\d+|[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|\d+)?"
@@ -44,7 +44,7 @@ class Number:
     dimension: Dimension = NO_DIMENSION
 
 
-#: What a name can stand for.
+#: The value of a name.
 Value: TypeAlias = Number | str
 #: The names an expression may use.
 Scope: TypeAlias = Mapping[str, Value]
@@ -60,7 +60,7 @@ class ExpressionError(ValueError):
 
 
 class UnknownName(ExpressionError):
-    """An expression uses a name that has no value where it stands."""
+    """An expression uses a name that has no value at this place."""
 
     def __init__(self, name: str, offset: int) -> None:
         super().__init__(f"unknown name '${{{name}}}'", offset)
@@ -76,7 +76,7 @@ class Literal:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """A name, to be looked up when evaluated."""
+    """A name, whose value is looked up at evaluation."""
 
     name: str
     offset: int
@@ -110,7 +110,7 @@ class Expression:
     names: frozenset[str]
 
     def value(self, scope: Scope) -> Value:
-        """Return the value under ``scope``: text where the expression is a name for text.
+        """Return the value under ``scope``: text if the expression is a name of a text.
 
         Raises:
             ExpressionError: an unknown name, mixed units, a division by zero.
@@ -125,7 +125,7 @@ def parse_expression(text: str) -> Expression:
     """Return the expression written as ``text``.
 
     Raises:
-        ExpressionError: not an expression; says where.
+        ExpressionError: not an expression; its offset is the place.
     """
     if len(text) > _MAX_LENGTH:
         raise ExpressionError(f"longer than {_MAX_LENGTH} characters")
@@ -144,7 +144,7 @@ class _Parser:
         self.names: set[str] = set()
 
     def skip(self) -> str:
-        """Skip blanks and return the next character, or nothing at the end."""
+        """Skip spaces and return the next character, or "" at the end."""
         match = _SPACE.match(self.text, self.at)
         self.at = self.at if match is None else match.end()
         return self.text[self.at : self.at + 1]
@@ -201,7 +201,7 @@ class _Parser:
         comma = DECIMAL_COMMA.match(self.text, self.at)
         if comma is not None:
             raise ExpressionError(
-                "a number has a decimal point, no comma", comma.end(1),
+                "use a decimal point, not a comma", comma.end(1),
                 f"write {comma[1]}.{comma[2]}",
             )  # fmt: skip
         self.at = number.end()
@@ -259,7 +259,7 @@ def _join(node: Operation, left: Number, right: Number) -> Number:
         raise ExpressionError("division by zero", node.offset)
     else:
         joined = Number(left.value / right.value, tuple(a - b for a, b in pairs))
-    # NaN stands for a value whose own problem was reported: it must pass without a second one.
+    # NaN replaces a value whose problem is reported already: it must not cause a second problem.
     if not math.isfinite(joined.value) and math.isfinite(left.value + right.value):
         raise ExpressionError("the result is too large a number", node.offset)
     return joined

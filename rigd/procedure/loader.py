@@ -1,4 +1,4 @@
-"""Loads a procedure file: checks keys and shapes; the rig is not known yet."""
+"""Loads a procedure file and checks its keys and shapes; does not need the rig."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from rigd.config.binding import bind
 from rigd.config.document import Document, parse_document, read_document
 from rigd.config.problems import Problems
 from rigd.config.rig import SourceFile
-from rigd.config.shipped import find_file, whence
+from rigd.config.shipped import find_file, location
 from rigd.model.errors import ConfigError
 from rigd.procedure.source import ProcedureSource
 
 
 @dataclass(frozen=True)
 class Procedure:
-    """A procedure as written, with the place of everything in it."""
+    """Holds a procedure as written, with the line and column of every value."""
 
     source: ProcedureSource
     document: Document
-    whence: str = ""
+    location: str = ""
 
     @property
     def name(self) -> str:
@@ -30,26 +30,26 @@ class Procedure:
     @property
     def file(self) -> SourceFile:
         """The file as its author wrote it, for the recording."""
-        return SourceFile(self.document.path, self.document.text, self.whence)
+        return SourceFile(self.document.path, self.document.text, self.location)
 
 
 def load_procedure(given: str | Path) -> Procedure:
     """Return the procedure of a file, or of a procedure's name (see :func:`find_file`).
 
     Raises:
-        ConfigError: there is no such file, or it is wrong; names every problem with its place.
+        ConfigError: the file is missing or wrong; the error names every problem with its place.
     """
     found = find_file(given, "procedures")
-    return replace(_bind(read_document(found)), whence=whence(given, found, "procedures"))
+    return replace(_bind(read_document(found)), location=location(given, found, "procedures"))
 
 
 def parse_procedure(text: str, path: Path) -> Procedure:
-    """Return the procedure that ``text`` describes, such as one attached to a recording.
+    """Return the procedure in ``text``, such as the text attached to a recording.
 
-    ``path`` is the name that errors give.
+    ``path`` is the name in error messages.
 
     Raises:
-        ConfigError: the text is wrong; names every problem with its place.
+        ConfigError: the text is wrong; the error names every problem with its place.
     """
     return _bind(parse_document(text, path))
 

@@ -1,30 +1,24 @@
-"""Writes a movement by hand as a procedure, with the same limits and recording."""
+"""Writes a manual movement (jog) as a procedure, so that the same limits and recording apply."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-#: Names that a person can give are channel names; anything else would be YAML of its own.
+#: Names that a user can give are channel names; other text could be YAML syntax.
 _QUOTED = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": " "})
 
 
 def jog_text(setpoints: Mapping[str, str], duration: str) -> str:
     """Return the procedure that holds ``setpoints`` for ``duration``, then goes to rest.
 
-    Both are as a person writes them: ``{"wheel_servo.current": "0.1 A"}``, ``"2 s"``. What is
-    wrong with them is found where every procedure is checked.
+    Both are texts of the user: ``{"wheel_servo.current": "0.1 A"}``, ``"2 s"``. The usual check of
+    a procedure finds their errors.
     """
     moves = ", ".join(f'"{name.translate(_QUOTED)}": {_text(to)}' for name, to in setpoints.items())
     return (
-        "procedure: jog\n"
-        "title: Moved by hand\n"
-        "doc: Holds setpoints for a while, then lets them go to rest.\n"
-        "trial:\n"
-        "  steps:\n"
-        "    - step: jog\n"
-        f"      set: {{{moves}}}\n"
-        f"      for: {_text(duration)}\n"
-        "record: all\n"
+        "procedure: jog\ntitle: Moved by hand\ndoc: Holds setpoints for a while, then ramps "
+        f"them to rest.\ntrial:\n  steps:\n    - step: jog\n      set: {{{moves}}}\n      "
+        f"for: {_text(duration)}\nrecord: all\n"
     )
 
 

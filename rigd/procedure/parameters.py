@@ -1,4 +1,4 @@
-"""Parameters of a procedure: defaults, ``--set`` and the sweep."""
+"""Reads the parameters of a procedure: default values, ``--set`` options and the sweep."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rigd.config.document import Path_
+from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
 from rigd.model.units import format_quantity, parse_unit
 from rigd.procedure.expression import (
@@ -32,7 +32,7 @@ class Parameter:
     high: float
 
     def refuse(self, value: Value) -> tuple[str, str] | None:
-        """Return why ``value`` is not allowed and what to do, or None."""
+        """Return the reason why ``value`` is not allowed and the remedy, or None."""
         if isinstance(value, str):
             if not self.choices:
                 return f"{value!r} is a word, expected a quantity in {self.unit}", "give a number"
@@ -65,7 +65,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Parameters:
-    """The parameters of a procedure, and the values that hold for the whole run."""
+    """The parameters of a procedure, and their values for the whole run."""
 
     known: Mapping[str, Parameter]
     scope: Mapping[str, Value]
@@ -82,7 +82,7 @@ def read_parameters(
 ) -> Parameters:
     """Return the parameters of ``source``; problems are noted in ``reader``.
 
-    ``constants`` are the rig's, under their names ``rig.NAME``.
+    ``constants`` are the rig's, with the names ``rig.NAME``.
     """
     known: dict[str, Parameter] = {}
     scope: dict[str, Value] = dict(constants)
@@ -115,13 +115,13 @@ def read_parameters(
 
 
 def read_tables(reader: Reader, source: ProcedureSource, scope: Scope) -> dict[str, Value]:
-    """Return the value of each table under ``scope``; those whose parameter is swept are left out.
+    """Return the value of each table under ``scope``; tables with a swept parameter are left out.
 
     Problems are noted in ``reader``.
     """
     values: dict[str, Value] = {}
     for name, table in source.tables.items():
-        path: Path_ = ("tables", name)
+        path: KeyPath = ("tables", name)
         parameter = source.parameters.get(table.by)
         if parameter is None or parameter.choices is None:
             with_choices = [key for key, item in source.parameters.items() if item.choices]
@@ -149,7 +149,7 @@ def read_tables(reader: Reader, source: ProcedureSource, scope: Scope) -> dict[s
 
 
 def _table_value(
-    reader: Reader, path: Path_, text: str, unit: str | None, scope: Scope
+    reader: Reader, path: KeyPath, text: str, unit: str | None, scope: Scope
 ) -> Value | None:
     if unit is not None:
         return Number(reader.number(path, text, unit, scope), parse_unit(unit).dimension)
@@ -158,7 +158,7 @@ def _table_value(
     return reader.value(path, text, scope)
 
 
-def read_unit(reader: Reader, path: Path_, text: str) -> str:
+def read_unit(reader: Reader, path: KeyPath, text: str) -> str:
     """Return the unit ``text``, or 1 with the problem noted."""
     try:
         parse_unit(text)
@@ -169,12 +169,14 @@ def read_unit(reader: Reader, path: Path_, text: str) -> str:
 
 
 def _declare(reader: Reader, name: str, source: ParameterSource, scope: Scope) -> Parameter:
-    path: Path_ = ("parameters", name)
+    path: KeyPath = ("parameters", name)
     unit = read_unit(reader, (*path, "unit"), source.unit or "1")
     low, high = -math.inf, math.inf
     for key in ("unit", "min", "max"):
         if source.choices is not None and getattr(source, key) is not None:
-            reader.note_key((*path, key), f"a word has no {key}", "remove it, or the choices")
+            reader.note_key(
+                (*path, key), f"a word cannot have a {key}", "remove it, or the choices"
+            )
     if source.choices is None and source.min is not None:
         low = reader.number((*path, "min"), source.min, unit, scope)
     if source.choices is None and source.max is not None:
@@ -213,7 +215,7 @@ def _override(reader: Reader, parameter: Parameter, text: str, scope: Scope) -> 
 
 
 def _unknown(parameter: Parameter) -> Value:
-    """Return what stands for a value whose problem was noted: it causes no other."""
+    """Return a placeholder for a value whose problem is noted: it causes no other problem."""
     if parameter.choices:
         return parameter.choices[0]
     return Number(math.nan, parse_unit(parameter.unit).dimension)

@@ -1,4 +1,4 @@
-"""Schema of setpoint profiles in a procedure file: the keys and values that are allowed."""
+"""Defines which keys and values a procedure file may use for setpoint profiles."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigd.config.source import Source
 from rigd.model.patterns import quantity_schema
 from rigd.procedure.profiles import TAPS
 
-#: Expressions whose unit the key fixes.
+#: Expressions whose unit follows from the key.
 Time = Annotated[str, Field(json_schema_extra=quantity_schema("s"))]
 Frequency = Annotated[str, Field(json_schema_extra=quantity_schema("Hz"))]
 Angle = Annotated[str, Field(json_schema_extra=quantity_schema("rad"))]
@@ -26,14 +26,14 @@ def _register_order(value: int) -> int:
 
 
 class ProfileSource(Source):
-    """A setpoint over time; exactly one key."""
+    """A setpoint over time; exactly one key is given."""
 
     ramp: RampSource | None = None
-    """Straight from one value to another, then held."""
+    """A straight line from one value to another, then held."""
     sine: SineSource | None = None
     """A sine."""
     square: SquareSource | None = None
-    """Two values in turn."""
+    """Two values that alternate."""
     chirp: ChirpSource | None = None
     """A sine of rising or falling frequency."""
     prbs: PrbsSource | None = None
@@ -43,36 +43,36 @@ class ProfileSource(Source):
 
 
 class RampSource(Source):
-    """Straight from one value to another, then held."""
+    """A straight line from one value to another, then held."""
 
     start: Annotated[Expression | None, Field(alias="from")] = None
-    """First value; left out, the ramp begins where the setpoint stands."""
+    """First value; by default the present setpoint."""
     to: Expression
     """Last value."""
     over: Time
-    """How long it takes."""
+    """Duration."""
 
 
 class SineSource(Source):
     """`offset + amplitude sin(2 pi frequency t + phase)`."""
 
     amplitude: Expression
-    """Half of the swing."""
+    """Half of the peak-to-peak value."""
     frequency: Frequency
     """Periods per second."""
     offset: Expression | None = None
     """Value in the middle; by default zero."""
     phase: Angle = "0 deg"
-    """Where the sine begins."""
+    """Phase at the start."""
     fade: Time | None = None
-    """In this time the swing falls in a straight line to nothing."""
+    """In this time the amplitude falls linearly to zero."""
 
 
 class SquareSource(Source):
-    """`offset + amplitude` and `offset - amplitude` in turn."""
+    """`offset + amplitude` and `offset - amplitude` that alternate."""
 
     amplitude: Expression
-    """Half of the swing."""
+    """Half of the peak-to-peak value."""
     frequency: Frequency
     """Periods per second."""
     offset: Expression | None = None
@@ -80,16 +80,16 @@ class SquareSource(Source):
 
 
 class ChirpSource(Source):
-    """A sine whose frequency changes without a break in phase."""
+    """A sine whose frequency changes with continuous phase."""
 
     amplitude: Expression
-    """Half of the swing."""
+    """Half of the peak-to-peak value."""
     start: Annotated[Frequency, Field(alias="from")]
     """First frequency."""
     to: Frequency
     """Last frequency, held afterwards."""
     over: Time
-    """How long it takes."""
+    """Duration."""
     offset: Expression | None = None
     """Value in the middle; by default zero."""
     spacing: Literal["linear", "logarithmic"] = "linear"
@@ -100,7 +100,7 @@ class PrbsSource(Source):
     """`offset + amplitude` or `offset - amplitude`, bit by bit."""
 
     amplitude: Expression
-    """Half of the swing."""
+    """Half of the peak-to-peak value."""
     bit: Time
     """Length of one bit."""
     order: Annotated[
@@ -110,14 +110,14 @@ class PrbsSource(Source):
     offset: Expression | None = None
     """Value in the middle; by default zero."""
     seed: Annotated[int, Ge(0), Le(2**31)] = 1
-    """Decides where the sequence begins."""
+    """The place in the sequence at which it begins."""
 
 
 class TableProfileSource(Source):
     """Values at times."""
 
     times: Annotated[list[Time], Field(min_length=1, max_length=10_000)]
-    """Times since the step began, rising from 0 s."""
+    """Times since the start of the step, rising from 0 s."""
     values: Annotated[list[Expression], Field(min_length=1, max_length=10_000)]
     """One value for each time."""
     hold: bool = False

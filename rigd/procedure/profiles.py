@@ -1,4 +1,4 @@
-"""Setpoint profiles: constant, ramp, sine, square, chirp, PRBS, table."""
+"""Computes setpoints over time (profiles): constant, ramp, sine, square, chirp, PRBS, table."""
 
 from __future__ import annotations
 
@@ -6,41 +6,41 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 
-#: Part of a slot that a time may lie before it and still count into it. Slot times are sums and
+#: A time may be before a slot by this part of it and still belong to it. Slot times are sums and
 #: quotients of decimal fractions, 0.3 / 0.1 = 2.999...: truncating would repeat a slot.
 _SLOT_ROUNDING = 1e-6
 
 
-#: The same for the times of a table: far below a cycle, far above the rounding of a day in s.
+#: The same for the times of a table: far below a cycle, far above the rounding error of a day in s.
 _TIME_ROUNDING_S = 1e-9
 
 
 def slot(t_s: float, width_s: float) -> int:
-    """Return the number of the slot of ``width_s`` that ``t_s`` lies in, its start included."""
+    """Return the number of the slot of ``width_s`` with ``t_s``; a slot includes its start."""
     return math.floor(t_s / width_s + _SLOT_ROUNDING)
 
 
 @dataclass(frozen=True)
-class Constant:
-    """One value throughout."""
+class ConstantProfile:
+    """A constant value."""
 
     value: float
 
     def at(self, t_s: float, initial: float) -> float:
-        """Return the setpoint ``t_s`` after the segment began; ``initial`` is what held before."""
+        """Return the setpoint at ``t_s`` in the segment; ``initial`` is the value before it."""
         return self.value
 
 
 @dataclass(frozen=True)
 class Ramp:
-    """Straight from ``start`` (None: what held before) to ``end`` in ``duration_s``, then held."""
+    """A line from ``start`` (None: the value before) to ``end`` in ``duration_s``, then held."""
 
     start: float | None
     end: float
     duration_s: float
 
     def at(self, t_s: float, initial: float) -> float:
-        """Return the setpoint ``t_s`` after the segment began; ``initial`` is what held before."""
+        """Return the setpoint at ``t_s`` in the segment; ``initial`` is the value before it."""
         start = initial if self.start is None else self.start
         if t_s >= self.duration_s:
             return self.end
@@ -51,7 +51,7 @@ class Ramp:
 class Sine:
     """``offset + amplitude sin(2 pi frequency t + phase)``.
 
-    With ``fade_s`` the amplitude falls in a straight line to nothing within that time.
+    With ``fade_s`` the amplitude falls linearly to zero within that time.
     """
 
     amplitude: float
@@ -61,7 +61,7 @@ class Sine:
     fade_s: float = math.inf
 
     def at(self, t_s: float, initial: float) -> float:
-        """Return the setpoint ``t_s`` after the segment began; ``initial`` is what held before."""
+        """Return the setpoint at ``t_s`` in the segment; ``initial`` is the value before it."""
         angle = 2 * math.pi * self.frequency_hz * t_s + self.phase_rad
         amplitude = self.amplitude * max(0.0, 1.0 - t_s / self.fade_s)
         return self.offset + amplitude * math.sin(angle)
@@ -76,7 +76,7 @@ class Square:
     offset: float = 0.0
 
     def at(self, t_s: float, initial: float) -> float:
-        """Return the setpoint ``t_s`` after the segment began; ``initial`` is what held before."""
+        """Return the setpoint at ``t_s`` in the segment; ``initial`` is the value before it."""
         is_second_half = slot(t_s, 0.5 / self.frequency_hz) % 2
         return self.offset - self.amplitude if is_second_half else self.offset + self.amplitude
 
@@ -97,7 +97,7 @@ class Chirp:
     logarithmic: bool = False
 
     def at(self, t_s: float, initial: float) -> float:
-        """Return the setpoint ``t_s`` after the segment began; ``initial`` is what held before."""
+        """Return the setpoint at ``t_s`` in the segment; ``initial`` is the value before it."""
         inside = min(t_s, self.duration_s)
         if self.logarithmic and self.end_hz != self.start_hz:
             rate = math.log(self.end_hz / self.start_hz) / self.duration_s
@@ -117,7 +117,7 @@ TAPS = {5: (5, 3), 7: (7, 6), 9: (9, 5), 10: (10, 7), 11: (11, 9), 15: (15, 14)}
 class Prbs:
     """Maximum-length pseudo-random binary sequence of ``order`` bits: ``offset ± amplitude``.
 
-    Repeats after ``2**order - 1`` bits of ``bit_s`` each; ``seed`` picks where it starts.
+    Repeats after ``2**order - 1`` bits of ``bit_s`` each; ``seed`` selects the start.
     """
 
     amplitude: float
@@ -127,7 +127,7 @@ class Prbs:
     seed: int = 1
 
     def at(self, t_s: float, initial: float) -> float:
-        """Return the setpoint ``t_s`` after the segment began; ``initial`` is what held before."""
+        """Return the setpoint at ``t_s`` in the segment; ``initial`` is the value before it."""
         bits = _prbs(self.order, self.seed)
         bit = bits[slot(t_s, self.bit_s) % len(bits)]
         return self.offset + (self.amplitude if bit else -self.amplitude)
@@ -142,7 +142,7 @@ def _prbs(order: int, seed: int) -> tuple[int, ...]:
     if key not in _PRBS_CACHE:
         first, second = TAPS[order]
         period = 2**order - 1
-        register = 1 + seed % period  # never zero, the one state that does not move on
+        register = 1 + seed % period  # never zero, the state that the register cannot leave
         bits = []
         for _ in range(period):
             bit = ((register >> (first - 1)) ^ (register >> (second - 1))) & 1
@@ -154,7 +154,7 @@ def _prbs(order: int, seed: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class TableProfile:
-    """Values at times, joined by straight lines (or held, with ``hold``); the last one stays.
+    """Values at times, joined by straight lines (or held, with ``hold``); the last value stays.
 
     ``times_s`` rises strictly and begins with 0.
     """
@@ -164,7 +164,7 @@ class TableProfile:
     hold: bool = False
 
     def at(self, t_s: float, initial: float) -> float:
-        """Return the setpoint ``t_s`` after the segment began; ``initial`` is what held before."""
+        """Return the setpoint at ``t_s`` in the segment; ``initial`` is the value before it."""
         behind = bisect_right(self.times_s, t_s + _TIME_ROUNDING_S)
         if behind == 0:
             return self.values[0]
@@ -175,4 +175,4 @@ class TableProfile:
         return v0 + (v1 - v0) * (t_s - t0) / (t1 - t0)
 
 
-Profile = Constant | Ramp | Sine | Square | Chirp | Prbs | TableProfile
+Profile = ConstantProfile | Ramp | Sine | Square | Chirp | Prbs | TableProfile

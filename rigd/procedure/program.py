@@ -1,9 +1,10 @@
-"""The compiled form of a procedure: plain data that the cycle plays.
+"""Defines the compiled form of a procedure: plain data that the cycle plays.
 
-Everything that must happen on time (profiles, end conditions, per-trial limits) is a
-:class:`CycleProgram`; everything that waits for a person is a :class:`Prompt`; what a simulated
-device shall get wrong is a :class:`Fault`. All values are in SI. Channels are written
-``device.channel``.
+- :class:`CycleProgram`: the parts with exact timing (profiles, end conditions, per-trial limits);
+- :class:`Prompt`: a question that waits for a person;
+- :class:`Fault`: a fault that a simulated device must show.
+
+All values are in SI units. Channels are written ``device.channel``.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from rigd.model.channels import STATUS_FIELD
+from rigd.model.constants import Uncertainty
 from rigd.procedure.profiles import Profile
 
 
@@ -25,9 +27,9 @@ class Comparison(Enum):
 
 @dataclass(frozen=True)
 class Condition:
-    """``channel > threshold`` (or of its magnitude), true without a break for ``for_s`` seconds.
+    """``channel > threshold`` (or of its magnitude), without interruption for ``for_s``, in s.
 
-    ``unit`` is the channel's, for people.
+    ``unit`` is the channel's, for messages.
     """
 
     channel: str
@@ -40,9 +42,9 @@ class Condition:
 
 @dataclass(frozen=True)
 class StatusCondition:
-    """``device is word`` (or ``is not``), true without a break for ``for_s`` seconds.
+    """``device is word`` (or ``is not``), true without interruption for ``for_s`` seconds.
 
-    ``mask`` holds the bits of the device's status word that ``word`` stands for.
+    ``mask`` has the bits of the device's status word that ``word`` means.
     """
 
     device: str
@@ -53,20 +55,20 @@ class StatusCondition:
 
     @property
     def channel(self) -> str:
-        """The status word, where the other conditions have their channel."""
+        """The status word, in place of a channel."""
         return f"{self.device}.{STATUS_FIELD}"
 
 
-#: What ends a segment: any of the rows, in which all must hold.
+#: The end of a segment: any of the rows, of which all conditions must hold.
 Until = tuple[tuple[Condition | StatusCondition, ...], ...]
 
 
 class OnTimeout(Enum):
-    """What a segment that ran out of time means."""
+    """The effect of a segment that ran out of time."""
 
-    FAIL = "fail"  #: the procedure did not do what it must: the run ends as failed
-    END_TRIAL = "end_trial"  #: this trial ends, marked incomplete; the sweep goes on
-    NEXT = "next"  #: as good as an end condition
+    FAIL = "fail"  #: the procedure failed its task: the run ends as failed
+    END_TRIAL = "end_trial"  #: this trial ends, marked incomplete; the sweep continues
+    NEXT = "next"  #: counts as an end condition
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class Segment:
     """One step on the cycle.
 
     Setpoints not named keep their last value. The segment ends when every condition of one row of
-    ``until`` holds (any of all), when ``duration_s`` has passed, or at ``timeout_s``.
+    ``until`` holds (any of all), after ``duration_s``, or at ``timeout_s``.
     """
 
     name: str
@@ -87,7 +89,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class TrialLimit:
-    """A bound that holds while a trial plays; beyond it the trial ends, marked incomplete."""
+    """A bound during a trial; beyond it the trial ends, marked incomplete."""
 
     channel: str
     low: float
@@ -102,20 +104,20 @@ class CycleProgram:
     limits: tuple[TrialLimit, ...] = ()
 
 
-#: What a person answers: a quantity in SI, a word, any text, or yes.
+#: The answer of a person: a quantity in SI, a word, any text, or yes.
 Answer = float | str | bool
 
 
 class OnClientLoss(Enum):
-    """What becomes of a run that was started remotely once whoever steers it has vanished."""
+    """The action of a run that was started remotely when its client is lost."""
 
-    CONTINUE = "continue"  #: it goes on; a prompt waits for somebody else
-    FINISH_TRIAL = "finish_trial"  #: it stops once the trial under way has ended
-    STOP = "stop"  #: it stops at once, controlled: to rest, then `finish`
+    CONTINUE = "continue"  #: the run continues; a prompt waits for another client
+    FINISH_TRIAL = "finish_trial"  #: the run stops after the present trial
+    STOP = "stop"  #: the run stops at once, controlled: to rest, then `finish`
 
 
 class AnswerKind(Enum):
-    """What a prompt accepts."""
+    """The kind of answer that a prompt accepts."""
 
     CONFIRM = "confirm"
     NUMBER = "number"
@@ -125,10 +127,10 @@ class AnswerKind(Enum):
 
 @dataclass(frozen=True)
 class Agreement:
-    """``channel`` must show a prompt's answer: within ``within``, for ``for_s`` seconds.
+    """``channel`` must agree with a prompt's answer: within ``within``, for ``for_s`` seconds.
 
-    ``within`` is a share of the answer where ``is_share``, else in SI. ``stable`` is what the
-    device itself says of its reading, where it does.
+    ``within`` is a share of the answer if ``is_share``, else in SI. ``stable`` is the device's own
+    report that its reading is at rest, if it has one.
     """
 
     channel: str
@@ -142,10 +144,10 @@ class Agreement:
 class Prompt:
     """A question to the operator, with a typed answer.
 
-    ``answer`` is the procedure's own answer, used in simulation and with ``--yes``. A simulated
-    rig obeys by changing ``changes`` on its plant to the answer. ``low``/``high`` (SI) or
-    ``choices`` bound what is accepted. What must then be seen within ``timeout_s`` before anything
-    moves is ``until``, and the answer itself where it ``agrees``.
+    ``answer`` is the procedure's own answer, used in simulation and with ``--yes``. A simulated rig
+    follows the answer: it sets ``changes`` on its plant to it. ``low``/``high`` (SI) or ``choices``
+    bound the accepted answers. Before anything moves, ``until`` must hold within ``timeout_s``, and
+    the channel of ``agrees`` must show the answer.
     """
 
     name: str
@@ -164,7 +166,7 @@ class Prompt:
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault that a device simulated at the wire shows, in words that the simulation knows.
+    """A fault that a device simulated at the wire shows, with the names of the simulation.
 
     It begins ``after_s`` after the step is reached, and lasts ``for_s``; None: until the run ends.
     """
@@ -181,12 +183,12 @@ Step = CycleProgram | Prompt | Fault
 
 @dataclass(frozen=True)
 class TrialPlan:
-    """One point of the sweep: its parameters (SI values or text), which repeat, and its steps.
+    """A point of the sweep: its parameters (SI values or text), its repeat, and its steps.
 
-    ``number`` counts trials from 1 in the order of the sweep as written, not as played; each
-    repeat has a number of its own, so a number names one trial of a run.
-    ``after`` brings the rig back to where the next trial starts; it also plays when the trial
-    ended early (timeout, per-trial limit, an interlock that ends trials), not after a stop.
+    ``number`` counts trials from 1 in the order of the sweep as written, not as played; each repeat
+    has its own number, so a number identifies a trial of a run. ``after`` returns the rig to the
+    start of the next trial; it also plays if the trial ended early (timeout, per-trial limit, an
+    interlock that ends trials), but not after a stop.
     """
 
     number: int
@@ -198,12 +200,13 @@ class TrialPlan:
 
 @dataclass(frozen=True)
 class IdentifyPlan:
-    """What ``rigd identify`` makes of the recording: a model, its signals and known constants.
+    """The plan of ``rigd identify`` for a recording: a model, its signals and known constants.
 
-    A constant is an SI value or, where the sweep varies it, the name of the trial parameter that
-    gives it. ``group_by`` names the parameters whose values separate one identification from the
-    next. ``reference`` holds published values of the model's parameters (SI), ``reference_label``
-    where they come from; they are printed beside the estimates and never used.
+    A constant is an SI value or, if the sweep varies it, the name of the trial parameter with its
+    value. ``uncertainties`` and ``units`` are those of constants, if known. ``group_by`` names the
+    parameters whose values separate identifications. ``reference`` has published values of the
+    model's parameters (SI), ``reference_label`` their source; they are printed beside the estimates
+    and never used.
     """
 
     model: str
@@ -212,13 +215,15 @@ class IdentifyPlan:
     group_by: tuple[str, ...] = ()
     reference: Mapping[str, float] = field(default_factory=dict)
     reference_label: str = ""
+    uncertainties: Mapping[str, Uncertainty] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """What is recorded of a stream: every ``every``-th row.
+    """The recorded part of a stream: every ``every``-th row.
 
-    Where ``during`` names steps, only of the rows taken while one of these plays.
+    With ``during``, only rows taken while one of these steps plays.
     """
 
     every: int = 1
@@ -229,8 +234,8 @@ class Recorded:
 class CompiledProcedure:
     """A procedure checked against a rig and ready to play.
 
-    ``parameters`` are the procedure's own after ``--set``; ``trials`` stand in the order of play.
-    ``record`` says what is recorded of each stream; one that it does not name is not recorded.
+    ``parameters`` are the procedure's own after ``--set``; ``trials`` are in the order of play.
+    ``record`` has the recorded part of each stream; a stream without entry is not recorded.
     ``units`` gives the unit of every numeric parameter, for people.
     """
 

@@ -1,4 +1,4 @@
-"""Compiles the prompts of a procedure file."""
+"""Compiles the prompts (questions to the operator) of a procedure file."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from rigd.config.document import Path_
+from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
@@ -18,19 +18,19 @@ from rigd.procedure.program import Agreement, AnswerKind, Prompt, StatusConditio
 from rigd.procedure.reader import Reader
 from rigd.procedure.source import AgreesSource, PromptSource
 
-#: The word by which a device says that its reading has come to rest.
+#: The word for a device's report that its reading has come to rest.
 STABLE: Final = "stable"
-#: What a procedure for another rig lacks beside devices: ``plant.floor``.
+#: The prefix of settings in the list of what a rig lacks: ``plant.floor``.
 PLANT: Final = "plant"
 
 
 def read_prompt(
-    reader: Reader, path: Path_, source: PromptSource, scope: Scope, rig: RigConfig
+    reader: Reader, path: KeyPath, source: PromptSource, scope: Scope, rig: RigConfig
 ) -> Prompt:
-    """Return the prompt that stands at ``path``, with what must be seen; problems are noted.
+    """Return the prompt at ``path``, with its check; problems are noted.
 
-    What it asks for follows from its keys: ``unit`` a quantity, ``choices`` a word, ``free_text``
-    any text, none of them a confirmation.
+    Its keys decide the kind of answer: ``unit`` a quantity, ``choices`` a word, ``free_text`` any
+    text, none of them a confirmation.
     """
     prompt = _question(reader, path, source, scope)
     until: Until = ()
@@ -45,7 +45,7 @@ def read_prompt(
     return replace(prompt, until=until, agrees=agrees, timeout_s=timeout_s)
 
 
-def _question(reader: Reader, path: Path_, source: PromptSource, scope: Scope) -> Prompt:
+def _question(reader: Reader, path: KeyPath, source: PromptSource, scope: Scope) -> Prompt:
     kind = _kind(reader, path, source)
     text = reader.text((*path, "text"), source.text, scope)
     _check_keys(reader, path, source, kind)
@@ -64,7 +64,7 @@ def _question(reader: Reader, path: Path_, source: PromptSource, scope: Scope) -
     return Prompt(source.prompt, text, kind, choices=choices, answer=answer, changes=source.changes)
 
 
-def _kind(reader: Reader, path: Path_, source: PromptSource) -> AnswerKind:
+def _kind(reader: Reader, path: KeyPath, source: PromptSource) -> AnswerKind:
     given = {
         AnswerKind.NUMBER: source.unit is not None,
         AnswerKind.CHOICE: source.choices is not None,
@@ -72,26 +72,25 @@ def _kind(reader: Reader, path: Path_, source: PromptSource) -> AnswerKind:
     }
     kinds = [kind for kind, is_given in given.items() if is_given]
     if len(kinds) > 1:
-        reader.note_key(path, "a prompt asks for one thing: unit, choices and free_text exclude "
-                        "each other", "keep one of them")  # fmt: skip
+        reader.note_key(path, "unit, choices and free_text exclude each other", "keep one of them")
     return kinds[0] if kinds else AnswerKind.CONFIRM
 
 
-def _check_keys(reader: Reader, path: Path_, source: PromptSource, kind: AnswerKind) -> None:
+def _check_keys(reader: Reader, path: KeyPath, source: PromptSource, kind: AnswerKind) -> None:
     for key in ("min", "max"):
         if getattr(source, key) is not None and kind is not AnswerKind.NUMBER:
             reader.note_key((*path, key), f"{key} needs a unit",
                             "add 'unit: ...' (1 for a plain number)")  # fmt: skip
     if kind is AnswerKind.CONFIRM and source.answer is not None:
         reader.note_key((*path, "answer"), "a confirmation has no answer",
-                        "add 'choices' or 'unit', or remove it")  # fmt: skip
+                        "add 'choices' or 'unit', or remove the answer")  # fmt: skip
     if source.changes is not None and source.answer is None:
-        reader.note_key((*path, "changes"), "a simulated rig would not know the answer",
+        reader.note_key((*path, "changes"), "a simulated rig would have no answer",
                         "add 'answer: ...'")  # fmt: skip
 
 
 def _number_prompt(
-    reader: Reader, path: Path_, source: PromptSource, text: str, scope: Scope
+    reader: Reader, path: KeyPath, source: PromptSource, text: str, scope: Scope
 ) -> Prompt:
     unit = source.unit or "1"
     try:
@@ -122,7 +121,7 @@ def _number_prompt(
 
 def _agreement(
     reader: Reader,
-    path: Path_,
+    path: KeyPath,
     source: AgreesSource,
     prompt: Prompt,
     scope: Scope,
@@ -130,7 +129,7 @@ def _agreement(
 ) -> Agreement | None:
     if prompt.kind is not AnswerKind.NUMBER:
         reader.note_key(path, "only a quantity can agree with a channel",
-                        "add 'unit: ...', or wait for what must hold by 'until: ...'")  # fmt: skip
+                        "add 'unit: ...', or check a condition with 'until: ...'")  # fmt: skip
         return None
     channel = rig.channel(source.channel)
     if channel is None:
@@ -149,10 +148,10 @@ def _agreement(
         (*path, "within"), source.within, unit, scope
     )  # fmt: skip
     if within <= 0 or (is_share and prompt.answer == 0.0):
-        reader.note((*path, "within"), "nothing would ever agree",
+        reader.note((*path, "within"), "no answer would ever agree",
                     f"give a quantity above 0 {channel.unit}")  # fmt: skip
     device = source.channel.partition(".")[0]
-    mask = rig.devices[device].status_bits.get(STABLE)
+    mask = rig.devices[device].declaration.status_bits.get(STABLE)
     agreement = Agreement(
         source.channel,
         within,
@@ -166,8 +165,8 @@ def _agreement(
     return agreement
 
 
-def _check_change(reader: Reader, path: Path_, prompt: Prompt, rig: RigConfig) -> None:
-    """Note what the plant of the rig could never do with the planned answer."""
+def _check_change(reader: Reader, path: KeyPath, prompt: Prompt, rig: RigConfig) -> None:
+    """Note a planned answer that the plant of the rig cannot follow."""
     name, settings = prompt.changes, rig.settings
     if name is None or settings is None:
         return
@@ -190,11 +189,12 @@ def _check_change(reader: Reader, path: Path_, prompt: Prompt, rig: RigConfig) -
             reader.problems.add(reader.document.place((*path, "answer")), message, lacks=lacks)
 
 
-def _check_timeout(reader: Reader, path: Path_, source: PromptSource) -> None:
+def _check_timeout(reader: Reader, path: KeyPath, source: PromptSource) -> None:
     waits = "agrees" if source.agrees is not None else "until" if source.until is not None else ""
     if waits and source.timeout is None:
-        message = f"the prompt {source.prompt!r} could wait forever for what must be seen"
+        message = f"the check of prompt {source.prompt!r} could wait forever"
         reader.note_key((*path, waits), message, "add 'timeout: 10 s'")
     if source.timeout is not None and not waits:
-        reader.note_key((*path, "timeout"), "a timeout has no effect: nobody is hurried to answer",
-                        "remove it, or say by 'agrees' or 'until' what must be seen")  # fmt: skip
+        reader.note_key((*path, "timeout"), "a timeout has no effect without a check: the "
+                                            "operator has no time limit",
+                        "remove it, or add a check by 'agrees' or 'until'")  # fmt: skip

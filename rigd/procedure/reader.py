@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from rigd.config.document import Document, Path_
+from rigd.config.document import Document, KeyPath
 from rigd.config.problems import Problems, suggest
 from rigd.model.units import format_quantity, parse_unit
 from rigd.procedure.expression import (
@@ -27,9 +27,9 @@ _ONLY_NAME = re.compile(rf"\s*{NAME.pattern}\s*$")
 
 @dataclass
 class Reader:
-    """Reads values of one document; ``units`` says how people read a named quantity.
+    """Reads values of one document; ``units`` are the displayed units of named quantities.
 
-    ``swept`` are the names that have a value inside a trial only.
+    ``swept`` are the names that have a value only inside a trial.
     """
 
     document: Document
@@ -37,15 +37,15 @@ class Reader:
     units: Mapping[str, str] = field(default_factory=dict)
     swept: frozenset[str] = frozenset()
 
-    def note(self, path: Path_, message: str, hint: str | None = None) -> None:
+    def note(self, path: KeyPath, message: str, hint: str | None = None) -> None:
         """Note a problem with the value at ``path``."""
         self.problems.add(self.document.place(path), message, hint)
 
-    def note_key(self, path: Path_, message: str, hint: str | None = None) -> None:
+    def note_key(self, path: KeyPath, message: str, hint: str | None = None) -> None:
         """Note a problem with the key at ``path``."""
         self.problems.add(self.document.key_place(path), message, hint)
 
-    def parse(self, path: Path_, text: str, offset: int = 0) -> Expression | None:
+    def parse(self, path: KeyPath, text: str, offset: int = 0) -> Expression | None:
         """Return ``text`` as an expression, or None with the problem noted."""
         try:
             return parse_expression(text)
@@ -53,10 +53,10 @@ class Reader:
             self._note_inside(path, error, offset, {})
             return None
 
-    def value(self, path: Path_, text: str, scope: Scope, offset: int = 0) -> Value | None:
+    def value(self, path: KeyPath, text: str, scope: Scope, offset: int = 0) -> Value | None:
         """Return the value of ``text``, or None with the problem noted.
 
-        ``offset`` is where ``text`` begins within the value at ``path``.
+        ``offset`` is the index at which ``text`` begins within the value at ``path``.
         """
         try:
             return parse_expression(text).value(scope)
@@ -64,7 +64,7 @@ class Reader:
             self._note_inside(path, error, offset, scope)
             return None
 
-    def number(self, path: Path_, text: str, unit: str, scope: Scope, offset: int = 0) -> float:
+    def number(self, path: KeyPath, text: str, unit: str, scope: Scope, offset: int = 0) -> float:
         """Return the value of ``text`` in SI, or NaN with the problem noted."""
         value = self.value(path, text, scope, offset)
         if value is None:
@@ -85,8 +85,8 @@ class Reader:
             return math.nan
         return value.value
 
-    def time(self, path: Path_, text: str | None, scope: Scope) -> float | None:
-        """Return the time at ``path`` in s, above zero; None where none is given."""
+    def time(self, path: KeyPath, text: str | None, scope: Scope) -> float | None:
+        """Return the time at ``path`` in s, above zero; None if no time is given."""
         if text is None:
             return None
         value = self.number(path, text, "s", scope)
@@ -94,8 +94,8 @@ class Reader:
             self.note(path, f"{text} must be above 0 s")
         return value
 
-    def word(self, path: Path_, text: str, scope: Scope) -> str | None:
-        """Return a word, written out or as ``${name}``, or None with the problem noted."""
+    def word(self, path: KeyPath, text: str, scope: Scope) -> str | None:
+        """Return a word, written directly or as ``${name}``, or None with the problem noted."""
         if _ONLY_NAME.match(text) is None:
             return text
         value = self.value(path, text, scope)
@@ -104,7 +104,7 @@ class Reader:
             return None
         return value
 
-    def text(self, path: Path_, template: str, scope: Scope) -> str:
+    def text(self, path: KeyPath, template: str, scope: Scope) -> str:
         """Return ``template`` with every ``${name}`` replaced by its value, units included."""
 
         def replace(match: re.Match[str]) -> str:
@@ -120,13 +120,15 @@ class Reader:
 
         return NAME.sub(replace, template)
 
-    def _note_inside(self, path: Path_, error: ExpressionError, offset: int, scope: Scope) -> None:
+    def _note_inside(
+        self, path: KeyPath, error: ExpressionError, offset: int, scope: Scope
+    ) -> None:
         hint, lacks = error.hint, ""
         if isinstance(error, UnknownName):
             hint = suggest(error.name, scope)
             lacks = error.name if error.name.startswith("rig.") else ""
             if error.name in self.swept:
-                hint = f"the sweep varies {error.name}: it has a value inside 'trial' only"
+                hint = f"the sweep varies {error.name}: it has a value only inside 'trial'"
         place = self.document.inside(path, offset + error.offset)
         self.problems.add(place, str(error), hint, lacks=lacks)
 

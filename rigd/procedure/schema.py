@@ -1,4 +1,4 @@
-"""The JSON Schema of procedure files, for editors."""
+"""Builds the JSON Schema of procedure files, with which an editor checks a file."""
 
 from __future__ import annotations
 

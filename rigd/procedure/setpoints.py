@@ -1,4 +1,4 @@
-"""Setpoints of a step: profiles with every value checked against the rig's limits."""
+"""Reads the setpoints of a step as profiles, and checks every value against the rig's limits."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from itertools import pairwise
 
-from rigd.config.document import Path_
+from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
 from rigd.config.quantities import rate_unit
 from rigd.config.rig import RigConfig
@@ -22,7 +22,16 @@ from rigd.procedure.profile_source import (
     SquareSource,
     TableProfileSource,
 )
-from rigd.procedure.profiles import Chirp, Constant, Prbs, Profile, Ramp, Sine, Square, TableProfile
+from rigd.procedure.profiles import (
+    Chirp,
+    ConstantProfile,
+    Prbs,
+    Profile,
+    Ramp,
+    Sine,
+    Square,
+    TableProfile,
+)
 from rigd.procedure.reader import Reader
 
 
@@ -31,7 +40,7 @@ class SetpointReader:
     """Reads the profile of one setpoint; problems are noted in ``reader``."""
 
     reader: Reader
-    path: Path_
+    path: KeyPath
     name: str
     unit: str
     limit: SetpointLimit
@@ -40,11 +49,11 @@ class SetpointReader:
     def profile(self, source: str | ProfileSource) -> Profile | None:
         """Return the profile, or None with the problem noted."""
         if isinstance(source, str):
-            return Constant(self._level((), source))
+            return ConstantProfile(self._level((), source))
         given = [key for key in ProfileSource.model_fields if getattr(source, key) is not None]
         if len(given) != 1:
             kinds = ", ".join(ProfileSource.model_fields)
-            self.reader.note(self.path, f"expected one profile, found {len(given)}",
+            self.reader.note(self.path, f"expected exactly one profile, found {len(given)}",
                              f"give one of {kinds}")  # fmt: skip
             return None
         key = given[0]
@@ -111,35 +120,35 @@ class SetpointReader:
         for index, ((t0, v0), (t1, v1)) in enumerate(pairwise(pairs), 1):
             if t1 <= t0:
                 message = f"time {t1:g} s does not follow {t0:g} s"
-                self.reader.note((*self.path, *path, index), message, "let the times rise")
+                self.reader.note((*self.path, *path, index), message, "give rising times")
             elif not source.hold:
                 self._check_rate(("table", "values", index), abs(v1 - v0) / (t1 - t0))
         return TableProfile(times, values, source.hold)
 
     def _swing(self, key: str, offset: str | None, amplitude: str) -> tuple[float, float]:
-        """Return offset and amplitude; both ends of the swing lie within the limits."""
+        """Return offset and amplitude; check that both extremes are within the limits."""
         middle = 0.0 if offset is None else self._number((key, "offset"), offset, self.unit)
         half = self._number((key, "amplitude"), amplitude, self.unit)
         for end in (middle - half, middle + half):
             self._check_limit((key, "amplitude"), end)
         return middle, half
 
-    def _level(self, path: Path_, text: str) -> float:
+    def _level(self, path: KeyPath, text: str) -> float:
         value = self._number(path, text, self.unit)
         self._check_limit(path, value)
         return value
 
-    def _number(self, path: Path_, text: str, unit: str) -> float:
+    def _number(self, path: KeyPath, text: str, unit: str) -> float:
         return self.reader.number((*self.path, *path), text, unit, self.scope)
 
-    def _positive(self, path: Path_, text: str, unit: str) -> float:
+    def _positive(self, path: KeyPath, text: str, unit: str) -> float:
         value = self._number(path, text, unit)
         if value <= 0:
             self.reader.note((*self.path, *path), f"{text} must be above 0 {unit}")
             return math.nan
         return value
 
-    def _check_limit(self, path: Path_, value: float) -> None:
+    def _check_limit(self, path: KeyPath, value: float) -> None:
         low, high = self.limit.low, self.limit.high
         if value < low or value > high:
             side, bound = ("below", low) if value < low else ("above", high)
@@ -150,8 +159,8 @@ class SetpointReader:
                 "change the value, or the limit in the rig file",
             )
 
-    def _check_rate(self, path: Path_, rate: float) -> None:
-        """Note a profile that the limiter would bend: the recording would not show its shape."""
+    def _check_rate(self, path: KeyPath, rate: float) -> None:
+        """Note a profile that the limiter would change: the recording would not show its shape."""
         if rate > self.limit.rate * (1 + 1e-9):
             unit = rate_unit(self.unit)
             self.reader.note(
@@ -164,7 +173,7 @@ class SetpointReader:
 
 def read_setpoint(
     reader: Reader,
-    path: Path_,
+    path: KeyPath,
     name: str,
     source: str | ProfileSource,
     scope: Scope,

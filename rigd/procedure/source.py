@@ -1,4 +1,4 @@
-"""Schema of a procedure file: the keys and values that are allowed."""
+"""Defines which keys and values a procedure file may contain."""
 
 from __future__ import annotations
 
@@ -17,7 +17,14 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from rigd.config.source import ChannelName, FileName, Name, QuantityText, Source
+from rigd.config.source import (
+    ChannelName,
+    FileName,
+    GivenConstant,
+    Name,
+    QuantityText,
+    Source,
+)
 from rigd.model.patterns import condition_schema
 from rigd.procedure.profile_source import ProfileSource, Time
 
@@ -31,17 +38,17 @@ ConditionText = Annotated[str, Field(json_schema_extra=condition_schema())]
 OptionText = Annotated[str, Field(json_schema_extra={"type": ["string", "number", "boolean"]})]
 #: Text in which `${name}` is replaced.
 Template = Annotated[str, StringConstraints(min_length=1, max_length=2000)]
-#: A step may have blanks in its name: it is read by people only.
+#: A step may have spaces in its name: only people read it.
 StepName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][\w /.-]*$", max_length=60)]
 
 
-#: A parameter of a model as its field writes it: `V_s`, `mu_c`.
+#: A parameter of a model in the notation of its field: `V_s`, `mu_c`.
 ModelParameter = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 
 
 @dataclass(frozen=True)
 class OneOrMore:
-    """Marks a list that may be written as its only item."""
+    """Marks a list that may be written as its single item."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -62,33 +69,33 @@ def _as_list(value: object) -> object:
 
 
 class ParameterSource(Source):
-    """A value that `--set NAME=VALUE` or the sweep decides."""
+    """A value that `--set NAME=VALUE` or the sweep sets."""
 
     doc: Annotated[str, StringConstraints(min_length=1, max_length=500)]
-    """What it is, for the person at the rig."""
+    """Its meaning, for the operator."""
     unit: str | None = None
-    """Unit that people read it in; left out for a plain number or a word."""
+    """Displayed unit; left out for a plain number or a word."""
     default: Expression | None = None
-    """Value where nothing else gives one."""
+    """Value if `--set` and the sweep give none."""
     min: Expression | None = None
     """Smallest value allowed."""
     max: Expression | None = None
     """Largest value allowed."""
     choices: Annotated[list[Name], Field(min_length=1, max_length=64)] | None = None
-    """The words it may be; without, it is a quantity."""
+    """The allowed words; without them, the parameter is a quantity."""
 
 
 class TableSource(Source):
     """A quantity or word that follows from a parameter with choices."""
 
     by: Name
-    """The parameter that decides."""
+    """The parameter that selects the value."""
     values: Annotated[dict[Name, Answer], Field(min_length=1)]
     """One value for each choice."""
     doc: str | None = None
-    """What it is, for the person at the rig."""
+    """Its meaning, for the operator."""
     unit: str | None = None
-    """Unit that people read it in; left out for plain numbers or words."""
+    """Displayed unit; left out for plain numbers or words."""
 
 
 class RangeSource(Source):
@@ -97,7 +104,7 @@ class RangeSource(Source):
     start: Annotated[Expression, Field(alias="from")]
     """First value."""
     to: Expression
-    """Last value; a whole number of steps from the first."""
+    """Last value; a whole number of steps after the first."""
     step: Expression
     """Distance of two values."""
 
@@ -124,7 +131,7 @@ class SweepSource(Source):
     order: Literal["given", "random"] = "given"
     """The order of play."""
     seed: Annotated[int, Ge(0), Le(2**31)] | None = None
-    """Decides a random order; the same seed gives the same order."""
+    """Seed of a random order; the same seed gives the same order."""
 
 
 def _setpoint_kind(value: object) -> str:
@@ -135,12 +142,12 @@ Setpoint = Annotated[
     Annotated[Expression, Tag("value")] | Annotated[ProfileSource, Tag("profile")],
     Discriminator(_setpoint_kind),
 ]
-#: Words a parameter may be for a step to play: one, or a list of them.
+#: Words of a parameter with which a step plays: one word, or a list of words.
 Words = Annotated[list[Name], Field(min_length=1), OneOrMore()]
 
 
 class MoveSource(Source):
-    """A step that the cycle plays: setpoints, and what ends it."""
+    """A step that the cycle plays: setpoints, and its end."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -152,41 +159,43 @@ class MoveSource(Source):
     step: StepName
     """Name of the step, for the log."""
     when: dict[Name, Words] = Field(default_factory=dict)
-    """The step plays only where each of these parameters is (one of) the word(s) given."""
+    """The step plays only if each of these parameters is (one of) the given word(s)."""
     set: dict[ChannelName, Setpoint] = Field(default_factory=dict)
     """Setpoints as `device.setpoint`; those not named keep their value."""
     until: Annotated[list[ConditionText], Field(min_length=1), OneOrMore()] | None = None
-    """Ends the step: `carriage.position > 1.15 m`; any of a list; `and` joins within one."""
+    """Ends the step: `carriage.position > 1.15 m`; any item of a list; `and` joins conditions in an
+    item.
+    """
     wait: Annotated[Time | None, Field(alias="for")] = None
     """Ends the step after this time."""
     timeout: Time | None = None
-    """Longest time that `until` may take."""
+    """Longest time for `until`."""
     on_timeout: Literal["fail", "end_trial", "next"] = "fail"
-    """What running out of time means; by default the procedure has failed."""
+    """Effect of running out of time; by default the procedure fails."""
 
 
 class AgreesSource(Source):
-    """What must show the quantity that a person gave as answer."""
+    """The channel that must agree with the operator's answer."""
 
     channel: Annotated[ChannelName, Field(alias="with")]
-    """The channel that shows it; where its device says whether it is stable, it must be."""
+    """The channel; if its device reports whether it is stable, it must be stable."""
     within: Expression
-    """How far it may be from the answer: a share (`5 %`) or a quantity (`0.1 kg`)."""
+    """Largest difference from the answer: a share (`5 %`) or a quantity (`0.1 kg`)."""
     wait: Annotated[Time | None, Field(alias="for")] = None
-    """How long it must stand there without a break; by default one look is enough."""
+    """How long it must agree without interruption; by default a single row is enough."""
 
 
 class PromptSource(Source):
-    """A step that waits for a person."""
+    """A step that waits for the operator."""
 
     prompt: Name
-    """Name of the prompt, for the log and for answers given beforehand."""
+    """Name of the prompt, for the log and for answers given in advance."""
     when: dict[Name, Words] = Field(default_factory=dict)
-    """The prompt is shown only where each of these parameters is (one of) the word(s) given."""
+    """The prompt is shown only if each of these parameters is (one of) the given word(s)."""
     text: Template
-    """What the person reads."""
+    """The text for the operator."""
     once_per: Annotated[list[Name], OneOrMore()] = Field(default_factory=list)
-    """In a trial: shown only where one of these parameters differs from the trial before."""
+    """In a trial: shown only if one of these parameters differs from the previous trial."""
     answer: Answer | None = None
     """The procedure's own answer, used in simulation and with `--yes`."""
     unit: str | None = None
@@ -198,39 +207,43 @@ class PromptSource(Source):
     choices: Annotated[list[Template], Field(min_length=1)] | None = None
     """Asks for one of these words."""
     free_text: bool = False
-    """Asks for any text. Without `unit`, `choices` or this, the person only confirms."""
+    """Asks for any text. Without `unit`, `choices` or this, the operator only confirms."""
     changes: Name | None = None
-    """What a simulated rig changes to the answer: `floor`, `mass`."""
+    """The setting of a simulated rig that changes to the answer: `floor`, `mass`."""
     agrees: AgreesSource | None = None
-    """What must show the answer before anything moves; else the person is asked again."""
+    """The channel that must agree with the answer before anything moves; else the prompt is
+    repeated.
+    """
     until: Annotated[list[ConditionText], Field(min_length=1), OneOrMore()] | None = None
-    """What must hold, once answered, before anything moves; written as the end of a step."""
+    """The condition that must hold after the answer, before anything moves; written like the end of
+    a step.
+    """
     timeout: Time | None = None
-    """Longest time that `agrees` and `until` may take; then the person is asked again."""
+    """Longest time for `agrees` and `until`; then the prompt is repeated."""
 
 
 class ShownFaultSource(Source):
-    """What a simulated device gets wrong, and for how long."""
+    """The fault of a simulated device, and its duration."""
 
     part: Name
-    """The device or bus that shows it, as the simulation calls it."""
+    """The device or bus with the fault, by its name in the simulation."""
     fault: Name
     """Name of the fault: `docs/faults.md` lists those of every device."""
     after: Time | None = None
-    """How long after the step is reached it begins; by default at once."""
+    """Delay after the step is reached; by default none."""
     lasting: Annotated[Time | None, Field(alias="for")] = None
-    """How long it lasts; by default until the run ends."""
+    """Duration; by default until the run ends."""
     options: dict[Name, OptionText] = Field(default_factory=dict)
     """Options of the fault: numbers in SI, words."""
 
 
 class FaultSource(Source):
-    """A step that lets a simulated device show a fault; it takes no time itself."""
+    """A step in which a simulated device shows a fault; it takes no time itself."""
 
     fault: ShownFaultSource
-    """What is shown. Only for rigs with a `simulation:`."""
+    """The fault. Only for rigs with a `simulation:`."""
     when: dict[Name, Words] = Field(default_factory=dict)
-    """It is shown only where each of these parameters is (one of) the word(s) given."""
+    """The fault is shown only if each of these parameters is (one of) the given word(s)."""
 
 
 def _step_kind(value: object) -> str:
@@ -257,38 +270,40 @@ class TrialLimitSource(Source):
 
 
 class TrialSource(Source):
-    """What is done at each point of the sweep."""
+    """The steps at each point of the sweep."""
 
     limits: dict[ChannelName, TrialLimitSource] = Field(default_factory=dict)
     """Bounds of channels while the steps play; beyond them the trial ends, marked incomplete."""
     steps: Annotated[list[StepSource], Field(min_length=1, max_length=1000)]
     """The measurement."""
     after: Steps = Field(default_factory=list)
-    """Brings the rig back to where the next trial starts; plays also when a trial ended early."""
+    """Returns the rig to the start of the next trial; also plays if a trial ended early."""
 
 
 class ReferenceSource(Source):
     """Published values to print beside the estimates."""
 
     label: Annotated[str, StringConstraints(min_length=1, max_length=80)]
-    """Where they come from."""
+    """Their source."""
     by: Name
-    """The parameter with choices that decides which values are compared."""
+    """The parameter with choices that selects the values to compare."""
     values: Annotated[dict[Name, dict[ModelParameter, Expression]], Field(min_length=1)]
     """For each choice, the value of each parameter of the model."""
 
 
 class IdentifySource(Source):
-    """What `rigd identify` makes of the recording."""
+    """How `rigd identify` evaluates the recording."""
 
     model: FileName
     """Name of the model."""
     signals: dict[Name, ChannelName]
-    """The channel that gives each signal of the model."""
-    constants: dict[Name, Expression] = Field(default_factory=dict)
-    """Known quantities of the model."""
+    """The channel of each signal of the model."""
+    constants: dict[Name, GivenConstant] = Field(default_factory=dict)
+    """Known quantities of the model: `50 mm`, `${rig.wheel_radius}`, or with an uncertainty
+    `{value: "${mass}", u: 1 g}`; a constant of the rig brings its own uncertainty.
+    """
     group_by: Annotated[list[Name], OneOrMore()] = Field(default_factory=list)
-    """Parameters whose values separate one identification from the next."""
+    """Parameters whose values separate identifications."""
     reference: ReferenceSource | None = None
     """Published values to print beside the estimates."""
 
@@ -298,7 +313,7 @@ Every = Annotated[int, Ge(1), Le(1_000_000)]
 
 
 class WindowSource(Source):
-    """What is recorded of a stream, and during which steps."""
+    """The recorded part of a stream, and the steps during which it is recorded."""
 
     every: Every = 1
     """Every n-th row (1: all)."""
@@ -327,33 +342,35 @@ Record = Annotated[
 
 
 class ProcedureSource(Source):
-    """A procedure: what is varied, what is done, what is recorded."""
+    """A procedure: what it varies, does and records."""
 
     procedure: FileName
     """Name of the procedure."""
     title: Annotated[str, StringConstraints(min_length=1, max_length=200)]
-    """One line for a person."""
+    """A title in one line."""
     doc: Annotated[str, StringConstraints(min_length=1, max_length=10_000)]
-    """What it is for and where it comes from."""
+    """Its purpose and source."""
     parameters: dict[Name, ParameterSource] = Field(default_factory=dict)
-    """Values that may differ from run to run, or from trial to trial."""
+    """Values that may change from run to run, or from trial to trial."""
     tables: dict[Name, TableSource] = Field(default_factory=dict)
     """Values that follow from a parameter with choices."""
     sweep: SweepSource = SweepSource()
-    """The trials; without it there is one."""
+    """The trials; without a sweep there is one trial."""
     repeats: Annotated[int, Ge(1), Le(1000)] = 1
     """How often each point of the sweep is played."""
     prepare: Steps = Field(default_factory=list)
-    """Once, before the first trial."""
+    """Steps before the first trial, once."""
     trial: TrialSource
-    """At each point of the sweep."""
+    """Steps at each point of the sweep."""
     finish: Steps = Field(default_factory=list)
-    """Once, after the last trial or a controlled stop; never after an abort or a fault."""
+    """Steps after the last trial or a controlled stop, once; never after an abort or a fault."""
     record: Record = "all"
     """`all`, or for each stream "every n-th row" (1: all), with or without the steps during which
-    it is recorded; streams not named are left out."""
+    it is recorded; streams not named are not recorded.
+    """
     identify: IdentifySource | None = None
-    """What the recording is for."""
+    """The analysis of the recording."""
     on_client_loss: Literal["continue", "finish_trial", "stop"] = "stop"
-    """What the run does when the client that steers it remotely vanishes: go on, stop after the
-    trial under way, or stop at once (controlled, `finish` plays)."""
+    """The action of the run when the client that steers it remotely vanishes: continue, stop after
+    the present trial, or stop at once (controlled, `finish` plays).
+    """

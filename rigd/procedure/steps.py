@@ -6,15 +6,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from rigd.config.document import Path_
+from rigd.config.document import KeyPath
 from rigd.config.loader import channel_names
 from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
 from rigd.procedure.conditions import read_until
 from rigd.procedure.expression import NAME, Scope, Value
-from rigd.procedure.faults import read_fault
 from rigd.procedure.program import (
     CycleProgram,
+    Fault,
     OnTimeout,
     Segment,
     Step,
@@ -31,8 +31,8 @@ from rigd.procedure.source import (
     TrialLimitSource,
 )
 
-#: Values of ``once_per`` parameters when a prompt was last shown, by the prompt's place.
-Shown = dict[Path_, tuple[Value | None, ...]]
+#: Values of ``once_per`` parameters when a prompt was last shown, by the place of the prompt.
+Shown = dict[KeyPath, tuple[Value | None, ...]]
 
 
 @dataclass
@@ -46,20 +46,20 @@ class StepCompiler:
     rig: RigConfig
     parameters: Mapping[str, ParameterSource]
     remembers: bool = True
-    _names: dict[Path_, tuple[str, ...]] = field(default_factory=dict)
+    _names: dict[KeyPath, tuple[str, ...]] = field(default_factory=dict)
     _segments: dict[tuple[object, ...], Segment] = field(default_factory=dict)
     _shown: Shown = field(default_factory=dict)
 
     def compile(
         self,
-        path: Path_,
+        path: KeyPath,
         sources: Sequence[MoveSource | PromptSource | FaultSource],
         scope: Scope,
         limits: tuple[TrialLimit, ...] = (),
     ) -> tuple[Step, ...]:
-        """Return the steps of ``sources``, which stand at ``path``; problems are noted.
+        """Return the steps of ``sources``, which are at ``path``; problems are noted.
 
-        Moves that follow one another with nothing between them become one program.
+        Consecutive moves become a single program.
         """
         steps: list[Step] = []
         segments: list[Segment] = []
@@ -78,15 +78,15 @@ class StepCompiler:
             if isinstance(source, PromptSource):
                 steps.append(read_prompt(self.reader, where, source, scope, self.rig))
             else:
-                steps.append(read_fault(self.reader, where, source, scope, self.rig))
+                steps.append(_read_fault(self.reader, where, source, scope, self.rig))
         if segments:
             steps.append(CycleProgram(tuple(segments), limits))
         return tuple(steps)
 
     def limits(
-        self, path: Path_, sources: Mapping[str, TrialLimitSource], scope: Scope
+        self, path: KeyPath, sources: Mapping[str, TrialLimitSource], scope: Scope
     ) -> tuple[TrialLimit, ...]:
-        """Return the per-trial limits that stand at ``path``; problems are noted."""
+        """Return the per-trial limits at ``path``; problems are noted."""
         limits = []
         for name, source in sources.items():
             where = (*path, name)
@@ -109,7 +109,7 @@ class StepCompiler:
             limits.append(TrialLimit(name, low, high))
         return tuple(limits)
 
-    def _plays(self, path: Path_, when: Mapping[str, Sequence[str]], scope: Scope) -> bool:
+    def _plays(self, path: KeyPath, when: Mapping[str, Sequence[str]], scope: Scope) -> bool:
         plays = True
         for name, words in when.items():
             where = (*path, "when", name)
@@ -125,12 +125,12 @@ class StepCompiler:
                     self.reader.note(where, f"{word!r} is not a choice of {name}",
                                      suggest(word, parameter.choices))  # fmt: skip
             if name not in scope:
-                hint = f"the sweep varies {name}: it has a value inside 'trial' only"
+                hint = f"the sweep varies {name}: it has a value only inside 'trial'"
                 self.reader.note_key(where, f"{name} has no value here", hint)
             plays = plays and scope.get(name) in words
         return plays
 
-    def _is_due(self, path: Path_, source: PromptSource, scope: Scope) -> bool:
+    def _is_due(self, path: KeyPath, source: PromptSource, scope: Scope) -> bool:
         if not source.once_per:
             return True
         for name in source.once_per:
@@ -144,7 +144,7 @@ class StepCompiler:
         return due
 
     def _segment(
-        self, path: Path_, source: MoveSource, scope: Scope, limits: tuple[TrialLimit, ...]
+        self, path: KeyPath, source: MoveSource, scope: Scope, limits: tuple[TrialLimit, ...]
     ) -> Segment:
         names = self._names.get(path)
         if names is None:
@@ -157,7 +157,7 @@ class StepCompiler:
         return segment
 
     def _new_segment(
-        self, path: Path_, source: MoveSource, scope: Scope, limits: tuple[TrialLimit, ...]
+        self, path: KeyPath, source: MoveSource, scope: Scope, limits: tuple[TrialLimit, ...]
     ) -> Segment:
         setpoints = {}
         for name, item in source.set.items():
@@ -180,10 +180,10 @@ class StepCompiler:
             on_timeout=OnTimeout(source.on_timeout),
         )
 
-    def _check_end(self, path: Path_, source: MoveSource) -> None:
+    def _check_end(self, path: KeyPath, source: MoveSource) -> None:
         place = (*path, "step")
         if source.until is None and source.wait is None:
-            self.reader.note(place, f"nothing ends the step {source.step!r}",
+            self.reader.note(place, f"the step {source.step!r} has no end",
                              "add 'for: 1 s', or 'until: ...' with a 'timeout'")  # fmt: skip
         if source.until is not None and source.timeout is None and source.wait is None:
             self.reader.note((*path, "until"), f"the step {source.step!r} could wait forever",
@@ -194,3 +194,36 @@ class StepCompiler:
         if "on_timeout" in source.model_fields_set and source.timeout is None:
             message = "on_timeout without 'timeout' has no effect"
             self.reader.note_key((*path, "on_timeout"), message, "add a timeout, or remove it")
+
+
+def _read_fault(
+    reader: Reader, path: KeyPath, source: FaultSource, scope: Scope, rig: RigConfig
+) -> Fault:
+    """Return the fault at ``path``; problems are noted.
+
+    Only the simulation knows its devices and faults: preflight checks them.
+    """
+    if rig.simulation is None:
+        reader.note_key(
+            (*path, "fault"),
+            f"the devices of the rig {rig.name} are not simulated at the wire: they cannot "
+            "show faults",
+            "remove the step, or use a rig with `simulation:`, such as wire-1",
+        )
+    shown = source.fault
+    after_s = reader.time((*path, "fault", "after"), shown.after, scope)
+    for_s = reader.time((*path, "fault", "for"), shown.lasting, scope)
+    options = {name: _scalar(text) for name, text in shown.options.items()}
+    return Fault(shown.part, shown.fault, after_s or 0.0, for_s, options)
+
+
+def _scalar(text: str) -> int | float | bool | str:
+    """Return a scalar of a file as in YAML 1.2: whole number, number, truth value, or text."""
+    if text in ("true", "false"):
+        return text == "true"
+    for kind in (lambda: int(text, 0), lambda: float(text)):
+        try:
+            return kind()
+        except ValueError:
+            continue
+    return text

@@ -1,14 +1,14 @@
-"""The points of a sweep, in written order and in played order."""
+"""Reads the points of a sweep in the written order, and computes the order in which they play."""
 
 from __future__ import annotations
 
 import math
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import product
 from typing import Final
 
-from rigd.config.document import Path_
+from rigd.config.document import KeyPath
 from rigd.config.problems import suggest
 from rigd.model.errors import ConfigError, Place
 from rigd.procedure.expression import Number, Scope, Value, describe
@@ -16,15 +16,13 @@ from rigd.procedure.parameters import Parameter, Parameters
 from rigd.procedure.reader import Reader
 from rigd.procedure.source import ProcedureSource, RangeSource
 
-#: Trials of one run: a day and a night of 5 s each.
+#: Most trials of a run: a day and a night of trials of 5 s each.
 MAX_TRIALS: Final = 20_000
-#: Steps of all trials of one run: ten for each of the most trials. Compiled, 200,000 of them take
-#: 4 s of CPU and 140 MB.
+#: Most steps of all trials of a run: ten for each of the most trials. To compile 200,000 steps
+#: takes 4 s of CPU and 140 MB.
 MAX_STEPS: Final = 200_000
-#: Part of a step that the end of a range may miss, for decimal fractions in binary.
+#: Part of a step by which the end of a range may differ: decimal fractions are not exact in binary.
 _ROUNDING: Final = 1e-6
-
-Point = Mapping[str, Value]
 
 
 class TooLong(ConfigError):
@@ -38,13 +36,13 @@ class TooLong(ConfigError):
 def read_points(
     reader: Reader, source: ProcedureSource, parameters: Parameters, most_steps: int = MAX_STEPS
 ) -> list[dict[str, Value]]:
-    """Return the points of the sweep as written; one empty point where nothing is swept.
+    """Return the points of the sweep as written; one empty point without a sweep.
 
     The first parameter of the grid changes slowest, the rows of ``zip`` fastest. An override
-    (``--set``) of a parameter of the grid leaves that one value. Problems are noted.
+    (``--set``) of a parameter of the grid leaves that single value. Problems are noted.
 
     Raises:
-        TooLong: all trials together have more than ``most_steps``.
+        TooLong: all trials together have more than ``most_steps`` steps.
     """
     sweep = source.sweep
     grid = {
@@ -57,7 +55,7 @@ def read_points(
     }
     for name in rows:
         if name in grid:
-            reader.note_key(("sweep", "zip", name), f"{name} stands in grid, too", "remove one")
+            reader.note_key(("sweep", "zip", name), f"{name} is also in grid", "remove one")
         if name in parameters.overrides:
             reader.problems.add(None, f"--set {name}: the sweep takes {name} row by row from 'zip'",
                                 "change the sweep in the file")  # fmt: skip
@@ -65,7 +63,7 @@ def read_points(
     if len(set(lengths.values())) > 1:
         shown = ", ".join(f"{name}: {length}" for name, length in lengths.items())
         reader.note_key(("sweep", "zip"), f"the lists of zip differ in length ({shown})",
-                        "give each one value per row")  # fmt: skip
+                        "give each list one value per row")  # fmt: skip
         return []
     _check_order(reader, source)
     row_count = next(iter(lengths.values()), 1)
@@ -103,7 +101,7 @@ def _check_order(reader: Reader, source: ProcedureSource) -> None:
     sweep = source.sweep
     if sweep.order == "random" and sweep.seed is None:
         reader.note(("sweep", "order"), "a random order needs a seed",
-                    "add 'seed: 1', so that the order can be repeated")  # fmt: skip
+                    "add 'seed: 1', so that the order is repeatable")  # fmt: skip
     if sweep.order == "given" and sweep.seed is not None:
         reader.note_key(("sweep", "seed"), "the seed has no effect in the order given",
                         "add 'order: random', or remove it")  # fmt: skip
@@ -111,7 +109,7 @@ def _check_order(reader: Reader, source: ProcedureSource) -> None:
 
 def _axis(
     reader: Reader,
-    path: Path_,
+    path: KeyPath,
     name: str,
     axis: Sequence[str] | RangeSource,
     parameters: Parameters,
@@ -129,14 +127,14 @@ def _axis(
         values = [
             value
             for index, text in enumerate(axis)
-            if (value := _one(reader, (*path, index), text, parameter, parameters.scope))
+            if (value := _read_value(reader, (*path, index), text, parameter, parameters.scope))
             is not None
         ]
     return values
 
 
-def _one(
-    reader: Reader, path: Path_, text: str, parameter: Parameter, scope: Scope
+def _read_value(
+    reader: Reader, path: KeyPath, text: str, parameter: Parameter, scope: Scope
 ) -> Value | None:
     read = reader.word if parameter.choices else reader.value
     value = read(path, text, scope)
@@ -150,14 +148,14 @@ def _one(
 
 
 def _range(
-    reader: Reader, path: Path_, axis: RangeSource, parameter: Parameter, scope: Scope
+    reader: Reader, path: KeyPath, axis: RangeSource, parameter: Parameter, scope: Scope
 ) -> list[Value]:
-    start = _one(reader, (*path, "from"), axis.start, parameter, scope)
-    end = _one(reader, (*path, "to"), axis.to, parameter, scope)
+    start = _read_value(reader, (*path, "from"), axis.start, parameter, scope)
+    end = _read_value(reader, (*path, "to"), axis.to, parameter, scope)
     step = reader.value((*path, "step"), axis.step, scope)
     if not (isinstance(start, Number) and isinstance(end, Number) and isinstance(step, Number)):
         if parameter.choices:
-            reader.note(path, f"{parameter.name} is a word: it has no range", "give a list")
+            reader.note(path, f"{parameter.name} is a word: it cannot have a range", "give a list")
         elif isinstance(step, str):
             reader.note((*path, "step"), f"{step!r} is a word, expected a quantity")
         return []
@@ -171,11 +169,11 @@ def _range(
                     f"to {axis.to}", "check its sign")  # fmt: skip
         return []
     count = span / step.value
-    if math.isnan(count):  # from a value whose problem was noted
+    if math.isnan(count):  # the problem of this value is noted already
         return []
     if count > MAX_TRIALS:
         reader.note((*path, "step"), f"{count:.3g} values are more than {MAX_TRIALS}",
-                    "take a larger step")  # fmt: skip
+                    "use a larger step")  # fmt: skip
         return []
     steps = round(count)
     if abs(count - steps) > _ROUNDING:

@@ -1,4 +1,4 @@
-"""``python -m rigd.engine.recorder FOLDER``: the recorder of the run in FOLDER."""
+"""Runs the recorder of the run in FOLDER: ``python -m rigd.engine.recorder FOLDER``."""
 
 import sys
 from pathlib import Path
@@ -11,4 +11,4 @@ if __name__ == "__main__":
     try:
         sys.exit(RecorderService(RunFolder.at(Path(sys.argv[1]))).run())
     except RecordingError as error:
-        sys.exit(error.message)  # there is no board to say it on
+        sys.exit(error.message)  # there is no board for the error

@@ -11,11 +11,11 @@ from rigd.record.file import RecordingInUse
 
 
 def drain_leftovers(folder: RunFolder) -> Path | None:
-    """Put what an earlier run left in ``folder`` into its recording, and clear the folder.
+    """Write the samples that an earlier run left in ``folder`` to its recording; clear the folder.
 
-    The folder must be held (:meth:`RunFolder.take`): then nobody pushes any more. Returns the
-    recording, or None where nothing was left. The run is marked interrupted, unless its end is
-    among what was left.
+    The folder must be held (:meth:`RunFolder.take`): then no process pushes any more. Returns the
+    recording, or None if there were no samples. The run is marked interrupted, unless its end is
+    among the samples.
 
     Raises:
         RecordingError: the recording cannot be written; everything stays as it is.
@@ -26,9 +26,9 @@ def drain_leftovers(folder: RunFolder) -> Path | None:
     try:
         return _drain(folder)
     except RecordingInUse:
-        raise  # whoever writes the recording may be that very run: nothing is to be removed
+        raise  # that run may be writing the recording: do not advise to remove the folder
     except RecordingError as error:
-        waiting = f"Samples of a killed run wait in {folder.path}; removing it gives them up."
+        waiting = f"Samples of a killed run wait in {folder.path}; to discard them, remove it."
         hint = waiting if error.hint is None else f"{error.hint}\n  {waiting}"
         raise RecordingError(error.message, hint=hint) from error
 
@@ -49,11 +49,11 @@ def _drain(folder: RunFolder) -> Path | None:
 
 
 def drain_into(recording: Path, *, command: str) -> bool:
-    """Put what a killed run left for ``recording`` into it; return whether there was anything.
+    """Write what a killed run left for ``recording`` to it; return whether there was anything.
 
     Raises:
-        Blocked: that run is still under way.
-        RecordingError: the recording cannot be written, or some run was left that cannot be
+        Blocked: that run is still in progress.
+        RecordingError: the recording cannot be written, or the data of some run cannot be
             read; everything stays as it is.
     """
     unreadable: RecordingError | None = None
@@ -61,7 +61,7 @@ def drain_into(recording: Path, *, command: str) -> bool:
         try:
             job = found.job
         except RecordingError as error:
-            unreadable = error  # of whichever recording that is
+            unreadable = error  # of any recording
             continue
         if job.recording.resolve() == recording.resolve():
             folder = RunFolder.take_at(found.path, job.rig, command, recording)

@@ -13,28 +13,28 @@ from rigd.engine.shared import RecorderState, RunFolder, Word
 from rigd.engine.shared.scarce import insist
 from rigd.model.errors import RecordingError
 
-#: What the recorder prints, which is nothing unless it has a bug.
+#: Output of the recorder, which is empty unless it has a bug.
 LOG_FILE: Final = "recorder.log"
 #: A disk may take this long for one flush; the rings hold a minute.
 SILENCE_S: Final = 10.0
-#: Opening a file to go on with it reads all of it: 1 GB takes about 1 s.
+#: To continue a file, the recorder reads all of it: 1 GB takes about 1 s.
 START_S: Final = 60.0
-#: A recorder that dies more often than this while a run ends has a bug.
+#: A recorder that fails more often than this while a run ends has a bug.
 MOST_DEATHS: Final = 5
 _LOOK_S: Final = 0.005
-#: How long a descriptor for it is waited for: less than the silence that the cycle bears.
+#: Longest wait for a free descriptor: shorter than the silence that the cycle accepts.
 _PATIENCE_S: Final = 0.2
-#: A process that was killed is gone within this, unless the kernel holds it.
+#: A killed process ends within this time, unless the kernel holds it.
 _REAP_S: Final = 0.25
 
 
 class Health(Enum):
-    """How the recorder process is."""
+    """The state of the recorder process."""
 
     WELL = auto()
     SILENT = auto()  #: no sign of life: it hangs, or was stopped
-    DIED = auto()  #: gone before the end, killed or told to
-    FAILED = auto()  #: it cannot write the recording, and says why
+    DIED = auto()  #: ended early, killed or on request
+    FAILED = auto()  #: it cannot write the recording, and reports why
     ENDED = auto()  #: the recording is closed
 
 
@@ -49,11 +49,11 @@ class RecorderProcess:
 
     @property
     def pid(self) -> int:
-        """Process id of the recorder; 0 before it was started."""
+        """Process id of the recorder; 0 before the start."""
         return 0 if self._child is None else self._child.pid
 
     def start(self) -> None:
-        """Start the process; :meth:`wait_until_recording` says when it is ready.
+        """Start the process; :meth:`wait_until_recording` reports when it is ready.
 
         This process is the daemon that the recorder then watches.
         """
@@ -65,10 +65,10 @@ class RecorderProcess:
         self._child = Child(command, log=path / LOG_FILE, fds=(self._folder.lock_fd,))
 
     def wait_until_recording(self, timeout_s: float = START_S) -> None:
-        """Return once the file is there and rows are taken.
+        """Return when the file exists and rows are accepted.
 
         Raises:
-            RecordingError: the file cannot be written, or it took too long; the process is gone.
+            RecordingError: the file cannot be written, or it took too long; the process has ended.
         """
         deadline = time.monotonic() + timeout_s
         while self.state is RecorderState.STARTING:
@@ -83,16 +83,16 @@ class RecorderProcess:
 
     @property
     def state(self) -> RecorderState:
-        """What the recorder says it is at."""
+        """The state that the recorder reports."""
         return RecorderState(self._board[Word.RECORDER_STATE])
 
     def poll(self, silence_s: float = SILENCE_S) -> Health:
-        """Return how the recorder is; it is silent after ``silence_s`` without a sign of life."""
-        gone = self._child is None or self._child.code is not None
-        state = self.state  # asked after: the last that it said
+        """Return the health of the recorder; ``silence_s`` without a sign of life is silent."""
+        has_ended = self._child is None or self._child.code is not None
+        state = self.state  # read after the state: its last report
         if state is RecorderState.FAILED:
             return Health.FAILED
-        if gone:
+        if has_ended:
             return Health.ENDED if state is RecorderState.FINISHED else Health.DIED
         bound_s = START_S if state is RecorderState.STARTING else silence_s
         alive_ns = max(self._board[Word.BEAT_RECORDER], self._started_ns)
@@ -101,10 +101,11 @@ class RecorderProcess:
         return Health.WELL
 
     def restart(self) -> None:
-        """Make sure that the process is dead, then start it again where it was.
+        """Make sure that the process has ended, then start it again with the same task.
 
-        One that the kernel holds, as its disk does not answer, cannot be waited for: that would
-        silence the daemon. It is started again by a later call, once it is gone.
+        A process that the kernel holds, because its disk does not respond, cannot be waited for:
+        the daemon would be silent meanwhile. A later call starts it again, when the process has
+        ended.
         """
         if self._kill():
             insist(self.start, _PATIENCE_S)
@@ -112,14 +113,14 @@ class RecorderProcess:
             self._started_ns = time.monotonic_ns()  # not judged again for a while
 
     def finish(self, timeout_s: float = START_S) -> None:
-        """Wait until the recording is closed; the board must say that the run has ended.
+        """Wait until the recording is closed; the board must show that the run has ended.
 
-        The run's folder is then cleared. A recorder that dies or falls silent meanwhile is
-        started again.
+        The run's folder is then cleared. A recorder that fails or is silent meanwhile is started
+        again.
 
         Raises:
-            RecordingError: the recording could not be kept, in the recorder's own words; the
-                rings stay where they are.
+            RecordingError: the recording could not be completed, with the message of the recorder;
+                the rings stay as they are.
         """
         deadline = time.monotonic() + timeout_s
         deaths = 0
@@ -134,7 +135,7 @@ class RecorderProcess:
             if time.monotonic() > deadline:
                 raise RecordingError(
                     f"the recorder has not closed the recording within {timeout_s:g} s",
-                    hint="It goes on; `rigd recover` says what became of it.",
+                    hint="The recorder continues; `rigd recover` reports the result.",
                 )
             time.sleep(_LOOK_S)
         if self._child is not None:
@@ -142,11 +143,11 @@ class RecorderProcess:
         self._folder.clear()
 
     def _kill(self) -> bool:
-        """Kill the process; return whether it is gone."""
+        """Kill the process; return whether it has ended."""
         return self._child is None or self._child.fence(_REAP_S)
 
     def _failure(self) -> RecordingError:
-        """Return what the recorder has to say; nothing more is to be had of it."""
+        """Return the error of the recorder; it does nothing more."""
         self._kill()
         message, _, hint = (self._folder.path / ERROR_FILE).read_text().partition("\n")
         return RecordingError(message, hint=hint.strip() or None)
@@ -157,5 +158,5 @@ class RecorderProcess:
         return RecordingError(
             f"the recorder process died ({cause or 'it was silent'}): "
             f"{last or 'it left no message'}",
-            hint="`rigd recover` puts what it left into the recording.",
+            hint="`rigd recover` adds the remaining samples to the recording.",
         )

@@ -1,9 +1,10 @@
 """Moves every row and every event from the rings into the recording exactly once.
 
-What is taken from a ring is written, flushed, and only then released. A recorder that is killed
-in between leaves rows that are both on disk and in the ring; the next one finds out how many by
-counting: rows of a stream on disk since the run began, less those released. Events of several
-rings are one channel of the file: there the last ones are compared one by one.
+The recorder takes rows from a ring, writes and flushes them, and only then releases them. A
+recorder that is killed in between leaves rows that are both on disk and in the ring. The next
+recorder counts these rows: the rows of a stream on disk since the run began, minus the released
+rows. The events of several rings share one channel of the file, so the next recorder compares the
+last events one by one.
 """
 
 from __future__ import annotations
@@ -22,22 +23,24 @@ from rigd.record import NO_TRIAL, Event, Recording, RecordingWriter, recover
 from rigd.record.file import RecordingInUse
 from rigd.record.recover import Headless
 
-#: What the file held when the run began, in the run's folder; there from before the first row.
+#: The contents of the file at the start of the run, in the run's folder; written before the first
+#: row.
 _BEGUN: Final = "begun.json"
 #: Key in the data of an event that the recorder itself adds: its process id.
 BY_RECORDER: Final = "recorder"
-#: A reader or `rigd recover` may hold the file for a moment.
+#: A reader or `rigd recover` may lock the file for a moment.
 _PATIENCE_S: Final = 10.0
 
 
 class Transfer:
-    """The rings of one run, and the recording that they go into.
+    """Moves rows and events from the rings of one run into its recording.
 
-    :meth:`open`, then :meth:`move` now and then, at the end :meth:`finish` or :meth:`pause`.
+    Call :meth:`open`, then :meth:`move` from time to time, at the end :meth:`finish` or
+    :meth:`pause`.
     """
 
     def __init__(self, folder: RunFolder) -> None:
-        """Find job and rings in ``folder``.
+        """Read job and rings in ``folder``.
 
         Raises:
             RecordingError: one of them is missing.
@@ -48,14 +51,14 @@ class Transfer:
         self._rows = folder.row_rings(job)
         self._events = [folder.event_ring(source) for source in EVENT_SOURCES]
         self._writer: RecordingWriter | None = None
-        self._latest_ns = job.start_ns  #: time of the latest row or event that was recorded
-        self._ended = False  #: whether the run's own end is recorded
+        self._latest_ns = job.start_ns  #: time of the latest recorded row or event
+        self._ended = False  #: whether the end of the run is recorded
 
     def open(self, trusted: int = 0) -> None:
-        """Begin the recording, or go on with it where an earlier recorder was killed.
+        """Begin the recording, or continue it after an earlier recorder was killed.
 
-        ``trusted`` is what :attr:`sealed` was when that recorder last said so, which spares
-        reading all of a long file; 0 where the machine may have failed since.
+        ``trusted`` is the last :attr:`sealed` that this recorder reported, which avoids reading all
+        of a long file; 0 if the machine may have failed since.
 
         Raises:
             RecordingError: the recording cannot be written.
@@ -71,23 +74,23 @@ class Transfer:
 
     @property
     def empty(self) -> bool:
-        """Whether the rings hold nothing."""
+        """Whether the rings are empty."""
         return not any(ring.fill for ring in self._rows.values()) and not any(
             ring.fill for ring in self._events
         )
 
     @property
     def sealed(self) -> int:
-        """Bytes of the recording that nothing changes again."""
+        """Bytes of the recording that do not change any more."""
         return self._to.sealed
 
     @property
     def begun(self) -> bool:
-        """Whether some recorder has begun with this run."""
+        """Whether a recorder has already begun with this run."""
         return self._begun_path.exists()
 
     def move(self) -> None:
-        """Put all that is in the rings on disk, then release it.
+        """Write everything in the rings to disk, then release it.
 
         Raises:
             RecordingError: the disk is full or fails; nothing is released.
@@ -109,10 +112,10 @@ class Transfer:
     def finish(self, reason: str) -> None:
         """Empty the rings and close the file for good; the run's folder may then be cleared.
 
-        A run that did not record its own end is marked interrupted, for ``reason``.
+        A run without a recorded end is marked interrupted, with ``reason``.
 
         Raises:
-            RecordingError: the disk is full or fails; the rings still hold what is not on it.
+            RecordingError: the disk is full or fails; the rings still contain the rows not on disk.
         """
         self.move()
         lost = {name: ring.overruns for name, ring in self._rows.items() if ring.overruns}
@@ -124,16 +127,16 @@ class Transfer:
         self._to.close()
 
     def pause(self) -> None:
-        """Put what is in the rings on disk and close the file; another recorder goes on.
+        """Write everything in the rings to disk and close the file; another recorder continues.
 
         Raises:
-            RecordingError: the disk is full or fails; the rings still hold what is not on it.
+            RecordingError: the disk is full or fails; the rings still contain the rows not on disk.
         """
         self.move()
         self._to.close()
 
     def close(self) -> None:
-        """Let go of the file after an error; silent otherwise."""
+        """Close the file after an error; silent otherwise."""
         if self._writer is not None:
             self._writer.close()
 
@@ -175,24 +178,26 @@ class Transfer:
         )
 
     def _go_on(self, trusted: int) -> None:
-        """Continue the file, after counting what of the rings it already has."""
+        """Continue the file, after counting the rows of the rings that it already contains."""
         path, job = self._job.recording, self._job
         if not job.resume and not path.exists():
-            return self._create_again("the recording was gone")
+            return self._create_again("the recording was missing")
         try:
             recover(path, trusted=trusted, own=True)
         except Headless:
             if job.resume:
                 raise
-            # Killed while it made the file: nothing was released yet. Set aside, as it is not
-            # for us to delete what we cannot read.
+            # The recorder was killed while it made the file: nothing was released yet. Renamed,
+            # because rigd does not delete a file that it cannot read.
             path.rename(path.with_name(f"{path.name}.torn"))
             return self._create_again("the recording had no beginning")
         recording = Recording.open(path)
         if not job.resume and recording.start_ns != job.start_ns:
             raise RecordingError(
                 f"{path} is not the recording that the rings in {self._folder.path} belong to",
-                hint=f"Put that one back, or remove {self._folder.path} to give them up.",
+                hint=(
+                    f"Restore the right file, or remove {self._folder.path} to discard the samples."
+                ),
             )
         known, held = recording.metadata, recording.attachments
         self._writer = RecordingWriter.append(
@@ -207,7 +212,7 @@ class Transfer:
                 attachment for attachment in job.attachments if attachment.name not in held
             ],
             compression=job.compression,
-            trusted=path.stat().st_size,  # recover has just been through it
+            trusted=path.stat().st_size,  # recover has just read all of it
         )
         self._latest_ns = max(recording.end_ns, job.start_ns)
         self._settle(recording)
@@ -219,7 +224,7 @@ class Transfer:
         self._note_restart(reason, lost, sum(ring.released for ring in self._events))
 
     def _settle(self, recording: Recording) -> None:
-        """Release what an earlier recorder has put on disk without coming to release it."""
+        """Release rows that an earlier recorder has put on disk but not released."""
         before = self._before
         since = recording.events()[before["events"] :]
         self._ended = any(event.kind == "run_end" for event in since)
@@ -227,10 +232,10 @@ class Transfer:
         events_lost = self._settle_events([item for item in since if BY_RECORDER not in item.data])
         rows_since = any(recording.recorded(name) > before["rows"][name] for name in self._rows)
         if rows_lost or events_lost or ((since or rows_since) and not self._ended):
-            self._note_restart("the recorder before was killed", rows_lost, events_lost)
+            self._note_restart("the previous recorder was killed", rows_lost, events_lost)
 
     def _settle_rows(self, recording: Recording, before: Mapping[str, int]) -> dict[str, int]:
-        """Return how many released rows are not on disk, by stream."""
+        """Return the number of released rows that are not on disk, by stream."""
         lost: dict[str, int] = {}
         for name, ring in self._rows.items():
             unreleased = recording.recorded(name) - before[name] - ring.tail
@@ -241,13 +246,13 @@ class Transfer:
         return lost
 
     def _settle_events(self, on_disk: Sequence[Event]) -> int:
-        """Write the events that are not on disk; return how many released ones are not either."""
+        """Write the events that are not on disk; return the number of released ones missing."""
         if len(on_disk) == sum(ring.taken for ring in self._events):
-            # All that was taken is there; only releasing it was cut short.
+            # All taken events are on disk; only the release was interrupted.
             for ring in self._events:
                 ring.release(ring.taken - ring.released)
-        # Else not all of what was taken last came to the file, so nothing of it was released, and
-        # it stands behind everything that was.
+        # Else not all of the last taken events are on disk, so none of them was released, and they
+        # come after all others.
         unreleased = len(on_disk) - sum(ring.released for ring in self._events)
         known = Counter(map(_key, on_disk[len(on_disk) - max(unreleased, 0) :]))
         waiting = [ring.take() for ring in self._events]
@@ -262,7 +267,7 @@ class Transfer:
         return max(-unreleased, 0)
 
     def _note_begun(self, recording: Recording | None) -> None:
-        """Write down what the file holds before the run."""
+        """Write down the contents of the file before the run."""
         if recording is None:
             rows, events = dict.fromkeys(self._rows, 0), 0
         else:
@@ -289,7 +294,7 @@ class Transfer:
         self._to.flush()
 
     def _own_event(self, kind: str, data: Mapping[str, Any]) -> None:
-        """Record an event of the recorder's own, at the time of the latest that it knows."""
+        """Record an event of the recorder itself, at the latest time that it knows."""
         self._to.event(self._latest_ns, kind, NO_TRIAL, {**data, BY_RECORDER: os.getpid()})
 
 
@@ -298,5 +303,5 @@ def _key(event: Event) -> tuple[int, str, int, str]:
 
 
 def _in_order(events: Sequence[Sequence[Event]]) -> list[Event]:
-    """Return the events of several rings by time; those of one time ring by ring."""
+    """Return the events of several rings by time; events of the same time ring by ring."""
     return sorted((event for some in events for event in some), key=lambda event: event.t_ns)

@@ -1,7 +1,12 @@
-"""Memory that the processes of a run share: rings, board, and their folder.
+"""Provides the memory that the processes of a run share: rings, board, and the folder of both.
 
-Plain mapped files, ideally in memory (tmpfs). They outlive every process: what one of them has
-put there is never lost because it, or any other, was killed.
+A run is one execution of a procedure on a rig. A ring is a buffer of fixed size that passes rows
+(samples) or events from one process to another. The board holds the status words and the signs of
+life of the processes. The folder also holds the lock of the rig and the job (the data with which
+the recorder, the process that writes to disk, starts).
+
+The memory consists of plain mapped files, ideally in tmpfs. The files remain when a process ends:
+data that one process has written are never lost because that process or another one was killed.
 """
 
 from rigd.engine.shared.board import Board, CycleState, Phase, RecorderState, Word

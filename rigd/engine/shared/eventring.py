@@ -1,6 +1,7 @@
-"""Ring between processes for events: one writer, one reader, records of any length.
+"""Passes events of any length between two processes in a ring: one writer, one reader.
 
-Any number of viewers may look on (:class:`EventView`); they hinder nobody.
+Any number of viewers (:class:`EventView`) may read too; they do not slow down the writer or the
+reader.
 """
 
 from __future__ import annotations
@@ -11,16 +12,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, Self
 
-from rigd.engine.shared.mapping import FIRST_FREE_WORD, SharedFile
+from rigd.engine.shared.mapping import SharedFile
+from rigd.engine.shared.ring import CAPACITY, CLAIM, HEAD, OVERRUNS, TAIL, Ring
 from rigd.model.errors import RecordingError
 from rigd.record.events import Event, data_to_json
 
 _MAGIC: Final = b"rigdevt1"
-_CAPACITY: Final = FIRST_FREE_WORD
-_HEAD: Final = 8  #: bytes pushed since the beginning
-_OVERRUNS: Final = 9
-_CLAIM: Final = 10  #: bytes that the writer may have written, announced or not; before it does
-_TAIL: Final = 16  #: bytes released since the beginning
 _RELEASED: Final = 17  #: events released since the beginning; written before the tail
 _TAKEN: Final = 18  #: events taken since the beginning
 
@@ -29,15 +26,12 @@ _TAKEN: Final = 18  #: events taken since the beginning
 _RECORD: Final = struct.Struct("<IIQqi")
 
 
-class EventRing:
-    """Events in a mapped file; what does not fit is lost and counted, as in a RowRing."""
+class EventRing(Ring):
+    """Stores events in a mapped file; an event that does not fit is lost and counted."""
 
     def __init__(self, file: SharedFile) -> None:
         """Use :meth:`create` or :meth:`attach`."""
-        self.path = file.path
-        self._words = file.words
-        self._payload = file.payload
-        self.capacity = file.words[_CAPACITY]
+        super().__init__(file)
         self._pushed = self.released + len(self.peek())
 
     @classmethod
@@ -48,7 +42,7 @@ class EventRing:
             RecordingError: it exists already, or there is no room for it.
         """
         file = SharedFile.create(path, _MAGIC, 0, capacity)
-        file.words[_CAPACITY] = capacity
+        file.words[CAPACITY] = capacity
         return cls(file)
 
     @classmethod
@@ -56,42 +50,23 @@ class EventRing:
         """Open a ring that another process made.
 
         Raises:
-            RecordingError: it is missing, or no ring of events.
+            RecordingError: it is missing, or is not a ring of events.
         """
         return cls(SharedFile.attach(path, _MAGIC, 0))
 
     @property
-    def head(self) -> int:
-        """Bytes pushed since the beginning."""
-        return self._words[_HEAD]
-
-    @property
     def claimed(self) -> int:
-        """Bytes pushed since the beginning, with those of a record that is being written."""
-        return self._words[_CLAIM]
-
-    @property
-    def tail(self) -> int:
-        """Bytes released since the beginning."""
-        return self._words[_TAIL]
-
-    @property
-    def overruns(self) -> int:
-        """Events lost because the ring was full."""
-        return self._words[_OVERRUNS]
-
-    @property
-    def fill(self) -> float:
-        """Share of the ring that waits to be released, 0 to 1."""
-        return (self._words[_HEAD] - self._words[_TAIL]) / self.capacity
+        """Bytes pushed since the beginning, with those of the record that is being written."""
+        return self._words[CLAIM]
 
     @property
     def released(self) -> int:
         """Events released since the beginning."""
-        tail = self._words[_TAIL]
-        if tail == self._words[_HEAD]:
+        tail = self._words[TAIL]
+        if tail == self._words[HEAD]:
             return self._words[_RELEASED]
-        # The reader may have been killed between the two words: the event at the tail knows.
+        # The reader may have been killed between the two words: the event at the tail has the
+        # number.
         return int(_RECORD.unpack(self.bytes_at(tail, _RECORD.size))[2])
 
     @property
@@ -100,10 +75,10 @@ class EventRing:
         return self._words[_TAKEN]
 
     def push(self, t_ns: int, kind: str, trial: int, data: Mapping[str, Any]) -> None:
-        """Append one event; see :meth:`rigd.record.RecordingWriter.event`.
+        """Append an event; see :meth:`rigd.record.RecordingWriter.event`.
 
         Raises:
-            RecordingError: the data has no form in JSON.
+            RecordingError: the data cannot be written as JSON.
         """
         try:
             text = data_to_json(data).encode()
@@ -111,37 +86,37 @@ class EventRing:
             raise RecordingError(f"event {kind!r} cannot be recorded: {error}") from error
         name = kind.encode()
         size = _RECORD.size + len(name) + len(text)
-        head = self._words[_HEAD]
-        if head + size - self._words[_TAIL] > self.capacity:
-            self._words[_OVERRUNS] = self._words[_OVERRUNS] + 1
+        head = self._words[HEAD]
+        if head + size - self._words[TAIL] > self.capacity:
+            self._words[OVERRUNS] = self._words[OVERRUNS] + 1
             return
         record = _RECORD.pack(size, len(name), self._pushed, t_ns, trial) + name + text
-        self._words[_CLAIM] = head + size
+        self._words[CLAIM] = head + size
         start = head % self.capacity
         first = min(size, self.capacity - start)
         self._payload[start : start + first] = record[:first]
         self._payload[: size - first] = record[first:]
         self._pushed += 1
-        self._words[_HEAD] = head + size
+        self._words[HEAD] = head + size
 
     def peek(self) -> list[Event]:
-        """Return all events that were pushed and not released."""
+        """Return all events that are pushed and not released."""
         tail = self.tail
         return [event for _, event in _parsed(self.bytes_at(tail, self.head - tail))]
 
     def take(self) -> list[Event]:
-        """Peek, and note how many there were: whoever reads after a kill can then tell."""
+        """Peek, and note the number of events, for the process that reads them after a kill."""
         events = self.peek()
         self._words[_TAKEN] = self.released + len(events)
         return events
 
     def release(self, count: int) -> None:
-        """Give the room of the ``count`` oldest events back to the writer."""
-        released, at = self.released + count, self._words[_TAIL]
+        """Return the room of the ``count`` oldest events to the writer."""
+        released, at = self.released + count, self._words[TAIL]
         for _ in range(count):
             at += _RECORD.unpack(self.bytes_at(at, _RECORD.size))[0]
         self._words[_RELEASED] = released
-        self._words[_TAIL] = at
+        self._words[TAIL] = at
 
     def drain(self) -> list[Event]:
         """Peek, and release at once."""
@@ -152,7 +127,7 @@ class EventRing:
     def bytes_at(self, at: int, size: int) -> bytes:
         """Return a copy of ``size`` bytes from ``at``, counted since the beginning.
 
-        The caller makes sure that they are still there.
+        The caller makes sure that they still exist.
         """
         start = at % self.capacity
         first = min(size, self.capacity - start)
@@ -160,13 +135,13 @@ class EventRing:
 
 
 class EventView:
-    """A second reader, for the eye: it releases nothing, and skips what it was too slow for."""
+    """Reads events for display: releases none, and skips events that were overwritten."""
 
     def __init__(self, ring: EventRing) -> None:
-        """Begin with the oldest event of the ring that is known to be whole."""
+        """Begin with the oldest complete event of the ring."""
         self._ring = ring
         self._position = 0 if ring.claimed <= ring.capacity else ring.tail
-        self._next = 0  #: number of the event expected next
+        self._next = 0  #: number of the next event
         self.skipped = 0  #: events overwritten before they were read
 
     def read(self) -> list[Event]:
@@ -175,8 +150,8 @@ class EventView:
         while True:
             head = ring.head
             raw = ring.bytes_at(self._position, head - self._position)
-            # Meanwhile the writer went on: where it may have come round to what was copied, begin
-            # anew with the oldest event that the ring still has to keep.
+            # The writer has continued meanwhile: if it may have overwritten the copied bytes, begin
+            # again with the oldest event that the ring must still keep.
             if ring.claimed <= self._position + ring.capacity:
                 break
             self._position = ring.tail

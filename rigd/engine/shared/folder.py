@@ -1,8 +1,9 @@
-"""The folder of a run in memory: lock of the rig, job, board and rings.
+"""Manages the folder in memory of a run: the lock of the rig, the job, the board and the rings.
 
-``<state>/<rig>/lock`` is held (flock) by the process that runs the rig and, by inheritance, by
-every process it starts for that: the rig is in use until all of them are gone. The lock file
-itself is never removed, so that two who wait for it can never hold two different files.
+The process that runs the rig holds the lock (flock) on ``<state>/<rig>/lock``. Every process that
+it starts for the run inherits the lock. So the rig is in use until all of these processes have
+ended. The lock file itself is never removed, so that two processes that wait for the lock never
+hold two different files.
 """
 
 from __future__ import annotations
@@ -28,20 +29,20 @@ from rigd.model.errors import Blocked, RecordingError
 
 #: Environment variable that names the state folder.
 STATE_VARIABLE: Final = "RIGD_STATE"
-#: Who has a ring of events: the cycle (trips, faults), the daemon (everything else).
+#: The processes with a ring of events: the cycle (trips, faults) and the daemon (all others).
 EVENT_SOURCES: Final = ("cycle", "daemon")
-#: Room for some 5000 events each, while the recorder is away.
+#: Room for about 5000 events each, while no recorder runs.
 EVENT_BYTES: Final = 1 << 20
 
 _LOCK, _JOB, _BOARD = "lock", "job.json", "board"
-#: Most bytes of a rig's name that its folder keeps; a file name has at most 255.
+#: Most bytes of a rig's name in the name of its folder; a file name has at most 255.
 _NAME_BYTES: Final = 150
-#: A rig that is about to be free is looked at this often.
+#: Interval of checks for a rig that will soon be free.
 _LOOK_S: Final = 0.05
 
 
 class InUse(Blocked):
-    """The rig is held by another process; ``lives`` is whether the one that took it does."""
+    """Another process holds the rig; ``lives``: the process that took the rig still runs."""
 
     def __init__(self, reason: str, *, lives: bool = True) -> None:
         super().__init__([reason])
@@ -49,9 +50,9 @@ class InUse(Blocked):
 
 
 class RunFolder:
-    """The folder of one rig's run, held (:meth:`take`) or looked at (:meth:`at`).
+    """The folder of one rig's run; :meth:`take` locks the rig, :meth:`at` opens without the lock.
 
-    ``lock_fd`` is for ``pass_fds`` of the processes that the run starts; -1 where not held.
+    ``lock_fd`` is for ``pass_fds`` of the processes that the run starts; -1 if not held.
     """
 
     def __init__(self, path: Path, lock_fd: int = -1) -> None:
@@ -63,12 +64,12 @@ class RunFolder:
     def take(
         cls, rig: str, *, command: str, recording: Path | None = None, patience_s: float = 0.0
     ) -> Self:
-        """Lock the rig for this process; ``command`` and ``recording`` are told to who comes next.
+        """Lock the rig for this process; a process that waits sees ``command``, ``recording``.
 
-        Processes of a run whose own process has died are waited for, at most ``patience_s``.
+        If the process of a run has ended, wait at most ``patience_s`` for its children.
 
         Raises:
-            Blocked: the rig is in use, or the state folder is not ours alone.
+            Blocked: the rig is in use, or the state folder is not private.
             RecordingError: the folder cannot be made.
         """
         until = time.monotonic() + patience_s
@@ -82,7 +83,7 @@ class RunFolder:
 
     @classmethod
     def take_at(cls, path: Path, rig: str, command: str, recording: Path | None = None) -> Self:
-        """As :meth:`take`, of the rig whose folder is ``path``."""
+        """Like :meth:`take`, for the rig whose folder is ``path``."""
         try:
             path.mkdir(mode=0o700, exist_ok=True)
             fd = os.open(path / _LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
@@ -108,7 +109,7 @@ class RunFolder:
         return cls(path)
 
     def mark(self, command: str, recording: Path | None = None, *, hint: str = "") -> None:
-        """Leave word for who wants the rig while we hold it; ``hint`` says what they can do.
+        """Leave a text for a process that wants the rig meanwhile; ``hint`` is the remedy.
 
         Raises:
             RecordingError: there is no room for it.
@@ -119,11 +120,11 @@ class RunFolder:
             "recording": None if recording is None else str(recording.absolute()),
             "hint": hint,
         }
-        told = json.dumps(mark).encode()
+        text = json.dumps(mark).encode()
         try:
-            # Cut last: in the page that it has already, there is always room.
-            os.pwrite(self.lock_fd, told, 0)
-            os.ftruncate(self.lock_fd, len(told))
+            # Truncated last: the page that the file already has always has room.
+            os.pwrite(self.lock_fd, text, 0)
+            os.ftruncate(self.lock_fd, len(text))
         except OSError as error:
             raise RecordingError(
                 f"cannot write {self.path / _LOCK}: {error.strerror}",
@@ -132,7 +133,7 @@ class RunFolder:
 
     @property
     def has_job(self) -> bool:
-        """Whether the folder holds a run: one under way, or one whose processes all died."""
+        """Whether the folder contains a run: in progress, or with all its processes ended."""
         return (self.path / _JOB).exists()
 
     @property
@@ -140,35 +141,35 @@ class RunFolder:
         """The run's job.
 
         Raises:
-            RecordingError: there is none, or it cannot be read.
+            RecordingError: it is missing, or cannot be read.
         """
         return Job.read(self.path / _JOB)
 
     def prepare(self, job: Job, capacities: Mapping[str, int]) -> None:
-        """Make the board, a ring for each stream (of so many rows) and those for events.
+        """Make the board, a ring for each stream (with this number of rows) and those for events.
 
-        Slot 0 is at the start of the job: the clock on the board runs as if it had run since then.
+        Slot 0 is at the start of the job: the clock on the board has run since then.
 
         Raises:
-            RecordingError: the folder still holds what an earlier run left, or has no room.
+            RecordingError: the folder still contains data of an earlier run, or has no room.
         """
         if self.has_job:
             raise RecordingError(
                 f"{self.path} holds samples of an earlier run that are not in its recording yet",
-                hint="`rigd recover` puts them there.",
+                hint="`rigd recover` adds them to it.",
             )
-        self.clear()  # what was begun here and never finished
+        self.clear()  # data that was begun here and never completed
         board = Board.create(self.path / _BOARD)
         for number, stream in enumerate(job.streams):
             RowRing.create(self._rows(number), stream, capacities[stream.name])
         for source in EVENT_SOURCES:
             EventRing.create(self._events(source), EVENT_BYTES)
-        # Making the rings took a while, saving an earlier run's samples perhaps minutes: slot 0 was
-        # due at the start by then, else every time stamp would lag the clock on the wall by that.
+        # Making the rings took a while, and saving an earlier run's samples perhaps minutes: slot 0
+        # was due at the start, or every time stamp would be late by that time.
         since_start_ns = max(time.time_ns() - job.start_ns, 0)  # a resumed run may begin later
         board[Word.START_NS] = job.start_ns
         board[Word.ORIGIN_NS] = time.monotonic_ns() - since_start_ns
-        # Last, and at once: a folder with a job is complete.
+        # Last, and in one step: a folder with a job is complete.
         draft = self.path / f"{_JOB}.new"
         draft.write_text(job.to_json())
         draft.replace(self.path / _JOB)
@@ -177,12 +178,12 @@ class RunFolder:
         """Return the board.
 
         Raises:
-            RecordingError: there is none.
+            RecordingError: it is missing.
         """
         return Board.attach(self.path / _BOARD)
 
     def ring_path(self, job: Job, stream: str) -> Path | None:
-        """Return the file of the ring of ``stream``; None where it is not recorded."""
+        """Return the path of the ring of ``stream``; None if it is not recorded."""
         names = [item.name for item in job.streams]
         return self._rows(names.index(stream)) if stream in names else None
 
@@ -190,7 +191,7 @@ class RunFolder:
         """Return the rings of all streams of ``job``, by name.
 
         Raises:
-            RecordingError: one is missing.
+            RecordingError: a ring is missing.
         """
         return {
             stream.name: RowRing.attach(self._rows(number), stream)
@@ -206,19 +207,19 @@ class RunFolder:
         return EventRing.attach(self._events(source))
 
     def clear(self) -> None:
-        """Remove what the run left, the job first; the lock stays."""
+        """Remove the data of the run, the job first; the lock stays."""
         (self.path / _JOB).unlink(missing_ok=True)
-        for path in self.left:
+        for path in self.remaining:
             path.unlink(missing_ok=True)
 
     @property
-    def left(self) -> list[Path]:
-        """The files that the run has left."""
-        there = insist(lambda: list(self.path.iterdir()))
-        return [path for path in there if path.name != _LOCK]
+    def remaining(self) -> list[Path]:
+        """The files of the run that still exist."""
+        files = insist(lambda: list(self.path.iterdir()))
+        return [path for path in files if path.name != _LOCK]
 
     def release(self) -> None:
-        """Give the rig back, as far as this process holds it."""
+        """Release the rig, if this process holds it."""
         if self.lock_fd >= 0:
             os.close(self.lock_fd)
             self.lock_fd = -1
@@ -231,10 +232,10 @@ class RunFolder:
 
 
 def leftovers() -> Iterator[RunFolder]:
-    """Yield the folders that hold a run, under way or not; lock one before touching it.
+    """Yield the folders that contain a run, in progress or not; lock a folder before use.
 
     Raises:
-        Blocked: the state folder is not ours alone.
+        Blocked: the state folder is not private.
     """
     for path in sorted(state_folder().iterdir()):
         folder = RunFolder.at(path)
@@ -243,12 +244,12 @@ def leftovers() -> Iterator[RunFolder]:
 
 
 def state_folder() -> Path:
-    """Return the folder of this user's runs, made where it is missing.
+    """Return the folder of this user's runs; make it if it is missing.
 
-    RIGD_STATE, or else one in memory, so that nothing in a run waits for a disk.
+    RIGD_STATE, or else a folder in memory, so that no part of a run waits for a disk.
 
     Raises:
-        Blocked: it belongs to somebody else, or others may write to it.
+        Blocked: it belongs to another user, or others may write to it.
         RecordingError: it cannot be made.
     """
     path = _state_path()
@@ -258,21 +259,21 @@ def state_folder() -> Path:
     except OSError as error:
         raise RecordingError(
             f"cannot make the state folder {path}: {error.strerror}",
-            hint=f"Set {STATE_VARIABLE} to a folder in memory that is yours.",
+            hint=f"Set {STATE_VARIABLE} to a folder in memory that belongs to you.",
         ) from error
     private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
     if found.st_uid != os.geteuid() or not private:
         raise Blocked(
             [
-                f"the state folder {path} is not private: make it yours alone (chmod 700), "
-                f"or set {STATE_VARIABLE} to another"
+                f"the state folder {path} is not private: make it private (chmod 700), or set "
+                f"{STATE_VARIABLE} to another folder"
             ]
         )
     return path
 
 
 def folder_name(rig: str) -> str:
-    """Return the name of a rig's folder: the rig's own, as far as a file may be called that."""
+    """Return the name of a rig's folder: the rig's name, in characters of a file name."""
     name = quote(rig, safe=" ")
     if name.startswith("."):
         name = f"%2E{name[1:]}"
@@ -295,28 +296,28 @@ def _state_path() -> Path:
 
 
 def _in_use(rig: str, fd: int) -> InUse:
-    """Return who holds the lock, in the words that it left there."""
+    """Return the error with the text that the holder of the lock left."""
     try:
         mark = json.loads(os.pread(fd, 4096, 0))
         pid, command, recording = int(mark["pid"]), mark["command"], mark["recording"]
         hint = mark.get("hint", "")
     except (KeyError, TypeError, ValueError):
-        return InUse(f"rig {rig} is in use by another process, which has only just begun")
-    what = f"{command}, recording {recording}" if recording else command
+        return InUse(f"rig {rig} is in use by another process, which has just started")
+    description = f"{command}, recording {recording}" if recording else command
     if not _runs(pid):
-        left = f"what process {pid} ({what}) started: it died, and they are still ending"
-        return InUse(f"rig {rig} is in use by {left}", lives=False)
-    told = f"rig {rig} is in use by process {pid} ({what})"
-    return InUse(f"{told}\n  {hint}" if hint else told)
+        children = f"children of process {pid} ({description}), which died; they are still ending"
+        return InUse(f"rig {rig} is in use by {children}", lives=False)
+    text = f"rig {rig} is in use by process {pid} ({description})"
+    return InUse(f"{text}\n  {hint}" if hint else text)
 
 
 def _runs(pid: int) -> bool:
-    """Whether a process runs; one that has ended, and that its parent has not read, does not."""
+    """Return whether a process runs; one that has ended but is not reaped does not."""
     try:
         os.kill(pid, 0)
         state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
     except (ProcessLookupError, FileNotFoundError):
         return False
     except PermissionError:
-        return True  # it runs, as another user
+        return True  # it runs, under another user
     return state not in ("Z", "X")

@@ -1,4 +1,4 @@
-"""The job file of the recorder: all it needs to start, or to restart, at any time."""
+"""Reads and writes the job file, from which the recorder starts or restarts at any time."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from rigd.record.schema import stream_from_json, stream_to_json
 
 @dataclass(frozen=True)
 class Job:
-    """A recording to be made.
+    """Describes the recording that the recorder makes.
 
-    ``resume``: the file is there, and is to be continued. ``start_ns`` is Unix time.
+    ``resume``: the file exists, and is continued. ``start_ns`` is Unix time.
     """
 
     rig: str
@@ -57,10 +57,10 @@ class Job:
 
     @classmethod
     def read(cls, path: Path) -> Job:
-        """Return the job in a file that holds :meth:`to_json`.
+        """Return the job in a file that contains :meth:`to_json`.
 
         Raises:
-            RecordingError: it cannot be read, or is no job.
+            RecordingError: it cannot be read, or is not a job.
         """
         try:
             content: Mapping[str, Any] = json.loads(path.read_bytes())
@@ -82,6 +82,6 @@ class Job:
         except (KeyError, TypeError, ValueError) as error:
             raise RecordingError(
                 f"{path} is not the job of a recorder: {error!r}",
-                hint="It was made by another version of rigd, which can recover it; "
-                f"removing {path.parent} gives those samples up.",
+                hint="Another version of rigd made it, which can recover it; to discard "
+                f"those samples, remove {path.parent}.",
             ) from error

@@ -1,10 +1,10 @@
-"""A file that several processes map into memory; it outlives them.
+"""Maps a file into the memory of several processes; the file remains when they end.
 
-The first page holds 64-bit words: what the file is, and counters. A word is written by one
-process only and with one aligned store (an item of a memoryview of format ``Q``), so that a reader
-never sees half of it. What a counter announces is written before the counter. That order is kept
-by x86-64 for everybody to see; on AArch64 the interpreter's own locking between two byte codes
-orders the stores in practice, but nothing guarantees it.
+The first page holds 64-bit words: the type of the file, and counters. Only one process writes a
+given word, with one aligned store (an item of a memoryview of format ``Q``), so that a reader never
+sees a half-written word. The writer first writes the data, then the counter that announces them. On
+x86-64 every processor sees the stores in that order. On AArch64 the interpreter's own locking
+between two byte codes orders the stores in practice, but nothing guarantees it.
 """
 
 from __future__ import annotations
@@ -18,16 +18,18 @@ from rigd.model.errors import RecordingError
 
 #: Bytes of the page that holds the words; the payload begins on the next one.
 HEAD_BYTES: Final = 4096
-WORDS: Final = HEAD_BYTES // 8
-_MAGIC, _IDENTITY = 0, 1  #: words that say what the file is; the words from 2 on are the user's
+_MAGIC, _IDENTITY = (
+    0,
+    1,
+)  #: type of the file; users of the class have the words from 2 on
 FIRST_FREE_WORD: Final = 2
 
 
 class SharedFile:
     """A mapped file of one page of words and a payload of any size.
 
-    ``magic`` (8 bytes) names the kind of file and its version, ``identity`` the layout of what is
-    in it: a process that expects another layout is refused.
+    ``magic`` (8 bytes) names the kind of file and its version, ``identity`` the layout of its
+    content: a process that expects another layout is refused.
     """
 
     def __init__(self, path: Path, fd: int, size: int = 0) -> None:
@@ -41,7 +43,7 @@ class SharedFile:
 
     @classmethod
     def create(cls, path: Path, magic: bytes, identity: int, size: int) -> Self:
-        """Make a file with a payload of ``size`` bytes, all zero, its memory allocated.
+        """Make a file with a payload of ``size`` bytes, all zero, in allocated memory.
 
         Raises:
             RecordingError: it exists already, or there is no room for it.
@@ -51,7 +53,7 @@ class SharedFile:
         except OSError as error:
             raise _cannot("make", path, error) from error
         try:
-            # Allocated, not only declared: a hole in a full tmpfs would kill who touches it.
+            # Allocated, not only declared: a write to a hole in a full tmpfs kills the process.
             os.posix_fallocate(fd, 0, HEAD_BYTES + size)
             made = cls(path, fd)
         except OSError as error:
@@ -68,7 +70,7 @@ class SharedFile:
         """Map a file that :meth:`create` made.
 
         Raises:
-            RecordingError: it is missing, or not what is expected.
+            RecordingError: it is missing, or not the expected file.
         """
         try:
             fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
@@ -86,7 +88,7 @@ class SharedFile:
 
     @classmethod
     def unshared(cls, size: int) -> Self:
-        """Make the same in memory of this process alone; its path is that of no file."""
+        """Make the same in private memory of this process; its path names no file."""
         return cls(Path(), -1, HEAD_BYTES + size)
 
 
@@ -104,5 +106,5 @@ def _cannot(verb: str, path: Path, error: OSError) -> RecordingError:
 def _foreign(path: Path) -> RecordingError:
     return RecordingError(
         f"{path} has another layout than expected",
-        hint="It was made by another version of rigd, or for another rig.",
+        hint="Another version of rigd made it, or it belongs to another rig.",
     )

@@ -1,4 +1,9 @@
-"""Retries operations that must not fail for lack of a file descriptor."""
+"""Repeats an operation for some seconds if it fails because no file descriptor is free.
+
+The daemon can run out of file descriptors for a moment, for example when many connections that
+never authenticate are open; the daemon ends them within a fraction of a second. Operations that
+must not fail for this reason, such as making a device safe, use :func:`insist`.
+"""
 
 from __future__ import annotations
 
@@ -9,33 +14,33 @@ from typing import Final, TypeVar
 
 T = TypeVar("T")
 
-#: A daemon that unauthenticated connections fill up has room again within a fraction of a second
-#: (rigd.daemon.serve.descriptors).
+#: If unauthenticated connections use up the daemon's descriptors, some are free again within a
+#: fraction of a second (rigd.daemon.serve.descriptors).
 PATIENCE_S: Final = 5.0
 _AGAIN_S: Final = 0.02
-#: This process, or the whole machine, has none left.
-NONE_LEFT: Final = (errno.EMFILE, errno.ENFILE)
+#: No descriptor is free in this process, or in the whole machine.
+NO_DESCRIPTOR: Final = (errno.EMFILE, errno.ENFILE)
 
 
 def insist(act: Callable[[], T], patience_s: float = PATIENCE_S) -> T:
-    """Return what ``act`` returns; called again for a while as long as no descriptor is left.
+    """Return the result of ``act``; call it again for a while if no descriptor is free.
 
-    ``act`` must be such that it can be begun anew where it could not open something.
+    It must be safe to call ``act`` again after it failed to open something.
     """
     give_up_s = time.monotonic() + patience_s
     while True:
         try:
             return act()
         except Exception as error:
-            if not _for_want_of_one(error) or time.monotonic() > give_up_s:
+            if not _lacks_descriptor(error) or time.monotonic() > give_up_s:
                 raise
         time.sleep(_AGAIN_S)
 
 
-def _for_want_of_one(error: BaseException | None) -> bool:
-    """Return whether ``error``, or what caused it, is that none was left."""
+def _lacks_descriptor(error: BaseException | None) -> bool:
+    """Return whether ``error``, or its cause, is that no descriptor was free."""
     while error is not None:
-        if isinstance(error, OSError) and error.errno in NONE_LEFT:
+        if isinstance(error, OSError) and error.errno in NO_DESCRIPTOR:
             return True
         error = error.__cause__
     return False

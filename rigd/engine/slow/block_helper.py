@@ -1,4 +1,8 @@
-"""Starts, supervises and ends the helper process of a block device."""
+"""Starts, supervises and ends the helper process that runs one block device.
+
+A block device is a device whose library returns blocks of rows. A call of the library may block, so
+each such device has a process of its own.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +21,13 @@ from rigd.engine.slow.table import LatestTable
 from rigd.model.channels import Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError, RigdError
 
-#: Opening may take so long: a device server is reached, a card set up.
+#: Longest time for opening: connect to a device server, set up a card.
 OPEN_S: Final = 30.0
-#: A helper without a sign of life for so long hangs in its library.
+#: A helper without a sign of life for this time hangs in its library.
 SILENCE_S: Final = 2.0
-#: The helper is not judged by its silence where the daemon itself was away for so long.
+#: The helper is not judged if the daemon itself was delayed for this time.
 AWAY_S: Final = 0.5
-#: A process whose end of the link is closed is gone within this; the daemon must not wait longer.
+#: A process ends within this time after its link is closed; the daemon must not wait longer.
 _REAP_S: Final = 0.1
 
 
@@ -32,17 +36,16 @@ class BlockHelper:
 
     Args:
         device: the device.
-        ring: path of the ring of its stream, made already; None where it is not recorded.
-        table: path of the table of latest values, made already.
-        table_streams: the streams that the table has slots for.
-        start_ns: Unix time of the run's beginning.
+        ring: path of the existing ring of its stream; None if it is not recorded.
+        table: path of the existing table of latest values.
+        table_streams: the streams that have a slot in the table.
+        start_ns: Unix time of the start of the run.
         origin_ns: monotonic time of the same moment.
-        log: file that takes what the process prints.
-        lock_fd: the rig's lock, which the process holds as long as it lives; -1 where there is
-            none.
-        silence_s: after how long a silent process counts as hung.
-        every: every so many rows one is recorded.
-        windowed: whether the table says when rows are recorded; else they are always.
+        log: file for the output of the process.
+        lock_fd: the rig's lock, which the process holds while it runs; -1 if there is none.
+        silence_s: silence after which the process counts as hung.
+        every: every ``every``-th row is recorded.
+        windowed: whether the table has recording windows; else rows are always recorded.
     """
 
     def __init__(
@@ -61,9 +64,9 @@ class BlockHelper:
         windowed: bool = False,
     ) -> None:
         self.name = device.name
-        self.identity = ""  #: what the device said it is, once started
-        self.rate_hz = 0.0  #: rows per second, once started
-        self.unfit: tuple[str, ...] = ()  #: what keeps the device from being armed
+        self.identity = ""  #: the identity of the device, after the start
+        self.rate_hz = 0.0  #: rows per second, after the start
+        self.arming_blockers: tuple[str, ...] = ()  #: reasons why the device cannot be armed
         streams = tuple(table_streams)
         self._job = BlockJob(device, ring, every, table, streams, start_ns, origin_ns, windowed)
         self._slot = LatestTable.attach(table, streams).slot(device.name)
@@ -73,13 +76,13 @@ class BlockHelper:
         self._child: Child | None = None
         self._link: socket.socket | None = None
         self._fault: str | None = None
-        self._beat_ns = 0  # the sign of life last seen,
-        self._heard_ns = 0  # and when it was
+        self._beat_ns = 0  # the last sign of life,
+        self._checked_ns = 0  # and its time of arrival
         self._looked_ns = 0
 
     @property
     def pid(self) -> int:
-        """Process id of the helper; 0 before it was started."""
+        """Process id of the helper; 0 before the start."""
         return 0 if self._child is None else self._child.pid
 
     def start(self, timeout_s: float = OPEN_S) -> None:
@@ -87,7 +90,7 @@ class BlockHelper:
 
         Raises:
             LinkError: the device cannot be reached, or is not open in time.
-            ProtocolError: it is not the one that the rig file names.
+            ProtocolError: it is not the device that the rig file names.
             DeviceError: it reports a fault, or its driver fails.
         """
         self._link, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -101,21 +104,25 @@ class BlockHelper:
         except BaseException:
             self.stop()
             raise
-        self._heard_ns = self._looked_ns = monotonic_ns()
+        self._checked_ns = self._looked_ns = monotonic_ns()
 
     def _wait_until_open(self, timeout_s: float) -> None:
         if not self._has_message(timeout_s):
             raise LinkError(f"{self.name} was not open within {timeout_s:g} s")
         match self._receive():
-            case Opened(identity, rate_hz, unfit):
-                self.identity, self.rate_hz, self.unfit = identity, rate_hz, unfit
+            case Opened(identity, rate_hz, arming_blockers):
+                self.identity, self.rate_hz, self.arming_blockers = (
+                    identity,
+                    rate_hz,
+                    arming_blockers,
+                )
             case Failed() as failed:
                 raise self._error(failed)
             case _:
                 raise DeviceError(self._death())
 
     def poll(self) -> str | None:
-        """Return why the run must end, or None; once there is a reason, it stays."""
+        """Return why the run must end, or None; a reason stays."""
         if self._fault is None and self._link is not None:
             self._fault = self._look()
         return self._fault
@@ -123,21 +130,21 @@ class BlockHelper:
     def _look(self) -> str | None:
         if self._has_message(0.0):
             message = self._receive()
-            return self._error(message).told if isinstance(message, Failed) else self._death()
+            return self._error(message).one_line if isinstance(message, Failed) else self._death()
         now, beat_ns = monotonic_ns(), self._slot.beat_ns
         if beat_ns != self._beat_ns or now - self._looked_ns > AWAY_S * 1e9:
-            self._beat_ns, self._heard_ns = beat_ns, now
+            self._beat_ns, self._checked_ns = beat_ns, now
         self._looked_ns = now
-        silent_ns = now - self._heard_ns
+        silent_ns = now - self._checked_ns
         if silent_ns > self._silence_ns:
             return (
                 f"{self.name}: its process {self.pid} gave no sign of life for "
-                f"{silent_ns / 1e9:.1f} s: its library hangs, or it was stopped"
+                f"{silent_ns / 1e9:.1f} s: its library hangs, or the process was stopped"
             )
         return None
 
     def stop(self) -> None:
-        """End the process, by force where it hangs; stopping twice is silent."""
+        """End the process, by force if it hangs; stopping twice is silent."""
         if self._link is None or self._child is None:
             return
         self._link.close()
@@ -149,10 +156,10 @@ class BlockHelper:
         return bool(select.select([self._opened_link()], [], [], timeout_s)[0])
 
     def _receive(self) -> object:
-        """Return the next message; None where the process has closed its end."""
+        """Return the next message; None if the process has closed its end."""
         try:
             packet = self._opened_link().recv(MAX_PACKET)
-        except ConnectionResetError:  # it died without reading its job
+        except ConnectionResetError:  # it ended without reading its job
             packet = b""
         return pickle.loads(packet) if packet else None
 
@@ -162,7 +169,7 @@ class BlockHelper:
         return self._link
 
     def _error(self, failed: Failed) -> RigdError:
-        """Return what the helper failed with, with the device's name in front."""
+        """Return the error of the helper, with the device's name in front."""
         kinds: dict[str, type[RigdError]] = {
             item.__name__: item for item in (LinkError, ProtocolError, DeviceError)
         }

@@ -1,4 +1,7 @@
-"""Messages between the daemon and the helper process of a block device."""
+"""Defines the messages between the daemon and the helper process of a block device.
+
+A block device is a device whose library returns blocks of rows.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +14,17 @@ from rigd.model.channels import Stream
 
 #: Longest message; a device's options are far shorter.
 MAX_PACKET: Final = 1 << 17
-#: How long the device may take to be closed once the helper is to end; then it ends all the same.
+#: Longest time to close the device when the helper must end; then the helper ends anyway.
 GRACE_S: Final = 2.0
 
 
 @dataclass(frozen=True)
 class BlockJob:
-    """To the helper, once: which device, where its rows go, and what time it is there.
+    """The first message to the helper: the device, the place for its rows, the origin of its time.
 
-    Rows are stamped with Unix time: ``start_ns`` at the monotonic time ``origin_ns``. The table
-    has a slot for each of ``table_streams``. Every ``every``-th row is recorded in ``ring``, none
-    where that is None; where ``windowed``, of those taken while the table says so.
+    Rows have Unix times: ``start_ns`` at the monotonic time ``origin_ns``. The table has a slot for
+    each of ``table_streams``. Every ``every``-th row is recorded in ``ring``, none if that is None;
+    if ``windowed``, only rows taken during the windows in the table.
     """
 
     device: DeviceConfig
@@ -36,11 +39,11 @@ class BlockJob:
 
 @dataclass(frozen=True)
 class Opened:
-    """From the helper: the device is open; ``unfit`` says what keeps it from being armed."""
+    """From the helper: the device is open; ``arming_blockers`` are the reasons not to arm it."""
 
     identity: str
     rate_hz: float
-    unfit: tuple[str, ...]
+    arming_blockers: tuple[str, ...]
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""The helper process of one block device; the device's library may block in it.
+"""Runs one block device (its library returns blocks of rows) in a helper process.
 
-Started by :class:`~rigd.engine.slow.BlockHelper` as ``python -m rigd.engine.slow.block_process FD``
-with one end of a socket. It ends when told (the other end is closed), which is also what the
-daemon's death looks like.
+The device's library may block in this process. :class:`~rigd.engine.slow.BlockHelper` starts
+``python -m rigd.engine.slow.block_process FD`` with one end of a socket. The helper process ends
+when the other end of the socket is closed: on purpose by the daemon, or because the daemon died.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from rigd.engine.slow.table import LatestTable
 from rigd.model.errors import DeviceError, RigdError
 from rigd.sdk import Block, BlockDriver
 
-#: A sign of life is given this often while there are no rows.
+#: Interval of signs of life while there are no rows.
 BEAT_S: Final = 0.1
 
 
 class Publisher:
-    """Records the blocks of one device, and puts what the cycle sees of them into the table."""
+    """Records the blocks of one device, and writes the newest row into the table for the cycle."""
 
     def __init__(self, job: BlockJob, driver: BlockDriver) -> None:
         stream = job.device.stream
@@ -45,16 +45,16 @@ class Publisher:
             self._recorder = BlockRecorder(RowRing.attach(job.ring, stream), job.every, windows)
 
     def beat(self) -> None:
-        """Give a sign of life, and record what the cycle has decided about meanwhile."""
+        """Give a sign of life, and record rows about which the cycle has decided meanwhile."""
         self._slot.beat(monotonic_ns())
         if self._recorder is not None:
             self._recorder.settle()
 
     def publish(self, block: Block) -> None:
-        """Record the rows of ``block`` and show the cycle the newest.
+        """Record the rows of ``block`` and show the newest row to the cycle.
 
         Raises:
-            DeviceError: they are not as the driver has to give them.
+            DeviceError: the block violates the interface of drivers.
         """
         rows = self._rows.make(block)
         if not len(rows):
@@ -64,19 +64,19 @@ class Publisher:
         self._slot.write(int(block.times_ns[-1]), self._driver.newest_row(block))
 
     def finish(self) -> None:
-        """Record what still waits to be decided about."""
+        """Record the rows that still wait for a decision."""
         if self._recorder is not None:
             self._recorder.finish()
 
 
 def serve(link: socket.socket) -> int:
-    """Run the device of the job that comes over ``link`` until told to end; return an exit code."""
+    """Run the device of the job that arrives over ``link`` until its end; return an exit code."""
     job: BlockJob = pickle.loads(link.recv(MAX_PACKET))
     stop = threading.Event()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
-    RealTime().schedule(HELPER_PRIORITY)  # before there are threads, so that they inherit it
+    RealTime().schedule(HELPER_PRIORITY)  # before any thread starts, so that threads inherit it
     threading.Thread(target=_watch, args=(link, stop), name="watch", daemon=True).start()
     failed: Failed | None = None
     try:
@@ -84,7 +84,7 @@ def serve(link: socket.socket) -> int:
     except Exception as error:  # noqa: BLE001 - boundary: told to the daemon, which ends the run
         failed = _failed(error)
     if failed is not None:
-        with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # nobody there to be told
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # no reader is left
             link.send(pickle.dumps(failed))
     return 0 if failed is None else 1
 
@@ -93,12 +93,12 @@ def _run(job: BlockJob, link: socket.socket, stop: threading.Event) -> None:
     device = job.device
     driver = device.driver_class(device.config, None)
     if not isinstance(driver, BlockDriver):
-        raise TypeError(f"{device.driver} is no block driver")
+        raise TypeError(f"{device.driver} is not a block driver")
     publisher = Publisher(job, driver)
     try:
         driver.open()
-        told = Opened(driver.identity, driver.rate_hz, tuple(driver.preflight()))
-        link.send(pickle.dumps(told))
+        opened = Opened(driver.identity, driver.rate_hz, tuple(driver.preflight()))
+        link.send(pickle.dumps(opened))
         driver.start()
         try:
             while not stop.is_set():
@@ -120,13 +120,13 @@ def _run(job: BlockJob, link: socket.socket, stop: threading.Event) -> None:
 def _failed(error: Exception) -> Failed:
     if isinstance(error, RigdError):
         return Failed(type(error).__name__, error.message, error.hint)
-    traceback.print_exception(error)  # where the daemon keeps what this process prints
+    traceback.print_exception(error)  # the daemon keeps this output
     return Failed(DeviceError.__name__, f"its driver fails: {type(error).__name__}: {error}", None)
 
 
 def _watch(link: socket.socket, stop: threading.Event) -> None:
-    """Wait for the end of the link; then give the device a while to be closed."""
-    with contextlib.suppress(ConnectionResetError):  # the daemon died with words of ours unread
+    """Wait for the end of the link; then give the device a while to close."""
+    with contextlib.suppress(ConnectionResetError):  # the daemon ended with unread messages
         while link.recv(1):
             pass
     stop.set()

@@ -1,4 +1,7 @@
-"""Slow devices: coroutines on an event loop in a thread of the daemon."""
+"""Runs the drivers of slow devices as coroutines on one event loop, in a thread of the daemon.
+
+A slow device needs longer than a cycle to respond.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +17,15 @@ from rigd.engine.slow.table import Slot
 from rigd.model.errors import DeviceError, LinkError, RigdError
 from rigd.sdk import EmitRow, SlowDriver
 
-#: Opening may take so long: a scale that was off warms up.
+#: Longest time for opening: a scale that was off warms up.
 OPEN_S: Final = 20.0
-#: What a person asks for is done within this, or refused: a scale that waits to stand still.
+#: Longest time for an action: a scale waits until it is at rest.
 ACT_S: Final = 15.0
-#: How long a device may take to stop and to be closed.
+#: Longest time for a device to stop and close.
 CLOSE_S: Final = 3.0
-#: A loop that does not turn for so long is blocked by a driver.
+#: A loop that is blocked for this time is blocked by a driver.
 BLOCKED_S: Final = 2.0
-#: The loop is not judged where the daemon itself was away for so long.
+#: The loop is not judged if the daemon itself was delayed for this time.
 AWAY_S: Final = 0.5
 _TURN_S: Final = 0.1
 
@@ -30,21 +33,21 @@ T = TypeVar("T")
 
 
 class SlowRowSink(Protocol):
-    """Takes rows of one stream; a ring does."""
+    """Receives rows of one stream; a ring is such a sink."""
 
     def push(self, t_ns: int, row: Sequence[float]) -> None:
-        """Append one row, taken at ``t_ns`` (Unix)."""
+        """Append a row, taken at ``t_ns`` (Unix)."""
         ...
 
 
 class SlowDevices:
-    """Runs slow drivers side by side; one that fails never stops the others.
+    """Runs slow drivers concurrently; a failure of a driver does not stop the others.
 
     Args:
         drivers: the drivers by the names of their devices, not opened yet.
-        rings: where their rows are recorded, of those that are.
+        rings: sinks for the rows of recorded devices.
         slots: their places in the table of latest values.
-        start_ns: Unix time of the run's beginning.
+        start_ns: Unix time of the start of the run.
         origin_ns: monotonic time of the same moment.
     """
 
@@ -61,7 +64,7 @@ class SlowDevices:
         self._rings = rings
         self._slots = slots
         self._offset_ns = start_ns - origin_ns
-        self._faults: dict[str, str] = {}  # by device, in the order in which they came
+        self._faults: dict[str, str] = {}  # by device, in order of occurrence
         self._loop: asyncio.AbstractEventLoop | None = None  # while it runs
         self._thread: threading.Thread | None = None
         self._running: dict[str, asyncio.Task[None]] = {}
@@ -69,12 +72,12 @@ class SlowDevices:
 
     @property
     def identities(self) -> dict[str, str]:
-        """What every device said it is, once started."""
+        """The identity that each device reported, after the start."""
         return {name: driver.identity for name, driver in self._drivers.items()}
 
     @property
-    def unfit(self) -> Sequence[str]:
-        """What keeps the devices from being armed, a sentence each; asked once started."""
+    def arming_blockers(self) -> Sequence[str]:
+        """The reasons why the devices cannot be armed, one sentence each; asked after the start."""
         return [
             f"{name}: {reason}"
             for name, driver in self._drivers.items()
@@ -83,7 +86,7 @@ class SlowDevices:
 
     @property
     def faults(self) -> Mapping[str, str]:
-        """What has failed since the start, by device, in the order in which it did."""
+        """The failures since the start, by device, in order of occurrence."""
         return dict(self._faults)
 
     def start(self, timeout_s: float = OPEN_S) -> None:
@@ -91,8 +94,8 @@ class SlowDevices:
 
         Raises:
             LinkError: a device cannot be reached, or is not open in time.
-            ProtocolError: one is not what the rig file names.
-            DeviceError: one reports a fault. Where several fail, the message names them all.
+            ProtocolError: a device is not the one that the rig file names.
+            DeviceError: a device reports a fault. If several fail, the message names them all.
         """
         self._loop = loop = asyncio.new_event_loop()
         self._thread = threading.Thread(
@@ -112,7 +115,7 @@ class SlowDevices:
         self._turned_ns = self._looked_ns = monotonic_ns()
 
     def poll(self) -> str | None:
-        """Return why the run must end, or None; once there is a reason, it stays."""
+        """Return why the run must end, or None; a reason stays."""
         if not self._faults and self._thread is not None:
             now = monotonic_ns()
             if now - self._looked_ns > AWAY_S * 1e9:
@@ -121,35 +124,38 @@ class SlowDevices:
             if now - self._turned_ns > BLOCKED_S * 1e9:
                 names = ", ".join(self._drivers)
                 self._faults[""] = (
-                    f"the loop of the slow devices ({names}) has stood still for "
-                    f"{BLOCKED_S:g} s: a driver blocks it"
+                    f"the loop of the slow devices ({names}) has been blocked for "
+                    f"{BLOCKED_S:g} s by a driver"
                 )
         return next(iter(self._faults.values()), None)
 
     def act(self, device: str, action: str, timeout_s: float = ACT_S) -> str:
-        """Do what a person asks of a device, such as ``tare``; return what the device said.
+        """Perform an action of a device, such as ``tare``; return the device's reply.
 
         Raises:
-            DeviceError: it has no such action, refused, or did not within ``timeout_s``.
+            DeviceError: it has no such action, refused it, or took longer than ``timeout_s``.
             LinkError: it cannot be reached.
-            ProtocolError: it answered nonsense.
+            ProtocolError: its reply is invalid.
         """
         driver = self._drivers.get(device)
         if driver is None:
             known = ", ".join(self._drivers) or "none"
-            raise DeviceError(f"there is no slow device {device!r}", hint=f"there are: {known}")
-        if action not in driver.actions:
-            known = ", ".join(driver.actions) or "nothing"
-            raise DeviceError(f"{device} cannot do {action!r}", hint=f"it can do: {known}")
+            raise DeviceError(f"unknown slow device {device!r}", hint=f"there are: {known}")
+        actions = driver.declaration.actions
+        if action not in actions:
+            known = ", ".join(actions) or "nothing"
+            raise DeviceError(f"{device} cannot do {action!r}", hint=f"its actions: {known}")
         if device not in self._running or device in self._faults:
             raise DeviceError(f"{device} does not run: {self._faults.get(device, 'not started')}")
         try:
             return self._call(asyncio.wait_for(driver.act(action), timeout_s), timeout_s + 1.0)
         except (TimeoutError, FutureTimeoutError):
-            raise DeviceError(f"{device} did not {action} within {timeout_s:g} s") from None
+            raise DeviceError(
+                f"{device} did not complete the action {action} within {timeout_s:g} s"
+            ) from None
 
     def stop(self) -> None:
-        """Cancel and close all devices; what fails is in :attr:`faults`. Twice is silent."""
+        """Cancel and close all devices; failures are in :attr:`faults`. Idempotent."""
         loop, thread, self._thread = self._loop, self._thread, None
         if loop is None or thread is None:
             return
@@ -159,13 +165,13 @@ class SlowDevices:
             self._faults.setdefault("", "a slow device blocks its loop and could not be closed")
             ended = False
         self._loop = None
-        if ended:  # else the thread is left to what holds it, and dies with the process
+        if ended:  # else the thread stays blocked, and ends with the process
             loop.call_soon_threadsafe(loop.stop)
             thread.join()
             loop.close()
 
     def _turn(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Run the loop until it is told to stop; the thread's only job."""
+        """Run the loop until it is stopped; the thread's only job."""
         asyncio.set_event_loop(loop)
 
         def mark() -> None:
@@ -187,7 +193,7 @@ class SlowDevices:
             raise
 
     async def _open_all(self, timeout_s: float) -> None:
-        async def open_one(name: str, driver: SlowDriver) -> RigdError | None:
+        async def open_device(name: str, driver: SlowDriver) -> RigdError | None:
             try:
                 await asyncio.wait_for(driver.open(), timeout_s)
             except TimeoutError:
@@ -196,7 +202,7 @@ class SlowDevices:
                 return type(error)(f"{name}: {error.message}", hint=error.hint)
             return None
 
-        found = await asyncio.gather(*(open_one(*item) for item in self._drivers.items()))
+        found = await asyncio.gather(*(open_device(*item) for item in self._drivers.items()))
         failed = [error for error in found if error is not None]
         if failed:
             hints = "; ".join(error.hint for error in failed if error.hint)
@@ -206,7 +212,7 @@ class SlowDevices:
             self._running[name] = asyncio.create_task(self._run(name, driver), name=name)
 
     async def _run(self, name: str, driver: SlowDriver) -> None:
-        """Run one device; its failure is a fault of the run, and nobody else's business."""
+        """Run one device; its failure is a fault of the run and does not affect other devices."""
         try:
             await driver.run(self._emitter(name))
             reason = "it stopped measuring by itself"
@@ -214,9 +220,9 @@ class SlowDevices:
             task = asyncio.current_task()
             if task is None or task.cancelling():
                 raise
-            reason = "it cancelled itself"  # a cancellation of its own making has leaked out
+            reason = "it cancelled itself"  # a cancellation of its own has escaped
         except DEVICE_ERRORS as error:
-            reason = error.told
+            reason = error.one_line
         except Exception as error:  # noqa: BLE001 - boundary: a bug of one driver ends the run well
             reason = f"its driver fails: {type(error).__name__}: {error}"
         self._faults.setdefault(name, f"{name}: {reason}")

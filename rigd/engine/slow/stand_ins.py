@@ -1,14 +1,18 @@
-"""What the cycle sees of the devices beside it; imports nothing that brings them up."""
+"""Gives the control cycle a stand-in driver for each device that runs outside the cycle.
+
+This module imports nothing that starts such a device.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 from rigd.config.rig import DeviceConfig, RigConfig
-from rigd.engine.slow.latest import Latest
-from rigd.engine.slow.table import LatestTable
+from rigd.engine.clock import monotonic_ns
+from rigd.engine.slow.table import LatestTable, Slot
+from rigd.engine.stand_in import StandIn
 from rigd.engine.windows import Windows
 from rigd.engine.wiring import in_cycle
 from rigd.model.channels import Stream
@@ -18,23 +22,54 @@ from rigd.sdk import Driver
 TABLE: Final = "latest"
 
 
-def beside(rig: RigConfig) -> list[Stream]:
+def off_cycle_streams(rig: RigConfig) -> list[Stream]:
     """Return the streams of the devices of ``rig`` that run beside the cycle."""
     return [device.stream for device in rig.devices.values() if not in_cycle(device)]
 
 
+class LatestRowProxy(StandIn):
+    """Returns each newest row of the table once.
+
+    The process that runs the device records the rows.
+    """
+
+    def __init__(self, device: DeviceConfig, slot: Slot) -> None:
+        super().__init__(device)
+        self._silent_ns = round(self.declaration.silent_s * 1e9)
+        self._slot = slot
+        self._seen = slot.sequence  # a row from an earlier run of the device is not new
+        self._row_ns = 0  # time of the newest row, monotonic
+
+    def read(self, t_ns: int) -> Sequence[float] | None:
+        """Return the newest row, unless it was returned before or is older than ``silent_s``."""
+        sequence = self._slot.sequence
+        if sequence == self._seen:
+            return None
+        found = self._slot.read()
+        if found is None:  # the row is being written: it is there in the next cycle
+            return None
+        self._seen = sequence
+        row_ns, row = found
+        age_ns = max(monotonic_ns() - row_ns, 0)
+        if row_ns == self._row_ns or age_ns > self._silent_ns:
+            return None
+        self._row_ns = row_ns
+        self.taken_ns = t_ns - age_ns
+        return row
+
+
 class StandIns:
-    """What the cycle of the run in ``folder`` sees of the devices beside it, and tells them."""
+    """Provides the stand-ins and recording windows of the devices that run outside the cycle."""
 
     def __init__(self, rig: RigConfig, folder: Path) -> None:
-        streams = beside(rig)
+        streams = off_cycle_streams(rig)
         self._table = LatestTable.attach(folder / TABLE, streams) if streams else None
         self.windows: Mapping[str, Windows] = {}  #: when their rows are recorded, by stream
         if self._table is not None:
             self.windows = {stream.name: self._table.windows(stream.name) for stream in streams}
 
     def of(self, device: DeviceConfig) -> Driver:
-        """Return what stands in the cycle for ``device``."""
+        """Return the driver that replaces ``device`` in the cycle."""
         if self._table is None:
-            raise TypeError(f"{device.name} does not run beside the cycle")
-        return Latest(device, self._table.slot(device.name))
+            raise TypeError(f"{device.name} is not an off-cycle device")
+        return LatestRowProxy(device, self._table.slot(device.name))

@@ -1,6 +1,7 @@
-"""Newest rows and setpoints that the cycle and off-cycle devices share in a mapped file.
+"""Stores data that the cycle and off-cycle devices share in a mapped file.
 
-The newest row of every device, for the cycle; when the device's rows are recorded, by the cycle.
+An off-cycle device runs outside the control cycle. The process that runs the device writes the
+newest row for the cycle. The cycle writes at which times the rows of the device are recorded.
 """
 
 from __future__ import annotations
@@ -16,17 +17,17 @@ from rigd.model.channels import Stream
 
 _MAGIC: Final = b"rigdlat2"
 _SEQUENCE, _TIME, _BEAT, _VALUES = 0, 1, 2, 3  #: words of a slot
-_LINE_WORDS: Final = 8  #: a cache line; no two writers share one
-#: A writer that is between its two marks is so for a microsecond, unless it was killed there.
+_LINE_WORDS: Final = 8  #: a cache line; two writers never share a line
+#: A writer is between its two marks only for a microsecond, unless it was killed there.
 _TRIES: Final = 4
 
 
 class Slot:
-    """The place of one device: written by one process, read by any.
+    """Stores the newest row of one device: one process writes it, any process reads it.
 
-    A sequence lock: the sequence number is odd while the row is being written, and a reader that
-    finds it odd or changed has read a row that is torn. What holds for the order of stores is in
-    :mod:`rigd.engine.shared.mapping`.
+    A sequence lock: the sequence number is odd while the row is being written; if a reader finds it
+    odd or changed, it has read an invalid row. See :mod:`rigd.engine.shared.mapping` for the order
+    of stores.
     """
 
     def __init__(self, memory: memoryview, width: int) -> None:
@@ -37,18 +38,18 @@ class Slot:
 
     @property
     def sequence(self) -> int:
-        """Changes with every row; 0 while there is none."""
+        """Changes with every row; 0 before the first row."""
         return self._words[_SEQUENCE]
 
     def write(self, t_ns: int, row: Sequence[float]) -> None:
-        """Make ``row``, taken at ``t_ns`` (monotonic), the newest.
+        """Make ``row``, taken at ``t_ns`` (monotonic), the newest row.
 
         Raises:
-            ValueError: it has not as many values as the device has channels (and a status word).
+            ValueError: the number of values differs from that of the device's channels.
         """
         if len(row) != self.width:
             raise ValueError(f"the row has {len(row)} values, expected {self.width}")
-        writing = self._words[_SEQUENCE] | 1  # odd already where a former writer was killed
+        writing = self._words[_SEQUENCE] | 1  # odd already if a former writer was killed
         self._words[_SEQUENCE] = writing
         self._words[_TIME] = t_ns
         for index, value in enumerate(row):
@@ -56,9 +57,9 @@ class Slot:
         self._words[_SEQUENCE] = writing + 1
 
     def read(self) -> tuple[int, list[float]] | None:
-        """Return monotonic time in ns and values of the newest row; None where there is none.
+        """Return monotonic time in ns and values of the newest row; None if there is none.
 
-        Also None where its writer was killed while writing it.
+        Also None if its writer was killed while writing it.
         """
         for _ in range(_TRIES):
             sequence = self._words[_SEQUENCE]
@@ -71,16 +72,16 @@ class Slot:
 
     @property
     def beat_ns(self) -> int:
-        """When its writer last gave a sign of life, monotonic; 0 where it never did."""
+        """Time of the last sign of life of its writer, monotonic; 0 if there was none."""
         return self._words[_BEAT]
 
     def beat(self, t_ns: int) -> None:
-        """Give a sign of life, whether or not there are rows."""
+        """Give a sign of life, with or without rows."""
         self._words[_BEAT] = t_ns
 
 
 class LatestTable:
-    """A slot for each of some streams, in the order in which they were given; then the windows."""
+    """Stores a slot for each given stream, in the given order, and after them the windows."""
 
     def __init__(self, streams: Sequence[Stream], file: SharedFile) -> None:
         """Use :meth:`create` or :meth:`attach`."""
@@ -110,7 +111,7 @@ class LatestTable:
         """Open the table that another process made of the same streams.
 
         Raises:
-            RecordingError: it is missing, or that of other streams.
+            RecordingError: it is missing, or has other streams.
         """
         return cls(streams, SharedFile.attach(path, _MAGIC, _identity(streams)))
 
@@ -118,12 +119,12 @@ class LatestTable:
         """Return the slot of a stream.
 
         Raises:
-            KeyError: it has none.
+            KeyError: it has no slot.
         """
         return self._slots[stream]
 
     def windows(self, stream: str) -> Windows:
-        """Return the recording windows of a stream, an object of the caller's own.
+        """Return the recording windows of a stream, as an object for the caller only.
 
         Raises:
             KeyError: it has none.
@@ -141,7 +142,7 @@ def _slot_bytes(stream: Stream) -> int:
 
 
 def _identity(streams: Sequence[Stream]) -> int:
-    """Return 64 bits that differ where names, units or order of the values do."""
+    """Return 64 bits that differ if names, units or order of the values differ."""
     layout = [
         (
             stream.name,

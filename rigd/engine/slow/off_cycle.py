@@ -1,4 +1,4 @@
-"""Starts, supervises and stops all off-cycle devices of a rig."""
+"""Starts, supervises and stops all off-cycle devices of a rig, which run outside the cycle."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from rigd.engine.cycle import DEVICE_ERRORS
 from rigd.engine.shared import Job, RowRing, RunFolder
 from rigd.engine.slow.block_helper import BlockHelper
 from rigd.engine.slow.devices import SlowDevices
-from rigd.engine.slow.stand_ins import TABLE, beside
+from rigd.engine.slow.stand_ins import TABLE, off_cycle_streams
 from rigd.engine.slow.table import LatestTable
 from rigd.engine.windows import Windows
 from rigd.procedure.program import Recorded
 from rigd.sdk import BlockDriver, SlowDriver
 
 
-class Beside:
+class OffCycleDevices:
     """Starts, watches and stops the block and the slow devices of ``rig``.
 
     ``folder`` is prepared with the rings of ``job``; ``origin_ns`` is the monotonic time of the
-    job's ``start_ns``. The table of latest values is made at once, for the cycle to attach to.
+    job's ``start_ns``. The table of latest values is made at once, so that the cycle can attach to
+    it.
     """
 
     def __init__(
@@ -35,21 +36,21 @@ class Beside:
         origin_ns: int,
         record: Mapping[str, Recorded],
     ) -> None:
-        streams = beside(rig)
+        streams = off_cycle_streams(rig)
         path = folder.path / TABLE
         table = LatestTable.create(path, streams)
         drivers: dict[str, SlowDriver] = {}
         self._helpers: list[BlockHelper] = []
         for stream in streams:
             device = rig.devices[stream.name]
-            what = record.get(stream.name, Recorded())
+            selection = record.get(stream.name, Recorded())
             if issubclass(device.driver_class, BlockDriver):
                 self._helpers.append(
                     BlockHelper(
                         device,
                         ring=folder.ring_path(job, stream.name),
-                        every=what.every,
-                        windowed=bool(what.during),
+                        every=selection.every,
+                        windowed=bool(selection.during),
                         table=path,
                         table_streams=streams,
                         start_ns=job.start_ns,
@@ -61,7 +62,7 @@ class Beside:
             else:
                 driver = device.driver_class(device.config, None)
                 if not isinstance(driver, SlowDriver):
-                    raise TypeError(f"{device.driver} is no driver of a known kind")
+                    raise TypeError(f"{device.driver} is not a driver of a known kind")
                 drivers[stream.name] = driver
         rings = folder.row_rings(job)
         self._slow = SlowDevices(
@@ -82,7 +83,7 @@ class Beside:
         self._has_slow = bool(drivers)
 
     def start(self) -> Sequence[str]:
-        """Open all devices at the same time; return what keeps the rig from being armed."""
+        """Open all devices at the same time; return the reasons why the rig cannot be armed."""
         starts: list[Callable[[], None]] = [helper.start for helper in self._helpers]
         if self._has_slow:
             starts.append(self._slow.start)
@@ -96,20 +97,20 @@ class Beside:
                 except DEVICE_ERRORS as error:
                     reasons.append(str(error))
         for helper in self._helpers:
-            reasons += [f"{helper.name}: {reason}" for reason in helper.unfit]
+            reasons += [f"{helper.name}: {reason}" for reason in helper.arming_blockers]
         if self._has_slow and not reasons:
-            reasons += self._slow.unfit
+            reasons += self._slow.arming_blockers
         return reasons
 
     @property
     def identities(self) -> dict[str, str]:
-        """What every device said it is, once started."""
+        """The identity that each device reported, after the start."""
         return {helper.name: helper.identity for helper in self._helpers} | self._slow.identities
 
     def act(self, device: str, action: str) -> str:
-        """Do what a person asks of a slow device; see :meth:`SlowDevices.act`.
+        """Perform an action of a slow device; see :meth:`SlowDevices.act`.
 
-        Waits for it, so it is called in a thread of its own.
+        It waits for the result, so it is called in a separate thread.
         """
         return self._slow.act(device, action)
 
@@ -130,7 +131,7 @@ class Beside:
 
 
 class SlowRows:
-    """Passes every n-th row of a slow device on to a ring, where ``windows`` say so."""
+    """Passes every n-th row of a slow device to a ring, during the ``windows`` only."""
 
     def __init__(self, ring: RowRing, every: int, windows: Windows | None) -> None:
         self._ring = ring
@@ -139,7 +140,7 @@ class SlowRows:
         self._count = 0
 
     def push(self, t_ns: int, row: Sequence[float]) -> None:
-        """Take one row, as it comes: what the cycle is about to decide does not count yet."""
+        """Append a row on arrival, by the last decision of the cycle."""
         recorded = self._count % self._every == 0
         self._count += 1
         if recorded and (self._windows is None or self._windows.covers(np.array([t_ns]))[0]):

@@ -1,4 +1,4 @@
-"""Describes conditions and the values of their channels in words."""
+"""Describes conditions and the values of their channels as text, for messages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigd.procedure.program import Condition, StatusCondition, Until
 def describe_condition(condition: Condition | StatusCondition, threshold: str | None = None) -> str:
     """Return ``condition`` as procedures write it, such as ``|belt.speed| < 0.003 m/s for 0.2 s``.
 
-    ``threshold`` replaces its own, where several conditions are told as one.
+    ``threshold`` replaces its own threshold if several conditions are described together.
     """
     held = f" for {condition.for_s:g} s" if condition.for_s else ""
     if isinstance(condition, StatusCondition):
@@ -22,21 +22,21 @@ def describe_condition(condition: Condition | StatusCondition, threshold: str | 
 
 
 def describe_until(until: Until) -> str:
-    """Return what ends a segment, as procedures write it."""
+    """Return the end condition of a segment, as procedures write it."""
     return ", or ".join(" and ".join(map(describe_condition, row)) for row in until)
 
 
-def describe_standing(until: Until, stood: Mapping[str, float]) -> str:
-    """Return where the channels of ``until`` stood: ``scale.mass is 4.02 kg, scale is stable``.
+def describe_values(until: Until, values: Mapping[str, float]) -> str:
+    """Return the values of the channels of ``until``: ``scale.mass is 4.02 kg, scale is stable``.
 
-    ``stood`` holds the values by channel, NaN where there was none.
+    ``values`` has the values by channel, NaN if there was no value.
     """
     return ", ".join(
-        dict.fromkeys(_told(item, stood[item.channel]) for row in until for item in row)
+        dict.fromkeys(_describe_value(item, values[item.channel]) for row in until for item in row)
     )
 
 
-def _told(condition: Condition | StatusCondition, value: float) -> str:
+def _describe_value(condition: Condition | StatusCondition, value: float) -> str:
     if isinstance(condition, Condition):
         return f"{condition.channel} is {format_quantity(value, condition.unit)}"
     if value != value:

@@ -1,0 +1,129 @@
+"""Reads the `identify` block of a procedure: the model to fit, its signals and known constants."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+
+from rigd.config.document import KeyPath
+from rigd.config.problems import suggest
+from rigd.config.quantities import read_uncertainty
+from rigd.config.source import ConstantSource
+from rigd.model.constants import Constant, Uncertainty
+from rigd.model.units import parse_quantity, parse_unit
+from rigd.procedure.expression import Literal, Number, Reference, Scope
+from rigd.procedure.program import IdentifyPlan
+from rigd.procedure.reader import Reader, describe_unit
+from rigd.procedure.source import IdentifySource, ProcedureSource, ReferenceSource
+
+
+@dataclass
+class _Known:
+    values: dict[str, float | str] = field(default_factory=dict)
+    uncertainties: dict[str, Uncertainty] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+
+
+def read_plan(
+    reader: Reader,
+    source: ProcedureSource,
+    plan: IdentifySource,
+    of_rig: Mapping[str, Constant],
+    scopes: tuple[Scope, Scope],
+    hidden: Collection[str],
+) -> IdentifyPlan:
+    """Return ``plan`` with its constants and published values; problems are noted in ``reader``.
+
+    ``scopes`` are those of the whole run and of one trial; ``hidden`` are the names with a value of
+    their own in each trial. ``of_rig`` are the constants of the rig: the uncertainty of such a
+    constant applies if the procedure gives none.
+    """
+    known = _read_constants(reader, plan, of_rig, scopes, hidden)
+    published: dict[str, float] = {}
+    if plan.reference is not None:
+        published = _read_reference(reader, source, plan.reference, scopes[0], hidden)
+    return IdentifyPlan(
+        plan.model,
+        plan.signals,
+        known.values,
+        tuple(plan.group_by),
+        published,
+        "" if plan.reference is None else plan.reference.label,
+        known.uncertainties,
+        known.units,
+    )
+
+
+def _read_constants(
+    reader: Reader,
+    plan: IdentifySource,
+    of_rig: Mapping[str, Constant],
+    scopes: tuple[Scope, Scope],
+    hidden: Collection[str],
+) -> _Known:
+    known = _Known()
+    base, trial = scopes
+    for name, item in plan.constants.items():
+        path: KeyPath = ("identify", "constants", name)
+        source = ConstantSource(value=item) if isinstance(item, str) else item
+        value_path = path if isinstance(item, str) else (*path, "value")
+        expression = reader.parse(value_path, source.value)
+        if expression is None:
+            continue
+        root = expression.root
+        reference = root.name if isinstance(root, Reference) else ""
+        is_swept = reference in hidden
+        value = (
+            trial.get(reference) if is_swept else reader.value(value_path, source.value, base)
+        )  # a sweep with a mistake has no trial
+        if not isinstance(value, Number):
+            if value is not None:
+                reader.note(value_path, f"{value!r} is a word, expected a quantity")
+            continue
+        known.values[name] = reference if is_swept else value.value
+        known.units[name] = reader.units.get(reference) or describe_unit(value)
+        if isinstance(root, Literal):
+            known.units[name] = parse_quantity(source.value.strip("+() \t\n")).unit.symbol
+        unit = parse_unit(known.units[name])
+        u = read_uncertainty(reader.document, (*path, "u"), source.u, unit, reader.problems)
+        if source.u is None and reference.startswith("rig."):
+            u = of_rig[reference.removeprefix("rig.")].u
+        if u is not None:
+            known.uncertainties[name] = u
+    return known
+
+
+def _read_reference(
+    reader: Reader,
+    source: ProcedureSource,
+    reference: ReferenceSource,
+    base: Scope,
+    hidden: Collection[str],
+) -> dict[str, float]:
+    """Return the published values for the choice of ``base``.
+
+    If each trial has its own choice, return those of every choice, as ``choice.name``.
+    """
+    path: KeyPath = ("identify", "reference")
+    parameter = source.parameters.get(reference.by)
+    if parameter is None or not parameter.choices:
+        with_choices = [name for name, item in source.parameters.items() if item.choices]
+        reader.note((*path, "by"), f"{reference.by!r} is not a parameter with choices",
+                    suggest(reference.by, with_choices))  # fmt: skip
+        return {}
+    for choice in reference.values:
+        if choice not in parameter.choices:
+            reader.note_key((*path, "values", choice),
+                            f"{choice!r} is not a choice of {reference.by}",
+                            suggest(choice, parameter.choices))  # fmt: skip
+    values = {}
+    for choice, texts in reference.values.items():
+        for name, text in texts.items():
+            value = reader.value((*path, "values", choice, name), text, base)
+            if not isinstance(value, Number):
+                continue
+            if reference.by in hidden:
+                values[f"{choice}.{name}"] = value.value
+            elif base.get(reference.by) == choice:
+                values[name] = value.value
+    return values
