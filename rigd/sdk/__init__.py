@@ -1,7 +1,8 @@
-"""Everything that the author of a driver, link, plant or simulation imports."""
+"""Provides all names that the author of a driver, link, plant or simulation imports."""
 
 from rigd.model.channels import Channel, Stream
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
+from rigd.sdk.declaration import Declaration
 from rigd.sdk.documented import Documented
 from rigd.sdk.driver import (
     AnyDriver,
@@ -17,6 +18,7 @@ from rigd.sdk.on_plant import PlantSensor, accepted
 from rigd.sdk.parameters import ParameterGroup, ParametersConfig
 from rigd.sdk.plant import Energy, GridPlant, Plant, PlantConfig
 from rigd.sdk.quantities import In
+from rigd.sdk.row import Row
 from rigd.sdk.setting import Setting
 from rigd.sdk.shipped import shipped_configs
 from rigd.sdk.simulation import Simulation, SimulationConfig
@@ -26,6 +28,7 @@ __all__ = [
     "Block",
     "BlockDriver",
     "Channel",
+    "Declaration",
     "DeviceError",
     "DeviceSheet",
     "Documented",
@@ -44,6 +47,7 @@ __all__ = [
     "PlantConfig",
     "PlantSensor",
     "ProtocolError",
+    "Row",
     "Setting",
     "Simulation",
     "SimulationConfig",

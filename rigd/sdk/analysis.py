@@ -1,4 +1,4 @@
-"""What an analysis declares, readable without its numerics: `rigd check` asks no more."""
+"""Defines what an analysis declares, for example to `rigd check`, without loading its numerics."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ from typing import ClassVar, Literal
 
 #: The options of ``rigd identify`` that an analysis may take. ``calibration``: a file instead of
 #: the calibration that a recording carries; ``by_recording``: each recording for itself;
-#: ``starts``, ``seed`` and ``robust``: how something is fitted.
-OptionName = Literal["starts", "seed", "robust", "calibration", "by_recording"]
+#: ``starts``, ``seed`` and ``robust``: how something is fitted; ``law``: which friction law;
+#: ``compare``: which of the laws the data support.
+OptionName = Literal[
+    "starts", "seed", "robust", "calibration", "by_recording", "method", "law", "compare"
+]
 
 
 @dataclass(frozen=True)
 class Calibratable:
-    """A value that a calibration may hold: its unit, what it is, and what measures it."""
+    """A value that a calibration may hold: its unit, its meaning, and what measures it."""
 
     unit: str
     doc: str
@@ -26,7 +29,7 @@ class Calibratable:
 
 @dataclass(frozen=True)
 class Needs:
-    """What the plan of a procedure must give, and may.
+    """The inputs that the plan of a procedure must give, and those that it may give.
 
     ``signals`` and ``optional_signals`` map names to units; a channel must have a unit of the same
     kind. ``references`` are results that a plan may give published values of.
@@ -49,7 +52,7 @@ class Needs:
 
 
 class DeclaredAnalysis(ABC):
-    """What :class:`rigd.analysis.Analysis` declares; its author derives from that."""
+    """The declarations of an analysis; its author derives from :class:`rigd.analysis.Analysis`."""
 
     needs: ClassVar[Needs]
     #: Values that calibrations may hold, by name; analyses of one family declare the same ones.

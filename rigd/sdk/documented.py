@@ -1,7 +1,8 @@
-"""Models whose fields are described by the strings beneath them, read only when one is asked for.
+"""Defines models whose fields are described by the strings beneath them in the source.
 
-Pydantic can read these strings itself, as a class is made (``use_attribute_docstrings``). It parses
-the source of every class for that, in every process, and few processes show a description.
+The module reads a description only on request. Pydantic can read these strings when it makes a
+class (``use_attribute_docstrings``). For that it parses the source of every class in every process,
+but few processes show a description.
 """
 
 from __future__ import annotations
@@ -43,10 +44,10 @@ class Documented(BaseModel):
 
 
 def description(model: type[BaseModel], name: str) -> str | None:
-    """Return what the field ``name`` of ``model`` means; None if the model does not say it."""
-    told = model.model_fields[name].description
-    if told is not None or not issubclass(model, Documented):
-        return told
+    """Return the description of the field ``name`` of ``model``; None if it has none."""
+    given = model.model_fields[name].description
+    if given is not None or not issubclass(model, Documented):
+        return given
     declaring = (item for item in model.__mro__ if name in inspect.get_annotations(item))
     return next((_beneath(item).get(name) for item in declaring), None)
 

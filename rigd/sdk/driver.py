@@ -1,16 +1,20 @@
-"""Base classes of drivers: fast (every cycle), block (streams of rows), slow (coroutines).
+"""Defines the base classes of drivers: fast, block and slow.
 
-Whatever the kind, the author must say what safe means, and nothing here may wait without a bound.
+The cycle calls a fast driver once per cycle. A block driver returns blocks of rows. A slow driver
+is a coroutine. For every kind the author must state which condition is safe, and no method may wait
+without a time limit.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
-from rigd.model.channels import Channel
+from typing_extensions import TypeVar
+
+from rigd.sdk.declaration import Declaration
 from rigd.sdk.documented import Documented
 from rigd.sdk.link import LinkConfig
 
@@ -26,14 +30,18 @@ class DriverConfig(Documented):
     """
 
 
-class AnyDriver:
-    """What drivers of every kind have in common.
+ConfigT = TypeVar("ConfigT", bound=DriverConfig, default=Any)
+LinkT = TypeVar("LinkT", default=Any)
 
-    The class declares ``Config`` (a :class:`DriverConfig`) and is constructed as
-    ``Driver(config, link)``; the constructor opens nothing. ``link`` is what the rig made for it:
-    the :class:`~rigd.sdk.Link` that the rig file names, a :class:`~rigd.sdk.Plant` for devices
-    simulated in process, or None where the driver opens a connection of its own (and while a rig
-    file is being checked).
+
+class AnyDriver(ABC, Generic[ConfigT, LinkT]):
+    """Base class of drivers of every kind.
+
+    The class names ``Config`` (a :class:`DriverConfig`) and declares with :meth:`declare` what a
+    device measures and takes. It is constructed as ``Driver(config, link)`` only to be opened; the
+    constructor opens nothing. ``link`` is what the rig made for it: the :class:`~rigd.sdk.Link`
+    that the rig file names, or a :class:`~rigd.sdk.Plant` for devices simulated in process. A
+    driver that opens a connection of its own is a ``Driver[ItsConfig, None]``.
     """
 
     #: Options the rig file may give.
@@ -44,76 +52,71 @@ class AnyDriver:
     #: "" for a driver that opens its own connection or stands on a plant.
     link_kind: ClassVar[str] = ""
 
-    #: What is measured, in the order of a row.
-    channels: tuple[Channel, ...] = ()
-    #: Whether a row ends in an integer status word. Bit 31 is rigd's own: the row is stale.
-    has_status: bool = False
-    #: What bits of the status word say, as masks by name: ``{"stable": 1}``. Procedures wait for
-    #: them (``scale is stable``); a reading that is not `stable` is not compared with an answer.
-    status_bits: Mapping[str, int] = {}
-    #: The device has failed once it has given no row for so long, in s.
-    silent_s: float = 0.1
-    #: What the device said it is, once it is open: type, serial number, firmware.
+    #: What the device reports about itself, once it is open: type, serial number, firmware.
     identity: str = ""
-    #: What a person may ask of it by name, and what that does: ``{"tare": "sets zero"}``.
-    actions: Mapping[str, str] = {}
 
-    def __init__(self, config: Any, link: Any) -> None:
+    def __init__(self, config: ConfigT, link: LinkT) -> None:
         self.config = config
         self.link = link
+        #: What :meth:`declare` returns for ``config``.
+        self.declaration = self.declare(config)
 
-    def contradictions(self, link: LinkConfig | None) -> Sequence[str]:
-        """Return what in the options can never work, a sentence each; asked of every rig file.
+    @classmethod
+    @abstractmethod
+    def declare(cls, config: ConfigT) -> Declaration:
+        """Return the channels and setpoints of a device with these options; nothing is opened.
 
-        ``link`` holds the options of the link that the rig file names. Nothing is opened.
+        Raises:
+            ValueError: the options cannot be met.
+        """
+
+    @classmethod
+    def contradictions(cls, config: ConfigT, link: LinkConfig | None) -> Sequence[str]:
+        """Return contradictions between options, one sentence each; called for every rig file.
+
+        ``link`` has the options of the link that the rig file names. Nothing is opened.
         """
         return ()
 
     def preflight(self) -> Sequence[str]:
-        """Return what keeps this device from being armed, a sentence each; empty when fit."""
+        """Return the reasons why this device cannot be armed, one sentence each; may be empty."""
         return ()
 
 
-class Driver(AnyDriver, ABC):
-    """A fast device, exchanged with once per cycle.
+class Driver(AnyDriver[ConfigT, LinkT]):
+    """A driver of a fast device: the cycle exchanges values with it once per cycle.
 
-    A cycle first lets every link take in what has arrived (:meth:`Link.begin`), calls
-    :meth:`read` on every device, then decides, then calls :meth:`write` on every device that
-    takes setpoints, then lets every link send (:meth:`Link.end`). All of these return within a
-    bounded time, allocate nothing that grows, and never sleep. ``open`` and ``prove_watchdog``
-    happen before the first cycle and may take seconds.
+    A cycle first lets every link receive what has arrived (:meth:`Link.begin`), calls :meth:`read`
+    on every device, then decides, then calls :meth:`write` on every device that accepts setpoints,
+    then lets every link send (:meth:`Link.end`). All of these return within a bounded time,
+    allocate nothing that grows, and never sleep. ``open`` and ``prove_watchdog`` happen before the
+    first cycle and may take seconds.
     """
 
-    #: What is commanded, in the order of :meth:`write`; ``low`` and ``high`` are the device's own.
-    setpoints: tuple[Channel, ...] = ()
-    #: Whether there is a row in every cycle: one without is recorded as a stale row. A device with
-    #: a pace of its own says False, and only its new rows are recorded.
-    every_cycle: bool = True
     #: Whether another process may open the device anew to make it safe (see :meth:`rescue`).
     second_link: ClassVar[bool] = False
-    #: The device is safe at most so long after it last heard from us, in s, by a watchdog of its
-    #: own; None where it has none. A device that takes setpoints cannot be armed without one,
-    #: unless the rig file holds a waiver.
-    watchdog_s: float | None = None
+
+    @property
+    def watchdog_s(self) -> float | None:
+        """:attr:`Declaration.watchdog_s`, or that of the link if the link has the watchdog."""
+        return self.declaration.watchdog_s
 
     @abstractmethod
     def open(self) -> None:
-        """Open the link and prove the device is the one expected; move nothing.
+        """Open the link and check that the device is the expected device; move nothing.
 
         Raises:
             LinkError: the device cannot be reached.
-            ProtocolError: it is not the device the rig file names.
-
+            ProtocolError: it is not the device that the rig file names.
         """
 
     def prove_watchdog(self) -> float:
-        """Fall silent once and return after how many seconds the device made itself safe.
+        """Be silent once, and return after how many seconds the device made itself safe.
 
         Called after :meth:`open`, before :meth:`arm`, at zero setpoints; nothing may move.
 
         Raises:
             DeviceError: it did not within ``watchdog_s``.
-
         """
         raise NotImplementedError(f"{type(self).__name__} has no watchdog to prove")
 
@@ -121,8 +124,7 @@ class Driver(AnyDriver, ABC):
     def arm(self) -> None:
         """Begin to enable the actuator, at rest; a sensor has nothing to do.
 
-        Bounded like ``read``; what takes longer goes on in the cycles that follow, until
-        :meth:`ready`.
+        Bounded like ``read``; a longer task continues in the following cycles, until :meth:`ready`.
         """
 
     def ready(self) -> bool:
@@ -131,34 +133,33 @@ class Driver(AnyDriver, ABC):
 
     @abstractmethod
     def read(self, t_ns: int) -> Sequence[float] | None:
-        """Return the row taken for the cycle at ``t_ns``, or None when there is no new one.
+        """Return the row taken for the cycle at ``t_ns``, or None if there is no new row.
 
-        ``None`` leaves the last values standing and ageing; interlocks see them as stale.
+        Its class is :attr:`Declaration.row`.
+
+        After ``None`` the last values remain and grow older; interlocks treat them as stale.
 
         Raises:
             DeviceError: the device reports a fault.
-
         """
 
     def write(self, setpoints: Sequence[float]) -> None:
-        """Send the setpoints of this cycle, already limited, in the order of ``setpoints``."""
+        """Send the setpoints of this cycle, already limited, in the order of the declaration."""
 
     def act(self, action: str) -> None:
-        """Begin one of ``actions``; it goes on in the cycles that follow, until :meth:`acted`.
+        """Begin one of ``actions``; it continues in the following cycles, until :meth:`acted`.
 
         Raises:
-            DeviceError: another one is under way.
-            ValueError: there is no such action.
-
+            DeviceError: another action is in progress.
+            ValueError: unknown action.
         """
         raise ValueError(f"{type(self).__name__} has no action {action!r}")
 
     def acted(self) -> str | None:
-        """Return what the device said of the action, once; None while it goes on (or is none).
+        """Return the device's reply to the action, once; None while it continues (or has none).
 
         Raises:
-            DeviceError: the device refused, or did not answer; the action is over.
-
+            DeviceError: the device refused, or did not answer; the action has ended.
         """
         return None
 
@@ -166,19 +167,18 @@ class Driver(AnyDriver, ABC):
     def make_safe(self) -> None:
         """Bring the actuator to its safe state; bounded in time, never moves anything on purpose.
 
-        Called on every exit, possibly twice, possibly with the link dead. Every author must say
+        Called on every exit, possibly twice, possibly with a dead link. Every author must state
         what safe means for the device.
         """
 
     def rescue(self) -> None:
-        """Make the device safe over a link of this driver's own, opened anew; then close it.
+        """Make the device safe over a new link of this driver; then close it.
 
-        Called on a fresh instance (with a fresh, unopened link) in another process, after the one
-        that drove the device was killed. Bounded to about 0.5 s. Only where ``second_link``.
+        Called on a new instance (with a new, unopened link) in another process, after the process
+        that drove the device was killed. Bounded to about 0.5 s. Only if ``second_link``.
 
         Raises:
             LinkError: the device cannot be reached.
-
         """
         raise NotImplementedError(f"{type(self).__name__} has no second link")
 
@@ -191,15 +191,15 @@ class Block:
     """Rows taken together: ``times_ns`` int64 of shape (n,), ``values`` float64 of shape (n, k).
 
     Times are CLOCK_MONOTONIC in ns (on a plant: its clock), increasing; the k columns are in the
-    order of ``channels``, the status word last where the driver has one.
+    order of the declared channels, the status word last if there is one.
     """
 
     times_ns: NDArray[np.int64]
     values: NDArray[np.float64]
 
 
-class BlockDriver(AnyDriver, ABC):
-    """A device whose library blocks and hands over many rows at once; it takes no setpoints.
+class BlockDriver(AnyDriver[ConfigT, LinkT]):
+    """A driver of a device whose library waits and returns many rows at once; takes no setpoints.
 
     It runs in a helper process of its own, so it may wait. ``open``, ``start``, then
     ``read_block`` again and again, then ``close``.
@@ -214,9 +214,6 @@ class BlockDriver(AnyDriver, ABC):
     on_plant: ClassVar[bool] = False
     #: Rows per second, once open.
     rate_hz: float = 0.0
-    #: How old its newest row becomes before the next block comes, in s, while all is well. A rig
-    #: file whose interlock calls rows stale sooner is refused.
-    oldest_s: float = 0.0
 
     @abstractmethod
     def open(self) -> None:
@@ -248,21 +245,19 @@ class BlockDriver(AnyDriver, ABC):
         """Stop sampling and close; closing twice is silent."""
 
 
-#: ``emit(row)``: takes one row, the status word (an int) last where the driver has one.
+#: ``emit(row)``: takes one row, of the class that :attr:`Declaration.row` names.
 EmitRow = Callable[[Sequence[float]], None]
 
 
-class SlowDriver(AnyDriver, ABC):
-    """A slow device: a coroutine that runs until it is cancelled; it takes no setpoints.
+class SlowDriver(AnyDriver[ConfigT, LinkT]):
+    """A driver of a slow device: a coroutine that runs until cancelled; it takes no setpoints.
 
     It runs on the event loop of the daemon, beside other devices: it never blocks.
     """
 
-    silent_s: float = 2.0
-
     @abstractmethod
     async def open(self) -> None:
-        """Open the link and prove the device is the one expected; see :meth:`Driver.open`."""
+        """Open the link and check that it is the expected device; see :meth:`Driver.open`."""
 
     @abstractmethod
     async def run(self, emit: EmitRow) -> None:
@@ -274,12 +269,11 @@ class SlowDriver(AnyDriver, ABC):
         """
 
     async def act(self, action: str) -> str:
-        """Do one of ``actions`` while :meth:`run` goes on; return what the device said.
+        """Perform one of ``actions`` while :meth:`run` continues; return the device's reply.
 
         Raises:
             DeviceError: the device refused.
-            ValueError: there is no such action.
-
+            ValueError: unknown action.
         """
         raise ValueError(f"{type(self).__name__} has no action {action!r}")
 

@@ -1,4 +1,4 @@
-"""Base class of links: an opened connection that several devices share."""
+"""Defines the base class of links: an opened connection that several devices share."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class LinkConfig(Documented):
 
 @dataclass(frozen=True)
 class DeviceSheet:
-    """What the maker of a device says about it in a file, for a person."""
+    """Data of a device from its maker's file, for a person to read."""
 
     facts: Mapping[str, str]  #: by name, in the order to be read
     columns: tuple[str, ...]
@@ -43,37 +43,34 @@ class Link(ABC):
 
     @property
     def load(self) -> float | None:
-        """Share of what the connection can carry that it carried lately, at most; 0 to 1.
+        """Largest recent share of the capacity of the connection that was used, 0 to 1.
 
-        None where the link does not know.
+        None if the link does not know it.
         """
         return None
 
     @classmethod
     def read_sheet(cls, path: Path) -> DeviceSheet:
-        """Return what the file at ``path`` says about a device on such a link.
+        """Return the content of the file at ``path`` about a device on such a link.
 
         Raises:
             ConfigError: it cannot be read, or is wrong; every problem with its line.
-
         """
         raise NotImplementedError(f"{cls.__name__} reads no files of devices")
 
     @abstractmethod
     def open(self) -> None:
-        """Open the connection and make sure that it is ours alone; send nothing that moves.
+        """Open the connection and make sure that only this process uses it; move nothing.
 
         Raises:
-            LinkError: it cannot be opened, or somebody else drives it.
-
+            LinkError: it cannot be opened, or another program uses it.
         """
 
     def begin(self, t_ns: int) -> None:
-        """Take in what has arrived, at the start of the cycle at ``t_ns``; never waits.
+        """Receive what has arrived, at the start of the cycle at ``t_ns``; never waits.
 
         Raises:
             LinkError: the connection is lost.
-
         """
 
     def end(self, t_ns: int) -> None:

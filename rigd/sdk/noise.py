@@ -1,4 +1,4 @@
-"""Noise generators for the sensors of plants, functions of seed and time alone."""
+"""Generates the noise of plant sensors, as a function of seed and time alone."""
 
 from __future__ import annotations
 

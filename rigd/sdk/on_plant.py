@@ -1,18 +1,14 @@
-"""Base class of simulated sensors that read a plant; range check of its setpoints."""
+"""Defines the base class of simulated sensors that read a plant; clips setpoints to their range."""
 
 from __future__ import annotations
 
-from typing import Any
-
 from rigd.model.channels import Channel
 from rigd.model.errors import DeviceError
-from rigd.sdk.driver import Driver
+from rigd.sdk.driver import ConfigT, Driver, LinkT
 
 
-class PlantSensor(Driver):
+class PlantSensor(Driver[ConfigT, LinkT]):
     """A simulated device that takes no setpoints; safe at all times. An author writes ``read``."""
-
-    link: Any
 
     def open(self) -> None:
         """Do nothing: the plant stands as soon as the rig does."""
@@ -35,6 +31,6 @@ def accepted(channel: Channel, value: float) -> float:
         raise DeviceError(
             f"setpoint '{channel.name}' is NaN; expected "
             f"{channel.low:g} to {channel.high:g} {channel.unit}",
-            hint="a profile or a limit made a number of nothing; the setpoint before it holds",
+            hint="a profile or a limit computed NaN; the previous setpoint holds",
         )
     return min(max(value, channel.low), channel.high)

@@ -1,4 +1,4 @@
-"""Lists the options of a Config with kind, unit, default and documentation."""
+"""Lists the options of a Config class with kind, unit, default and documentation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _WORDS: Final = {
 
 @dataclass(frozen=True)
 class Option:
-    """One option as a person needs it; an option of a part is named ``part.option``."""
+    """One option in a form for a reader; the name of a nested option is ``part.option``."""
 
     name: str
     kind: str  #: what to write: ``text``, ``high or low``, ``0.02 s to 1 s``

@@ -19,7 +19,7 @@ class ParameterGroup(Documented):
 
 
 class ParametersConfig(PlantConfig):
-    """The options of a plant whose physical parameters stand in a file of their own.
+    """The options of a plant whose physical parameters are in a separate file.
 
     The plant's own Config gives ``parameters`` the name of the shipped file as its default.
     """
@@ -33,24 +33,23 @@ class ParametersConfig(PlantConfig):
     @classmethod
     @abstractmethod
     def parameter_model(cls) -> type[ParameterGroup]:
-        """Return what the file holds; imported here, since listing plants must not wait for it."""
+        """Return the model of the file; imported here, so that listing plants is fast."""
 
     @field_validator("parameters")
     @classmethod
     def _parameters_exist(cls, name: str, info: ValidationInfo) -> str:
-        """Resolve the file; ``folder`` in the validation context is where the rig file stands."""
+        """Resolve the file; ``folder`` in the validation context is the folder of the rig file."""
         folder = (info.context or {}).get("folder")
         return str(cls.find_parameters(name, None if folder is None else Path(folder)))
 
     @classmethod
     def find_parameters(cls, name: str, folder: Path | None = None) -> Path:
-        """Return the file meant by ``name``: in ``folder`` (default: the current one), or shipped.
+        """Return the file for ``name``: in ``folder`` (default: the current one), or shipped.
 
         A shipped ``plants/sled.yaml`` may be given so, as ``sled.yaml`` or as ``sled``.
 
         Raises:
-            ValueError: there is no such file; the message says where it was looked for.
-
+            ValueError: there is no such file; the message names the searched places.
         """
         beside = (folder or Path.cwd()) / name
         if beside.is_file():
@@ -116,13 +115,13 @@ def load_parameters(path: Path, model: type[ParameterGroup], example: Path) -> P
 
 
 def _words(item: Any) -> str:
-    """Return what is wrong with one entry, in words of the file rather than of the library."""
+    """Return the problem of one entry, in terms of the file instead of the library."""
     known = {"extra_forbidden": "unknown key", "missing": "this key is missing"}
     return known.get(item["type"], str(item["msg"]).removeprefix("Value error, "))
 
 
 def _place(path: Path, tree: Any, location: tuple[int | str, ...]) -> Place:
-    """Return where the entry at ``location`` stands, or the last one on the way to it."""
+    """Return the place of the entry at ``location``, or of the last entry on the way to it."""
     line, column, node = 0, 0, tree
     for key in location:
         if not isinstance(node, dict) or key not in node:

@@ -1,4 +1,4 @@
-"""Base class of plants: the physics of a simulated rig, advanced by the clock of the rig."""
+"""Defines the base class of plants: the physics of a simulated rig, advanced by the rig's clock."""
 
 from __future__ import annotations
 
@@ -16,25 +16,23 @@ class PlantConfig(Documented):
     """The options of one plant in a rig file: frozen, every key known, every field documented."""
 
     def settings(self) -> Mapping[str, Setting]:
-        """Return what a person can change at the bench, by the name that prompts give it.
+        """Return what the operator can change at the bench, by the name in prompts.
 
         An option of the same name is its value at the start. ``rigd check`` refuses rig files and
-        procedures that name what is not among them.
+        procedures that name other settings.
 
         Raises:
-            ConfigError: the file that they stand in is wrong.
-
+            ConfigError: the file that contains them is wrong.
         """
         return {}
 
     def files(self) -> Mapping[Path, str]:
-        """Return path and text of the files, beyond the rig file, that the plant is made from.
+        """Return path and text of the files, beyond the rig file, from which the plant is made.
 
         They are attached to recordings, and checked by ``rigd check``.
 
         Raises:
             ConfigError: one of them is wrong.
-
         """
         return {}
 
@@ -46,7 +44,11 @@ class PlantConfig(Documented):
 
 @dataclass(frozen=True)
 class Energy:
-    """Where the energy of a plant is, in J; the last two since it was made."""
+    """The energy of a plant in J; the last two fields are totals since counting began.
+
+    Only the difference of two calls of :meth:`Plant.energy` counts: a plant may begin at the first,
+    so that a run, which asks for none, does not pay for it.
+    """
 
     stored: float  #: in motion, springs, height: what the plant could still give back
     supplied: float  #: by the actuators; falls while the plant drives them
@@ -88,11 +90,10 @@ class Plant(ABC):
     def advance(self, t_ns: int) -> None:
         """Bring the physics to ``t_ns`` with the inputs held since the last call.
 
-        Again at the same time does nothing; the first call sets the origin of time.
+        A second call with the same time does nothing; the first call sets the origin of time.
 
         Raises:
-            ValueError: ``t_ns`` lies before the last call.
-
+            ValueError: ``t_ns`` is before the last call.
         """
         if not self.begun:
             self.origin_ns = self.now_ns = t_ns
@@ -107,7 +108,7 @@ class Plant(ABC):
 
     @abstractmethod
     def evolve(self, t_ns: int, elapsed_ns: int) -> None:
-        """Bring the physics ``elapsed_ns`` further, to ``t_ns`` since the origin of time.
+        """Advance the physics by ``elapsed_ns``, to ``t_ns`` since the origin of time.
 
         The first call is that of ``t_ns`` 0, with nothing elapsed: sensors show the start.
         """
@@ -116,8 +117,7 @@ class Plant(ABC):
         """Change one of the settings; a number is in SI.
 
         Raises:
-            ValueError: the plant has no such ``quantity``, or cannot take ``value`` (now).
-
+            ValueError: the plant has no such ``quantity``, or refuses ``value`` (now).
         """
         if quantity not in self._settings:
             known = ", ".join(self._settings) or "nothing"
@@ -125,24 +125,23 @@ class Plant(ABC):
         self.apply(quantity, self._settings[quantity].accepted(quantity, value))
 
     def apply(self, quantity: str, value: float | str) -> None:
-        """Set one of the settings to a value that it takes, from now on.
+        """Set one of the settings to an accepted value, from now on.
 
         Raises:
-            ValueError: what is set up does not allow it now; the message says why.
-
+            ValueError: the state of the bench does not permit it; the message says why.
         """
         raise NotImplementedError(f"{type(self).__name__} has settings, and no apply()")
 
     def energy(self) -> Energy | None:
-        """Return where the energy is now; None: the plant does not count it."""
+        """Return the energies now; None: the plant does not count them."""
         return None
 
 
 class GridPlant(Plant):
-    """A plant that is integrated on a grid of steps, ``step_ns`` apart from the origin of time.
+    """A plant that is integrated in steps of ``step_ns``, counted from the origin of time.
 
-    How time is divided into calls of :meth:`advance` then changes nothing, bit for bit: between
-    two points of the grid everything stands where it stood at the first.
+    The division of time into calls of :meth:`advance` then changes nothing, bit for bit: between
+    two points of the grid the state is that of the first point.
     """
 
     step_ns: ClassVar[int] = 125_000

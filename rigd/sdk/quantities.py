@@ -1,4 +1,4 @@
-"""Configuration fields that accept a number with a unit and hold it in SI."""
+"""Defines configuration fields that accept a number with a unit and hold the value in SI."""
 
 from __future__ import annotations
 
@@ -26,8 +26,7 @@ class In:
         """Return ``value`` in SI.
 
         Raises:
-            ValueError: not a quantity of this kind; the message says what to write.
-
+            ValueError: not a quantity of this kind; the message shows the right form.
         """
         expected = parse_unit(self.unit)
         if isinstance(value, bool) or not isinstance(value, str | int | float):
@@ -48,7 +47,7 @@ class In:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        """Describe the field to an editor as text (or a bare number where dimensionless)."""
+        """Describe the field to an editor as text (or as a bare number if dimensionless)."""
         kinds = (
             ["string", "number"] if parse_unit(self.unit).same_kind(parse_unit("1")) else "string"
         )

@@ -1,4 +1,4 @@
-"""Settings of a plant that an operator changes, and the values that each takes."""
+"""Defines the settings of a plant that an operator can change, and the values that each takes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NEAR = 1e-4
 
 @dataclass(frozen=True)
 class Setting:
-    """Something that a person can set at the bench: words, listed numbers, or a range.
+    """A thing that the operator can set at the bench: words, listed numbers, or a range.
 
     ``choices``, ``low`` and ``high`` are in ``unit``; "" as the unit makes the choices words.
     """
@@ -34,8 +34,7 @@ class Setting:
         """Return ``value`` as it is set, a number in SI; ``name`` is that of the setting.
 
         Raises:
-            ValueError: it does not take this value; the message lists what it takes.
-
+            ValueError: the setting refuses this value; the message lists the accepted values.
         """
         taken = self._taken(value)
         if taken is not None:

@@ -1,4 +1,4 @@
-"""Paths of the files that rigd ships."""
+"""Returns the paths of the files that rigd ships."""
 
 from __future__ import annotations
 

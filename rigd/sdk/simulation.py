@@ -1,4 +1,7 @@
-"""Base class of simulated devices in a process of their own behind real connections."""
+"""Defines the base class of simulations: simulated devices in their own process.
+
+The drivers reach the simulated devices through real connections.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +19,10 @@ class SimulationConfig(Documented):
 
 
 class Simulation(ABC):
-    """Simulated devices that the drivers of a rig reach as they would reach real ones.
+    """Simulated devices that the drivers of a rig reach in the same way as real devices.
 
-    Constructed as ``Simulation(config)`` in the process that serves (``rigd sim``), and in those
-    that ask something of it (``rigd run`` answering a prompt, a fault campaign).
+    Constructed as ``Simulation(config)`` in the process that serves (``rigd sim``), and in
+    processes that send requests to it (``rigd run`` answering a prompt, a fault campaign).
     """
 
     Config: ClassVar[type[SimulationConfig]] = SimulationConfig
@@ -35,14 +38,13 @@ class Simulation(ABC):
         stop: Callable[[], bool],
         faults: Path | None = None,
     ) -> None:
-        """Serve until ``stop()``; ``started`` gets a line per device once all can be reached.
+        """Serve until ``stop()``; ``started`` gets a line per device when all can be reached.
 
-        ``faults`` is a file of faults that the devices show as it says.
+        ``faults`` is a file of faults for the devices to show.
 
         Raises:
-            LinkError: a name or port it needs is taken.
+            LinkError: a required name or port is in use.
             ConfigError: the file of faults is wrong.
-
         """
 
     @abstractmethod
@@ -65,5 +67,5 @@ class Simulation(ABC):
 
     @classmethod
     def settings(cls, config: Any) -> Mapping[str, Setting] | None:
-        """Return what ``change`` takes, see :meth:`PlantConfig.settings`; None: it is not known."""
+        """Return the settings for ``change``, see :meth:`PlantConfig.settings`; None: unknown."""
         return None

@@ -1,12 +1,13 @@
-"""``check_driver`` and ``check_plant``: conformance suites, one line in an author's tests.
+"""Checks that a driver or a plant conforms to the SDK: ``check_driver`` and ``check_plant``.
 
-::
+The author of a driver calls the suite in a test::
 
     def test_conforms() -> None:
-        check_driver(AcmeScale, {"port": "/dev/ttyUSB0"})               # what needs no device
-        check_driver(AcmeScale, {"unit": "kg"}, peer=simulated_acme)    # and what does
+        check_driver(AcmeScale, {"port": "/dev/ttyUSB0"})               # checks without a device
+        check_driver(AcmeScale, {"unit": "kg"}, peer=simulated_acme)    # checks with a device
 
-``simulated_acme`` is a function that makes a simulated device to talk to; see :class:`Peer`.
+``simulated_acme`` is a function that starts a simulated device, with which the driver communicates;
+see :class:`Peer`. The author of a plant does the same::
 
     def test_physics() -> None:
         check_plant(AcmeRig, devices={"motor": (AcmeMotor, {}), "truth": (AcmeTruth, {})},

@@ -1,4 +1,7 @@
-"""Checks block drivers against the rules on which their helper process depends."""
+"""Checks block drivers against the rules on which their helper process depends.
+
+The library of a block device returns many rows at once; a helper process calls it.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from rigd.sdk.check.caller import Caller
+from rigd.sdk.check.rows import beyond_range
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.driver import Block, BlockDriver
 
@@ -91,7 +95,8 @@ def _blocks(subject: Subject) -> Iterator[str]:
 
 
 def _block_problems(driver: BlockDriver, block: object) -> Iterator[str]:
-    columns = len(driver.channels) + driver.has_status
+    channels = driver.declaration.channels
+    columns = len(channels) + driver.declaration.has_status
     if not isinstance(block, Block):
         yield f"read_block returns {type(block).__name__}, expected a Block or None"
         return
@@ -105,6 +110,11 @@ def _block_problems(driver: BlockDriver, block: object) -> Iterator[str]:
         )
     elif not np.all(np.isfinite(values)):
         yield "a healthy device gives values that are not finite"
+    else:
+        for channel, column in zip(channels, values.T, strict=False):
+            beyond = column[(column < channel.low) | (column > channel.high)]
+            if len(beyond):
+                yield beyond_range(channel, beyond[0])
 
 
 def _newest_row(subject: Subject) -> Iterator[str]:
@@ -115,7 +125,8 @@ def _newest_row(subject: Subject) -> Iterator[str]:
             block = found.must("read_block", lambda: found.driver.read_block(TIMEOUT_S))
         if block is None:
             raise UnfitSubject(f"no block in {BLOCKS_S:g} s")
-        columns = len(found.driver.channels) + found.driver.has_status
+        declared = found.driver.declaration
+        columns = len(declared.channels) + declared.has_status
         shortest = Block(block.times_ns[-1:], block.values[-1:])
         for given in (block, shortest):
             outcome = found.call(partial(found.driver.newest_row, given), OPEN_S)
@@ -167,7 +178,7 @@ def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
             found.read()
             begin()
             began = time.monotonic()
-            end = began + TAIL_S + 2 * found.driver.silent_s
+            end = began + TAIL_S + 2 * found.driver.declaration.silent_s
             while time.monotonic() < end:
                 outcome = found.read()
                 if outcome.error is not None:
@@ -212,7 +223,7 @@ RULES: Final = (
     Rule(
         "blocks",
         "read_block() returns a Block: int64 times of CLOCK_MONOTONIC in ns, increasing, and "
-        "float64 values with a column per channel, the status last where has_status",
+        "float64 values with a column per channel, within its range, the status last if it has one",
         _blocks,
         "",
     ),

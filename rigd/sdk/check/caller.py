@@ -1,4 +1,4 @@
-"""Calls a driver in a thread, so that a call that hangs is found."""
+"""Calls a driver in a thread, to detect a call that does not return."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any, Self
 
 
@@ -38,12 +37,7 @@ class Caller:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._calls.put(None)
 
     def call(self, function: Callable[[], Any], within_s: float) -> CallOutcome:

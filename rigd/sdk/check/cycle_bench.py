@@ -1,4 +1,4 @@
-"""Calls one fast driver as the cycle does, against one simulated device."""
+"""Calls one fast driver, with one simulated device, as the control cycle calls it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PERIOD_S: Final = 0.002
 
 
 class Bench:
-    """One driver before one simulated device, called as the cycle calls it."""
+    """One driver with one simulated device, called as the cycle calls it."""
 
     def __init__(self, driver: Driver, link: Any, peer: Peer, caller: Caller) -> None:
         self.driver = driver
@@ -77,7 +77,7 @@ class Bench:
                 return begun
         row = self.call(lambda: driver.read(t_ns))
         self.reads.append(row.took_s)
-        if row.error is None and driver.setpoints:
+        if row.error is None and driver.declaration.setpoints:
             wanted = rest(driver) if setpoints is None else setpoints
             written = self.call(lambda: driver.write(wanted))
             self.writes.append(written.took_s)
@@ -115,7 +115,8 @@ class Bench:
 
 def rest(driver: Driver) -> tuple[float, ...]:
     """Return zero for every setpoint, or what is nearest to it in its range."""
-    return tuple(min(max(0.0, setpoint.low), setpoint.high) for setpoint in driver.setpoints)
+    setpoints = driver.declaration.setpoints
+    return tuple(min(max(0.0, setpoint.low), setpoint.high) for setpoint in setpoints)
 
 
 @contextmanager

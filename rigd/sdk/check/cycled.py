@@ -1,4 +1,10 @@
-"""Checks fast drivers against the rules on which the control cycle depends."""
+"""Checks fast drivers against the rules on which the control cycle depends.
+
+A fast driver is a driver that the cycle (one turn of the control loop: read, check, play, limit,
+write) calls itself. So such a driver must, for example, never wait for an answer and never invent a
+row (a sample). ``RULES`` lists every rule with its check. A check calls the driver of a device that
+is healthy or has one fault (dead, silent, late, garbled), and yields a sentence for each problem.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +12,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Final
 
 from rigd.sdk.check.caller import Caller
@@ -39,16 +46,18 @@ def _rows(subject: Subject) -> Iterator[str]:
         found.arm()
         problems: set[str] = set()
         rows = 0
-        for outcome in found.cycles(max(CYCLES * PERIOD_S, 3 * found.driver.silent_s, 2.0)):
+        for outcome in found.cycles(
+            max(CYCLES * PERIOD_S, 3 * found.driver.declaration.silent_s, 2.0)
+        ):
             if outcome.error is not None:
                 problems.add(f"read or write raises {described(outcome.error)}")
             elif outcome.value is not None:
                 rows += 1
-                problems.update(row_problems(found.driver, outcome.value))
+                problems.update(row_problems(found.driver.declaration, outcome.value))
             if problems or rows >= CYCLES:
                 break
         yield from sorted(problems)
-        if found.driver.channels and not rows:
+        if found.driver.declaration.channels and not rows:
             yield "it has channels, and read() gave no row"
 
 
@@ -66,10 +75,10 @@ def _bounded(subject: Subject) -> Iterator[str]:
 
 def _nan(subject: Subject) -> Iterator[str]:
     with bench(subject) as found:
-        if not found.driver.setpoints:
+        if not found.driver.declaration.setpoints:
             return
         found.arm()
-        nothing = (math.nan,) * len(found.driver.setpoints)
+        nothing = (math.nan,) * len(found.driver.declaration.setpoints)
         outcome = found.call(lambda: found.driver.write(nothing))
         if outcome.error is None:
             yield "write() takes NaN as if it were a setpoint"
@@ -84,8 +93,10 @@ def _beyond(subject: Subject) -> Iterator[str]:
     with bench(subject) as found:
         found.arm()
         for pick in ("low", "high"):
-            far = tuple(10 * getattr(channel, pick) for channel in found.driver.setpoints)
-            outcome = found.call(lambda far=far: found.driver.write(far))  # type: ignore[misc]
+            far = tuple(
+                10 * getattr(channel, pick) for channel in found.driver.declaration.setpoints
+            )
+            outcome = found.call(partial(found.driver.write, far))
             if outcome.error is not None and not isinstance(outcome.error, (*FAILURES, ValueError)):
                 yield f"write({far}) raises {described(outcome.error)}"
 
@@ -137,9 +148,9 @@ def _watchdog(subject: Subject) -> Iterator[str]:
 
 
 def _rescue(subject: Subject) -> Iterator[str]:
-    if not subject.driver_class.second_link:  # type: ignore[attr-defined]
-        return
     with bench(subject, opened=False) as found:
+        if not found.driver.second_link:
+            return
         rescued = found.call(found.driver.rescue, OPEN_S)
         if rescued.error is not None:
             yield f"rescue() over a fresh link raises {described(rescued.error)}"
@@ -155,7 +166,7 @@ def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
             found.arm()
             found.begin(fault)
             began = time.monotonic()
-            for outcome in found.cycles(TAIL_S + 1.0 + 2 * found.driver.silent_s):
+            for outcome in found.cycles(TAIL_S + 1.0 + 2 * found.driver.declaration.silent_s):
                 if outcome.error is not None and not isinstance(outcome.error, FAILURES):
                     yield f"a cycle raises {described(outcome.error)}"
                 if outcome.value is not None and time.monotonic() > began + TAIL_S:
@@ -171,7 +182,7 @@ def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
 
 
 def _bad_answers(fault: str) -> Callable[[Subject], Iterator[str]]:
-    """Return the check of a device whose answers cannot be used: bounded, and words at the most."""
+    """Return the check of a device with unusable answers: bounded time, a plain error."""
 
     def check(subject: Subject) -> Iterator[str]:
         with bench(subject) as found:
@@ -180,11 +191,13 @@ def _bad_answers(fault: str) -> Callable[[Subject], Iterator[str]]:
             found.reads.clear()
             found.writes.clear()
             problems: set[str] = set()
-            for outcome in found.cycles(1.0 + 2 * found.driver.silent_s):
+            for outcome in found.cycles(1.0 + 2 * found.driver.declaration.silent_s):
                 if outcome.error is not None and not isinstance(outcome.error, FAILURES):
                     problems.add(f"a cycle raises {described(outcome.error)}")
                 elif outcome.value is not None:
-                    problems.update(row_problems(found.driver, outcome.value, in_range=False))
+                    problems.update(
+                        row_problems(found.driver.declaration, outcome.value, in_range=False)
+                    )
             for name, took in (("read", found.reads), ("write", found.writes)):
                 if took and statistics.median(took) > CALL_S:
                     problems.add(f"{name} waits {statistics.median(took) * 1e3:.0f} ms")
@@ -233,8 +246,8 @@ RULES: Final = (
     ),
     Rule(
         "rows",
-        "read() returns one finite number per channel, within the channel's range, and an int "
-        "last where has_status; None while there is nothing new",
+        "read() returns a row as declared: a finite number per channel, within the channel's "
+        "range, and an int last if it has a status; None while there is nothing new",
         _rows,
         "",
     ),

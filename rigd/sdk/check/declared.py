@@ -1,4 +1,4 @@
-"""Checks the declarations of a driver, and its behaviour before it is opened."""
+"""Checks the declaration of a driver, and its behaviour before it is opened."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import inspect
 import math
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import fields
+from functools import partial
 from typing import Final
 
 from pydantic import ValidationError
@@ -14,6 +16,7 @@ from pydantic import ValidationError
 from rigd.model.channels import STALE, STATUS_FIELD, Channel
 from rigd.sdk.check.caller import Caller, Hung
 from rigd.sdk.check.subject import Rule, Subject, described
+from rigd.sdk.declaration import Declaration
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
 from rigd.sdk.options import options_of
 
@@ -66,25 +69,37 @@ def _options_strict(subject: Subject) -> Iterator[str]:
     yield "an unknown option is accepted"
 
 
-def _constructor_opens_nothing(subject: Subject) -> Iterator[str]:
-    try:
-        with Caller() as caller:
-            ended = caller.call(subject.make, AT_ONCE_S)
-    except Hung as hung:
-        yield f"the constructor {hung}"
-        return
-    if ended.error is not None:
-        yield f"{subject.driver_class.__name__}(config, None) raises {described(ended.error)}"
+def _declares(subject: Subject) -> Iterator[str]:
+    name = subject.driver_class.__name__
+    with Caller() as caller:
+        for _ in range(2):
+            try:
+                ended = caller.call(subject.declare, AT_ONCE_S)
+            except Hung as hung:
+                yield f"{name}.declare(config) {hung}"
+                return
+            if ended.error is not None:
+                yield f"{name}.declare(config) raises {described(ended.error)}"
+                return
+            if not isinstance(ended.value, Declaration):
+                yield f"{name}.declare(config) returns {ended.value!r}, expected a Declaration"
+                return
+
+
+def _same_again(subject: Subject) -> Iterator[str]:
+    first, second = subject.declare(), subject.declare()
+    for item in fields(Declaration):
+        if getattr(first, item.name) != getattr(second, item.name):
+            yield f"two declarations for the same options differ in {item.name}"
 
 
 def _channels(subject: Subject) -> Iterator[str]:
-    driver = subject.make()
-    setpoints = getattr(driver, "setpoints", ())
-    if not driver.channels and not setpoints:
+    declared = subject.declare()
+    if not declared.channels and not declared.setpoints:
         yield "it has neither channels nor setpoints"
-    yield from _named_well("channel", driver.channels)
-    names = {channel.name for channel in driver.channels}
-    for channel in driver.channels:
+    yield from _named_well("channel", declared.channels)
+    names = {channel.name for channel in declared.channels}
+    for channel in declared.channels:
         if channel.name == STATUS_FIELD:
             yield f"channel {STATUS_FIELD!r}: the name is taken by the status word"
         if channel.raw_of is not None and channel.raw_of not in names:
@@ -93,23 +108,38 @@ def _channels(subject: Subject) -> Iterator[str]:
             yield f"channel {channel.name!r} has the range {channel.low:g} to {channel.high:g}"
 
 
+def _row_is_named(subject: Subject) -> Iterator[str]:
+    declared = subject.declare()
+    named = declared.row is not None
+    if issubclass(subject.driver_class, BlockDriver):
+        if named or declared.plain_rows:
+            yield "a block driver gives blocks, and declares rows of its own"
+    elif named and declared.plain_rows:
+        yield "it declares a row and plain_rows"
+    elif declared.channels and not named and not declared.plain_rows:
+        yield "it has channels, and names no row"
+
+
 def _setpoints(subject: Subject) -> Iterator[str]:
-    setpoints = getattr(subject.make(), "setpoints", ())
+    setpoints = subject.declare().setpoints
     yield from _named_well("setpoint", setpoints)
     for setpoint in setpoints:
         finite = math.isfinite(setpoint.low) and math.isfinite(setpoint.high)
         if not finite or not setpoint.low < setpoint.high:
             bounds = f"{setpoint.low:g} to {setpoint.high:g} {setpoint.unit}"
             yield f"setpoint {setpoint.name!r} has the range {bounds}"
-    if setpoints and subject.driver_class.write is Driver.write:  # type: ignore[attr-defined]
+    cls = subject.driver_class
+    if setpoints and not issubclass(cls, Driver):
+        yield "it has setpoints, and only a fast driver can take them"
+    elif issubclass(cls, Driver) and setpoints and cls.write is Driver.write:
         yield "it has setpoints, and write() is not its own"
 
 
 def _status_bits(subject: Subject) -> Iterator[str]:
-    driver = subject.make()
-    if driver.status_bits and not driver.has_status:
-        yield "it has status_bits, and has_status is False"
-    for word, mask in driver.status_bits.items():
+    declared = subject.declare()
+    if declared.status_bits and not declared.has_status:
+        yield "it has status_bits, and no status word"
+    for word, mask in declared.status_bits.items():
         if not _NAME.fullmatch(word) or word == "not":
             yield f"status bit {word!r}: conditions could not be written with it"
         if not 0 < mask < STALE:
@@ -117,53 +147,59 @@ def _status_bits(subject: Subject) -> Iterator[str]:
 
 
 def _hooks(subject: Subject) -> Iterator[str]:
-    cls = subject.driver_class
-    driver = subject.make()
-    if isinstance(driver, Driver):
-        # A watchdog may depend on the link, which is not there yet: the method says enough.
-        proves = cls.prove_watchdog is not Driver.prove_watchdog  # type: ignore[attr-defined]
-        if driver.watchdog_s is not None and not proves:
-            yield f"watchdog_s is {driver.watchdog_s:g} s, and prove_watchdog() is not its own"
-        if driver.watchdog_s is not None and not 0 < driver.watchdog_s < math.inf:
-            yield f"watchdog_s is {driver.watchdog_s}"
-        if driver.second_link and cls.rescue is Driver.rescue:  # type: ignore[attr-defined]
+    cls, declared = subject.driver_class, subject.declare()
+    acts = issubclass(cls, SlowDriver) and cls.act is not SlowDriver.act
+    if issubclass(cls, Driver):
+        watchdog_s = declared.watchdog_s
+        if watchdog_s is not None and cls.prove_watchdog is Driver.prove_watchdog:
+            yield f"watchdog_s is {watchdog_s:g} s, and prove_watchdog() is not its own"
+        if watchdog_s is not None and not 0 < watchdog_s < math.inf:
+            yield f"watchdog_s is {watchdog_s}"
+        if cls.second_link and cls.rescue is Driver.rescue:
             yield "second_link is True, and rescue() is not its own"
-        acts = cls.act is not Driver.act  # type: ignore[attr-defined]
-    else:
-        acts = not isinstance(driver, SlowDriver) or type(driver).act is not SlowDriver.act
-    if driver.actions and not acts:
-        yield f"it has the actions {', '.join(driver.actions)}, and act() is not its own"
-    for name, doc in driver.actions.items():
+        acts = cls.act is not Driver.act
+    if declared.actions and not acts:
+        yield f"it has the actions {', '.join(declared.actions)}, and act() is not its own"
+    for name, doc in declared.actions.items():
         if not _NAME.fullmatch(name) or not doc.strip():
             yield f"action {name!r} is described as {doc!r}"
 
 
 def _silence(subject: Subject) -> Iterator[str]:
-    driver = subject.make()
-    silent_s = driver.silent_s
+    declared = subject.declare()
+    silent_s, oldest_s = declared.silent_s, declared.oldest_s
     if not (math.isfinite(silent_s) and silent_s > 0):
         yield f"silent_s is {silent_s}"
-    oldest_s = getattr(driver, "oldest_s", 0.0)
     if not 0 <= oldest_s < silent_s:
         yield f"oldest_s is {oldest_s}, and silent_s {silent_s}"
 
 
-def _same_again(subject: Subject) -> Iterator[str]:
-    first, second = subject.make(), subject.make()
-    for what in ("channels", "setpoints", "has_status", "status_bits"):
-        if getattr(first, what, None) != getattr(second, what, None):
-            yield f"two drivers of the same options differ in {what}"
-    if first.config is second.config and first is second:
-        yield "the class gives the same object twice"
+def _constructor_opens_nothing(subject: Subject) -> Iterator[str]:
+    with subject.fresh_peer() as peer, Caller() as caller:
+        made: list[object] = []
+        for _ in range(2):
+            make = partial(subject.make, peer, peer.link())  # a link may take longer to make
+            try:
+                ended = caller.call(make, AT_ONCE_S)
+            except Hung as hung:
+                yield f"the constructor {hung}"
+                return
+            if ended.error is not None:
+                name = subject.driver_class.__name__
+                yield f"{name}(config, link) raises {described(ended.error)}"
+                return
+            made.append(ended.value)
+        if made[0] is made[1]:
+            yield "the class gives the same object twice"
 
 
 def _unopened(subject: Subject) -> Iterator[str]:
-    driver = subject.make()
-    steps: list[tuple[str, Callable[[], object]]] = []
-    if isinstance(driver, Driver):
-        steps = [("make_safe", driver.make_safe), ("make_safe again", driver.make_safe)]
-    steps += [("close", _closing(driver)), ("close again", _closing(driver))]
-    with Caller() as caller:
+    with subject.fresh_peer() as peer, Caller() as caller:
+        driver = subject.make(peer, peer.link())
+        steps: list[tuple[str, Callable[[], object]]] = []
+        if isinstance(driver, Driver):
+            steps = [("make_safe", driver.make_safe), ("make_safe again", driver.make_safe)]
+        steps += [("close", _closing(driver)), ("close again", _closing(driver))]
         for name, step in steps:
             try:
                 ended = caller.call(step, AT_ONCE_S)
@@ -222,26 +258,28 @@ CLASS_RULES: Final = (
     ),
 )
 
-#: The rule that comes before all that construct the driver.
-CONSTRUCTOR: Final = (
+#: The rule that comes before all that look at the declaration.
+DECLARES: Final = (
     Rule(
-        "constructor opens nothing",
-        "checking a rig file constructs the driver with link=None: connect in open()",
-        _constructor_opens_nothing,
+        "declares",
+        "return a Declaration from declare(config), of the options alone; open nothing",
+        _declares,
     ),
 )
 
-#: Rules for drivers that are not open.
-UNOPENED_RULES: Final = (
-    Rule(
-        "same again",
-        "make channels and setpoints from the options alone",
-        _same_again,
-    ),
+#: Rules for the declaration.
+DECLARED_RULES: Final = (
+    Rule("same again", "make the declaration from the options alone", _same_again),
     Rule(
         "channels",
         "give every channel a name of its own, a doc, an SI unit, and a range that it can measure",
         _channels,
+    ),
+    Rule(
+        "row is named",
+        "derive a class from Row with a field for each channel, and declare it as `row`; only if "
+        "the options list the channels, declare plain_rows",
+        _row_is_named,
     ),
     Rule(
         "setpoints",
@@ -259,9 +297,20 @@ UNOPENED_RULES: Final = (
         _hooks,
     ),
     Rule("silence", "silent_s is a time in s, above 0; oldest_s one below it", _silence),
+)
+
+#: Rules for drivers that are constructed and not open.
+UNOPENED_RULES: Final = (
+    Rule(
+        "constructor opens nothing",
+        "keep config and link in the constructor, and connect in open()",
+        _constructor_opens_nothing,
+        "",
+    ),
     Rule(
         "safe and closed before open",
         "make_safe() and close() do nothing, silently, while nothing is open",
         _unopened,
+        "",
     ),
 )

@@ -1,4 +1,4 @@
-"""The simulated device that a driver is checked against, and its faults."""
+"""Defines the simulated device (peer) that a driver is checked against, and its faults."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FAULTS: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True)
 class Peer:
-    """A simulated device that runs: how a driver reaches it, and how it is made to fail.
+    """A running simulated device: the address for the driver, and the ways to make it fail.
 
     The author of a driver gives the suite a function, used as a context manager, that starts a
     fresh one::

@@ -1,4 +1,8 @@
-"""Plays a plant and its simulated devices as the cycle does, without a rig."""
+"""Runs a plant and its simulated devices in the order of the control cycle, without a rig.
+
+In each cycle the module advances the plant, reads the devices and writes their setpoints. There are
+no limits and no interlocks.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +33,7 @@ Device = tuple[type[Any], Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class PlantSubject:
-    """What rules for plants are applied to."""
+    """The plant to which the rules are applied."""
 
     plant_class: type[Plant]
     options: Mapping[str, Any]
@@ -44,7 +48,7 @@ class PlantSubject:
         return self.plant_class.Config.model_validate(dict(self.options))
 
     def make(self, *, seed: int = 1, step_ns: int | None = None) -> Plant:
-        """Return a new plant; ``step_ns`` replaces the one that its class states."""
+        """Return a new plant; ``step_ns`` replaces the step of its class."""
         kind = self.plant_class
         if step_ns is not None:
             kind = type(kind.__name__, (kind,), {"step_ns": step_ns})
@@ -53,7 +57,7 @@ class PlantSubject:
 
 @dataclass
 class Played:
-    """What was seen: rows by device, energy by cycle, and what else the cycles ended in."""
+    """The observations: rows by device, energy by cycle, and how the cycles ended."""
 
     rows: dict[str, list[Sequence[float]]] = field(default_factory=dict)
     energy: list[Energy] = field(default_factory=list)
@@ -71,7 +75,7 @@ class Played:
 
 
 class PlantBench:
-    """One plant, its devices opened and armed."""
+    """A plant with its devices opened and armed."""
 
     def __init__(self, subject: PlantSubject, plant: Plant, *, start_ns: int = 0) -> None:
         self.plant = plant
@@ -114,18 +118,18 @@ class PlantBench:
         return {**self._drivers, **self._blocks}
 
     def moment(self) -> Mapping[str, str]:
-        """Return what devices with a row in every cycle show now, to be compared."""
+        """Return what devices with a row in every cycle show now, for comparison."""
         return {
             name: repr(driver.read(self.now_ns))
             for name, driver in self._drivers.items()
-            if driver.every_cycle
+            if driver.declaration.every_cycle
         }
 
     def play(self, cycles: int, commands: Commands | None, *, at_once: int = 1) -> Played:
-        """Go through ``cycles`` and return all that was seen so far.
+        """Play ``cycles`` cycles and return everything observed so far.
 
-        Devices look, and setpoints change, in every cycle of which ``at_once`` is a factor; the
-        plant is brought to its time in one call.
+        Devices are read, and setpoints change, in every cycle of which ``at_once`` is a factor; a
+        single call advances the plant to that time.
         """
         for _ in range(cycles // at_once):
             self._cycle += at_once
@@ -133,13 +137,13 @@ class PlantBench:
         return self.seen
 
     def idle(self, cycles: int) -> None:
-        """Advance the plant by single cycles; nobody looks, nothing is commanded."""
+        """Advance the plant by single cycles, without reading devices and without commands."""
         for _ in range(cycles):
             self._cycle += 1
             self.plant.advance(self.now_ns)
 
     def make_safe(self) -> None:
-        """Make every device safe; nothing is commanded from then on."""
+        """Make every device safe; no commands follow."""
         for driver in self._drivers.values():
             driver.make_safe()
 
@@ -165,7 +169,7 @@ class PlantBench:
         if commands is None:
             return
         for name, driver in self._drivers.items():
-            if not driver.setpoints:
+            if not driver.declaration.setpoints:
                 continue
             try:
                 driver.write(commands(driver, self._cycle))
@@ -178,7 +182,7 @@ class PlantBench:
 def gentle(driver: Driver, cycle: int) -> Sequence[float]:
     """Return setpoints within the middle four fifths of their ranges, each at a pace of its own."""
     values = []
-    for number, setpoint in enumerate(driver.setpoints):
+    for number, setpoint in enumerate(driver.declaration.setpoints):
         phase = 2 * math.pi * (0.9 + 0.7 * number) * cycle * CYCLE_NS * 1e-9
         values.append(
             0.5 * (setpoint.low + setpoint.high)
@@ -191,7 +195,7 @@ def wild(driver: Driver, cycle: int) -> Sequence[float]:
     """Return setpoints that jump from end to end of their ranges, far beyond them, and to NaN."""
     turn = cycle // 20
     values = []
-    for number, setpoint in enumerate(driver.setpoints):
+    for number, setpoint in enumerate(driver.declaration.setpoints):
         far = 1e6 * (setpoint.high - setpoint.low)
         jumps = (
             setpoint.high,

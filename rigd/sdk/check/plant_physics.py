@@ -1,4 +1,4 @@
-"""Rules for the physics of a plant: energy, passivity, order of the integrator."""
+"""Checks the physics of a plant: its energy, its passivity, and the order of its integrator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rules for the declarations of a plant, and for time, noise and refusals."""
+"""Checks the declarations of a plant, its time, its noise, and the values that it must refuse."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ ROUNDING: Final = 1e-6
 
 @dataclass(frozen=True)
 class PlantRule:
-    """One thing that is asked of plants; ``check`` yields a sentence for every breach it sees.
+    """One rule for plants; ``check`` yields a sentence for every breach that it finds.
 
     ``missing`` says why the rule cannot be applied to a plant, "" if it can.
     """
@@ -55,7 +55,7 @@ def needs_devices(subject: PlantSubject) -> str:
 
 
 def driven(subject: PlantSubject, *, seed: int = 1, start_ns: int = 0) -> Played:
-    """Return what a new plant shows when it is driven gently."""
+    """Return the rows of a new plant that is driven gently."""
     return PlantBench(subject, subject.make(seed=seed), start_ns=start_ns).play(CYCLES, gentle)
 
 
@@ -116,7 +116,7 @@ def _plain(config: ParametersConfig) -> Any:
 
 
 def _leaves(node: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield where each quantity of a parameter file stands, and its unit as written."""
+    """Yield the place of each quantity in a parameter file, and its unit as written."""
     if isinstance(node, dict):
         for key, value in node.items():
             yield from _leaves(value, (*path, str(key)))
@@ -281,8 +281,8 @@ def _not_finite(bench: PlantBench, seen: Played) -> Iterator[str]:
         if not rows.size:
             continue
         # A device may show NaN if its status word says that something is wrong.
-        healthy = rows[rows[:, -1] == 0] if driver.has_status else rows
-        for number, channel in enumerate(driver.channels):
+        healthy = rows[rows[:, -1] == 0] if driver.declaration.has_status else rows
+        for number, channel in enumerate(driver.declaration.channels):
             if not np.isfinite(healthy[:, number]).all():
                 yield f"{name}.{channel.name} is not finite"
     energy = seen.energy[-1:]

@@ -1,4 +1,4 @@
-"""Applies all rules to a plant."""
+"""Applies all conformance rules to a plant."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def examine_plant(
     accuracy: float = 0.01,
     only: Collection[str] = (),
 ) -> Report:
-    """Return what :func:`check_plant` would find, without raising."""
+    """Return the report of :func:`check_plant`, without raising."""
     known = [rule.name for rules in _STAGES for rule in rules]
     if unknown := set(only) - set(known):
         raise ValueError(f"no rule {', '.join(sorted(unknown))}; there are {', '.join(known)}")

@@ -1,4 +1,9 @@
-"""Result of the conformance suite: every violated rule with its remedy."""
+"""Defines the report on a driver or a plant that was checked against the rules of the SDK.
+
+A plant is the physics of a simulated rig. The report lists the rules that were checked, every
+broken rule with what was observed and what the rule requires, and the rules that could not be
+checked with what was missing. :class:`NonConforming` is the error that a failed check raises.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +13,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Finding:
-    """One breach of one rule: what was seen, what is asked for."""
+    """A breach of a rule: the observation, and the requirement of the rule."""
 
     rule: str
     problem: str
@@ -20,7 +25,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Report:
-    """The outcome of one examination: rules kept, rules broken, and those that could not run."""
+    """The outcome of one examination: rules kept, rules broken, and rules that could not run."""
 
     subject: str
     findings: tuple[Finding, ...] = ()

@@ -5,35 +5,45 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from rigd.sdk.driver import AnyDriver
+from rigd.model.channels import Channel
+from rigd.sdk.declaration import Declaration
 
 #: Bit 31 of the status word is rigd's own.
 STATUS_LIMIT = 1 << 31
 
 
-def row_problems(driver: AnyDriver, row: object, *, in_range: bool = True) -> Iterator[str]:
-    """Yield what is wrong with a row that ``driver`` gave.
+def row_problems(declared: Declaration, row: object, *, in_range: bool = True) -> Iterator[str]:
+    """Yield the problems of a row of a driver that declares ``declared``.
 
-    ``in_range`` also asks that every value be finite and within the range of its channel, as
-    those of a healthy device are.
+    ``in_range`` also requires that every value is finite and within the range of its channel, like
+    those of a healthy device.
     """
-    expected = len(driver.channels) + driver.has_status
+    expected = len(declared.channels) + declared.has_status
+    if declared.row is not None and type(row) is not declared.row:
+        fields = ", ".join(declared.row.fields)
+        yield f"a row is {row!r}, expected {declared.row.__name__}({fields})"
+        return
     if not isinstance(row, Sequence) or len(row) != expected:
         yield f"a row is {row!r}, expected {expected} numbers"
         return
-    for channel, value in zip(driver.channels, row, strict=False):
+    for channel, value in zip(declared.channels, row, strict=False):
         if isinstance(value, bool) or not isinstance(value, float | int):
             yield f"{channel.name} is {value!r}, expected a float"
         elif in_range and not math.isfinite(value):
             yield f"{channel.name} is {value}, from a healthy device"
         elif in_range and not channel.low <= value <= channel.high:
-            yield (
-                f"{channel.name} is {value:g} {channel.unit}, beyond its range of "
-                f"{channel.low:g} to {channel.high:g}"
-            )
-    if driver.has_status:
+            yield beyond_range(channel, value)
+    if declared.has_status:
         status = row[-1]
         if type(status) is not int:
             yield f"the status word is {status!r}, expected an int"
         elif not 0 <= status < STATUS_LIMIT:
             yield f"the status word is {status:#x}; its bits are 0 to 30"
+
+
+def beyond_range(channel: Channel, value: float) -> str:
+    """Return the finding of a value that ``channel`` cannot have."""
+    return (
+        f"{channel.name} is {value:g} {channel.unit}, beyond its range of "
+        f"{channel.low:g} to {channel.high:g}"
+    )

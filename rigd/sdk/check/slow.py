@@ -1,4 +1,4 @@
-"""Checks slow drivers against the rules on which the daemon's event loop depends."""
+"""Checks slow drivers (coroutines) against the rules that the daemon's event loop depends on."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ async def _opened(driver: SlowDriver) -> None:
 
 
 class _Rows:
-    """Takes the rows of a driver and remembers when the last one came."""
+    """Receives the rows of a driver and stores the time of the last row."""
 
     def __init__(self) -> None:
         self.rows: list[Sequence[float]] = []
@@ -95,7 +95,7 @@ class _Rows:
         waiting = asyncio.ensure_future(self._enough.wait())
         try:
             await asyncio.wait(
-                {waiting, task}, timeout=ROWS * driver.silent_s + STUCK_S,
+                {waiting, task}, timeout=ROWS * driver.declaration.silent_s + STUCK_S,
                 return_when=asyncio.FIRST_COMPLETED,
             )  # fmt: skip
         finally:
@@ -133,7 +133,7 @@ async def _rows(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
     try:
         await rows.enough(driver, task)
         for row in rows.rows:
-            problems.update(row_problems(driver, row))
+            problems.update(row_problems(driver.declaration, row))
     finally:
         if not task.done():
             await _stop(task, problems)
@@ -194,7 +194,7 @@ async def _actions(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
     rows = _Rows()
     task = asyncio.create_task(driver.run(rows))
     await rows.enough(driver, task)
-    for action in driver.actions:
+    for action in driver.declaration.actions:
         try:
             said: object = await asyncio.wait_for(driver.act(action), SCENE_S / 4)
         except (*FAILURES, TimeoutError) as error:
@@ -223,7 +223,7 @@ def _lost(fault: str) -> Scene:
         await rows.enough(driver, task)
         peer.faults[fault]()
         began = time.monotonic()
-        await asyncio.wait({task}, timeout=TAIL_S + 2 * driver.silent_s)
+        await asyncio.wait({task}, timeout=TAIL_S + 2 * driver.declaration.silent_s)
         if rows.last_s > began + TAIL_S:
             problems.add(f"run() still gives rows {TAIL_S:g} s after the device is {fault}")
         await _ended(task, problems)
@@ -237,9 +237,9 @@ def _bad_answers(fault: str) -> Scene:
         task = asyncio.create_task(driver.run(rows))
         await rows.enough(driver, task)
         peer.faults[fault]()
-        await asyncio.wait({task}, timeout=1.0 + driver.silent_s)
+        await asyncio.wait({task}, timeout=1.0 + driver.declaration.silent_s)
         for row in rows.rows:
-            problems.update(row_problems(driver, row, in_range=False))
+            problems.update(row_problems(driver.declaration, row, in_range=False))
         await _ended(task, problems)
 
     return play
@@ -270,7 +270,7 @@ async def _not_there(driver: SlowDriver, peer: Peer, problems: Problems) -> None
 def _opens_in_words(fault: str) -> Scene:
     async def play(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
         peer.faults[fault]()
-        with contextlib.suppress(*FAILURES):  # whatever else it raises is told by the scene
+        with contextlib.suppress(*FAILURES):  # the scene reports any other error
             await asyncio.wait_for(driver.open(), OPEN_S)
 
     return play
@@ -283,8 +283,8 @@ RULES: Final = (
     ),
     Rule(
         "rows",
-        "run() emits one finite number per channel, within its range, an int last where "
-        "has_status, at least every silent_s, and goes on until it is cancelled",
+        "run() emits rows as declared: a finite number per channel, within its range, an int last "
+        "if it has a status, at least every silent_s; and goes on until it is cancelled",
         _scene(_rows),
         "",
     ),

@@ -1,4 +1,4 @@
-"""The driver under test: its class, its options and its simulated devices."""
+"""Defines the driver under test: its class, its options and its simulated devices."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 from rigd.model.errors import DeviceError, LinkError, ProtocolError
 from rigd.sdk.check.peer import Peer
+from rigd.sdk.declaration import Declaration
 from rigd.sdk.driver import AnyDriver, DriverConfig
 
 #: What a driver may raise when a device or its connection is not as it should be.
@@ -16,12 +17,12 @@ FAILURES = (LinkError, ProtocolError, DeviceError)
 
 
 class UnfitSubject(Exception):
-    """A rule could not be tried, for the driver failed before; the message says how."""
+    """A rule could not be checked because the driver failed before; the message states how."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What rules are applied to."""
+    """The driver to which the rules are applied."""
 
     driver_class: type[AnyDriver]
     #: As a rig file gives them, or read already.
@@ -42,13 +43,17 @@ class Subject:
             raise ValueError("give the suite the options as a mapping: the peer adds its own")
         return self.options
 
-    def make(self, peer: Peer | None = None, link: object = None) -> Any:
-        """Return a new driver; nothing is opened."""
-        return self.driver_class(self.config({} if peer is None else peer.options), link)
+    def declare(self) -> Declaration:
+        """Return the declaration of the driver for the options."""
+        return self.driver_class.declare(self.config({}))
+
+    def make(self, peer: Peer, link: object) -> Any:
+        """Return a new driver for ``peer``; nothing is opened."""
+        return self.driver_class(self.config(peer.options), link)
 
     @contextmanager
     def fresh_peer(self) -> Iterator[Peer]:
-        """Start a simulated device of its own for one rule."""
+        """Start a simulated device for one rule only."""
         if self.peer is None:
             raise RuntimeError("no peer was given")
         with self.peer() as peer:
@@ -57,10 +62,10 @@ class Subject:
 
 @dataclass(frozen=True)
 class Rule:
-    """One thing that is asked of drivers.
+    """A rule for drivers.
 
-    ``check`` yields a sentence for every breach it sees. ``fault`` is what the peer must be able
-    to show; "" where a healthy one will do, None where no peer is needed.
+    ``check`` yields a sentence for every breach. ``fault`` is the fault that the peer must be able
+    to show; "" if a healthy peer is enough, None if no peer is needed.
     """
 
     name: str

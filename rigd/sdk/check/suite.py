@@ -1,4 +1,4 @@
-"""Applies all rules to a driver."""
+"""Applies all conformance rules to a driver."""
 
 from __future__ import annotations
 
@@ -19,14 +19,18 @@ from rigd.sdk.check.subject import Rule, Subject, UnfitSubject
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
 
 #: The rules of each kind of driver that need a device to talk to.
-RULES: Final[Mapping[type[AnyDriver], tuple[Rule, ...]]] = {
+RULES: Final[Mapping[type[Any], tuple[Rule, ...]]] = {
     Driver: CYCLE_RULES,
     BlockDriver: BLOCK_RULES,
     SlowDriver: SLOW_RULES,
 }
 #: Rules that end the examination when they are broken.
 GATES: Final = frozenset(
-    {declared.CONSTRUCTOR[0].name, *(rules[0].name for rules in RULES.values())}
+    {
+        declared.DECLARES[0].name,
+        declared.UNOPENED_RULES[0].name,
+        *(rules[0].name for rules in RULES.values()),
+    }
 )
 
 
@@ -65,11 +69,11 @@ def examine_driver(
     peer: Callable[[], AbstractContextManager[Peer]] | None = None,
     only: Collection[str] = (),
 ) -> Report:
-    """Return what :func:`check_driver` would find, without raising."""
+    """Return the report of :func:`check_driver`, without raising."""
     kind = _kind(driver_class)
     stages = (
-        declared.CLASS_RULES, declared.CONSTRUCTOR, declared.UNOPENED_RULES,
-        RULES[kind][:1], RULES[kind][1:],
+        declared.CLASS_RULES, declared.DECLARES, declared.DECLARED_RULES,
+        declared.UNOPENED_RULES[:1], declared.UNOPENED_RULES[1:], RULES[kind][:1], RULES[kind][1:],
     )  # fmt: skip
     known = [rule.name for rules in stages for rule in rules]
     if unknown := set(only) - set(known):
@@ -109,7 +113,7 @@ def _subject(
     options: Mapping[str, Any] | DriverConfig,
     peer: Callable[[], AbstractContextManager[Peer]] | None,
 ) -> tuple[Subject, frozenset[str] | None]:
-    """Return what is examined and the faults its peer can show, None without one."""
+    """Return the examined driver and the faults of its peer, None without a peer."""
     subject = Subject(driver_class, options, peer)
     faults = None
     more: Mapping[str, Any] = {}
