@@ -1,1 +1,1 @@
-"""Composition root: builds a rig from its file and runs procedures on it."""
+"""Builds a rig from its rig file and runs procedures on it (composition root of the program)."""

@@ -19,7 +19,7 @@ from rigd.sdk.shipped import shipped_folder
 
 @dataclass(frozen=True)
 class Signature:
-    """Who answers for a calibration, since when, and for how many days it may be used."""
+    """The person responsible for a calibration, its date, and for how many days it may be used."""
 
     operator: str
     made: date
@@ -33,10 +33,10 @@ class Signature:
 
 @dataclass(frozen=True)
 class CalibrationPlace:
-    """The file that a calibration is written to, and the one that it begins from.
+    """The file to which a calibration is written, and the calibration that it renews.
 
-    ``old`` is what it begins from; ``before`` the text of the file that is overwritten, None where
-    there is none; ``shipped`` the shipped file that a copy is written instead of.
+    ``old`` is the calibration that is renewed; ``before`` the text of the file that is overwritten,
+    None without a file; ``shipped`` the shipped file of which a copy is written.
     """
 
     path: Path
@@ -47,18 +47,18 @@ class CalibrationPlace:
 
 @dataclass(frozen=True)
 class Renewal:
-    """A calibration file as it will stand at its place."""
+    """The new content of a calibration file, and the file that it replaces."""
 
     new: Calibration
     place: CalibrationPlace
     measured: tuple[str, ...]
 
     def was(self, name: str) -> CalibratedValue | None:
-        """Return the value that is replaced, None where there was none."""
+        """Return the value that is replaced, None if there was none."""
         return None if self.place.old is None else self.place.old.values.get(name)
 
     def deviation(self, name: str) -> float:
-        """Return (new - old)/u of a value, u of both together; NaN without an old one."""
+        """Return (new - old)/u of a value, u of both together; NaN without an old value."""
         now, was = self.new.values[name], self.was(name)
         if was is None:
             return math.nan
@@ -66,7 +66,7 @@ class Renewal:
         return (now.value - was.value) / u if u else math.nan
 
     def is_older(self, name: str) -> bool:
-        """Return whether a value was measured on an earlier day than the one it replaces."""
+        """Return whether a value was measured on an earlier day than the value it replaces."""
         was = self.was(name)
         return was is not None and self.new.values[name].made < was.made
 
@@ -80,7 +80,7 @@ class Renewal:
 
 
 def place_of(rig: RigConfig, write: Path | None = None) -> CalibrationPlace:
-    """Return where the calibration of ``rig`` is renewed; ``write`` names another file.
+    """Return the file in which the calibration of ``rig`` is renewed; ``write`` names another file.
 
     A shipped file is never changed: a copy is.
 
@@ -132,7 +132,7 @@ def renewal(
 
 
 def _target(rig: RigConfig) -> tuple[Path, Path | None]:
-    """Return the file to write, and the shipped one that it is a copy of."""
+    """Return the file to write, and the shipped file of which it is a copy."""
     if rig.calibration is None:
         raise ConfigError(
             f"rig {rig.name} names no calibration file",

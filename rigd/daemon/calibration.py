@@ -1,4 +1,4 @@
-"""Checks that the calibration of a rig exists, belongs to it, and has not expired."""
+"""Checks that the calibration of a rig exists, is made for this rig, and has not expired."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from rigd.procedure.program import CompiledProcedure
 
 
 def needed(procedure: CompiledProcedure, rig: RigConfig) -> tuple[str, ...]:
-    """Return the calibrated values that the identification of ``procedure`` on ``rig`` rests on.
+    """Return the calibrated values that the analysis of ``procedure`` on ``rig`` uses.
 
-    Among them are those that it uses only where they are known, if the calibration has them. A
-    procedure that identifies nothing, or that rests on nothing calibrated, needs none.
+    Values that it uses only if they are known are included if the calibration has them. A procedure
+    without an analysis, or whose analysis uses no calibrated value, needs none.
     """
     plan = procedure.identify
     if plan is None:
@@ -45,9 +45,9 @@ def unusable(rig: RigConfig, names: Sequence[str], on: date) -> list[str]:
 
 
 def exchanged(rig: RigConfig, names: Iterable[str], identities: Mapping[str, str]) -> Iterator[str]:
-    """Yield what the devices say they are that ``names`` were not measured with, a sentence each.
+    """Yield the devices with which ``names`` were not measured, one sentence each.
 
-    ``identities`` is what every device said when it was opened.
+    ``identities`` are what the devices reported when they were opened.
     """
     setup = rig.calibration
     if setup is None or setup.held is None:
@@ -71,16 +71,16 @@ def exchanged(rig: RigConfig, names: Iterable[str], identities: Mapping[str, str
 
 
 def instrument_of(identity: str) -> str:
-    """Return what of ``identity`` names the exemplar: its serial number, or all of it.
+    """Return the part of ``identity`` that identifies the device: its serial number, or all of it.
 
-    Versions of software, which stand there too, may change.
+    Versions of software, which it also contains, may change.
     """
     pieces = identity.split(", ")
     return next((piece for piece in pieces if piece.startswith("serial number ")), identity)
 
 
 def calibration_metadata(rig: RigConfig) -> dict[str, dict[str, str]]:
-    """Return the metadata record ``calibration`` of a run on ``rig``; none where it has no file."""
+    """Return the metadata record ``calibration`` of a run on ``rig``; none if it has no file."""
     if rig.calibration is None or rig.calibration.held is None:
         return {}
     held = rig.calibration.held
@@ -96,7 +96,7 @@ def calibration_metadata(rig: RigConfig) -> dict[str, dict[str, str]]:
 
 
 def command_for(rig: RigConfig, procedure: str) -> str:
-    """Return the command that measures what ``procedure`` calibrates, on ``rig``."""
+    """Return the command that measures the values that ``procedure`` calibrates, on ``rig``."""
     return f"rigd calibrate procedures/{procedure}.yaml --rig {_rig_given(rig)} --operator NAME"
 
 
@@ -122,7 +122,7 @@ def _values(rig: RigConfig, held: Calibration, names: Sequence[str], on: date) -
 
 
 def _remedy(rig: RigConfig, names: Iterable[str]) -> str:
-    """Return what gives ``names`` anew: the procedures that measure them, or a person."""
+    """Return how to renew ``names``: the procedures that measure them, or a person."""
     measured_by = {name: calibratable()[name].procedure for name in names}
     procedures = dict.fromkeys(item for item in measured_by.values() if item)
     by_hand = [name for name, procedure in measured_by.items() if not procedure]
@@ -141,7 +141,7 @@ def _is(identity: str, instrument: str) -> bool:
 
 
 def _rig_given(rig: RigConfig) -> str:
-    """Return the name of ``rig`` where it is found by it, else the path of its file."""
+    """Return the name of ``rig`` if it is found by its name, else the path of its file."""
     try:
         found = find_file(rig.name, "configs")
     except ConfigError:

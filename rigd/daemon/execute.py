@@ -15,7 +15,7 @@ from rigd.config.calibration import ATTACHMENT
 from rigd.config.rig import RigConfig
 from rigd.config.shipped import titled
 from rigd.daemon.calibration import calibration_metadata, exchanged, needed, unusable
-from rigd.daemon.forms import Form, Kept, in_process, processes
+from rigd.daemon.forms import RecordingSpec, RunSetup, in_process, processes
 from rigd.daemon.provenance import run_metadata
 from rigd.daemon.resume import ResumePoint
 from rigd.daemon.signals import handle_signals
@@ -46,11 +46,11 @@ LEAST_FREE_BYTES = 50_000_000
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What to run, and how.
+    """The procedure, the rig and the options of a run.
 
-    ``pace`` is None for virtual time, 1 for the wall clock. ``output`` None makes a name in
-    ``folder``. ``overrides`` are the ``--set`` values as given, and ``about`` is what a person says
-    of the run, for the record. ``procedure_whence`` is where the procedure was taken from.
+    ``pace`` is None for virtual time, 1 for real time. ``output`` None makes a name in ``folder``.
+    ``overrides`` are the ``--set`` values as given, and ``about`` is the person's description of
+    the run, for the record. ``procedure_location`` is the place where the procedure was found.
     """
 
     procedure: CompiledProcedure
@@ -65,13 +65,13 @@ class RunRequest:
     compression: Compression = "zstd"
     overrides: Mapping[str, str] = field(default_factory=dict)
     about: About = field(default_factory=About)
-    procedure_whence: str = ""
+    procedure_location: str = ""
 
     @property
     def title(self) -> str:
-        """What is played on which rig, and which files say so."""
-        rig = titled(self.rig.name, self.rig.source.whence)
-        return f"{titled(self.procedure.name, self.procedure_whence)} on {rig}"
+        """The procedure and the rig, with the locations of their files."""
+        rig = titled(self.rig.name, self.rig.source.location)
+        return f"{titled(self.procedure.name, self.procedure_location)} on {rig}"
 
 
 @dataclass(frozen=True)
@@ -91,9 +91,9 @@ def execute(
     control: Control | None = None,
     announce: Callable[[Path], None] = lambda _: None,
 ) -> RecordedRun:
-    """Run the procedure for a person at a terminal; see :func:`perform`.
+    """Execute the procedure for a person at a terminal; see :func:`perform`.
 
-    Signals are heeded while it runs (:func:`rigd.daemon.signals.handle_signals`). ``tell`` gets
+    Signals are handled while it runs (:func:`rigd.daemon.signals.handle_signals`). ``tell`` gets
     lines for the operator; like ``watch`` it may wait for the terminal.
     """
     control = control or Control()
@@ -118,8 +118,8 @@ def perform(
 ) -> RecordedRun:
     """Run the procedure and return how it ended, with the path of its recording.
 
-    ``watch`` is called several times a second and must not wait. ``announce`` gets the path as
-    soon as the file is there. ``held`` is the rig's folder where the caller has taken it.
+    ``watch`` is called several times a second and must not wait. ``announce`` gets the path as soon
+    as the file exists. ``held`` is the rig's folder if the caller has taken it.
 
     Raises:
         Blocked: preflight refused; nothing moved.
@@ -162,10 +162,10 @@ def perform(
 
 
 def check_resumable(request: RunRequest, resume: ResumePoint) -> None:
-    """Check that the run goes on with the files that it began with.
+    """Check that the run continues with the files with which it began.
 
     Raises:
-        ConfigError: one of them is another.
+        ConfigError: one of them is another file.
     """
     for name, text in _texts(request).items():
         resume.check_same(name, text)
@@ -173,7 +173,7 @@ def check_resumable(request: RunRequest, resume: ResumePoint) -> None:
 
 def _form(
     request: RunRequest, control: Control, path: Path, done: int, held: RunFolder | None
-) -> Form:
+) -> RunSetup:
     """Return the host that the request asks for, recording to ``path``."""
     rig = request.rig
     apart = rig.plant is None or request.pace == 1
@@ -182,7 +182,7 @@ def _form(
     if request.resume is not None:
         resumed = {"mode": metadata["run"]["mode"], "trials": str(done)}
         metadata = {"resumed": resumed} | _said(request.about, resumed)
-    kept = Kept(
+    kept = RecordingSpec(
         path,
         request.procedure.record,
         metadata,
@@ -228,14 +228,14 @@ class _Display:
         self._thread.start()
 
     def watch(self, progress: Progress) -> None:
-        """Hand over notices, then where the run stands; where nobody looks, skip."""
+        """Pass notices, then the progress of the run; if no client watches, skip."""
         while self._control.notices:
             self._shown.put(self._control.notices.popleft())
         if self._shown.qsize() < MAX_UNSEEN:
             self._shown.put(progress)
 
     def close(self) -> None:
-        """Let what was handed over be shown, as far as the terminal takes it."""
+        """Show the queued lines, as far as the terminal accepts them."""
         self._shown.put(None)
         self._thread.join(timeout=1.0)
 
@@ -277,8 +277,8 @@ def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
         mode=mode,
         overrides=request.overrides,
     )
-    files = {"procedure_file": request.procedure_whence, "rig_file": request.rig.source.whence}
-    records["run"] |= {name: whence for name, whence in files.items() if whence}
+    files = {"procedure_file": request.procedure_location, "rig_file": request.rig.source.location}
+    records["run"] |= {name: location for name, location in files.items() if location}
     return records | _said(request.about, records["run"]) | calibration_metadata(request.rig)
 
 

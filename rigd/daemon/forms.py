@@ -1,7 +1,8 @@
-"""The two forms of a run: one process, or three processes that supervise each other.
+"""Prepares a run in one process, or in three processes that supervise each other.
 
-A rig simulated in process runs here, in virtual time or paced; at pace 1, and on devices behind
-links, the cycle and the recorder are processes of their own. The run itself knows only a host.
+If the rig is simulated in process, the run plays in this process: in virtual time, or at a pace (a
+multiple of real time). At pace 1, and if the devices are behind links, the cycle and the recorder
+are processes of their own. The code of the run does not know the form: it uses only a host.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ RING_S = 60.0
 
 
 @dataclass(frozen=True)
-class Kept:
-    """What is recorded, and where: to be made new, or to be gone on with (``resume``)."""
+class RecordingSpec:
+    """The streams that a run records, and its file: new or, with ``resume``, existing."""
 
     path: Path
     record: Mapping[str, Recorded]
@@ -45,8 +46,8 @@ class Kept:
 
 
 @dataclass(frozen=True)
-class Form:
-    """A host ready for a run, and what changes its plant where it is simulated."""
+class RunSetup:
+    """A host ready for a run and, if the rig is simulated, the function that changes its plant."""
 
     host: Host
     change: ChangePlant | None
@@ -57,8 +58,8 @@ class Form:
 
 
 def in_process(
-    rig: RigConfig, clock: Clock, control: Control, seed: int, *, virtual: bool, kept: Kept
-) -> Form:
+    rig: RigConfig, clock: Clock, control: Control, seed: int, *, virtual: bool, kept: RecordingSpec
+) -> RunSetup:
     """Return a host in this process, and its recording begun.
 
     Raises:
@@ -79,7 +80,7 @@ def in_process(
             compression=kept.compression,
         )
     host = InProcessHost(wiring.cycle, clock, virtual=virtual, sink=writer, record=kept.record)
-    return Form(host, None if wiring.plant is None else wiring.plant.change)
+    return RunSetup(host, None if wiring.plant is None else wiring.plant.change)
 
 
 def processes(
@@ -88,14 +89,14 @@ def processes(
     seed: int,
     *,
     start_ns: int,
-    kept: Kept,
+    kept: RecordingSpec,
     command: str,
     held: RunFolder | None = None,
-) -> Form:
-    """Return a host whose cycle and recorder are processes of their own, and have begun.
+) -> RunSetup:
+    """Return a host whose cycle and recorder are running processes of their own.
 
-    Samples that an earlier run on this rig left in its rings are put into their recording first.
-    ``held`` is the rig's folder where the caller has taken it, and keeps it.
+    Samples that an earlier run on this rig left in its rings are added to their recording first.
+    ``held`` is the rig's folder if the caller has taken it, and keeps it.
 
     Raises:
         Blocked: the rig is in use.
@@ -144,7 +145,7 @@ def processes(
         release.close()
         raise
     if rig.simulation is None:
-        return Form(host, host.change if rig.plant is not None else None, None, release.close)
+        return RunSetup(host, host.change if rig.plant is not None else None, None, release.close)
     simulation = rig.simulation.simulation_class(rig.simulation.config)
 
     def ask(request: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -152,11 +153,11 @@ def processes(
 
     faults = ShownFaults(ask)
     release.callback(faults.clear)  # before the rig is free for another run
-    return Form(host, _change(ask), faults, release.close)
+    return RunSetup(host, _change(ask), faults, release.close)
 
 
 class _KeptAlive:
-    """The recorder, started again whenever it is gone or hangs: its rows wait in the rings."""
+    """Starts the recorder again if it has ended or hangs; meanwhile its rows wait in the rings."""
 
     def __init__(self, recorder: RecorderProcess, control: Control) -> None:
         self._recorder = recorder
@@ -181,7 +182,7 @@ class _KeptAlive:
 
 
 def _change(ask: Ask) -> ChangePlant:
-    """Return what obeys a prompt where the devices are simulated at the wire."""
+    """Return the function that changes devices simulated at the wire after a prompt."""
 
     def change(quantity: str, value: float | str) -> None:
         try:

@@ -1,4 +1,4 @@
-"""Metadata of a recording: rig, procedure, calibration, versions."""
+"""Builds the metadata of a recording: run, versions, parameters, overrides, analysis plan."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import platform
 import shutil
 import subprocess
 from collections.abc import Mapping
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -62,6 +63,10 @@ def run_metadata(
             "group_by": json.dumps(list(plan.group_by)),
             "reference": json.dumps(dict(plan.reference), sort_keys=True),
             "reference_label": plan.reference_label,
+            "uncertainties": json.dumps(
+                {name: asdict(u) for name, u in plan.uncertainties.items()}, sort_keys=True
+            ),
+            "units": json.dumps(dict(plan.units), sort_keys=True),
         }
     return records
 
@@ -74,7 +79,7 @@ def format_parameter(value: float | str | bool, unit: str | None) -> str:
 
 
 def trial_label(trial: TrialPlan, procedure: CompiledProcedure) -> str:
-    """Return what sets a trial apart from the others, such as ``current 0.15 A, repeat 2``."""
+    """Return the parameters that distinguish a trial, such as ``current 0.15 A, repeat 2``."""
     words = [
         f"{name} {format_parameter(value, procedure.units.get(name))}"
         for name, value in trial.parameters.items()
@@ -84,9 +89,9 @@ def trial_label(trial: TrialPlan, procedure: CompiledProcedure) -> str:
 
 
 def git_revision() -> str:
-    """Return the revision of the checkout rigd runs from, ``-dirty`` with local changes.
+    """Return the revision of the checkout of rigd, ``-dirty`` with local changes.
 
-    Empty where rigd is not run from a checkout.
+    Empty if rigd does not run from a checkout.
     """
     if not (_PACKAGE.parent / ".git").exists():
         return ""

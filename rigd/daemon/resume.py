@@ -13,11 +13,11 @@ from rigd.record import Recording, recover
 
 @dataclass(frozen=True)
 class ResumePoint:
-    """What an interrupted recording says about the run it holds.
+    """The state of an interrupted run, from its recording.
 
-    ``done`` are the numbers of trials that are complete; one that lost rows is not.
-    ``overrides`` are the ``--set`` values it was started with. ``texts`` are its attached files by
-    name. ``answered_by`` is who gave the last answer to a prompt, "" where none was asked.
+    ``done`` are the numbers of complete trials; a trial that lost rows is not complete.
+    ``overrides`` are its ``--set`` values. ``texts`` are its attached files by name.
+    ``answered_by`` is the source of the last answer to a prompt, "" without prompts.
     """
 
     path: Path
@@ -45,11 +45,11 @@ class ResumePoint:
 
 
 def read_resume_point(path: Path) -> ResumePoint:
-    """Return where the run in ``path`` stands; it is completed and repaired first.
+    """Return the state of the run in ``path``; it is completed and repaired first.
 
     Raises:
-        Blocked: that run is still under way.
-        RecordingError: no recording, or not one that ``rigd run`` made.
+        Blocked: that run is still in progress.
+        RecordingError: no recording, or not a recording of ``rigd run``.
     """
     drain_into(path, command="rigd run --resume")
     recover(path)

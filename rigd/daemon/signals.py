@@ -1,9 +1,9 @@
-"""Turns signals of a terminal or a service manager into requests to the run."""
+"""Converts Unix signals from a terminal or a service manager into requests to the run."""
 
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from types import FrameType
 from typing import Final
@@ -16,6 +16,12 @@ _NAMES: Final[dict[int, str]] = {
     signal.SIGINT: "Ctrl-C",
     signal.SIGHUP: "SIGHUP (the terminal is gone)",
 }
+#: What a person reads of each press of Ctrl-C.
+ESCALATION: Final[Mapping[Severity, str]] = {
+    Severity.STOP: "stopping. Again: abort",
+    Severity.ABORT: "aborting. Again: drop power",
+    Severity.ESTOP: "dropping power",
+}
 
 
 @contextmanager
@@ -26,17 +32,12 @@ def handle_signals(control: Control) -> Iterator[None]:
     and leaves a line in ``control.notices``: the terminal it would print to may be what has just
     gone. A signal that was ignored before (nohup) stays ignored.
     """
-    words = {
-        Severity.STOP: "stopping. Again: abort",
-        Severity.ABORT: "aborting. Again: drop power",
-        Severity.ESTOP: "dropping power",
-    }
 
     def end(number: int, frame: FrameType | None) -> None:
         name = _NAMES.get(number) or signal.Signals(number).name
         stop = control.escalate(f"stopped by {name}")
         control.pause_wanted = False
-        control.notices.append(f"{name}: {words[stop]}")
+        control.notices.append(f"{name}: {ESCALATION[stop]}")
 
     def pause(number: int, frame: FrameType | None) -> None:
         wanted = control.toggle_pause()

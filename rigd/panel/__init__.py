@@ -1,1 +1,1 @@
-"""The operator's panel: a web page, served by a process that is a client of the daemon."""
+"""Serves the operator's panel, a web page, from a process that is a client of the daemon."""

@@ -1,21 +1,22 @@
-"""Requests and responses of the panel as JSON; every refusal has the same form."""
+"""Reads requests and builds responses of the panel as JSON; every refusal has the same form."""
 
 from __future__ import annotations
 
-import json
 import logging
-from typing import Any, Final
+from typing import Final, TypeVar
 
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
 from rigd.model.errors import LinkError, RigdError
-from rigd.panel.rig import Object
-from rigd.remote.protocol.refusal import Code, Refusal
+from rigd.panel.messages import RequestError
+from rigd.remote.protocol import Code, Message, Refusal, as_json, decode
 
 log = logging.getLogger(__name__)
 
-#: HTTP says only roughly what happened; the page reads the code in the body.
+M = TypeVar("M", bound=Message)
+
+#: The HTTP status for each code; the page reads the code in the body.
 _STATUS: Final = {
     Code.BAD_REQUEST: 400,
     Code.UNKNOWN_VERB: 404,
@@ -27,51 +28,26 @@ _STATUS: Final = {
 }
 
 
-async def read_object(request: Request) -> Object:
-    """Return the object that the body holds.
+async def read_body(request: Request, kind: type[M]) -> M:
+    """Return the message of ``kind`` that the body of ``request`` contains.
 
     Raises:
-        Refusal: it holds something else.
+        Refusal: the body contains something else, or is too long.
     """
     try:
         body = await request.body()
     except ClientDisconnect as error:
         raise Refusal(Code.TOO_LARGE, "the body is too long, or was cut off") from error
-    try:
-        found = json.loads(body.decode(), parse_constant=_not_finite)
-    except (ValueError, RecursionError) as error:
-        raise Refusal(Code.BAD_REQUEST, "the body is not JSON") from error
-    if not isinstance(found, dict):
-        raise Refusal(Code.BAD_REQUEST, "the body is not an object")
-    return found
+    return decode(kind, body)
 
 
-def text_of(found: Object, key: str, most: int) -> str:
-    """Return the text under ``key``, of at most ``most`` characters.
-
-    Raises:
-        Refusal: there is none.
-    """
-    text = found.get(key)
-    if not isinstance(text, str) or len(text) > most:
-        raise Refusal(Code.BAD_REQUEST, f"{key} is no text of at most {most} characters")
-    return text
+def respond(message: Message, status: int = 200) -> JSONResponse:
+    """Return ``message`` as a response."""
+    return JSONResponse(as_json(message), status)
 
 
-def object_of(found: Object, key: str) -> Object:
-    """Return the object under ``key``, empty where there is none.
-
-    Raises:
-        Refusal: something else stands there.
-    """
-    inner = found.get(key, {})
-    if not isinstance(inner, dict):
-        raise Refusal(Code.BAD_REQUEST, f"{key} is not an object")
-    return inner
-
-
-def refusal_of(error: RigdError) -> tuple[Object, int]:
-    """Return why a request was not carried out, and the status of HTTP that says so roughly."""
+def error_of(error: RigdError) -> tuple[RequestError, int]:
+    """Return the reason why a request failed, and its HTTP status."""
     if isinstance(error, Refusal):
         code, status = error.code.value, _STATUS.get(error.code, 409)
     elif isinstance(error, LinkError):
@@ -79,14 +55,10 @@ def refusal_of(error: RigdError) -> tuple[Object, int]:
     else:
         code, status = "failed", 502
         log.warning("a request failed: %s", error)
-    return {"code": code, "message": error.message, "hint": error.hint}, status
+    return RequestError(code=code, message=error.message, hint=error.hint), status
 
 
 def refuse(error: RigdError) -> Response:
-    """Return the answer that says why a request was not carried out."""
-    told, status = refusal_of(error)
-    return JSONResponse({"error": told}, status)
-
-
-def _not_finite(text: str) -> Any:
-    raise ValueError(f"{text} is not JSON")
+    """Return the response to a request that failed."""
+    reason, status = error_of(error)
+    return JSONResponse({"error": as_json(reason)}, status)

@@ -1,4 +1,4 @@
-"""The panel as an ASGI application."""
+"""Builds the panel as an ASGI application (a Python interface for web servers)."""
 
 from __future__ import annotations
 
@@ -17,41 +17,32 @@ from rigd.panel.feed import PageSocket
 from rigd.panel.files import Files
 from rigd.panel.guard import PanelAddress, RequestGuard
 from rigd.panel.hub import Hub
-from rigd.panel.quantities import complete_status
 from rigd.panel.rates import BucketByAddress
-from rigd.panel.rig import Object, Rig
+from rigd.panel.rig import Rig
 from rigd.panel.routes import PanelApi
-from rigd.panel.seat import Seat
 from rigd.panel.sessions import Sessions
 from rigd.panel.stop_line import StopLine
 
 STATIC: Final = Path(__file__).parent / "static"
-#: Attempts to log in, of everybody together.
+#: Attempts to log in, of all clients together.
 LOGINS_PER_S: Final = 0.2
 LOGINS_BURST: Final = 10.0
 
 
 @dataclass(frozen=True)
 class PanelApp:
-    """The application, and what has to run beside it."""
+    """The application, and the connection to the rig that must run with it."""
 
     app: ASGIApp
     hub: Hub
-    seat: Seat
 
 
 def build_panel(rig: Rig, sessions: Sessions, place: PanelAddress, port: int) -> PanelApp:
-    """Return the panel of ``rig``, reached at ``place``."""
-    seat = Seat(rig, sessions, lambda: hub.refresh())
-
-    def decorate(status: Object) -> Object:
-        seat.heed(status["lease"])
-        return complete_status(status) | {"control": seat.describe(status["lease"])}
-
-    hub = Hub(rig, decorate)
+    """Return the panel of ``rig``, which browsers reach at ``place``."""
+    hub = Hub(rig)
     secure = place.scheme == "https"
     logins = BucketByAddress(LOGINS_PER_S, LOGINS_BURST)
-    doors = PanelApi(rig, sessions, seat, f"rigd-{port}", secure, logins)
+    api = PanelApi(rig, sessions, f"rigd-{port}", secure, logins)
 
     async def page(_: Request) -> FileResponse:
         return FileResponse(STATIC / "index.html")
@@ -60,10 +51,10 @@ def build_panel(rig: Rig, sessions: Sessions, place: PanelAddress, port: int) ->
         routes=[
             Route("/", page, methods=["GET"]),
             Mount("/static", StaticFiles(directory=STATIC)),
-            WebSocketRoute("/api/live", PageSocket(hub, doors).serve),
-            WebSocketRoute("/api/stop/line", StopLine(doors).serve),
-            *doors.routes(),
-            *Files(rig, doors).routes(),
+            WebSocketRoute("/api/live", PageSocket(hub, api).serve),
+            WebSocketRoute("/api/stop/line", StopLine(api).serve),
+            *api.routes(),
+            *Files(rig, api).routes(),
         ],
     )
-    return PanelApp(RequestGuard(app, place), hub, seat)
+    return PanelApp(RequestGuard(app, place), hub)

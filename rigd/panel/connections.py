@@ -1,7 +1,8 @@
-"""Bounds what one browser connection may use, so that stops of others always get through.
+"""Limits the number and age of browser connections, so that the panel always receives a stop.
 
-By itself uvicorn waits without end for a request that was begun, and turns everybody away where
-very many do so: a few hundred connections of one who says nothing would be in the way of a stop.
+Without these limits, uvicorn (the HTTP server) waits without end for the rest of a request that has
+begun. It also accepts no connection if very many are open. A few hundred silent connections of one
+client would block a stop.
 """
 
 from __future__ import annotations
@@ -13,23 +14,23 @@ from typing import Final
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-#: Connections at once, but for those of open pages. A browser has six.
+#: Simultaneous connections, except those of open pages. A browser has six.
 MOST_CONNECTIONS: Final = 128
-#: How long the head of a request may take to come, in s.
+#: Longest time for the head of a request, in s.
 HEAD_S: Final = 10.0
 
 
 class BrowserConnection(H11Protocol):
-    """A connection by HTTP: closed where no request comes, or where others need its place.
+    """An HTTP connection: closed if no request comes, or if another connection needs its place.
 
-    Where all places are taken, that makes way which has waited longest for a request, or else that
-    whose request takes longest.
+    If all places are in use, the panel closes the connection that has waited longest for a request,
+    or else the connection whose request takes longest.
     """
 
-    since_s = 0.0  #: it waits for a request, or carries one out, since then; monotonic
-    _patience: asyncio.TimerHandle | None = None  # runs while it waits for a request
+    since_s = 0.0  #: start of waiting for a request, or of carrying out a request; monotonic
+    _time_limit: asyncio.TimerHandle | None = None  # runs while the connection waits for a request
 
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # as uvicorn's own
         """Take a place."""
         others = [
             connection
@@ -38,45 +39,45 @@ class BrowserConnection(H11Protocol):
         ]
         if len(others) >= MOST_CONNECTIONS:
             least = min(others, key=lambda item: (item.is_busy, item.since_s))
-            self.connections.discard(least)  # others may come before its end is known
+            self.connections.discard(least)  # others may come before it has ended
             least.transport.abort()
         super().connection_made(transport)
         self._wait()
 
     def data_received(self, data: bytes) -> None:
-        """Take what came; the patience ends with the head, and not with every byte of it."""
+        """Receive data; the time limit ends with the head of the request, not with each byte."""
         super().data_received(data)
-        if self.is_busy and self._patience is not None:
+        if self.is_busy and self._time_limit is not None:
             self.since_s = monotonic()
             self._stop_waiting()
 
     def on_response_complete(self) -> None:
-        """Wait for the next request, unless it has come already."""
+        """Wait for the next request, unless it has arrived already."""
         super().on_response_complete()
         if not self.is_busy:
             self._wait()
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
-        """Become the connection of a page, which has bounds of its own."""
+        """Become the WebSocket of a page, which has limits of its own."""
         self._stop_waiting()
         super().handle_websocket_upgrade(event)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Give the place back."""
+        """Free the place."""
         self._stop_waiting()
         super().connection_lost(exc)
 
     @property
     def is_busy(self) -> bool:
-        """Whether a request has come that is not answered yet."""
+        """Whether a request has arrived that is not answered yet."""
         return self.conn.our_state in (h11.SEND_RESPONSE, h11.SEND_BODY)
 
     def _wait(self) -> None:
         self._stop_waiting()
         self.since_s = monotonic()
-        self._patience = self.loop.call_later(HEAD_S, self.transport.abort)
+        self._time_limit = self.loop.call_later(HEAD_S, self.transport.abort)
 
     def _stop_waiting(self) -> None:
-        if self._patience is not None:
-            self._patience.cancel()
-            self._patience = None
+        if self._time_limit is not None:
+            self._time_limit.cancel()
+            self._time_limit = None

@@ -1,4 +1,4 @@
-"""The WebSocket of the page: status, events and frames at the rate at which the browser draws."""
+"""Sends status, events and live data to the page by WebSocket, as fast as the browser draws."""
 
 from __future__ import annotations
 
@@ -18,36 +18,37 @@ from rigd.panel.sessions import Session
 #: Close codes of our own (4000 to 4999 are free for applications, RFC 6455, section 7.4.2).
 NO_SESSION: Final = 4401
 TOO_MANY: Final = 4429
-#: Pages of one session, of all, and of all where those only watch: who commands finds room.
-MOST_OF_ONE: Final = 8
+#: Pages of one session, of all sessions, and the limit at which observers are refused: the
+#: difference is reserved for operators.
+MOST_PER_SESSION: Final = 8
 MOST_PAGES: Final = 64
 MOST_WATCHING: Final = 48
-#: What the browser says when it has drawn a batch of frames.
+#: The message of a browser that has drawn a batch of frames.
 DRAWN: Final = "drawn"
 
 
 @dataclass
 class PageSocket:
-    """Serves every open page."""
+    """Serves the WebSocket of every open page."""
 
     hub: Hub
-    doors: PanelApi
+    api: PanelApi
     pages: int = 0
-    told: Bucket = field(default_factory=lambda: Bucket(per_s=2.0, burst=20.0))  #: turned away
+    reasons: Bucket = field(default_factory=lambda: Bucket(per_s=2.0, burst=20.0))
 
     async def serve(self, socket: WebSocket) -> None:
-        """Serve one page until it leaves."""
-        session = self.doors.find(socket.cookies)
+        """Serve one page until it disconnects."""
+        session = self.api.find(socket.cookies)
         if session is None:
-            await self._turn_away(socket, NO_SESSION, "this page is not logged in")
+            await self._refuse(socket, NO_SESSION, "this page is not logged in")
             return
         most = MOST_PAGES if session.role == "operator" else MOST_WATCHING
-        if session.pages >= MOST_OF_ONE or self.pages >= most:
-            await self._turn_away(socket, TOO_MANY, "too many pages are open")
+        if session.pages >= MOST_PER_SESSION or self.pages >= most:
+            await self._refuse(socket, TOO_MANY, "too many pages are open")
             return
         await socket.accept()
         self.pages += 1
-        self.doors.sessions.open_page(session)
+        self.api.sessions.open_page(session)
         try:
             with self.hub.join() as outbox:
                 await _until_first(
@@ -57,20 +58,20 @@ class PageSocket:
                 await socket.close(NO_SESSION, "this session is over")
         finally:
             self.pages -= 1
-            self.doors.sessions.close_page(session)
+            self.api.sessions.close_page(session)
 
-    async def _turn_away(self, socket: WebSocket, code: int, reason: str) -> None:
-        """Say why, which takes a connection until the other side has heard it; a flood is not told.
+    async def _refuse(self, socket: WebSocket, code: int, reason: str) -> None:
+        """Close with a reason, which keeps the connection until the browser has received it.
 
-        Not accepted, it is closed at once, with status 403.
+        In a flood the connection is not accepted: it ends at once, with status 403.
         """
-        if self.told.take():
+        if self.reasons.take():
             await socket.accept()
         await socket.close(code, reason)
 
 
 async def _until_first(*jobs: Coroutine[Any, Any, None]) -> None:
-    """Do all until one of them has ended; then end the others."""
+    """Run all jobs until the first ends; then cancel the others."""
     tasks = [asyncio.create_task(job) for job in jobs]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -88,7 +89,7 @@ async def _until_over(session: Session) -> None:
 
 
 async def _send(socket: WebSocket, outbox: Outbox) -> None:
-    """Send until the page is gone."""
+    """Send until the page disconnects."""
     try:
         while True:
             for message in await outbox.take():
@@ -101,10 +102,10 @@ async def _send(socket: WebSocket, outbox: Outbox) -> None:
 
 
 async def _listen(socket: WebSocket, outbox: Outbox) -> None:
-    """Hear what the page has drawn, until it leaves; anything else ends the connection."""
+    """Receive the numbers of drawn batches until the page leaves; other messages end it."""
     try:
         while await socket.receive_text() == DRAWN:
             outbox.drawn()
     except (WebSocketDisconnect, KeyError):  # KeyError: a binary message
         return
-    await socket.close(1008, "not understood")
+    await socket.close(1008, "unknown message")

@@ -1,9 +1,7 @@
-"""Passes reports and recordings on to the page in pieces."""
+"""Sends reports and recordings from the daemon to the page in pieces."""
 
 from __future__ import annotations
 
-import base64
-import binascii
 import hashlib
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
@@ -15,11 +13,13 @@ from starlette.routing import Route
 
 from rigd.model.errors import ProtocolError, RigdError
 from rigd.panel.answers import refuse
-from rigd.panel.rig import Object, Rig
+from rigd.panel.rig import Rig
 from rigd.panel.routes import PanelApi
+from rigd.remote.protocol import Kind
 from rigd.remote.protocol.limits import MAX_PIECE_BYTES
+from rigd.remote.protocol.results import PieceView
 
-#: A report is a page of its own: no script, nothing from elsewhere, shown inside the panel only.
+#: A report is an isolated page: no scripts, no external resources, shown inside the panel only.
 REPORT_POLICY: Final = (
     "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
@@ -30,10 +30,10 @@ MOST_REPORT_BYTES: Final = 64 * 1024 * 1024
 
 @dataclass(frozen=True)
 class Files:
-    """The panel's doors to files."""
+    """The HTTP routes of reports and recordings."""
 
     rig: Rig
-    doors: PanelApi
+    api: PanelApi
 
     def routes(self) -> list[Route]:
         """Return the routes."""
@@ -44,7 +44,7 @@ class Files:
 
     async def report(self, request: Request) -> Response:
         """Send the report of a run."""
-        if self.doors.find(request.cookies) is None:
+        if self.api.find(request.cookies) is None:
             return PlainTextResponse("this page is not logged in", 401)
         try:
             page = "run" if request.query_params.get("page") == "run" else "identification"
@@ -58,8 +58,8 @@ class Files:
         )
 
     async def recording(self, request: Request) -> Response:
-        """Send a recording, piece by piece as it comes."""
-        if self.doors.find(request.cookies) is None:
+        """Send a recording, piece by piece."""
+        if self.api.find(request.cookies) is None:
             return PlainTextResponse("this page is not logged in", 401)
         run = request.path_params["run"]
         pieces = Pieces(self.rig, "fetch", run)
@@ -79,56 +79,49 @@ class Files:
 
 
 class Pieces:
-    """A file of the rig, asked for piece by piece; what comes is checked against its hash."""
+    """Requests a file of the rig piece by piece, and checks the received data against its hash."""
 
-    def __init__(self, rig: Rig, what: str, run: str, **further: str) -> None:
+    def __init__(self, rig: Rig, kind: str, run: str, **further: str) -> None:
         self._rig = rig
-        self._what = what
+        self._kind = kind
         self._run = run
         self._further = further
-        self._first: Object = {}
+        self._first: PieceView | None = None
 
     async def begin(self, most: int | None = None) -> int:
-        """Ask for the first piece and return the size of the whole in bytes.
+        """Request the first piece and return the size of the file in bytes.
 
         Raises:
-            Refusal: there is no such file.
-            ProtocolError: it is larger than ``most``.
+            Refusal: the file does not exist.
+            ProtocolError: the file is larger than ``most``.
         """
         self._first = await self._piece(0)
-        size = int(self._first["size"])
+        size = self._first.size
         if most is not None and size > most:
-            raise ProtocolError(f"the {self._what} has {size} bytes, at most {most} are shown")
+            raise ProtocolError(f"the {self._kind} has {size} bytes, at most {most} are shown")
         return size
 
     async def __aiter__(self) -> AsyncIterator[bytes]:
-        """Yield the file.
+        """Yield the pieces of the file.
 
         Raises:
-            ProtocolError: it changed on the way; whoever reads it gets less than was promised.
+            ProtocolError: the file changed meanwhile; the reader gets fewer bytes than announced.
         """
-        piece, offset, digest = self._first, 0, hashlib.sha256()
-        size, wanted = int(piece["size"]), piece["sha256"]
+        piece, offset, digest = self._first or await self._piece(0), 0, hashlib.sha256()
+        size, wanted = piece.size, piece.sha256
         while True:
-            data = _data(piece)
+            data = piece.data
             digest.update(data)
             offset += len(data)
             if offset >= size or not data:
                 break
             yield data
             piece = await self._piece(offset)
-        # The last piece is held back until the whole is known to be right.
+        # The last piece is sent only after the hash of the whole file is checked.
         if offset != size or digest.hexdigest() != wanted:
             raise ProtocolError(f"{self._run} changed while it was read", hint="fetch it again")
         yield data
 
-    async def _piece(self, offset: int) -> Object:
+    async def _piece(self, offset: int) -> PieceView:
         args = {"run": self._run, "offset": offset, "length": MAX_PIECE_BYTES, **self._further}
-        return await self._rig.ask(self._what, args)
-
-
-def _data(piece: Object) -> bytes:
-    try:
-        return base64.b64decode(piece["data"], validate=True)
-    except binascii.Error as error:
-        raise ProtocolError("a piece of a file is not base64") from error
+        return await self._rig.request(Kind.ASK, self._kind, args, PieceView)

@@ -1,9 +1,12 @@
 """Checks every HTTP request (host, origin, size, rate) and adds security headers to responses.
 
-Against a page of another site (CSRF, DNS rebinding): the Host must be this panel's, a WebSocket
-and everything that is not a plain read must come from this panel's own Origin, and a request that
-may change something carries a header that a form cannot send. Against a flood: a rate for each
-address and a bound on every body.
+The checks against a page of another site (CSRF, DNS rebinding) are:
+
+- The Host must be that of this panel.
+- A WebSocket, and every request that is not a plain read, must come from this panel's own Origin.
+- A request that may change something must carry a header that an HTML form cannot send.
+
+Against a flood of requests, the panel limits the rate of each address and the size of every body.
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from rigd.panel.rates import BucketByAddress
 from rigd.remote.protocol.limits import MAX_REQUEST_BYTES
 
-#: The header that every request but a plain read carries.
+#: The header of every request except a plain read.
 OWN_HEADER: Final = "x-rigd"
 #: Requests per second of one address: a page loads forty files at once.
 PER_S: Final = 60.0
@@ -29,7 +32,7 @@ FOREIGN: Final = 4403
 
 @dataclass(frozen=True)
 class PanelAddress:
-    """Where the panel is reached: ``hosts`` are names with port as browsers send them."""
+    """The address of the panel: ``hosts`` are host names with port, as browsers send them."""
 
     scheme: str
     hosts: frozenset[str]
@@ -41,14 +44,15 @@ class PanelAddress:
 
 
 class RequestGuard:
-    """Wraps the application: refuses what must not reach it, and completes its answers."""
+    """Wraps the application: refuses forbidden requests, and adds headers to responses."""
 
     def __init__(self, app: ASGIApp, place: PanelAddress) -> None:
         self._app = app
         self._place = place
         self._requests = BucketByAddress(PER_S, BURST)
         socket = "wss" if place.scheme == "https" else "ws"
-        # Older browsers do not take 'self' for a WebSocket; none takes an IPv6 address here.
+        # Older browsers do not accept 'self' for a WebSocket; no browser accepts an IPv6 address
+        # here.
         named = sorted(f"{socket}://{host}" for host in place.hosts if "[" not in host)
         sources = " ".join(["'self'", *named])
         policy = (
@@ -95,14 +99,14 @@ class RequestGuard:
         await answer(scope, receive, send_complete)
 
     def _refuse(self, scope: Scope) -> tuple[int, str, str] | None:
-        """Return status, code and message of what speaks against the request, or None."""
+        """Return status, code and message of the refusal of a request; None: it is permitted."""
         headers = Headers(scope=scope)
-        # Nothing may keep a stop out; its session has a bound of its own.
+        # A stop is never refused for its rate here; its session has a limit of its own.
         is_stop = scope["path"].startswith("/api/stop/")
         if not is_stop and not self._requests.take(_address(scope)):
             return 429, "busy", "too many requests; wait a second"
         if headers.get("host") not in self._place.hosts:
-            return 421, "bad_request", "this panel is not known under that name"
+            return 421, "bad_request", "this panel does not have that host name"
         reads = scope["type"] == "http" and scope["method"] in ("GET", "HEAD")
         if reads:
             return None
@@ -128,7 +132,7 @@ def _address(scope: Scope) -> str:
 
 
 def _bounded(receive: Receive) -> Receive:
-    """Return ``receive`` that ends a body where it becomes longer than any may be."""
+    """Return ``receive`` that ends a body at the maximum length."""
     taken = 0
 
     async def receive_bounded() -> Message:

@@ -1,72 +1,82 @@
-"""One connection to the daemon, shared by all browsers."""
+"""Follows the rig over one connection to the daemon and passes the messages to all browsers."""
 
 from __future__ import annotations
 
 import asyncio
-import base64
 import logging
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from time import monotonic
 from typing import Final
 
 from rigd.model.errors import RigdError
+from rigd.panel.messages import (
+    LiveDescription,
+    LiveLatest,
+    LiveLink,
+    LiveState,
+    LiveStatus,
+    PageEvent,
+    PageStatus,
+    RigLink,
+)
 from rigd.panel.outbox import Outbox
-from rigd.panel.quantities import complete_event
-from rigd.panel.rig import Object, Rig
-from rigd.remote.protocol.frame import Frame, decode_frame
-from rigd.remote.protocol.refusal import Refusal
+from rigd.panel.rig import Rig
+from rigd.remote.protocol import ClientUser, Frame, Kind, Refusal, RigEvent, decode_frame
+from rigd.remote.protocol.results import Description, Events, History, LatestValues
 
 log = logging.getLogger(__name__)
 
-#: A rig that says nothing for so long is shown as lost; it speaks every 0.5 s.
+#: If the rig sends no status for this time, it is shown as lost; it sends a status every 0.5 s.
 SILENCE_S: Final = 2.0
-#: How often each browser hears from the panel, whatever the rig does.
+#: Period of the panel's own message to each browser.
 BEAT_S: Final = 0.5
-#: How often the newest values are asked for while no frames come, in s.
+#: Period of requests for the newest values while no frames arrive, in s.
 LATEST_EVERY_S: Final = 1.0
-#: How often it is looked whether the description is missing, in s.
+#: Period of the check for a missing description, in s.
 RETRY_S: Final = 0.25
 #: Events kept for a browser that joins late.
 KEPT_EVENTS: Final = 300
 
 
 class Hub:
-    """Follows the rig, and hands what it says to every browser that has joined.
+    """Follows the rig, and passes its messages to every browser that has joined."""
 
-    ``decorate`` completes a status with what the panel itself knows (who of its users has
-    control).
-    """
-
-    def __init__(self, rig: Rig, decorate: Callable[[Object], Object]) -> None:
+    def __init__(self, rig: Rig) -> None:
         self._rig = rig
-        self._decorate = decorate
         self._outboxes: set[Outbox] = set()
-        self._drawing: set[Outbox] = set()  # those that have had the past, and get frames
-        self._status: Object | None = None
-        self._description: Object | None = None
-        self._latest: Object | None = None
-        self._events: deque[Object] = deque(maxlen=KEPT_EVENTS)
-        self._heard_s = -SILENCE_S
+        self._drawing: set[Outbox] = (
+            set()
+        )  # browsers that have received the past, and now get frames
+        self._status: PageStatus | None = None
+        self._description: Description | None = None
+        self._latest: LatestValues | None = None
+        self._events: deque[PageEvent] = deque(maxlen=KEPT_EVENTS)
+        self._status_s = -SILENCE_S
         self._frame_s = -LATEST_EVERY_S
 
     @property
     def alive(self) -> bool:
-        """Whether the rig has spoken lately."""
-        return monotonic() - self._heard_s < SILENCE_S
+        """Whether a status arrived within :data:`SILENCE_S`."""
+        return monotonic() - self._status_s < SILENCE_S
+
+    @property
+    def lease_holder(self) -> ClientUser | None:
+        """The holder of the lease in the newest status; None if there is no holder."""
+        return None if self._status is None else self._status.lease.holder
 
     @contextmanager
     def join(self) -> Iterator[Outbox]:
-        """Give a browser an outbox, filled with what it missed; frames follow the past ones."""
+        """Return an outbox for a browser, filled with the newest state and the past events."""
         outbox = Outbox()
         self._beat_to(outbox)
         if self._description is not None:
-            outbox.tell("describe", self._description)
+            outbox.put(LiveDescription(describe=self._description))
         if self._status is not None:
-            outbox.tell("status", self._decorate(self._status))
+            outbox.put(LiveStatus(status=self._status))
         if self._latest is not None:
-            outbox.tell("latest", self._latest)
+            outbox.put(LiveLatest(latest=self._latest))
         for event in self._events:
             outbox.event(event)
         self._outboxes.add(outbox)
@@ -77,11 +87,6 @@ class Hub:
             catching_up.cancel()
             self._outboxes.discard(outbox)
             self._drawing.discard(outbox)
-
-    def refresh(self) -> None:
-        """Tell every browser the status again: what the panel itself knows has changed."""
-        if self._status is not None:
-            self._tell("status", self._decorate(self._status))
 
     async def run(self) -> None:
         """Follow the rig until cancelled."""
@@ -95,20 +100,21 @@ class Hub:
     async def _follow_status(self) -> None:
         async for status in self._rig.statuses():
             was_alive = self.alive
-            self._heard_s = monotonic()
-            if self._status is not None and self._status["daemon"] != status["daemon"]:
-                # Another daemon: its rig file may be another, and its events are numbered anew.
+            self._status_s = monotonic()
+            if self._status is not None and self._status.daemon != status.daemon:
+                # Another daemon: its rig file may differ, and the numbers of its events start
+                # again.
                 self._description = None
                 self._events.clear()
-            self._status = status
+            self._status = PageStatus.of(status)
             if not was_alive:
                 self._beat_all()
-            self._tell("status", self._decorate(status))
+            self._put(LiveStatus(status=self._status))
 
     async def _follow_events(self) -> None:
         async for event in self._rig.events():
-            if self._events and event["seq"] > self._events[-1]["seq"] + 1:
-                await self._fill_events()  # some were lost on the way
+            if self._events and event.seq > self._events[-1].seq + 1:
+                await self._fill_events()  # some events were lost on the way
             self._take_event(event)
 
     async def _follow_frames(self) -> None:
@@ -125,17 +131,18 @@ class Hub:
                 outbox.frame(frame)
 
     async def _bring_past(self, outbox: Outbox) -> None:
-        """Give a browser the last seconds of every stream, then let it have frames."""
-        streams = [] if self._description is None else self._description["streams"]
+        """Send a browser the last seconds of every stream, then frames."""
+        streams = () if self._description is None else self._description.streams
         past: list[Frame] = []
-        for stream in streams if self.alive else []:
+        for stream in streams if self.alive else ():
             try:
-                answer = await self._rig.ask("history", {"stream": stream["name"]})
-                if answer["frame"] is not None:
-                    past.append(decode_frame(base64.b64decode(answer["frame"])))
+                args = {"stream": stream.name}
+                history = await self._rig.request(Kind.ASK, "history", args, History)
+                if history.frame is not None:
+                    past.append(decode_frame(history.frame))
             except RigdError as error:
-                log.debug("no past of %s: %s", stream["name"], error)
-        for frame in past:  # in one batch: what waits for another is condensed with what follows
+                log.debug("the past of %s is missing: %s", stream.name, error)
+        for frame in past:  # in one batch: otherwise it would be merged with the frames that follow
             outbox.frame(frame)
         self._drawing.add(outbox)
 
@@ -148,26 +155,28 @@ class Hub:
         while True:
             if self._description is None and self.alive:
                 try:
-                    self._description = await self._rig.ask("describe", {})
-                    self._tell("describe", self._description)
+                    self._description = await self._rig.request(
+                        Kind.ASK, "describe", {}, Description
+                    )
+                    self._put(LiveDescription(describe=self._description))
                     await self._fill_events()
                 except RigdError as error:
-                    log.warning("the rig does not describe itself: %s", error)
+                    log.warning("no description of the rig: %s", error)
             await asyncio.sleep(RETRY_S)
 
     async def _fill_events(self) -> None:
-        """Take the events that were before the panel, or were lost on the way."""
-        since = self._events[-1]["seq"] + 1 if self._events else 0
+        """Fetch events from before the start of the panel, and events lost on the way."""
+        since = self._events[-1].seq + 1 if self._events else 0
         try:
-            answer = await self._rig.ask("events", {"seq": since})
+            answer = await self._rig.request(Kind.ASK, "events", {"seq": since}, Events)
         except RigdError as error:
             log.warning("events may be missing: %s", error)
             return
-        for event in answer["events"][-KEPT_EVENTS:]:
+        for event in answer.events[-KEPT_EVENTS:]:
             self._take_event(event)
 
     async def _keep_latest(self) -> None:
-        """Ask for the newest values while nothing plays and somebody looks."""
+        """Fetch the latest values while no frames arrive and a page is open."""
         while True:
             await asyncio.sleep(LATEST_EVERY_S)
             if not self._outboxes or not self.alive:
@@ -175,28 +184,28 @@ class Hub:
             if monotonic() - self._frame_s < LATEST_EVERY_S:
                 continue
             try:
-                self._latest = await self._rig.ask("latest", {})
+                self._latest = await self._rig.request(Kind.ASK, "latest", {}, LatestValues)
             except RigdError as error:
                 log.debug("no latest values: %s", error)
                 continue
-            self._tell("latest", self._latest)
+            self._put(LiveLatest(latest=self._latest))
 
-    def _take_event(self, event: Object) -> None:
-        if self._events and event["seq"] <= self._events[-1]["seq"]:
+    def _take_event(self, event: RigEvent) -> None:
+        if self._events and event.seq <= self._events[-1].seq:
             return
-        event = complete_event(event)
-        self._events.append(event)
+        shown = PageEvent.of(event)
+        self._events.append(shown)
         for outbox in self._outboxes:
-            outbox.event(event)
+            outbox.event(shown)
 
-    def _tell(self, kind: str, told: Object) -> None:
+    def _put(self, message: LiveState) -> None:
         for outbox in self._outboxes:
-            outbox.tell(kind, told)
+            outbox.put(message)
 
     def _beat_all(self) -> None:
         for outbox in self._outboxes:
             self._beat_to(outbox)
 
     def _beat_to(self, outbox: Outbox) -> None:
-        silent_s = None if self._status is None else monotonic() - self._heard_s
-        outbox.tell("panel", {"alive": self.alive, "silent_s": silent_s})
+        silent_s = None if self._status is None else monotonic() - self._status_s
+        outbox.put(LiveLink(panel=RigLink(alive=self.alive, silent_s=silent_s)))

@@ -1,29 +1,30 @@
-"""The messages that wait for one browser: bounded, newest kept."""
+"""Stores the messages that wait for a browser: a limited number, of which the newest are kept."""
 
 from __future__ import annotations
 
 import asyncio
-import json
 from collections import deque
 from typing import Final
 
-from rigd.panel.frames import merge
-from rigd.panel.rig import Object
+import numpy as np
+from numpy.typing import NDArray
+
+from rigd.panel.messages import LiveEvent, LiveSkipped, LiveState, PageEvent
 from rigd.remote.protocol.frame import Frame, encode_frame
 
-#: Points per stream that a browser which has fallen behind gets in one frame.
+#: Most points per stream in a frame for a browser that is behind.
 MOST_POINTS: Final = 240
-#: Events that wait for one browser; an older one is counted as skipped.
+#: Most events that wait for a browser; older events are counted as skipped.
 MOST_EVENTS: Final = 500
-#: Batches of frames that may be under way to a browser that has not said it drew them.
+#: Batches of frames that may be in transit to a browser that has not reported them as drawn.
 MOST_UNDER_WAY: Final = 2
 
 
 class Outbox:
     """The messages for one browser.
 
-    Of each kind of text only the newest is kept, events in order up to a bound, and the frames of
-    a stream are merged into one: a slow browser gets fewer and coarser frames, without gaps.
+    Of each kind of text the newest is kept, of events the newest up to a limit, and the frames of a
+    stream are merged into one frame: a slow browser gets fewer and coarser frames, without gaps.
     """
 
     def __init__(self) -> None:
@@ -34,21 +35,21 @@ class Outbox:
         self._under_way = 0
         self._wake = asyncio.Event()
 
-    def tell(self, kind: str, told: Object) -> None:
-        """Put a text of which only the newest matters."""
-        self._newest[kind] = json.dumps({"kind": kind, kind: told}, allow_nan=False)
+    def put(self, message: LiveState) -> None:
+        """Add a message; only the newest message of its kind is kept."""
+        self._newest[message.kind] = message.model_dump_json()
         self._wake.set()
 
-    def event(self, event: Object) -> None:
-        """Put an event behind the others."""
+    def event(self, event: PageEvent) -> None:
+        """Add an event at the end."""
         if len(self._events) >= MOST_EVENTS:
             self._events.popleft()
             self._skipped += 1
-        self._events.append(json.dumps({"kind": "event", "event": event}, allow_nan=False))
+        self._events.append(LiveEvent(event=event).model_dump_json())
         self._wake.set()
 
     def frame(self, frame: Frame) -> None:
-        """Put a frame, merged with what already waits of its stream."""
+        """Add a frame; merge it with the waiting frames of its stream."""
         waiting = self._frames.get(frame.stream)
         self._frames[frame.stream] = (
             frame if waiting is None else merge(waiting, frame, MOST_POINTS)
@@ -56,14 +57,14 @@ class Outbox:
         self._wake.set()
 
     def drawn(self) -> None:
-        """The browser has drawn a batch of frames and can take another."""
+        """Note that the browser has drawn a batch of frames and can take another batch."""
         self._under_way = max(0, self._under_way - 1)
         self._wake.set()
 
     async def take(self) -> list[str | bytes]:
-        """Wait for something to send, and return all that may be sent now, in order.
+        """Wait for something to send, and return everything that may be sent now, in order.
 
-        Frames come as one binary message: behind one another, each of a length that its head says.
+        Frames come as one binary message: one after another, each with its length in its head.
         """
         while not (ready := self._ready()):
             self._wake.clear()
@@ -74,7 +75,7 @@ class Outbox:
         ready: list[str | bytes] = [*self._newest.values()]
         self._newest.clear()
         if self._skipped:
-            ready.append(json.dumps({"kind": "skipped", "skipped": self._skipped}))
+            ready.append(LiveSkipped(skipped=self._skipped).model_dump_json())
             self._skipped = 0
         ready += self._events
         self._events.clear()
@@ -83,3 +84,36 @@ class Outbox:
             ready.append(b"".join(encode_frame(frame) for frame in self._frames.values()))
             self._frames.clear()
         return ready
+
+
+def merge(first: Frame, second: Frame, most: int) -> Frame:
+    """Return one frame with the points of both; more than ``most`` are condensed to half of that.
+
+    Each remaining point represents an equal piece of the time, so that the oldest data, which are
+    merged most often, are no coarser than the newest. Minimum and maximum are kept; a point keeps
+    the time of the first point that it represents. If the channels differ (another run has begun),
+    only ``second`` is returned.
+    """
+    if first.low.shape[0] != second.low.shape[0]:
+        return second
+    shift_s = (second.t0_ns - first.t0_ns) * 1e-9
+    time_s = np.concatenate([first.time_s, second.time_s + shift_s])
+    low = np.concatenate([first.low, second.low], axis=1)
+    high = np.concatenate([first.high, second.high], axis=1)
+    if time_s.size > most:
+        starts = _pieces(time_s, max(1, most // 2))
+        time_s = time_s[starts]
+        low = np.fmin.reduceat(low, starts, axis=1)
+        high = np.fmax.reduceat(high, starts, axis=1)
+    return Frame(first.stream, second.sequence, first.t0_ns, time_s, low, high)
+
+
+def _pieces(time_s: NDArray[np.float64], count: int) -> NDArray[np.intp]:
+    """Return the indices at which at most ``count`` equal pieces of the time begin."""
+    first_s = time_s.min()
+    width_s = (time_s.max() - first_s) / count
+    if width_s == 0.0:
+        return np.zeros(1, dtype=np.intp)
+    piece = np.minimum((time_s - first_s) // width_s, count - 1)
+    # A clock that was set back does not begin a piece again.
+    return np.flatnonzero(np.diff(np.maximum.accumulate(piece), prepend=-1.0))

@@ -1,4 +1,4 @@
-"""Rate limits of HTTP clients."""
+"""Limits the rate of requests of HTTP clients."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Final
 
-#: Addresses that are remembered, those heard last.
+#: Most addresses that are kept: the newest.
 MOST_ADDRESSES: Final = 1024
 
 
@@ -18,29 +18,29 @@ class Bucket:
         self._per_s = per_s
         self._burst = burst
         self._now = now
-        self._left = burst
+        self._tokens = burst
         self._at_s = now()
 
     def take(self) -> bool:
-        """Return whether one more may pass, and count it."""
+        """Return whether another request may pass, and count it."""
         now = self._now()
-        self._left = min(self._burst, self._left + (now - self._at_s) * self._per_s)
+        self._tokens = min(self._burst, self._tokens + (now - self._at_s) * self._per_s)
         self._at_s = now
-        if self._left < 1.0:
+        if self._tokens < 1.0:
             return False
-        self._left -= 1.0
+        self._tokens -= 1.0
         return True
 
 
 class BucketByAddress:
-    """A bucket for each address, so that one who asks too often keeps nobody else out."""
+    """A bucket for each address, so that one client does not use up the rate of others."""
 
     def __init__(self, per_s: float, burst: float) -> None:
         self._per_s, self._burst = per_s, burst
         self._buckets: OrderedDict[str, Bucket] = OrderedDict()
 
     def take(self, address: str) -> bool:
-        """Return whether one more may pass from ``address``, and count it."""
+        """Return whether another request from ``address`` may pass, and count it."""
         bucket = self._buckets.setdefault(address, Bucket(self._per_s, self._burst))
         self._buckets.move_to_end(address)
         if len(self._buckets) > MOST_ADDRESSES:

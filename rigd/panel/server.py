@@ -17,25 +17,26 @@ from rigd.model.errors import ConfigError
 from rigd.panel.app import build_panel
 from rigd.panel.connections import BrowserConnection
 from rigd.panel.guard import PanelAddress
+from rigd.panel.renewal import renew_lease
 from rigd.panel.rig import Rig
 from rigd.panel.session_store import SessionStore
 from rigd.panel.sessions import Sessions
 
-#: Where the panel is found unless something else is there already.
+#: The port of the panel unless another program listens on it.
 PORT: Final = 8423
-#: How long pages that are open may hold up the end, in s.
+#: Longest wait for open pages at the end, in s.
 GRACE_S: Final = 1
-#: How long the link that is printed at the start can be used, in s: whoever starts a panel may
-#: come to it in the morning.
+#: How long the link that is printed at the start can be used, in s: a person may start the panel in
+#: the evening and use the link the next morning.
 FIRST_LINK_S: Final = 24 * 3600.0
 
 
 @dataclass(frozen=True)
 class Listen:
-    """Where the panel listens.
+    """The address on which the panel listens.
 
-    ``port`` None: :data:`PORT`, or where that is taken any that is free. ``names`` are further
-    names it is reached by. ``certificate`` and ``key`` are PEM files.
+    ``port`` None: :data:`PORT`, or another if that is in use. ``names`` are further host names of
+    the panel. ``certificate`` and ``key`` are PEM files.
 
     Raises:
         ConfigError: an address that is not loopback, without TLS.
@@ -49,15 +50,17 @@ class Listen:
 
     def __post_init__(self) -> None:
         if (self.certificate is None) != (self.key is None):
-            raise ConfigError("a certificate and its key come together", hint="give both or none")
+            raise ConfigError(
+                "a certificate and its key come together", hint="give both or neither"
+            )
         for path in (self.certificate, self.key):
             if path is not None and not path.is_file():
-                raise ConfigError(f"there is no file {path}")
+                raise ConfigError(f"file {path} does not exist")
         if self.certificate is None and not _is_loopback(self.host):
             raise ConfigError(
-                f"a panel on {self.host} without TLS could be read and misused on the way",
-                hint="give a certificate and its key (`rigd remote setup-tls` makes them), or "
-                "leave it on 127.0.0.1 and reach it through a tunnel (ssh -L)",
+                f"others could read and misuse a panel on {self.host} without TLS",
+                hint="give a certificate and its key (`rigd remote setup-tls` makes them), "
+                "or listen on 127.0.0.1 and connect through a tunnel (ssh -L)",
             )
 
     @property
@@ -82,7 +85,7 @@ class Listen:
             ) from error
 
     def place(self, port: int) -> PanelAddress:
-        """Return how browsers name the panel that listens on ``port``."""
+        """Return the address by which browsers reach the panel on ``port``."""
         names = {_bracketed(self.host), *map(_bracketed, self.names)}
         if _is_loopback(self.host):
             names |= {"localhost", "127.0.0.1", "[::1]"}
@@ -95,28 +98,28 @@ async def serve(
     rig: Rig,
     listen: Listen,
     announce: Callable[[Mapping[str, str]], None],
-    book: SessionStore | None = None,
+    store: SessionStore | None = None,
 ) -> None:
-    """Serve the panel of ``rig`` until cancelled; ``book`` keeps its sessions for the next.
+    """Serve the panel of ``rig`` until cancelled; ``store`` keeps its sessions for the next.
 
-    ``announce`` is told a one-time link for each role once the panel can be reached. The code in
-    it stands in the fragment, which browsers keep to themselves: it is in no request and no log.
+    ``announce`` receives a one-time link for each role when the panel can be reached. The code is
+    in the fragment, which browsers do not send: it is in no request and no log.
 
     Raises:
         ConfigError: the address cannot be used.
-        RigdError: what the rig says is not understood.
+        RigdError: a message of the rig cannot be read.
     """
     with listen.bind() as bound:
         port = bound.getsockname()[1]
-        sessions = Sessions(book=book)
+        sessions = Sessions(store=store)
         address = f"{listen.scheme}://{_bracketed((*listen.names, listen.host)[0])}:{port}/"
         panel = build_panel(rig, sessions, listen.place(port), port)
         config = uvicorn.Config(
             panel.app,
             http=BrowserConnection,
             ws="websockets-sansio",
-            ws_max_size=1024,  # a page says nothing long
-            ws_ping_interval=2.0,  # a computer that has gone without a word is noticed in 7 s
+            ws_max_size=1024,  # messages of a page are short
+            ws_ping_interval=2.0,  # a computer that vanishes is noticed within 7 s
             ws_ping_timeout=5.0,
             ws_per_message_deflate=False,
             lifespan="off",
@@ -136,13 +139,16 @@ async def serve(
                 "observer": f"{address}#{sessions.invite('observer', FIRST_LINK_S)}",
             }
         )
-        # Whatever of the three ends or fails ends the others: a panel that no longer follows the
-        # rig must not go on serving its page.
+        # If one of the three ends, the others end too: a panel that no longer follows the rig must
+        # not serve its page.
         try:
             async with asyncio.TaskGroup() as group:
-                beside = [group.create_task(panel.hub.run()), group.create_task(panel.seat.keep())]
+                run_with = [
+                    group.create_task(panel.hub.run()),
+                    group.create_task(renew_lease(rig, panel.hub, sessions)),
+                ]
                 await _serve(_Server(config), bound)
-                for task in beside:
+                for task in run_with:
                     task.cancel()
         except ExceptionGroup as failed:
             raise _first(failed) from failed
@@ -158,7 +164,7 @@ class _Server(uvicorn.Server):
 
 
 async def _serve(server: uvicorn.Server, bound: socket.socket) -> None:
-    """Serve until cancelled; open pages are told."""
+    """Serve until cancelled; open pages get a close message."""
     serving = asyncio.create_task(server.serve(sockets=[bound]))
     try:
         await asyncio.shield(serving)
@@ -169,7 +175,7 @@ async def _serve(server: uvicorn.Server, bound: socket.socket) -> None:
 
 
 def _first(error: Exception) -> Exception:
-    """Return what failed first, of groups within groups: that is what a person can act on."""
+    """Return the first failure in nested groups: the failure on which a person can act."""
     return _first(error.exceptions[0]) if isinstance(error, ExceptionGroup) else error
 
 

@@ -1,4 +1,4 @@
-"""Stores the panel's sessions in a file, so that they survive a restart."""
+"""Stores the panel's sessions in a file, so that they are still valid after a restart."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import StringConstraints, TypeAdapter, ValidationError
+
+from rigd.panel.messages import Role
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class StoredSession:
-    """A session as it is kept; the hash of its key lets nobody in."""
+    """A stored session; it contains only the hash of its key, which opens no session."""
 
     key_sha256: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
     name: str
-    role: Literal["operator", "observer"]
-    number: int
-    idle_s: float | None  #: for how long no page of it had been open; None while one was
-    has_control: bool = False
+    role: Role
+    idle_s: float | None  #: time since its last page closed; None if a page was open
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ _PAGE = TypeAdapter(_Page)
 class SessionStore:
     """A file with the sessions of a panel, which only its user can read.
 
-    So a panel that was killed, or ended with its daemon, needs no new link for each screen.
+    If a panel is killed, or ends with its daemon, open screens need no new link.
     """
 
     def __init__(self, path: Path, wall: Callable[[], float] = time.time) -> None:
@@ -47,9 +47,9 @@ class SessionStore:
         self._wall = wall
 
     def read(self) -> tuple[float, Sequence[StoredSession]]:
-        """Return the sessions, and how long ago they were written, in s.
+        """Return the sessions, and the time since they were written, in s.
 
-        Where they cannot be read, the log says so, and each screen needs a new link.
+        If they cannot be read, a warning is logged, and each screen needs a new link.
         """
         try:
             page = _PAGE.validate_json(self._path.read_bytes())
@@ -61,7 +61,7 @@ class SessionStore:
         return max(self._wall() - page.written_unix_s, 0.0), page.sessions
 
     def write(self, sessions: Sequence[StoredSession]) -> None:
-        """Keep the sessions, whole or not at all; a failure is logged."""
+        """Write the sessions, all or none; a failure is logged."""
         draft = self._path.with_name(f"{self._path.name}.new")
         try:
             draft.unlink(missing_ok=True)

@@ -1,49 +1,46 @@
-"""Login by one-time codes, and the sessions that follow.
+"""Logs users in to the panel with one-time codes, and keeps their sessions.
 
-A code travels in the fragment of a link, which browsers do not send, and opens one session; the
-session's key lives in an HttpOnly cookie. Both have 256 bits and are kept as hashes only, so that
-looking one up says nothing about it by the time it takes.
+A link contains the code in its fragment, which browsers do not send. The code opens one session.
+The browser keeps the key of the session in an HttpOnly cookie. Codes and keys have 256 bits. The
+panel keeps only their hashes, so that the duration of a look-up reveals nothing about them.
 """
 
 from __future__ import annotations
 
 import asyncio
 import hashlib
+import itertools
 import secrets
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import monotonic
-from typing import Final, Literal
+from typing import Final
 
+from rigd.panel.messages import Role
 from rigd.panel.rates import Bucket
 from rigd.panel.session_store import SessionStore, StoredSession
 
-Role = Literal["operator", "observer"]
-
-#: How long a code that was given to somebody opens a session.
+#: How long a code opens a session, in s.
 CODE_S: Final = 15 * 60.0
-#: How long a session lasts that no page uses: a working day, and the night after it.
+#: How long an unused session lasts: a working day and the following night.
 IDLE_S: Final = 24 * 3600.0
-#: Sessions at once; a laboratory has fewer screens.
+#: Most sessions; a laboratory has fewer screens.
 MOST_SESSIONS: Final = 64
-#: Codes of each role that wait at once.
+#: Most unused codes of each role.
 MOST_CODES: Final = 16
 
 
 @dataclass(eq=False)
 class Session:
-    """One browser that was let in."""
+    """One browser that has logged in."""
 
-    name: str  #: what its user is called
+    name: str  #: of its user; unique among the sessions
     role: Role
-    number: int
     used_s: float
     pages: int = 0  #: pages that are open now
-    left_s: float = 0.0  #: when the last page was closed
-    has_control: bool = False
     requests: Bucket = field(default_factory=lambda: Bucket(per_s=20.0, burst=60.0))
     stops: Bucket = field(default_factory=lambda: Bucket(per_s=5.0, burst=20.0))
-    over: asyncio.Event = field(default_factory=asyncio.Event)  #: its pages are to close
+    over: asyncio.Event = field(default_factory=asyncio.Event)  #: its pages must close
 
 
 @dataclass(frozen=True)
@@ -53,23 +50,22 @@ class _Code:
 
 
 class Sessions:
-    """All codes and sessions; sessions outlive the process where there is a ``book``."""
+    """Keeps all codes and sessions; with a ``store``, sessions are still valid after a restart."""
 
     def __init__(
-        self, now: Callable[[], float] = monotonic, book: SessionStore | None = None
+        self, now: Callable[[], float] = monotonic, store: SessionStore | None = None
     ) -> None:
         self._now = now
-        self._book = book
+        self._store = store
         self._codes: dict[bytes, _Code] = {}
         self._sessions: dict[bytes, Session] = {}
-        self._count = 0
         self._recall()
 
     def invite(self, role: Role, valid_s: float = CODE_S) -> str:
         """Return a new code that opens one session."""
         self._forget_old()
-        # Of their role, so that who watches takes no code from who commands; the oldest of those
-        # that last as long, so that the links told at the start outlive those given since.
+        # Codes of the same role, so that observers take no code from operators; the first to
+        # expire, so that the links printed at the start outlive later links.
         waiting = [key for key, item in self._codes.items() if item.role == role]
         if len(waiting) >= MOST_CODES:
             del self._codes[min(waiting, key=lambda key: self._codes[key].until_s)]
@@ -78,7 +74,7 @@ class Sessions:
         return code
 
     def redeem(self, code: str, name: str) -> tuple[str, Session] | None:
-        """Return a session's key and the session that ``code`` opens; None if it opens none."""
+        """Return the key and the session that ``code`` opens; None if the code is not valid."""
         self._forget_old()
         found = self._codes.pop(_hash(code), None)
         if found is None:
@@ -86,15 +82,14 @@ class Sessions:
         if len(self._sessions) >= MOST_SESSIONS:
             least = min(self._sessions, key=lambda key: _worth(self._sessions[key]))
             self._sessions.pop(least).over.set()
-        self._count += 1
         key = secrets.token_urlsafe(32)
-        session = Session(name, found.role, self._count, self._now())
+        session = Session(self._free_name(name), found.role, self._now())
         self._sessions[_hash(key)] = session
         self._keep()
         return key, session
 
     def find(self, key: str) -> Session | None:
-        """Return the session that ``key`` belongs to, and note that it is in use."""
+        """Return the session with the key ``key``, and note that it is in use."""
         session = self._sessions.get(_hash(key))
         if session is None or self._is_over(session):
             return None
@@ -102,70 +97,63 @@ class Sessions:
         return session
 
     def end(self, key: str) -> None:
-        """Close a session, and with it its pages."""
+        """End a session, and close its pages."""
         session = self._sessions.pop(_hash(key), None)
         if session is not None:
             session.over.set()
             self._keep()
 
-    @property
-    def in_control(self) -> Session | None:
-        """The session that has control, which outlives the panel."""
-        return next((session for session in self._sessions.values() if session.has_control), None)
-
-    def give_control(self, session: Session | None) -> None:
-        """From now on it is this session that has control, or none."""
-        for item in self._sessions.values():
-            item.has_control = item is session
-        self._keep()
+    def has_page(self, name: str) -> bool:
+        """Return whether a page is open in the session of the user ``name``."""
+        return any(item.name == name and item.pages > 0 for item in self._sessions.values())
 
     def open_page(self, session: Session) -> None:
-        """A page of the session has connected."""
+        """Note that a page of the session has connected."""
         session.pages += 1
         self._keep()
 
     def close_page(self, session: Session) -> None:
-        """A page of the session is gone."""
+        """Note that a page of the session has disconnected."""
         session.pages -= 1
-        session.used_s = session.left_s = self._now()
+        session.used_s = self._now()
         self._keep()
 
-    def is_gone(self, session: Session, grace_s: float) -> bool:
-        """Whether no page of the session has been open for ``grace_s``, or it was closed."""
-        if session not in self._sessions.values():
-            return True
-        return session.pages == 0 and self._now() - session.left_s > grace_s
+    def _free_name(self, name: str) -> str:
+        """Return ``name``, with a number if another session already has that name."""
+        taken = {item.name for item in self._sessions.values()}
+        others = (f"{name} ({number})" for number in itertools.count(2))
+        return next(item for item in itertools.chain([name], others) if item not in taken)
 
     def _is_over(self, session: Session) -> bool:
         return session.pages == 0 and self._now() - session.used_s > IDLE_S
 
     def _recall(self) -> None:
-        """Take up the sessions that stand in the book."""
-        if self._book is None:
+        """Restore the stored sessions."""
+        if self._store is None:
             return
-        since_s, kept = self._book.read()
+        since_s, kept = self._store.read()
         for item in kept:
-            # While a page was open, the session was in use up to the end of that process.
+            # If a page was open, the session was in use until that process ended.
             idle_s = 0.0 if item.idle_s is None else item.idle_s + since_s
-            session = Session(
-                item.name, item.role, item.number, self._now() - idle_s,
-                left_s=self._now(), has_control=item.has_control,
-            )  # fmt: skip
+            session = Session(self._free_name(item.name), item.role, self._now() - idle_s)
             if not self._is_over(session):
                 self._sessions[bytes.fromhex(item.key_sha256)] = session
-            self._count = max(self._count, item.number)
 
     def _keep(self) -> None:
-        if self._book is None:
+        if self._store is None:
             return
         now = self._now()
-        self._book.write(
+        self._store.write(
             [
-                StoredSession(key.hex(), session.name, session.role, session.number,
-                     None if session.pages else now - session.used_s, session.has_control)
+                StoredSession(
+                    key.hex(),
+                    session.name,
+                    session.role,
+                    None if session.pages else now - session.used_s,
+                )
                 for key, session in self._sessions.items()
             ]
-        )  # fmt: skip
+        )
 
     def _forget_old(self) -> None:
         now = self._now()
@@ -176,9 +164,9 @@ class Sessions:
 
 
 def _worth(session: Session) -> tuple[bool, bool, float]:
-    """Return what speaks for keeping a session; the least makes room for another.
+    """Return the rank of a session; the session with the lowest rank is removed for another.
 
-    An open page asks for nothing while it is looked at, so that its last use says little.
+    An open page sends no requests while a person only looks at it: its last use is no measure.
     """
     return session.role == "operator", session.pages > 0, session.used_s
 

@@ -1,4 +1,4 @@
-"""Remote control of a rig: a protocol on zenoh, its server and its clients."""
+"""Controls a rig over the network: a protocol on zenoh (message library), server and clients."""
 
 from rigd.remote.client import AsyncClient, Client
 

@@ -1,7 +1,7 @@
-"""Checks the certificates of one end of a connection and explains what is wrong.
+"""Checks the certificates of one end of a connection and explains problems.
 
-Who is turned away by TLS is not told why, and a daemon that nobody can trust hears of nothing. Most
-reasons can be seen in one's own files.
+If TLS refuses a client, the client does not learn the reason. If no client trusts the certificate
+of a daemon, the daemon does not learn about it. The files at one end show most reasons.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from cryptography.hazmat.primitives.serialization import (
 from rigd.config.remote import TlsFiles
 from rigd.model.errors import ConfigError
 
-#: Whoever looks after the rig is told so long before a certificate expires.
+#: A notice says so long before that a certificate expires.
 SOON: Final = timedelta(days=30)
 #: What to do about one that has expired.
 RENEW: Final = (
     "where ca.key is, remove it and its key; rigd remote setup-tls then makes another, of the same "
     "authority"
 )
-#: What to look at where a file cannot be read.
-MISSING: Final = "rigd remote setup-tls makes it; who uses it must be allowed to read it"
+#: What to look at if a file cannot be read.
+MISSING: Final = "rigd remote setup-tls makes it; the user of rigd must be allowed to read it"
 
 
 def check_usable(files: TlsFiles, now: datetime | None = None) -> None:
-    """Check that ``files`` can be read, are valid now and go together.
+    """Check that ``files`` can be read, are valid now and belong together.
 
     Raises:
-        ConfigError: nobody could accept them; says which of them, and what to do.
+        ConfigError: no peer could accept them; names the file and the remedy.
     """
     now = now or datetime.now(UTC)
     for path in (files.certificate, files.ca):
@@ -68,14 +68,14 @@ def distrusted(files: TlsFiles) -> str | None:
 
 
 def expires_soon(files: TlsFiles, now: datetime | None = None) -> str | None:
-    """Return which of two usable certificates expires first, where that is soon."""
+    """Return which of two usable certificates expires first, if that is soon."""
     now = now or datetime.now(UTC)
     until, path = min(
         (_read(path).not_valid_after_utc, path) for path in (files.certificate, files.ca)
     )
     if until - now > SOON:
         return None
-    return f"{path} expires on {until:%Y-%m-%d}: nobody can connect from then on"
+    return f"{path} expires on {until:%Y-%m-%d}: no client can connect from then on"
 
 
 def _read(path: Path) -> x509.Certificate:

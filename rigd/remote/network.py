@@ -1,8 +1,12 @@
-"""zenoh configuration of server and client: endpoints, TLS, access control.
+"""Builds the zenoh configuration of server and client: endpoints, TLS, access control.
 
-Settled by trying (eclipse-zenoh 1.10.2): by default zenoh listens on every interface and joins a
-multicast group, lets every peer publish on any key and answer any query, and shares memory for
-payloads above 3 KiB. All of that is off here.
+Experiments with eclipse-zenoh 1.10.2 show that zenoh does the following by default:
+
+- listens on every interface and joins a multicast group;
+- lets every peer publish on any key and answer any query;
+- shares memory for payloads above 3 KiB.
+
+This module turns all of that off.
 """
 
 from __future__ import annotations
@@ -28,7 +32,7 @@ _MAX_SESSIONS: Final = 32
 #: request has 256 waiting: with a thread for each connection, a flood delays no stop of others.
 _RECEIVERS: Final = f"(rx: (worker_threads: {_MAX_SESSIONS + 2}))"
 _RUNTIME: Final = "ZENOH_RUNTIME"
-#: How long a client tries to connect; it is told nothing but that nobody let it in.
+#: How long a client tries to connect; it learns no more than that no daemon admitted it.
 CONNECT_TIMEOUT_S: Final = 3.0
 #: What is larger never reaches Python. A request a little too large does, and is told why.
 _DROPPED_BYTES: Final = 4 * MAX_REQUEST_BYTES
@@ -123,7 +127,7 @@ def client_config(endpoints: Sequence[str], tls: TlsFiles | None = None) -> zeno
 
 
 def _quiet(mode: str) -> dict[str, Any]:
-    """Return what makes a session find nobody, and be found by nobody."""
+    """Return the configuration of a session that finds no peer, and that no peer finds."""
     return {
         "mode": mode,
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
@@ -137,11 +141,11 @@ def _config(content: dict[str, Any]) -> zenoh.Config:
 
 
 def _access_control(keys: Keys, setup: RemoteSetup) -> dict[str, Any]:
-    """Return rules by which everybody reaches their own keys, and nothing else.
+    """Return rules that give each client access only to its own keys.
 
-    With TLS there is one subject for each name in the roles; without, one for everybody, who may
-    then take any name. Either way nobody else can publish, answer queries or listen beyond what
-    is there for all.
+    With TLS there is one subject for each name in the roles; without, one for all clients, which
+    may then use any name. In both cases no client can publish, answer queries or listen beyond the
+    common keys.
     """
     rules: list[dict[str, Any]] = []
     subjects: list[dict[str, Any]] = []

@@ -1,9 +1,9 @@
-"""Creates certificates for a lab: an authority, one per rig, one per client.
+"""Creates the TLS certificates of a lab: one for the authority, one per rig, one per client.
 
-The name of a client is the common name of its certificate (RFC 5280); what that name may do
-stands in the rig file. Keys are ECDSA on P-256 in PKCS #8, which zenoh's TLS library (rustls)
-reads. A server certificate cannot be used as a client's, nor the other way round (extended key
-usage, RFC 5280 section 4.2.1.12).
+The name of a client is the common name of its certificate (RFC 5280). The rig file states what a
+client of that name may do. Keys are ECDSA on P-256 in PKCS #8, which zenoh's TLS library (rustls)
+reads. A server certificate cannot be used as a client certificate, and a client certificate cannot
+be used as a server certificate (extended key usage, RFC 5280 section 4.2.1.12).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ HERE: Final = "localhost"
 
 @dataclass(frozen=True)
 class Made:
-    """The files that were made, and those that were there already."""
+    """The files that were written, and those that existed before."""
 
     files: tuple[Path, ...]
     kept: tuple[Path, ...]
@@ -63,16 +63,16 @@ def setup_tls(
     valid: timedelta = VALID,
     now: datetime | None = None,
 ) -> Made:
-    """Make what is missing in ``folder``: the authority, the server for ``hosts``, the clients.
+    """Make the missing files in ``folder``: the authority, the server for ``hosts``, the clients.
 
     ``hosts`` are the names and addresses by which clients reach the rig; :data:`HERE` is added.
-    What is there is never written over, so that more clients can be added later; a private key is
+    Existing files are never overwritten, so that more clients can be added later; a private key is
     readable by its owner only.
 
     Raises:
-        Refusal: a client's name cannot stand in a key.
-        ConfigError: a client is named as the authority or the server is; a host is none; or a
-            certificate is there without its key, or a key without its certificate.
+        Refusal: a client's name is not allowed in a key.
+        ConfigError: a client has the name of the authority or the server; a host is invalid; or a
+            certificate exists without its key, or a key without its certificate.
     """
     now = now or datetime.now(UTC)
     for name in clients:
@@ -101,7 +101,7 @@ def setup_tls(
     if missing(SERVER):
         if not hosts:
             raise ConfigError(
-                "nobody could trust a server without a name",
+                "no client could trust a server without a name",
                 hint="give the names or addresses by which clients reach the rig",
             )
         names = x509.SubjectAlternativeName(reached_by)
@@ -219,7 +219,7 @@ def _write(
         serialization.PrivateFormat.PKCS8,
         serialization.NoEncryption(),
     )
-    # Created with its mode, so that nobody can read the key even for a moment.
+    # Created with its mode, so that no other user can read the key even for a moment.
     file = os.open(folder / f"{name}.key", os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(file, "wb") as out:
         out.write(secret)

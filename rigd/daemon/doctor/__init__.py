@@ -1,4 +1,7 @@
-"""Checks whether this machine and a rig are fit to run; every result is measured."""
+"""Checks whether this machine and a rig are fit for a run (``rigd doctor``).
+
+Every result is measured.
+"""
 
 from rigd.daemon.doctor.check import Check, CheckVerdict, is_fit
 from rigd.daemon.doctor.examine import Examination, examine

@@ -1,7 +1,8 @@
-"""Measures the timing of this machine with a cycle without devices in its own process.
+"""Measures the timing of the control cycle on this machine, without devices, in its own process.
 
 ``python -m rigd.daemon.doctor.bare_cycle PERIOD_NS SECONDS`` prints one JSON object
-(:class:`BareCycle`). The process asks for all that the cycle process of a run asks for.
+(:class:`BareCycle`). The process requests the same real-time settings from the kernel as the cycle
+process of a run.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ _WARM_UP: Final = 50
 
 @dataclass(frozen=True)
 class Lateness:
-    """By how much cycles began late, in s; ``longest_gap_s`` from one beginning to the next."""
+    """How late cycles began, in s; ``longest_gap_s`` is the longest time between two beginnings."""
 
     cycles: int
     missed: int
@@ -61,7 +62,7 @@ class Lateness:
 
 @dataclass(frozen=True)
 class BareCycle:
-    """What the process measured, and what the kernel granted it (see :class:`RealTime`)."""
+    """The measurements of the process, and the granted settings (:class:`RealTime`)."""
 
     lateness: Lateness
     granted: tuple[str, ...]

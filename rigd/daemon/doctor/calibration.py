@@ -1,4 +1,4 @@
-"""Check of the calibration of a rig: present, of this rig, valid until when."""
+"""Checks whether the calibration of a rig exists, is for this rig, and until when it is valid."""
 
 from __future__ import annotations
 

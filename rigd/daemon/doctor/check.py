@@ -1,4 +1,4 @@
-"""Result of one check of the doctor: its verdict and the remedy."""
+"""Defines the result of one check of ``rigd doctor``: the verdict and the remedy."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enum import Enum
 
 
 class CheckVerdict(Enum):
-    """How a check ended."""
+    """The verdict of a check."""
 
     OK = "ok"
     WARN = "warn"  #: runs, but less well than it could
@@ -17,10 +17,10 @@ class CheckVerdict(Enum):
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at.
+    """The result of one check.
 
-    ``found`` is a sentence for a person, ``advice`` what to do where the verdict is not ok,
-    ``figures`` the same for a script, in SI.
+    ``found`` is a sentence for a person, ``advice`` the remedy if the verdict is not ok,
+    ``figures`` the numbers for a script, in SI.
     """
 
     group: str

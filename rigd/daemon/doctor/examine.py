@@ -1,4 +1,4 @@
-"""Runs the checks of machine and rig; checks that open a device come last."""
+"""Runs the checks of this machine and of a rig; the checks that open a device come last."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from rigd.model.rows import row_struct
 
 @dataclass(frozen=True)
 class Examination:
-    """What to look at: this machine, and ``rig`` where there is one; how long, and for which disk.
+    """The scope of the doctor: this machine and, if given, ``rig``; how long, and for which disk.
 
     ``seconds`` is the length of each measurement; there are two.
     """
@@ -34,7 +34,7 @@ class Examination:
 
 
 def examine(what: Examination, tell: Tell) -> bool:
-    """Examine, and tell every check as it is made; return False where a person stopped it."""
+    """Examine, and report every check when it is made; return False if the user interrupted."""
     rig = what.rig
     for check in examine_machine():
         tell(check)

@@ -1,4 +1,4 @@
-"""Checks of the machine: processors, clocks, kernel settings. Linux only."""
+"""Checks the machine (Linux only): processors, clocks and kernel settings."""
 
 from __future__ import annotations
 

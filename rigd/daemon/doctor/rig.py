@@ -1,4 +1,4 @@
-"""Checks of the rig: links, devices, watchdogs, and channels at rest."""
+"""Checks the parts of a rig: links, devices, watchdogs, and channels at rest."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FULL: Final = 1.0
 
 @dataclass(frozen=True)
 class Reason:
-    """What is wrong with a device or link; ``name`` is "" where nobody knows which."""
+    """Why a device or link failed; ``name`` is "" if the device is unknown."""
 
     name: str
     message: str
@@ -29,7 +29,7 @@ class Reason:
 
 
 def examine_rig(rig: RigConfig, seconds: float, control: Control, tell: Tell) -> None:
-    """Open ``rig``, prove its watchdogs, watch it at rest for so long; nothing is armed."""
+    """Open ``rig``, test its watchdogs, watch it at rest for ``seconds``; nothing is armed."""
     group = f"rig {rig.name}"
     try:
         with open_unarmed(rig, control, command="rigd doctor") as look:
@@ -75,7 +75,7 @@ def _examine(look: UnarmedSession, seconds: float, tell: Tell) -> None:
 
 
 def split_reasons(told: Sequence[str], names: Sequence[str]) -> list[Reason]:
-    """Return what was told, ``name: message`` each, or several joined by semicolons."""
+    """Return the reasons in a message: ``name: message`` each, or several joined by semicolons."""
     known = "|".join(map(re.escape, sorted(names, key=len, reverse=True)))
     reasons = []
     for text in told:
@@ -118,7 +118,7 @@ def _links_and_devices(
 
 
 def _watchdogs(look: UnarmedSession) -> Iterator[Check]:
-    """Let every watchdog act once, and yield what came of it."""
+    """Let every watchdog act once, and yield the results."""
     rig, group = look.rig, "watchdogs"
     actuators = [device for device in rig.devices.values() if device.setpoints]
     if rig.plant is not None:
@@ -160,7 +160,7 @@ def _loads(group: str, look: UnarmedSession) -> Iterator[Check]:
 
 
 def _interlocks(group: str, look: UnarmedSession) -> Iterator[Check]:
-    standing = {trip.interlock.name for trip in look.standing()}
+    standing = {trip.interlock.name for trip in look.active_interlocks()}
     last = {trip.interlock.name: trip for trip in look.trips}
     for name, trip in last.items():
         action = trip.interlock.action

@@ -1,4 +1,4 @@
-"""Statistics of a channel at rest: zero, noise, and whether its value changes."""
+"""Computes statistics of a channel at rest: zero (mean), noise, and whether its value changes."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 
 class Statistics:
-    """Mean, standard deviation and range of values that come in blocks, without keeping them.
+    """Computes mean, standard deviation and range of values given in blocks, without storing them.
 
-    Blocks are merged by the pairwise update of Chan, Golub and LeVeque (1983), eq. 2.1. What is
-    not finite is counted and left out.
+    Blocks are merged by the pairwise update of Chan, Golub and LeVeque (1983), eq. 2.1. Values that
+    are not finite are counted and left out.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Checks of storage: the disk of the recordings and the memory of the rings."""
+"""Checks the disk for the recordings and the memory for the rings (buffers of rows)."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ _HOURS: Final = 8.0
 _RESERVE: Final = 3.0
 #: Rings hold a minute of what the disk does not take; a run ends when they are 80 % full.
 _LONG_SYNC_S: Final = 5.0
-#: Memory for the rings where no rig says how much it needs: 20 streams at 1 kHz for a minute.
+#: Memory for the rings if no rig says how much it needs: 20 streams at 1 kHz for a minute.
 _SOME_RINGS: Final = 100_000_000
 
 
 @dataclass(frozen=True)
 class StorageNeeds:
-    """What a rig writes, uncompressed, in bytes per second, and its rings, in bytes."""
+    """The bytes per second that a rig writes (uncompressed), and the size of its rings in bytes."""
 
     bytes_per_s: float
     ring_bytes: int
@@ -94,7 +94,7 @@ def _speed(folder: Path, needs: StorageNeeds | None) -> Check:
 
 
 def _write(folder: Path) -> tuple[float, float]:
-    """Return bytes per second written for good, and the longest time one piece took, in s."""
+    """Return the bytes per second written to disk, and the longest time of one piece, in s."""
     piece = os.urandom(_PIECE)  # what no layer below can compress
     longest_s = 0.0
     with tempfile.TemporaryFile(dir=folder) as file:

@@ -1,4 +1,4 @@
-"""Measures every stream of a rig at rest: rate, stale rows, zero and noise."""
+"""Measures every stream of a rig at rest: rate, stale (repeated) rows, zero and noise."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _BUSY_SHARE: Final = 0.6
 
 
 class Survey:
-    """Takes the rows of ``rig``, and says what they show."""
+    """Collects the rows of ``rig`` and returns checks of them."""
 
     def __init__(self, rig: RigConfig) -> None:
         self._rig = rig
@@ -48,7 +48,7 @@ class Survey:
         self._cycles: list[Rows] = []
 
     def take(self, stream: str, rows: Rows) -> None:
-        """Take rows of one stream, in time order, at least one."""
+        """Add rows of one stream, in time order, at least one row."""
         if stream == CYCLE_STREAM.name:
             self._cycles.append(rows)
             return
@@ -114,10 +114,10 @@ class Survey:
         return Check(group, name, CheckVerdict.OK, found, figures=figures)
 
     def _wanted_hz(self, device: DeviceConfig) -> float | None:
-        """Return the rate that a device must keep; None where it has a pace of its own."""
-        driver = device.driver_class(device.config, None)
-        steady = isinstance(driver, BlockDriver) or (
-            isinstance(driver, Driver) and driver.every_cycle
+        """Return the rate that a device must keep; None if it has its own rate."""
+        kind = device.driver_class
+        steady = issubclass(kind, BlockDriver) or (
+            issubclass(kind, Driver) and device.declaration.every_cycle
         )
         return most_rows_hz(self._rig, device.stream) if steady else None
 
@@ -130,7 +130,7 @@ class Survey:
 
 
 def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Statistics) -> Check:
-    """Return what is to be said of a channel that was watched at rest."""
+    """Return the check of a channel that was watched at rest."""
     name = f"{device.name}.{channel.name}"
     unit = "" if channel.unit == "1" else f" {channel.unit}"
     if seen.not_finite:

@@ -1,4 +1,8 @@
-"""Checks of timing: lateness of cycles, and the device silence that it explains."""
+"""Checks the timing of the cycle: how late cycles begin, and how long the cycle may be silent.
+
+After the silence ``cycle_silence`` of the rig file, the cycle counts as dead. This time must be
+well above the longest gap between two cycles.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ from rigd.daemon.doctor.bare_cycle import BareCycle, Lateness, measure
 from rigd.daemon.doctor.check import Check, CheckVerdict
 
 _GROUP: Final = "timing"
-#: Rate of the bare cycle where no rig gives one.
+#: Rate of the bare cycle if no rig gives one.
 DEFAULT_PERIOD_NS: Final = 1_000_000
 #: A run may miss so many of its cycles on a machine that is shared, before the share is worth a
 #: word; and so many before its recordings are not what they look like.
@@ -23,7 +27,7 @@ _SILENCES: Final = (0.05, 0.1, 0.15, 0.25, 0.5, 1.0, 2.0)
 
 
 def examine_timing(rig: RigConfig | None, seconds: float) -> Iterator[Check]:
-    """Run a bare cycle for so long; yield what it was granted and how late it was."""
+    """Run a bare cycle; yield the granted settings and the delays."""
     period_ns = DEFAULT_PERIOD_NS if rig is None else rig.period_ns
     found = measure(period_ns, seconds)
     yield from _granted(found)

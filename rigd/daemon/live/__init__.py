@@ -1,4 +1,4 @@
-"""Live data and events of a rig for clients."""
+"""Passes live data and events of a rig to clients."""
 
 from rigd.daemon.live.feed import Feed, Outlet
 from rigd.daemon.live.monitor import Monitor

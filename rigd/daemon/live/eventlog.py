@@ -1,4 +1,4 @@
-"""The numbered events of a daemon; the newest are kept for clients that connect later."""
+"""Numbers the events of a daemon and keeps the newest for clients that connect later."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ class EventLog:
         return numbered
 
     def since(self, number: int) -> Sequence[RigEvent]:
-        """Return kept events from ``number`` on, oldest first: as many as one answer holds.
+        """Return stored events from ``number`` on, oldest first: as many as one answer can contain.
 
-        The first has a larger number where older ones are no longer kept.
+        The first has a larger number if older events are no longer stored.
         """
         found: list[RigEvent] = []
         room = ANSWER_BYTES

@@ -1,7 +1,8 @@
 """Passes rows and events of a rig to its clients while a run plays.
 
-A thread of the daemon looks at the rings of the run under way as a viewer: it releases nothing,
-hinders nobody, and skips what it was too slow for. The cycle never knows of it.
+A thread of the daemon reads the rings (buffers of rows) of the current run. The thread releases no
+rows, delays no other process, and skips rows if it is too slow. The cycle process does not depend
+on this thread.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ import time
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from types import TracebackType
 from typing import Any, Final, Protocol, Self
 
 from rigd.config.rig import RigConfig
@@ -34,7 +34,7 @@ QUIET_S: Final = 10.0
 
 
 class Outlet(Protocol):
-    """Where frames and events go; never waits long (:class:`rigd.remote.server.RigPublisher`)."""
+    """Receives frames and events, never waits long (:class:`rigd.remote.server.RigPublisher`)."""
 
     def frame(self, stream: str, payload: bytes, /) -> None:
         """Take a frame of ``stream``, encoded."""
@@ -48,13 +48,13 @@ class Outlet(Protocol):
 class Feed:
     """The live data and the events of one rig.
 
-    :meth:`start` it once, then :meth:`attach` it to each run, and :meth:`detach` it when that has
+    Call :meth:`start` once, then :meth:`attach` for each run, and :meth:`detach` when that has
     ended. Every method may be called from any thread.
 
     Args:
         rig: the rig; its streams are numbered in the order of its file, that of the cycle last.
         outlet: gets a frame of each stream that has new rows, 30 times a second, and every event.
-        raw: gets the rows themselves, as the ring holds them (``t_ns`` Unix); never waits long.
+        raw: gets the rows themselves, as the ring stores them (``t_ns`` Unix); must not wait long.
     """
 
     def __init__(
@@ -81,12 +81,7 @@ class Feed:
         self.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     @property
@@ -105,7 +100,7 @@ class Feed:
         self._thread.start()
 
     def stop(self) -> None:
-        """Show nothing more; stopping twice is silent."""
+        """Stop sending; stopping twice is silent."""
         self._stop.set()
         if self._thread.ident is not None:
             self._thread.join()
@@ -128,9 +123,9 @@ class Feed:
                 live.attach(rings.get(name))
 
     def detach(self) -> None:
-        """Show what is left in the rings, and let go of them; silent where there are none.
+        """Send the remaining rows of the rings, and release them; silent if there are none.
 
-        The rings may be gone from their folder already: what is mapped stays.
+        The rings may be removed from their folder already: the mapped memory stays valid.
         """
         with self._lock:
             self._show()
@@ -149,16 +144,16 @@ class Feed:
             self._guarded(partial(self._outlet.event, event))
 
     def events(self, number: int) -> tuple[Sequence[RigEvent], int]:
-        """Return events from ``number`` on, and the number to ask from next.
+        """Return events from ``number`` on, and the number of the next request.
 
-        The newest 1000 are kept; one answer may hold fewer than there are.
+        The newest 1000 are stored; an answer may contain fewer than are available.
         """
         with self._lock:
             found = self._log.since(number)
             return found, found[-1].seq + 1 if found else self._log.next
 
     def latest(self) -> LatestValues:
-        """Return the newest value of every channel that ever gave one, with its age."""
+        """Return the newest value of every channel that has had a value, with its age."""
         with self._lock:
             now_ns, values = self.t_ns, dict[str, LatestReply]()
             for name, live in self._streams.items():
@@ -189,7 +184,7 @@ class Feed:
         return History(frame=None if frame is None else b64encode(encode_frame(frame)))
 
     def tick(self) -> None:
-        """Show what has come since the last time; the thread does so 30 times a second."""
+        """Send the rows since the last call; the thread does so 30 times a second."""
         with self._lock:
             self._show()
 
@@ -199,9 +194,9 @@ class Feed:
             self._guarded(partial(self._show_rows, live))
 
     def _guarded(self, show: Callable[[], None]) -> None:
-        """Call ``show``; where it fails, that is logged, and everything else is shown all the same.
+        """Call ``show``; if it fails, log the error and continue with the other streams.
 
-        Whoever looks on must never end a run, nor one stream hide the others.
+        A viewer must never end a run, and a failing stream must not hide the others.
         """
         try:
             show()

@@ -1,8 +1,9 @@
-"""Serves the live streams in the protocol of the Foxglove app; read-only.
+"""Serves the live streams in the protocol of the Foxglove app; clients can only read.
 
-Foxglove SDK 0.30.3, protocol ``foxglove.sdk.v1``. Its server asks nobody who they are and takes
-any ``Origin``: whoever reaches the port, a page in the browser of this machine among them, may
-look. It therefore offers nothing but looking (no capability is advertised), on loopback only.
+The server is that of the Foxglove SDK 0.30.3, protocol ``foxglove.sdk.v1``. This server does not
+authenticate clients and accepts any ``Origin``. Every program that reaches the port can read the
+streams, also a page in a browser of this machine. The server therefore listens on loopback only and
+advertises no capability, so that clients can do nothing except read.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from rigd.engine.rates import most_rows_hz
 from rigd.engine.sink import Rows
 from rigd.engine.wiring import streams_of
 from rigd.model.errors import ConfigError, LinkError
+from rigd.model.extras import require
 from rigd.model.rows import TIME_FIELD
 from rigd.record.events import CDR_HEADER
 from rigd.record.schema import channel_metadata, schema_text, type_names
@@ -45,17 +47,15 @@ class FoxgloveServer:
         """Listen on ``port`` of this machine, 0 for any that is free.
 
         Raises:
-            ConfigError: the Foxglove SDK is not installed, or there is no such port.
+            MissingExtra: the Foxglove SDK is not installed.
+            ConfigError: there is no such port.
             LinkError: the port is taken.
         """
         if not 0 <= port <= _LAST_PORT:
             raise ConfigError(f"--foxglove {port}: a port is a number from 0 to {_LAST_PORT}")
-        try:
-            import foxglove
-        except ImportError as error:
-            raise ConfigError(
-                "the Foxglove SDK is not installed", hint="pip install 'rigd[foxglove]'"
-            ) from error
+        require("foxglove", "rigd serve --foxglove")
+        import foxglove
+
         self._context = context = foxglove.Context()  # a channel does not keep it alive
         try:
             self._server = foxglove.start_server(
@@ -90,7 +90,7 @@ class FoxgloveServer:
         }
 
     def show(self, stream: str, rows: Rows) -> None:
-        """Send rows to whoever subscribed to their stream; the slow miss some."""
+        """Send rows to the viewers of their stream; a slow viewer misses some."""
         self._topics[stream].send(rows)
 
     def stop(self) -> None:
@@ -102,7 +102,7 @@ class FoxgloveServer:
 
 
 class _Topic:
-    """One stream, of which one row of ``every`` is sent."""
+    """Sends every ``every``-th row of a stream."""
 
     def __init__(self, channel: Channel, every: int) -> None:
         self._channel = channel

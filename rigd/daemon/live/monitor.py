@@ -1,4 +1,4 @@
-"""Shows the channels of a rig on which no run plays; the rig is never armed."""
+"""Shows the channels of a rig to clients while no run plays; the rig is never armed."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _FORGET_S: Final = 1.0
 
 
 class Monitor:
-    """A look at ``rig`` (:func:`rigd.daemon.manual.open_unarmed`) for ``feed``, in a thread.
+    """Opens ``rig`` unarmed (:func:`rigd.daemon.manual.open_unarmed`) for ``feed``, in a thread.
 
-    Its cycle runs at rest with interlocks that only tell, which takes as much of a processor as a
-    run does. It must have been stopped before a run begins. ``held`` is the rig's folder where
-    the caller has taken it. Where a device fails or is not there, it is tried again until it is;
-    ``told`` gets the reason, once, and again after it has shown something.
+    Its cycle runs at rest with interlocks that only report, which takes as much of a processor as a
+    run. It must be stopped before a run begins. ``held`` is the rig's folder if the caller has
+    taken it. If a device fails or is missing, opening is repeated; ``told`` gets the reason, once,
+    and again after data were shown.
     """
 
     def __init__(

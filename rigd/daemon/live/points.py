@@ -21,8 +21,8 @@ _VALUES_AT: Final = 8
 class Points:
     """Points of a stream of c channels, in time order.
 
-    ``times_ns`` int64 (points,) is Unix time: that of the last row a point stands for. ``low`` and
-    ``high`` float64 (points, c) bound all those rows in SI units; NaN where all of them are NaN.
+    ``times_ns`` int64 (points,) is Unix time: that of the last row that a point represents. ``low``
+    and ``high`` float64 (points, c) bound all those rows in SI units; NaN if all of them are NaN.
     """
 
     times_ns: NDArray[np.int64]
@@ -31,7 +31,7 @@ class Points:
 
     @classmethod
     def of(cls, stream: Stream, rows: Rows) -> Self:
-        """Return each of ``rows`` (at least one) as a point; the status word is left out."""
+        """Return each of ``rows`` (at least one row) as a point; the status word is left out."""
         shape = (len(rows), len(stream.channels))
         values = np.ndarray(
             shape, "<f8", np.ascontiguousarray(rows), _VALUES_AT, (rows.itemsize, 8)
@@ -41,7 +41,7 @@ class Points:
 
     @classmethod
     def joined(cls, several: Sequence[Points]) -> Self:
-        """Return the points of ``several`` (at least one), one after the other."""
+        """Return the points of ``several`` (at least one item), one after the other."""
         return cls(
             np.concatenate([item.times_ns for item in several]),
             np.concatenate([item.low for item in several]),
@@ -54,7 +54,7 @@ class Points:
     def reduced(self, most: int) -> Points:
         """Return at most ``most`` (2 or more) points that bound the same values.
 
-        The last one stays alone, so that it still is the newest row and nothing else.
+        The last point is not merged, so that it still represents only the newest row.
         """
         count = len(self)
         if count <= most:

@@ -1,4 +1,4 @@
-"""Prepares one stream of a rig for live plots."""
+"""Prepares one stream (channels that are sampled together) of a rig for live plots."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _KEPT_POINTS: Final = 2
 
 
 class LiveStream:
-    """A stream: its rows while a ring gives some, its newest row, and its last ten seconds.
+    """Returns the new rows of a stream from its ring, its newest row, and its last ten seconds.
 
     ``number`` is that of its frames. Rows that repeat earlier values because the device gave none
     (:data:`~rigd.model.channels.STALE`) are not shown: its last value then ages for all to see.
@@ -46,12 +46,12 @@ class LiveStream:
         return self._skipped + (0 if self._view is None else self._view.skipped)
 
     def attach(self, ring: RowRing | None) -> None:
-        """Show what comes into ``ring`` from now on; None: nothing comes."""
+        """Send the rows that come into ``ring`` from now on; None: no rows come."""
         self._skipped = self.skipped
         self._view = None if ring is None else View(ring)
 
     def read(self) -> Rows | None:
-        """Return the rows that came since the last call, in time order; None where none did."""
+        """Return the rows that came since the last call, in time order; None if none did."""
         rows = None if self._view is None else self._view.read()
         if rows is None or not len(rows):
             return None
@@ -60,7 +60,7 @@ class LiveStream:
         return rows if len(rows) else None
 
     def frame(self, rows: Rows) -> Frame:
-        """Return a frame that shows ``rows``, and keep them in mind for those who come late."""
+        """Return a frame with ``rows``, and store them for clients that join later."""
         points = Points.of(self.stream, rows).reduced(FRAME_POINTS)
         recent = self._recent
         recent.append(points.reduced(_KEPT_POINTS))
@@ -71,9 +71,9 @@ class LiveStream:
         return self._frame(points)
 
     def history(self) -> Frame | None:
-        """Return the last ten seconds of the stream as one frame; None where it gave no row yet.
+        """Return the last ten seconds of the stream as one frame; None if it had no row yet.
 
-        Its sequence is that of the last frame: the next one follows without a gap.
+        Its sequence is that of the last frame: the next frame follows without a gap.
         """
         if not self._recent:
             return None
@@ -81,7 +81,7 @@ class LiveStream:
         return self._frame(Points.joined(list(self._recent)).reduced(most))
 
     def newest(self) -> tuple[int, list[float]] | None:
-        """Return the time (Unix, ns) and the values of the newest row; None where there is none."""
+        """Return the time (Unix, ns) and the values of the newest row; None if there is none."""
         if not self._recent:
             return None
         last = self._recent[-1]

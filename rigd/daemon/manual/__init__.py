@@ -1,4 +1,4 @@
-"""A rig opened by hand: channels are read, nothing is armed, nothing is recorded."""
+"""Opens a rig without a run to read its channels; nothing is armed and nothing is recorded."""
 
 from rigd.daemon.manual.choice import actions_of, check_action, chosen_channels, only
 from rigd.daemon.manual.newest import Newest, Reading

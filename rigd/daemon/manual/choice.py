@@ -1,4 +1,11 @@
-"""Resolves names of channels, devices and actions; cuts a rig down to some devices."""
+"""Finds the channels, devices and actions of a rig by name; reduces a rig to some of its devices.
+
+A channel is a named quantity that a device measures. An action is something that a device can do
+when a user asks for it, such as to zero its display. A rig reduced to some of its devices keeps
+only the links of these devices (the connections that devices share) and the interlocks (conditions
+on channels) that look at no other device. The module only reads the description of the rig; it
+opens no device.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +17,10 @@ from rigd.config.problems import suggest
 from rigd.config.rig import RigConfig
 from rigd.model.errors import ConfigError
 from rigd.model.limits import Interlock
-from rigd.sdk import Driver, SlowDriver
 
 
 def chosen_channels(rig: RigConfig, names: Sequence[str]) -> list[str]:
-    """Return the channels that ``names`` mean, in the order of the rig file; all where empty.
+    """Return the channels that ``names`` mean, in the order of the rig file; all if empty.
 
     A name is a channel, or a device, which means all its channels.
 
@@ -34,10 +40,10 @@ def chosen_channels(rig: RigConfig, names: Sequence[str]) -> list[str]:
 
 
 def check_action(rig: RigConfig, name: str, action: str) -> None:
-    """Make sure that a device has an action; nothing is opened.
+    """Check that a device has an action; nothing is opened.
 
     Raises:
-        ConfigError: there is no such device, or it has no such action; names those that have.
+        ConfigError: unknown device, or it has no such action; names the devices that have it.
     """
     device = rig.devices.get(name)
     if device is None:
@@ -54,10 +60,8 @@ def check_action(rig: RigConfig, name: str, action: str) -> None:
 
 
 def actions_of(rig: RigConfig, name: str) -> Mapping[str, str]:
-    """Return the actions of a device, each with what it does; nothing is opened."""
-    device = rig.devices[name]
-    driver = device.driver_class(device.config, None)
-    return driver.actions if isinstance(driver, Driver | SlowDriver) else {}
+    """Return the actions of a device, each with its description; nothing is opened."""
+    return rig.devices[name].declaration.actions
 
 
 def only(rig: RigConfig, devices: Collection[str]) -> RigConfig:
@@ -75,6 +79,6 @@ def only(rig: RigConfig, devices: Collection[str]) -> RigConfig:
 
 
 def _sources(interlock: Interlock) -> set[str]:
-    """Return the devices whose channels an interlock looks at."""
+    """Return the devices whose channels an interlock uses."""
     channels = (interlock.source, interlock.low, interlock.high)
     return {channel.partition(".")[0] for channel in channels if isinstance(channel, str)}

@@ -1,4 +1,4 @@
-"""The newest value of every channel of a rig, its age, and whether it is valid."""
+"""Keeps the newest value of every channel of a rig, with its age and whether it is valid."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from rigd.model.rows import TIME_FIELD
 
 @dataclass(frozen=True)
 class Reading:
-    """One channel: ``value`` in SI ``unit``, NaN where there is none; ``age_s`` of its row.
+    """One channel: ``value`` in SI ``unit``, NaN if there is none; ``age_s`` of its row.
 
-    ``status`` is the status word of its device, None where the device has none. ``state`` is one
-    of ``ok``, ``stale``, ``NaN`` and ``no row``.
+    ``status`` is the status word of its device, None if the device has none. ``state`` is ``ok``,
+    ``stale``, ``NaN`` or ``no row``.
     """
 
     channel: str
@@ -31,9 +31,9 @@ class Reading:
 
 
 class Newest:
-    """Keeps the newest rows of ``rig``; channels stand in the order of the rig file.
+    """Keeps the newest rows of ``rig``; the order of channels is that of the rig file.
 
-    ``channels`` (``device.channel``) leaves out all others, where given.
+    ``channels`` (``device.channel``) leaves out all others, if given.
     """
 
     def __init__(self, rig: RigConfig, channels: Sequence[str] = ()) -> None:
@@ -43,10 +43,7 @@ class Newest:
             for channel in device.channels
             if not channels or f"{device.name}.{channel.name}" in channels
         ]
-        self._silent_s = {
-            name: device.driver_class(device.config, None).silent_s
-            for name, device in rig.devices.items()
-        }
+        self._silent_s = {name: device.declaration.silent_s for name, device in rig.devices.items()}
         self._rows: dict[str, np.void] = {}
         self._fresh_ns: dict[str, int] = {}
 
@@ -60,7 +57,7 @@ class Newest:
             self._fresh_ns[stream] = int(rows[TIME_FIELD][-1])
 
     def readings(self, now_ns: int) -> Iterator[Reading]:
-        """Yield every channel as it stands at ``now_ns`` (Unix)."""
+        """Yield the reading of every channel at ``now_ns`` (Unix)."""
         for device, channel in self._shown:
             row = self._rows.get(device)
             value = math.nan if row is None else float(row[channel.name])

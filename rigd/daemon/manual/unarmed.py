@@ -1,7 +1,8 @@
 """Opens a rig to read its channels: the cycle runs at rest, nothing is armed or recorded.
 
-It is the form of a real run (:mod:`rigd.daemon.forms`) without the recorder: whoever looks drains
-the rings. They stand in a folder that nobody takes for a run whose samples must be saved.
+The processes are those of a real run (:mod:`rigd.daemon.forms`) without the recorder: the caller
+takes the rows out of the rings (buffers of rows). The rings are in a separate folder, so that
+no process takes them for those of a run whose samples must be saved.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from rigd.model.severity import Severity
 from rigd.procedure.program import Recorded
 from rigd.record.events import Event
 
-#: Rows are taken out of the rings every 50 ms; they hold this much where that stalls.
+#: Rows are taken out of the rings every 50 ms; they hold this much if that stalls.
 RING_S: Final = 5.0
 #: A device in the cycle says within this what became of an action.
 ACT_S: Final = 15.0
@@ -41,9 +42,9 @@ PATIENCE_S: Final = 600.0
 
 
 class UnarmedSession:
-    """A rig that is being looked at; made by :func:`open_unarmed`.
+    """A rig that is open but not armed; made by :func:`open_unarmed`.
 
-    ``rig`` is as its file says. ``on_rows`` gets what has come of each stream, several times a
+    ``rig`` is the rig of the file. ``on_rows`` gets the new rows of each stream, several times a
     second, in time order.
     """
 
@@ -72,21 +73,21 @@ class UnarmedSession:
 
     @property
     def trips(self) -> Sequence[Trip]:
-        """What tripped so far, each with its interlock as the rig file has it; nothing acted."""
+        """The trips so far, each with its interlock from the rig file; no action followed."""
         own = {interlock.name: interlock for interlock in self.rig.interlocks}
         return [replace(trip, interlock=own[trip.interlock.name]) for trip in self._host.trips]
 
     def open(self) -> Sequence[str]:
-        """Open every link and device; return what could not be opened, a sentence each."""
+        """Open every link and device; return the failures, one sentence each."""
         return self._told(self._host.open(judge=False))
 
     def judge(self) -> Sequence[str]:
-        """Return what keeps the rig from being armed; every watchdog acts once for this."""
+        """Return the reasons why the rig cannot be armed; every watchdog acts once for this."""
         return self._told(self._host.judge())
 
-    def standing(self) -> Sequence[Trip]:
-        """Return the interlocks that stand tripped now, each as it last tripped."""
-        names = self._host.standing()
+    def active_interlocks(self) -> Sequence[Trip]:
+        """Return the interlocks that are tripped now, each with its last trip."""
+        names = self._host.active_interlocks()
         last = {trip.interlock.name: trip for trip in self.trips}
         # The cycle tells one trip per slot: where several came at once, the rest is on its way.
         return [last[name] for name in names if name in last]
@@ -102,7 +103,7 @@ class UnarmedSession:
         Raises:
             DeviceError: see :meth:`rest`; a device that gives none counts as failed.
         """
-        self._heed(self._host.settle(1))
+        self._raise_on(self._host.settle(1))
 
     def rest(self, seconds: float) -> None:
         """Look at the rig for so long, or until a person wants out.
@@ -111,7 +112,7 @@ class UnarmedSession:
             DeviceError: a device, or the cycle, has failed; the rig is safe.
         """
         until_ns = self.t_ns + round(seconds * 1e9)
-        self._heed(self._host.rest_while(lambda: not self.stopped and self.t_ns < until_ns))
+        self._raise_on(self._host.rest_while(lambda: not self.stopped and self.t_ns < until_ns))
         self._drain()
 
     def next_row(self, device: str) -> None:
@@ -121,18 +122,18 @@ class UnarmedSession:
             DeviceError: see :meth:`rest`.
         """
         seen = self._rings[device].head
-        self._heed(
+        self._raise_on(
             self._host.rest_while(lambda: not self.stopped and self._rings[device].head == seen)
         )
         self._drain()
 
     def act(self, device: str, action: str) -> str | None:
-        """Do one of a device's actions; return what it said, None if a person wanted out.
+        """Perform an action of a device; return the device's reply, None if the user interrupted.
 
         Raises:
-            DeviceError: it refused, did not answer, or something else ended it.
+            DeviceError: it refused, did not answer, or was interrupted.
             LinkError: it cannot be reached.
-            ProtocolError: it answered nonsense.
+            ProtocolError: its reply is invalid.
         """
         if self.stopped:
             return None
@@ -143,7 +144,7 @@ class UnarmedSession:
                 return None
             raise
 
-    def _heed(self, outcome: Outcome | None) -> None:
+    def _raise_on(self, outcome: Outcome | None) -> None:
         if outcome is not None and not self.stopped:
             self._drain()
             raise DeviceError(outcome.reason)
@@ -165,10 +166,10 @@ class UnarmedSession:
 def open_unarmed(
     rig: RigConfig, control: Control, *, command: str, held: RunFolder | None = None
 ) -> Iterator[UnarmedSession]:
-    """Take ``rig`` and make it ready to be opened; on every way out it is safe, closed and free.
+    """Take ``rig`` and prepare to open it; at the end it is always safe, closed and free.
 
-    ``command`` is told to whoever wants the rig meanwhile. ``held`` is the rig's folder where the
-    caller has taken it, and keeps it.
+    ``command`` is shown to a process that wants the rig meanwhile. ``held`` is the rig's folder if
+    the caller has taken it, and keeps it.
 
     Raises:
         Blocked: the rig is in use.
@@ -197,9 +198,9 @@ def open_unarmed(
 
 
 def _harmless(rig: RigConfig) -> RigConfig:
-    """Return ``rig`` with interlocks that only tell, and processes that nobody is killed for.
+    """Return ``rig`` with interlocks that only report, and without limits on silence.
 
-    Nothing is armed, so nothing need end in a hurry: a terminal may be stopped (Ctrl-S).
+    Nothing is armed, so nothing must end quickly: a terminal may be stopped (Ctrl-S).
     """
     told = tuple(
         replace(interlock, action=Severity.WARN, latch=False) for interlock in rig.interlocks

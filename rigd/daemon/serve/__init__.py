@@ -1,4 +1,4 @@
-"""The daemon that serves one rig to clients."""
+"""Implements the daemon: the process that serves one rig to clients."""
 
 from rigd.daemon.serve.daemon import DaemonOptions, serve
 from rigd.daemon.serve.logs import logging_to

@@ -1,4 +1,4 @@
-"""The audit log: one JSON line per command, only ever appended."""
+"""Writes the audit log of a rig: one JSON line per command; lines are only appended."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _PATIENCE_S: Final = 2.0
 class AuditLog:
     """The audit log of one rig, at ``path``.
 
-    A line says ``time`` (UTC), ``who``, the ``user`` where that client speaks for several people,
-    ``role`` where it is known, ``what``, its ``args`` and its ``result``: ``done``, or the code and
-    the message of the refusal. Each is on disk before :meth:`write` returns. The file is opened
-    anew for each line, so that it may be moved away.
-    Where lines could not be written, the next one that can says how many are missing.
+    A line has ``time`` (UTC), ``who`` (the client), the ``user`` if that client acts for several
+    people, ``role`` if known, ``what`` (the verb), its ``args`` and its ``result``: ``done``, or
+    the code and the message of the refusal. Each line is on disk before :meth:`write` returns. The
+    file is opened again for each line, so that it may be moved. If lines could not be written, the
+    next line states how many are missing.
     """
 
     def __init__(self, path: Path, clock: Callable[[], int] = time_ns) -> None:
@@ -48,7 +48,7 @@ class AuditLog:
         role: str = "",
         user: str = "",
     ) -> None:
-        """Append one line; where that fails, :attr:`broken` says so until one could be."""
+        """Append a line; after a failure, :attr:`broken` has the reason until a line succeeds."""
         told = {"who": who, **({"user": user} if user else {}), **({"role": role} if role else {})}
         line = self._line({**told, "what": what, "args": dict(args), "result": result})
         with self._lock:
@@ -66,7 +66,7 @@ class AuditLog:
                 self.broken = ""
 
     def check(self) -> None:
-        """Make sure that what is done next will be kept.
+        """Check that the next command can be logged.
 
         Raises:
             RecordingError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""The main function of the daemon: composes it, keeps it alive, ends it on a signal."""
+"""Contains the main function of the daemon: builds its parts, runs it, and ends it on a signal."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.live.foxglove import FoxgloveServer
 from rigd.daemon.serve.audit import AuditLog
-from rigd.daemon.serve.companion import Companion
 from rigd.daemon.serve.descriptors import Descriptors
+from rigd.daemon.serve.handlers import Parts
 from rigd.daemon.serve.idle_rig import IdleRig
 from rigd.daemon.serve.library import Library
 from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.notify import Notifier
 from rigd.daemon.serve.recordings import Recordings
 from rigd.daemon.serve.recovery import Interruptions
-from rigd.daemon.serve.service import Parts, RigService
+from rigd.daemon.serve.service import RigService
 from rigd.daemon.serve.steering import Steering
+from rigd.daemon.serve.supervised_process import SupervisedProcess
 from rigd.daemon.serve.trips import TripMemory
 from rigd.daemon.serve.worker import CalculationWorker
 from rigd.engine.realtime import as_program, before_programs
@@ -48,7 +49,7 @@ CHECK_MEMORY: Final = 1 << 30
 
 @dataclass(frozen=True)
 class DaemonOptions:
-    """What to serve, and how.
+    """The rig that the daemon serves, and its options.
 
     ``runs`` is the folder of recordings, ``procedures`` that of the lab's own procedures.
     ``monitored``: channels are shown between runs too. ``foxglove`` is a port, None for none.
@@ -65,13 +66,13 @@ class DaemonOptions:
 
 @dataclass
 class Signals:
-    """What signals have asked for; the handler only sets flags, and takes no lock."""
+    """Requests that signals have made; the signal handler only sets flags and takes no lock."""
 
     reason: str = ""  #: why the daemon is to end, or ""
     steering: Steering | None = None
     asked: list[str] = field(default_factory=list)  #: in words, not told yet
 
-    def heed(self, number: int, frame: FrameType | None) -> None:
+    def handle(self, number: int, frame: FrameType | None) -> None:
         """Take a signal."""
         self.reason = f"stopped by {signal.Signals(number).name}"
         stop = None if self.steering is None else self.steering.leave(self.reason)
@@ -79,25 +80,25 @@ class Signals:
         self.asked.append(f"{self.reason}: {what}")
 
     def steer(self, steering: Steering) -> None:
-        """From now on let signals end what runs."""
+        """Let signals end the present run from now on."""
         self.steering = steering
         if self.reason:
             steering.leave(self.reason)
 
 
 def serve(options: DaemonOptions, announce: Callable[[str], None]) -> None:
-    """Serve a rig until a signal; the run under way is then stopped, and its file finished.
+    """Serve a rig until a signal; the run in progress is then stopped, and its file completed.
 
-    A second signal aborts the run, a third drops power. ``announce`` gets lines for whoever
-    started it.
+    A second signal aborts the run, a third drops power. ``announce`` gets lines for the user or
+    program that started the daemon.
 
     Raises:
         Blocked: the rig is in use.
         LinkError: an address cannot be listened on.
-        RigdError: a file that is needed cannot be read or written.
+        RigdError: a required file cannot be read or written.
     """
     signals = Signals()
-    with _heeding(signals), Notifier() as notifier, ExitStack() as stack:
+    with _handling(signals), Notifier() as notifier, ExitStack() as stack:
         news = threading.Event()
         parts, server = _compose(options, stack, news.set, announce)
         service = RigService(parts, server.refused, news.set)
@@ -106,7 +107,7 @@ def serve(options: DaemonOptions, announce: Callable[[str], None]) -> None:
         server.start(service)
         companions = []
         if options.panel:
-            panel = Companion(
+            panel = SupervisedProcess(
                 "the panel", options.panel, parts.notices, spare=(*options.panel, "--spare")
             )
             companions.append(stack.enter_context(panel))
@@ -222,7 +223,7 @@ def _compose(
 
 
 def _nowhere(stream: str, rows: Rows) -> None:
-    """Where rows go that only Foxglove would want as they are."""
+    """Discard raw rows, which only Foxglove uses."""
 
 
 def _may_command(rig: RigConfig, identity: str) -> bool:
@@ -231,14 +232,14 @@ def _may_command(rig: RigConfig, identity: str) -> bool:
 
 
 @contextmanager
-def _heeding(signals: Signals) -> Iterator[None]:
-    """Let signals end the daemon while inside; one that was ignored before (nohup) stays so."""
+def _handling(signals: Signals) -> Iterator[None]:
+    """Let signals end the daemon inside; a signal ignored before (nohup) stays ignored."""
     numbers = [
         number
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         if signal.getsignal(number) is not signal.SIG_IGN
     ]
-    before = {number: signal.signal(number, signals.heed) for number in numbers}
+    before = {number: signal.signal(number, signals.handle) for number in numbers}
     # Ctrl-Z would stop this process, and the cycle then take it for dead.
     before[signal.SIGTSTP] = signal.signal(signal.SIGTSTP, signal.SIG_IGN)
     try:

@@ -1,4 +1,4 @@
-"""Describes a rig to clients: everything that does not change while the daemon lives."""
+"""Describes a rig to clients: everything that does not change while the daemon runs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from rigd.remote.protocol.status import ActionName
 
 
 def describe(rig: RigConfig, role: Role) -> Description:
-    """Return the description of ``rig`` for somebody of ``role``."""
+    """Return the description of ``rig`` for a client with ``role``."""
     return Description(
         rig=rig.name,
         title=rig.title,

@@ -1,8 +1,9 @@
-"""Reserves file descriptors for the daemon, however many connections are open.
+"""Keeps file descriptors free for the daemon, however many connections are open.
 
-A process may have so many files and connections open (RLIMIT_NOFILE). Connections that never
-authenticate use them up. A thread of its own watches the number and ends such connections before
-it is reached; some descriptors are kept back for that.
+The operating system limits the number of files and connections that a process has open
+(RLIMIT_NOFILE). Connections that never authenticate can use up this number. Therefore a separate
+thread counts the open descriptors and ends such connections before the limit is reached. Some
+descriptors are reserved for this thread.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from rigd.daemon.serve.notices import Level
-from rigd.engine.shared.scarce import NONE_LEFT
+from rigd.engine.shared.scarce import NO_DESCRIPTOR
 from rigd.remote.server import Admission
 
 _LOG: Final = logging.getLogger(__name__)
@@ -35,7 +36,7 @@ HELPLESS_S: Final = 10.0
 
 
 class Descriptors:
-    """The descriptors of this process."""
+    """Counts the file descriptors of this process and keeps some free."""
 
     def __init__(self) -> None:
         #: How many there may be.
@@ -56,7 +57,7 @@ class Descriptors:
         self._set(self.limit)
 
     def as_status(self) -> dict[str, int]:
-        """Return what the status says of them."""
+        """Return the counters for the status."""
         return {
             "descriptors": self.used,
             "descriptors_most": self.limit,
@@ -132,7 +133,7 @@ class Descriptors:
         try:
             return len(list(Path("/proc/self/fd").iterdir())) - 1
         except OSError as error:
-            if error.errno not in NONE_LEFT:
+            if error.errno not in NO_DESCRIPTOR:
                 raise
             return self.limit
 

@@ -14,10 +14,10 @@ from rigd.remote.protocol import Code, Refusal
 
 
 class IdleRig:
-    """Looks at ``rig``, whose ``folder`` this process holds; one look at a time, and no run.
+    """Opens ``rig``, whose ``folder`` this process holds, while no run plays; once at a time.
 
-    ``monitored``: :meth:`show` shows the channels to ``feed``; else it does nothing. ``told`` gets
-    what keeps them from being shown.
+    ``monitored``: :meth:`show` sends the channels to ``feed``; else it does nothing. ``told`` gets
+    the reason if they cannot be shown.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class IdleRig:
             self._monitor.start()
 
     def end(self) -> None:
-        """Return once every device is closed; silent where none is open."""
+        """Return once every device is closed; silent if none is open."""
         monitor, self._monitor = self._monitor, None
         if monitor is not None:
             monitor.stop()
@@ -57,7 +57,7 @@ class IdleRig:
             raise Refusal(Code.NOT_FOUND, error.message, hint=error.hint) from error
 
     def act(self, device: str, action: str, control: Control) -> str:
-        """Open a device, let it act, and return what it said; a request of ``control`` ends it.
+        """Open a device, perform an action, and return the reply; a request of ``control`` ends it.
 
         Raises:
             Refusal: it was ended, or the device cannot be opened.

@@ -1,4 +1,4 @@
-"""Lists the procedures of a daemon and checks them against its rig."""
+"""Lists the procedures of a daemon and checks whether they can run on its rig."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,59}")
 
 @dataclass(frozen=True)
 class _Wrong:
-    """A file of which no procedure can be made."""
+    """A procedure file that contains an error."""
 
     path: Path
     error: ConfigError
@@ -46,25 +46,25 @@ class _Wrong:
 
     @property
     def problem(self) -> str:
-        """The first problem with its place; where the folder stands is nobody's business."""
+        """The first problem with its place; the path of the folder is not shown to clients."""
         place = self.error.place
         where = "" if place is None else f":{place.line}:{place.column}"
         return f"{self.path.name}{where}: {self.error.message}"
 
 
 class Library:
-    """The procedures of ``folder``, and the shipped ones that no file there replaces."""
+    """The procedures of ``folder``, and the shipped procedures that no file there replaces."""
 
     def __init__(self, rig: RigConfig, folder: Path) -> None:
         self._rig = rig
         self._folders = (folder, shipped_folder("procedures"))
 
     def lines(self) -> Procedures:
-        """Return all procedures by name, each with what keeps it from running on this rig."""
+        """Return all procedures by name, each with the reason why it cannot run on this rig."""
         return Procedures(procedures=tuple(self._line(item) for item in self._all()))
 
     def view(self, name: str) -> ProcedureView:
-        """Return a procedure and what a form for it needs.
+        """Return a procedure and the data for its form.
 
         Raises:
             Refusal: there is none of that name, or it is wrong.
@@ -82,7 +82,7 @@ class Library:
     def check(self, args: Checked) -> CheckReport | None:
         """Return whether a procedure can run on this rig with these values.
 
-        None where it has too many steps for this process, which others wait for.
+        None if it has too many steps for this process, for which others wait.
         """
         try:
             return check(args, self._rig, SHORT_STEPS)
@@ -179,7 +179,7 @@ def _view(procedure: Procedure) -> ProcedureView:
 
 
 def _undecided(procedure: Procedure) -> Mapping[str, object]:
-    """Return the parameters that a person must give a value: without, nothing can be said yet."""
+    """Return the parameters without a value: without them, nothing can be checked yet."""
     source = procedure.source
     swept = {*source.sweep.grid, *source.sweep.zip}
     return {

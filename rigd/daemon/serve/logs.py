@@ -1,6 +1,6 @@
-"""The log of the daemon: text at a terminal, JSON lines elsewhere.
+"""Writes the log of the daemon: text if the output is a terminal, otherwise JSON lines.
 
-Records are written by a thread of their own: whoever logs never waits for a terminal or a disk.
+A separate thread writes the records. A thread that logs never waits for a terminal or a disk.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import TextIO
 
 @contextmanager
 def logging_to(stream: TextIO = sys.stderr, *, as_json: bool | None = None) -> Iterator[None]:
-    """Log to ``stream`` while inside; JSON where it is no terminal, unless ``as_json`` says."""
+    """Log to ``stream`` inside; JSON if it is no terminal, unless ``as_json`` decides."""
     structured = not stream.isatty() if as_json is None else as_json
     writer = logging.StreamHandler(stream)
     writer.setFormatter(JsonLines() if structured else ForPeople())
@@ -38,7 +38,7 @@ def logging_to(stream: TextIO = sys.stderr, *, as_json: bool | None = None) -> I
 
 
 class JsonLines(logging.Formatter):
-    """One object per line: time, level, where it comes from, what happened."""
+    """Formats a record as a JSON object in one line: time, level, logger, message."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the record as JSON."""
@@ -56,10 +56,10 @@ class JsonLines(logging.Formatter):
 
 
 class ForPeople(logging.Formatter):
-    """A line: the time of day, what is amiss if anything is, what happened."""
+    """Formats a record as a line of text: time of day, level if it is above info, message."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return the record as a line, with the traceback below where there is one."""
+        """Return the record as a line, followed by the traceback if there is one."""
         level = "" if record.levelno <= logging.INFO else f"{record.levelname.lower()}: "
         line = f"{_time(record).astimezone():%H:%M:%S} {level}{record.getMessage()}"
         if record.exc_info:

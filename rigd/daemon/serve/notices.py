@@ -1,4 +1,4 @@
-"""Notices to the operator, in the status and in the log."""
+"""Keeps the notices to the operator: shows them in the daemon's status and logs them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, Literal
 
+from rigd.remote.protocol.message import one_line
 from rigd.remote.protocol.status import OperatorNotice
 
 _LOG: Final = logging.getLogger("rigd.daemon")
@@ -21,7 +22,7 @@ _LEVELS: Final = {"info": logging.INFO, "warning": logging.WARNING, "error": log
 
 
 class Notices:
-    """The newest lines; ``changed`` is called at each. Any thread may note one."""
+    """Stores the newest notices; each new notice calls ``changed``. Any thread may add one."""
 
     def __init__(
         self, changed: Callable[[], None], clock: Callable[[], int] = time.time_ns
@@ -31,7 +32,7 @@ class Notices:
         self._kept: deque[OperatorNotice] = deque(maxlen=KEPT)
 
     def note(self, text: str, level: Level = "info") -> None:
-        """Add a line; what it says may be a client's own words."""
+        """Add a line; it may contain a client's own text."""
         line = one_line(text[:_LENGTH])
         _LOG.log(_LEVELS[level], "%s", line)
         self._kept.append(OperatorNotice(t_ns=self._clock(), level=level, text=line))
@@ -40,8 +41,3 @@ class Notices:
     def views(self) -> tuple[OperatorNotice, ...]:
         """Return them, the newest last."""
         return tuple(self._kept)
-
-
-def one_line(text: str) -> str:
-    """Return ``text`` without what would break a line or steer a terminal."""
-    return "".join(item if item.isprintable() else " " for item in text)

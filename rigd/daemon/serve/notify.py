@@ -1,6 +1,7 @@
-"""Reports to the service manager: ready, alive, stopping (sd_notify(3)).
+"""Reports the state of the daemon to the service manager: ready, alive, stopping (sd_notify(3)).
 
-Messages are datagrams to the socket that ``NOTIFY_SOCKET`` names; without it nothing is told.
+Each message is a datagram to the socket that ``NOTIFY_SOCKET`` names. Without this variable, the
+daemon sends no message.
 """
 
 from __future__ import annotations
@@ -10,18 +11,17 @@ import os
 import socket
 import time
 from collections.abc import Mapping
-from types import TracebackType
 from typing import Final, Self
 
 _LOG: Final = logging.getLogger(__name__)
 #: Signs of life are this far apart; `WatchdogSec=` must be several times as long.
 SIGN_S: Final = 1.0
-#: How long the manager may take to read what was told before.
+#: How long the manager may take to read the message before.
 PATIENCE_S: Final = 0.1
 
 
 class Notifier:
-    """Tells the service manager, where ``environ`` names one."""
+    """Reports to the service manager, if ``environ`` names one."""
 
     def __init__(self, environ: Mapping[str, str] = os.environ) -> None:
         self._address = environ.get("NOTIFY_SOCKET", "")
@@ -35,7 +35,7 @@ class Notifier:
         self._next_sign = 0.0
 
     def ready(self) -> None:
-        """Tell that clients are served."""
+        """Report that clients are served."""
         self._tell("READY=1")
 
     def alive(self, doing: str) -> None:
@@ -46,26 +46,21 @@ class Notifier:
             self._tell("WATCHDOG=1", f"STATUS={doing}")
 
     def hanging(self, why: str) -> None:
-        """Tell why there are no signs of life any more."""
+        """Report why there are no signs of life any more."""
         self._tell(f"STATUS=clients are not served any more: {why}")
 
     def ending(self) -> None:
-        """Tell that the end has begun; it may take a while."""
+        """Report that the end has begun; it may take a while."""
         self._tell("STOPPING=1", "STATUS=ending")
 
     def close(self) -> None:
-        """Tell nothing more."""
+        """Send no further message."""
         self._link.close()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _tell(self, *lines: str) -> None:

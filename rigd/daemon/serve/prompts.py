@@ -1,4 +1,4 @@
-"""Takes answers to prompts from clients."""
+"""Takes the answers of clients to prompts (questions to the operator) of a run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rigd.remote.protocol.status import PromptView
 
 @dataclass(frozen=True)
 class _Put:
-    """A question that waits."""
+    """A question that waits for an answer."""
 
     id: int
     prompt: Prompt
@@ -25,8 +25,8 @@ class _Put:
 class RemoteAnswers:
     """Waits for clients to answer the prompts of one run.
 
-    ``ids`` gives every question a number that none before has had: an answer to a question that
-    is over, or that was put again, is refused. ``changed`` is called when a question comes or goes.
+    ``ids`` gives every question a new number: an answer to a question that is closed, or was asked
+    again, is refused. ``changed`` is called when a question opens or closes.
     """
 
     asks_again = True
@@ -40,7 +40,7 @@ class RemoteAnswers:
         self._given: list[Answer] = []
 
     def can_answer(self, prompt: Prompt) -> bool:
-        """Whoever takes the lease can, whatever it is."""
+        """Every prompt can be answered, by the client that holds the lease."""
         return True
 
     def answer(self, prompt: Prompt, objection: str = "") -> Answer:
@@ -65,7 +65,7 @@ class RemoteAnswers:
         return given
 
     def withdraw(self) -> None:
-        """Let the question go that waits, if one does."""
+        """Withdraw the open question, if there is one."""
         with self._news:
             self._put = None
             self._news.notify_all()
@@ -115,10 +115,10 @@ class RemoteAnswers:
 
 
 def _check(prompt: Prompt, answer: Answer) -> None:
-    """Refuse what the prompt could not accept, so that whoever gave it hears so at once.
+    """Refuse an answer that the prompt does not accept, so that the client is informed at once.
 
     Raises:
-        Refusal: see there.
+        Refusal: the prompt does not accept it.
     """
     if prompt.kind is AnswerKind.CONFIRM and answer is False:
         return  # a person may decline: that ends the run as failed

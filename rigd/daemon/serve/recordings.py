@@ -1,4 +1,4 @@
-"""Lists and reads the recordings of a rig for clients, by file name and never by path."""
+"""Lists and reads the recordings of a rig for clients; clients give a file name, never a path."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Recordings:
         self._digests: OrderedDict[tuple[Path, int, int], str] = OrderedDict()
 
     def make_folder(self) -> None:
-        """Make the folder where somebody has removed it.
+        """Make the folder if a person has removed it.
 
         Raises:
             RecordingError: it cannot be made.
@@ -64,9 +64,9 @@ class Recordings:
             ) from error
 
     def lines(self, limit: int, before: str | None, under_way: str | None) -> RunList:
-        """Return the newest ``limit`` recordings, of those older than ``before`` where given.
+        """Return the newest ``limit`` recordings, of those older than ``before`` if given.
 
-        The one ``under_way`` has the state ``running``.
+        The recording ``under_way`` has the state ``running``.
         """
         names = sorted((path.name for path in self._paths()), reverse=True)
         older = [name for name in names if before is None or name < before]
@@ -74,7 +74,7 @@ class Recordings:
         return RunList(runs=tuple(lines), more=len(older) > limit)
 
     def view(self, name: str, under_way: str | None) -> RunView:
-        """Return all there is to say of a recording.
+        """Return all data of a recording.
 
         Raises:
             Refusal: there is none of that name.
@@ -146,7 +146,7 @@ class Recordings:
         return sorted(found, key=lambda info: info.path.name, reverse=True)
 
     def interrupted(self, name: str) -> Interrupted | None:
-        """Return what a recording offers, if it is there and its run was interrupted."""
+        """Return the resumable state of a recording, if it exists and its run was interrupted."""
         try:
             return interrupted(insist(lambda: _info(self.folder / name)))
         except RecordingError:
@@ -173,7 +173,7 @@ class Recordings:
             return _unread(path, error, name == under_way)
 
     def _digest(self, path: Path, file: BufferedReader) -> tuple[int, str]:
-        """Return size and SHA-256 of a file; what it was hashed for stays remembered a while."""
+        """Return size and SHA-256 of a file; the result is stored for a while."""
         known = os.fstat(file.fileno())
         key = path, known.st_size, known.st_mtime_ns
         if key not in self._digests:
@@ -215,7 +215,7 @@ def is_drawn(recording: Path) -> bool:
 
 
 def interrupted(info: RunInfo) -> Interrupted | None:
-    """Return what a run that did not come to an end of its own offers, or None."""
+    """Return the resumable state of a run without a regular end, or None."""
     if info.state != INTERRUPTED:
         return None
     return Interrupted(
@@ -256,10 +256,10 @@ def _line_of(info: RunInfo, under_way: bool) -> RunLine:
 
 
 def _started_ns(info: RunInfo) -> int:
-    """Return when a run began by the calendar, in ns since 1970; 0 where the file does not say.
+    """Return the calendar time of the start of a run, in ns since 1970; 0 if unknown.
 
     Raises:
-        ValueError: what the file says is no date.
+        ValueError: the file contains an invalid date.
     """
     if is_virtual(info):  # its own clock begins anew in each run
         return round(recorded_at(info).at.timestamp() * 1e9)
@@ -267,7 +267,7 @@ def _started_ns(info: RunInfo) -> int:
 
 
 def _unread(path: Path, error: Exception, under_way: bool) -> RunLine:
-    """Return the line of a recording that is torn, or whose first rows are not yet on the disk."""
+    """Return the line of a recording that is damaged, or has no rows on disk yet."""
     problem = error.message if isinstance(error, RecordingError) else f"not one of rigd's: {error}"
     try:
         size = path.stat().st_size

@@ -1,4 +1,4 @@
-"""Completes the recordings of killed runs and offers to resume them."""
+"""Completes the recordings of killed runs and offers to resume these runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OFFERED: Final = 10
 
 
 class Interruptions:
-    """The runs on ``rig`` that did not come to an end of their own."""
+    """The runs on ``rig`` that were interrupted."""
 
     def __init__(self, rig: str, recordings: Recordings, notices: Notices) -> None:
         self._rig, self._recordings, self._notices = rig, recordings, notices
@@ -33,10 +33,10 @@ class Interruptions:
         return self._found
 
     def recover(self, folder: RunFolder, trips: TripMemory) -> None:
-        """Complete what killed runs have left, and find what they are.
+        """Complete the recordings of killed runs, and return what they are.
 
-        ``folder`` is that of the rig, held by this process. Nothing here keeps the daemon from
-        serving: what cannot be completed is told.
+        ``folder`` is that of the rig, held by this process. No failure here stops the daemon:
+        recordings that cannot be completed are reported.
         """
         self.settle(folder)
         for path in self._recordings.unreadable():
@@ -66,10 +66,10 @@ class Interruptions:
             )
 
     def settle(self, folder: RunFolder) -> None:
-        """Bring what an earlier run has left in memory to disk: with it there, none can begin.
+        """Write the samples of an earlier run from memory to disk: before that, no run can begin.
 
-        What belongs to a recording that somebody removed is given up; what another version of
-        rigd left is kept beside the recordings. Each is told.
+        Samples of a removed recording are discarded; samples of another version of rigd are moved
+        beside the recordings. Each case is reported.
         """
         try:
             completed = drain_leftovers(folder)
@@ -114,11 +114,11 @@ def _is_news(event: Event, known_ns: int) -> bool:
 
 
 def _set_aside(folder: RunFolder, runs: Path) -> Path:
-    """Move what a run has left to a folder of its own on the disk, and return that."""
+    """Move the data of a run to a separate folder on the disk, and return the folder."""
     kept = runs / f"{folder.path.name}-left-{time.time_ns()}"
     try:
         kept.mkdir()
-        for path in folder.left:
+        for path in folder.remaining:
             shutil.move(path, kept)
     except OSError as error:
         raise RecordingError(

@@ -1,4 +1,4 @@
-"""A run in a thread of the daemon, and the requests to it."""
+"""Executes a run in a thread of the daemon and passes requests to the run."""
 
 from __future__ import annotations
 
@@ -10,29 +10,35 @@ from pathlib import Path
 from typing import Final
 
 from rigd.daemon.execute import RunRequest, perform
-from rigd.daemon.serve.asker import Asker
 from rigd.daemon.serve.prompts import RemoteAnswers
-from rigd.daemon.serve.time_left import TimeLeft
 from rigd.engine.control import Control
 from rigd.engine.interlocks import Trip
-from rigd.engine.result import Progress
+from rigd.engine.result import Progress, TimeLeft
 from rigd.engine.shared import RunFolder
 from rigd.model.errors import Blocked, Exit, RigdError
 from rigd.model.severity import Severity
 from rigd.model.states import RunState
 from rigd.procedure.program import OnClientLoss
+from rigd.remote.protocol import ClientUser
 from rigd.remote.protocol.status import LastRun
 
 _LOG: Final = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Watching:
-    """Who is told of a run, from its thread; none of them may wait, but for ``ended``.
+def loss_of(holder: ClientUser, also: str = "") -> str:
+    """Return in words that a holder shows no sign of life; a user's is the open page."""
+    if holder.user:
+        return f"{holder.user}'s page ({holder.identity}) was closed or cut off"
+    return f"{holder.identity}, {also}, has vanished" if also else f"{holder} has vanished"
 
-    ``begun``: its rings and its file are there. ``moved``: it entered another state, step or
-    trial. ``tripped``: interlocks have acted. ``told``: a line for the operator. ``ended``: nothing
-    of it is left, and how it ended.
+
+@dataclass(frozen=True)
+class RunListeners:
+    """Functions that the thread of a run calls at events; only ``ended`` may wait.
+
+    ``begun``: its rings and its file exist. ``moved``: it entered another state, step or trial.
+    ``tripped``: interlocks have tripped. ``told``: a line for the operator. ``ended``: it has ended
+    completely, and how.
     """
 
     begun: Callable[[], None]
@@ -44,7 +50,7 @@ class Watching:
 
 @dataclass
 class Running:
-    """One run of ``request``, on a rig held by ``folder``.
+    """A run of ``request``, on a rig held by ``folder``.
 
     ``request.output`` must name the recording. ``answers`` None: the procedure's own.
     """
@@ -54,7 +60,7 @@ class Running:
     on_client_loss: OnClientLoss
     answers: RemoteAnswers | None
     left: TimeLeft
-    watching: Watching
+    listeners: RunListeners
     control: Control = field(default_factory=Control)
     progress: Progress = field(init=False)
     _thread: threading.Thread = field(init=False)
@@ -82,9 +88,9 @@ class Running:
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
-    def client_lost(self, who: Asker) -> str:
-        """Do what the procedure wants where nobody steers it any more; return it in words."""
-        reason = who.lost if who.user else f"{who}, who steered this run, has vanished"
+    def client_lost(self, holder: ClientUser) -> str:
+        """Do what the procedure specifies for a lost client; return the action, as text."""
+        reason = loss_of(holder, "who steered this run")
         match self.on_client_loss:
             case OnClientLoss.CONTINUE:
                 return "the run goes on"
@@ -105,11 +111,11 @@ class Running:
         before, self.progress = self.progress, progress
         self.left.watch(progress)
         while self.control.notices:
-            self.watching.told(self.control.notices.popleft())
+            self.listeners.told(self.control.notices.popleft())
         if len(progress.trips) > len(before.trips):
-            self.watching.tripped(progress.trips[len(before.trips) :])
+            self.listeners.tripped(progress.trips[len(before.trips) :])
         if _place(progress) != _place(before):
-            self.watching.moved()
+            self.listeners.moved()
 
     def _work(self) -> None:
         last = LastRun(run=self.recording.name, ending="faulted", reason="", exit_code=1)
@@ -118,7 +124,7 @@ class Running:
         finally:
             if self.answers is not None:
                 self.answers.withdraw()
-            self.watching.ended(last)
+            self.listeners.ended(last)
 
     def _perform(self) -> LastRun:
         name = self.recording.name
@@ -128,13 +134,13 @@ class Running:
                 self.control,
                 answers=self.answers,
                 watch=self._watch,
-                announce=lambda _: self.watching.begun(),
+                announce=lambda _: self.listeners.begun(),
                 held=self.folder,
             ).result
         except Blocked as error:
             return self._failed("blocked", "; ".join(error.reasons), error.exit_code)
         except RigdError as error:
-            return self._failed("faulted", error.told, error.exit_code)
+            return self._failed("faulted", error.one_line, error.exit_code)
         except Exception as error:  # noqa: BLE001 - the thread's boundary: the rig is safe, the daemon lives on
             _LOG.exception("the run failed by a bug in rigd")
             return self._failed("faulted", f"{type(error).__name__}: {error}", Exit.INTERNAL)
@@ -148,7 +154,7 @@ class Running:
 
 
 def _place(progress: Progress) -> tuple[object, ...]:
-    """Return where a run stands, without what changes all the time."""
+    """Return the progress of a run, without values that change all the time."""
     return progress.state, progress.step, progress.trial, progress.trials_done
 
 

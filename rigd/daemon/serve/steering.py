@@ -1,7 +1,7 @@
-"""Permits one run or one device action at a time, and passes commands to it.
+"""Permits one run or one device action at a time on a rig, and passes commands to the run.
 
-Methods are called from several threads: those of the server, that of the run, the main one.
-``_lock`` guards what they share; it is never held while anything is waited for.
+Several threads call the methods: those of the server, the thread of the run and the main thread.
+``_lock`` guards the data that they share; no thread waits for anything while it holds the lock.
 """
 
 from __future__ import annotations
@@ -18,29 +18,28 @@ from rigd.config.rig import RigConfig
 from rigd.daemon.execute import RunRequest, check_resumable, new_path
 from rigd.daemon.live import Feed
 from rigd.daemon.resume import ResumePoint, read_resume_point
-from rigd.daemon.serve.asker import Asker
 from rigd.daemon.serve.idle_rig import IdleRig
 from rigd.daemon.serve.library import Library
 from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.prompts import RemoteAnswers
-from rigd.daemon.serve.running import Running, Watching
-from rigd.daemon.serve.time_left import TimeLeft
+from rigd.daemon.serve.running import RunListeners, Running
 from rigd.daemon.serve.trips import RememberedTrip, TripMemory
 from rigd.engine.control import Control
 from rigd.engine.interlocks import Trip
+from rigd.engine.result import TimeLeft
 from rigd.engine.shared import RunFolder
 from rigd.model.about import About
 from rigd.model.severity import Severity
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import parse_procedure
 from rigd.procedure.program import OnClientLoss
-from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol import ClientUser, Code, Refusal, Requester
 from rigd.remote.protocol.arguments import ActArguments, Checked, StartArguments
 from rigd.remote.protocol.results import Started
 from rigd.remote.protocol.status import LastRun
 from rigd.remote.server import Lease
 
-#: What whoever finds the rig in use is told to do instead.
+#: The hint for a person who finds the rig in use.
 HINT: Final = (
     "steer it through its daemon: rigd remote start PROCEDURE --rig {rig}, "
     "or rigd remote act DEVICE tare"
@@ -53,17 +52,18 @@ _EXPECTED: Final = 32
 
 @dataclass(frozen=True)
 class Acting:
-    """An action of a device under way."""
+    """A device action that is in progress."""
 
     what: str
     control: Control
 
 
 class Steering:
-    """Steers what happens on ``rig``, whose ``folder`` this process holds.
+    """Starts and stops runs and device actions on ``rig``, whose ``folder`` this process holds.
 
-    ``runs`` is where recordings go. ``changed`` is called when the status has changed, ``ended``
-    when a run has ended, ``settle`` before one begins: it clears away what an earlier one left.
+    ``runs`` is the folder of recordings. ``changed`` is called when the status has changed,
+    ``ended`` when a run has ended, ``settle`` before a run begins: it saves the data of an earlier
+    run.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Steering:
         """The run under way."""
         return self._running
 
-    def start(self, who: Asker, args: StartArguments) -> Started:
+    def start(self, requester: Requester, args: StartArguments) -> Started:
         """Begin a run.
 
         Raises:
@@ -120,20 +120,20 @@ class Steering:
             pace=self._pace,
             folder=self._runs,
             overrides=args.set,
-            about=About(str(who), args.note, args.meta),
+            about=About(str(requester), args.note, args.meta),
         )
         return self._begin(
-            who,
+            requester,
             replace(request, output=new_path(request)),
             by_person=args.answers == "ask",
             on_client_loss=procedure.on_client_loss if loss is None else OnClientLoss(loss),
             expected_s=self._expected_s.get(_key(args)),
         )
 
-    def resume_run(self, who: Asker, recording: Path, loss: str | None = None) -> Started:
-        """Go on with a run that ended before its last trial, in its file.
+    def resume_run(self, requester: Requester, recording: Path, loss: str | None = None) -> Started:
+        """Continue a run that ended before its last trial, in its file.
 
-        ``loss`` is what becomes of it once its client has vanished; None: what its procedure says.
+        ``loss`` is its action when its client vanishes; None: as its procedure specifies.
 
         Raises:
             Refusal: nothing is missing, or it cannot begin.
@@ -158,18 +158,18 @@ class Steering:
             output=recording,
             resume=point,
             overrides=point.overrides,
-            about=About(operator=str(who)),
+            about=About(operator=str(requester)),
         )
         check_resumable(request, point)
         return self._begin(
-            who,
+            requester,
             request,
             by_person=point.answered_by != "procedure",
             on_client_loss=procedure.on_client_loss if loss is None else OnClientLoss(loss),
         )
 
     def act(self, args: ActArguments) -> str:
-        """Let a device do one of its actions, and return what it said; nothing is armed.
+        """Perform an action of a device, and return the reply; nothing is armed.
 
         Raises:
             Refusal: it has no such action, or the rig is not free.
@@ -189,22 +189,22 @@ class Steering:
             self.show()
 
     def pause(self) -> None:
-        """Pause after the trial under way.
+        """Pause after the present trial.
 
         Raises:
-            Refusal: nothing runs.
+            Refusal: no run is in progress.
         """
         self._run().control.pause_wanted = True
 
     def resume(self) -> None:
-        """Take back a pause, or the end after this trial.
+        """Cancel a pause, or the end after this trial.
 
         Raises:
-            Refusal: nothing runs.
+            Refusal: no run is in progress.
         """
         self._run().control.resume()
 
-    def answer(self, who: Asker, prompt_id: int, value: float | str | bool) -> None:
+    def answer(self, requester: Requester, prompt_id: int, value: float | str | bool) -> None:
         """Answer the prompt that waits.
 
         Raises:
@@ -213,21 +213,21 @@ class Steering:
         answers = self._run().answers
         if answers is None:
             raise Refusal(Code.CONFLICT, "this run takes the procedure's own answers")
-        answers.give(prompt_id, value, str(who))
+        answers.give(prompt_id, value, str(requester))
 
-    def acknowledge(self, who: Asker, interlock: str) -> None:
-        """Let an interlock that has acted bar nothing any more.
+    def acknowledge(self, requester: Requester, interlock: str) -> None:
+        """Acknowledge an interlock that has tripped, so that it no longer blocks a start.
 
         Raises:
             Refusal: it has nothing to acknowledge.
         """
-        self._trips.acknowledge(interlock, str(who))
+        self._trips.acknowledge(interlock, str(requester))
         running = self._running
         if running is not None:
             running.control.acknowledged.append(interlock)
 
     def stop(self, stop: Severity, reason: str) -> bool:
-        """End what happens on the rig; return whether that is news. Waits for nothing."""
+        """End the activity on the rig; return whether the request is new. Waits for nothing."""
         busy = [item.control for item in (self._running, self._acting) if item is not None]
         news = [item for item in busy if item.asked is None or item.asked < stop]
         for control in news:
@@ -235,38 +235,38 @@ class Steering:
             control.pause_wanted = False
         return bool(news)
 
-    def client_lost(self, who: Asker) -> str:
-        """Do what the run wants where ``who`` steered it and is lost; return it in words."""
+    def client_lost(self, lost: ClientUser) -> str:
+        """Do what the run specifies for a lost client; return the action, as text."""
         running, holder = self._running, self._lease.view().holder
         if running is None:
             return "nothing was running"
         if holder is not None:
             return f"the run goes on, {holder} has taken over"
-        return running.client_lost(who)
+        return running.client_lost(lost)
 
     def expect(self, args: Checked, duration_s: float) -> None:
-        """Remember what a dry run took, for the time that is left of the run itself."""
+        """Store the duration of a dry run, for the remaining time of the run itself."""
         self._expected_s[_key(args)] = duration_s
         if len(self._expected_s) > _EXPECTED:
             del self._expected_s[next(iter(self._expected_s))]
 
     def show(self) -> None:
-        """Show the channels, where that is wanted and nothing else happens on the rig."""
+        """Show the channels, if requested and nothing else happens on the rig."""
         with self._lock:
             if self._running is None and self._acting is None and not self._leaving:
                 self._looks.show()
 
     def tend(self) -> None:
-        """Do what is due now and then."""
+        """Do periodic work."""
         running = self._running
         if running is not None:
             running.tend()
         self._trips.save()
 
     def leave(self, reason: str) -> Severity | None:
-        """Let nothing begin any more, and end what happens; each call ends it more firmly.
+        """Prevent every start, and end the activity; each call ends it with a higher severity.
 
-        Returns what was asked for. It may be called by a signal handler: it takes no lock.
+        Returns the requested stop. A signal handler may call it: it takes no lock.
         """
         self._leaving = reason
         running, acting = self._running, self._acting
@@ -275,7 +275,7 @@ class Steering:
         return None if running is None else running.control.escalate(reason)
 
     def close(self) -> None:
-        """Return once nothing happens on the rig any more, and never will."""
+        """Return when nothing happens on the rig any more; nothing can start again."""
         if not self._leaving:
             self.leave("the daemon has failed")
         running = self._running
@@ -286,7 +286,7 @@ class Steering:
 
     def _begin(
         self,
-        who: Asker,
+        requester: Requester,
         request: RunRequest,
         *,
         by_person: bool,
@@ -301,7 +301,7 @@ class Steering:
             on_client_loss,
             answers,
             TimeLeft(expected_s),
-            Watching(
+            RunListeners(
                 begun=self._begun,
                 moved=self._changed,
                 tripped=self._tripped,
@@ -316,7 +316,7 @@ class Steering:
             running.control.request(Severity.STOP, self._leaving)
         try:
             # A long file may have outlived the lease. From here on, its end ends this run.
-            self._lease.check(who.identity)
+            self._lease.check(requester.client)
             self._looks.end()
             self._settle()
             self._mark(running.recording)
@@ -324,7 +324,7 @@ class Steering:
         except BaseException:
             self._running = None
             raise
-        self._notices.note(f"{who} began {request.procedure.name}: {running.recording.name}")
+        self._notices.note(f"{requester} began {request.procedure.name}: {running.recording.name}")
         return Started(run=running.recording.name)
 
     def _begun(self) -> None:
@@ -339,7 +339,7 @@ class Steering:
         self._changed()
 
     def _over(self, last: LastRun) -> None:
-        """The run has ended, whatever of it; from its thread."""
+        """Note that the run has ended; called from its thread."""
         try:
             self._feed.detach()
             self._trips.save()
@@ -384,7 +384,7 @@ class Steering:
 
 
 def _key(args: Checked) -> tuple[str, frozenset[tuple[str, str]]]:
-    """Return what tells two runs apart that take different times."""
+    """Return the properties on which the duration of a run depends."""
     return args.procedure.sha256, frozenset(args.set.items())
 
 

@@ -1,8 +1,8 @@
-"""Keeps the trips of interlocks until a person has acknowledged them.
+"""Keeps the trips of interlocks (each time an interlock acts) until a person acknowledges them.
 
-Those that ended a run, and latched ones, keep every further run from starting until then, also
-over a restart of the daemon. (Whether their cause still stands is seen by each run at rest, before
-it arms anything.)
+No run starts while a trip waits for acknowledgement that was latched or that ended a run. This also
+holds after a restart of the daemon. This module does not check whether the cause of a trip is still
+present: each run checks this at rest, before it arms anything.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ _LOG: Final = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class RememberedTrip:
-    """An interlock that has acted: its newest trip.
+    """The newest trip of an interlock.
 
-    ``bars`` is whether nothing starts before it is acknowledged; ``by`` is who did so, or "".
+    ``bars`` is whether it blocks every start until it is acknowledged; ``by`` is the client that
+    acknowledged it, or "".
     """
 
     interlock: str
@@ -42,7 +43,7 @@ class RememberedTrip:
 
     @classmethod
     def of(cls, trip: Trip) -> RememberedTrip:
-        """Return what is remembered of a trip of the run under way."""
+        """Return the stored form of a trip of the run in progress."""
         told = [trip.reason, trip.message]
         return cls(
             trip.interlock.name,
@@ -54,7 +55,7 @@ class RememberedTrip:
 
     @classmethod
     def recorded(cls, event: Event) -> RememberedTrip:
-        """Return what is remembered of a trip that a recording holds."""
+        """Return the stored form of a trip in a recording."""
         data = event.data
         told = [str(data["reason"]), str(data["message"])]
         action = Severity[str(data["action"]).upper()]
@@ -80,19 +81,19 @@ class RememberedTrip:
 
 
 def _bars(action: Severity, *, latched: bool) -> bool:
-    """Return whether a person must look first: a run ended over it, or the rig file says so."""
+    """Return whether a person must look first: it ended a run, or the rig file requires it."""
     return latched or action >= Severity.STOP
 
 
 class TripMemory:
-    """What has tripped, by interlock, kept in a file.
+    """Keeps the newest trip of each interlock in a file.
 
     :meth:`note` never waits: it may be called from the thread that plays a run. :meth:`save` then
     brings it to disk.
     """
 
     def __init__(self, path: Path) -> None:
-        """Read the file, if there is one.
+        """Read the file, if it exists.
 
         Raises:
             RecordingError: it cannot be read.
@@ -108,7 +109,7 @@ class TripMemory:
             self._read()
 
     def note(self, trips: Iterable[RememberedTrip]) -> None:
-        """Take note of what has tripped; the newest of one interlock stands for all."""
+        """Store trips; for each interlock only the newest trip."""
         with self._lock:
             for trip in trips:
                 self._acted[trip.interlock] = trip
@@ -116,7 +117,7 @@ class TripMemory:
                 self._changed = True
 
     def acknowledge(self, interlock: str, who: str) -> None:
-        """Let the interlock bar nothing any more.
+        """Acknowledge the interlock, so that it no longer blocks a start.
 
         Raises:
             Refusal: it has not tripped, or is acknowledged already.
@@ -130,10 +131,10 @@ class TripMemory:
         self.save()
 
     def begin_run(self) -> None:
-        """Forget what was acknowledged, and what barred nothing.
+        """Forget trips that are acknowledged, or that block nothing.
 
         Raises:
-            Refusal: something still waits to be acknowledged.
+            Refusal: a trip still waits to be acknowledged.
         """
         with self._lock:
             barring = [item for item in self._acted.values() if item.bars and not item.by]
@@ -149,15 +150,15 @@ class TripMemory:
         self.save()
 
     def views(self) -> tuple[TripView, ...]:
-        """Return what has tripped, the newest first."""
+        """Return the stored trips, the newest first."""
         with self._lock:
             known = sorted(self._acted.values(), key=lambda item: -item.since_ns)
         return tuple(item.view for item in known)
 
     def save(self) -> None:
-        """Bring what has changed to disk, whole or not at all; a failure is logged, and tried on.
+        """Write changes to disk, whole or not at all; a failure is logged, and repeated later.
 
-        What it guards against is forgetting over a restart; while we live, we know.
+        The file keeps trips across a restart; while this process runs, its memory is enough.
         """
         with self._saving:
             with self._lock:

@@ -1,7 +1,7 @@
-"""Runs checks, dry runs and analyses in a worker process with bounds on time and memory.
+"""Runs checks, dry runs and analyses in a worker process with limits on time and memory.
 
-``python -m rigd.daemon.serve.worker`` reads one job as JSON, does it at low priority and prints
-the result, or what was wrong, as JSON.
+``python -m rigd.daemon.serve.worker`` reads one job as JSON, executes it at low priority, and
+prints the result, or the error, as JSON.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from typing import Any, Final
 from rigd.config.rig import RigConfig
 from rigd.engine.child import Child, module
 from rigd.model.errors import ConfigError, RigdError
+from rigd.model.extras import require
 from rigd.remote.protocol import Code, Message, Refusal
 from rigd.remote.protocol.results import CheckReport, DryRun, Reported
 
@@ -34,10 +35,10 @@ NICENESS: Final = 15
 
 
 class CalculationWorker:
-    """Does one calculation at a time; :meth:`close` gives up the one under way.
+    """Does one calculation at a time; :meth:`close` cancels the present one.
 
-    A calculation is given up too when it takes longer than ``patience_s`` or more than ``memory``
-    (in bytes), and when the client is gone that asked for it.
+    A calculation is also cancelled if it takes longer than ``patience_s``, needs more than
+    ``memory`` (in bytes), or its client has disconnected.
     """
 
     def __init__(self, patience_s: float = PATIENCE_S, memory: int = MEMORY) -> None:
@@ -52,7 +53,7 @@ class CalculationWorker:
     ) -> DryRun:
         """Play a procedure on the plant of a rig, both given as texts; nothing moves.
 
-        ``name`` is what errors call the procedure.
+        ``name`` is the name of the procedure in errors.
 
         Raises:
             Refusal: it cannot be played, or took too long.
@@ -72,25 +73,25 @@ class CalculationWorker:
         return CheckReport.model_validate_json(json.dumps(self._do("check", job)))
 
     def identify(self, recording: Path) -> Reported:
-        """Identify what a recording holds, and write the report beside it.
+        """Run the analysis of a recording, and write the report beside it.
 
         Raises:
-            Refusal: the data cannot answer, or it took too long.
+            Refusal: the data do not permit it, or it took too long.
         """
         result = self._do("identify", {"recording": str(recording)})
         return Reported.model_validate_json(json.dumps(result))
 
     def draw(self, recording: Path) -> Reported:
-        """Draw what a recording holds, and write the page beside it.
+        """Draw a recording, and write the page beside it.
 
         Raises:
-            Refusal: nothing of it can be read, or it took too long.
+            Refusal: it cannot be read, or it took too long.
         """
         result = self._do("draw", {"recording": str(recording)})
         return Reported.model_validate_json(json.dumps(result))
 
     def close(self) -> None:
-        """Give up what is under way; nothing more is done."""
+        """Cancel the present calculation; no other begins."""
         with self._lock:
             self._closed = True
             if self._child is not None:
@@ -118,10 +119,10 @@ class CalculationWorker:
         return said["result"]
 
     def _wait(self, child: Child, what: str, order: str) -> tuple[str, str]:
-        """Return what the process has printed once it has ended, and as errors.
+        """Return the output and error output of the process after its end.
 
         Raises:
-            Refusal: it took too long, or its client is gone; it is killed.
+            Refusal: it took too long, or its client disconnected; the process is killed.
         """
         from rigd.remote.server import still_connected  # the process itself needs no network
 
@@ -220,6 +221,7 @@ def _dry_run(job: Mapping[str, Any]) -> DryRun:
 
 
 def _identify(job: Mapping[str, Any]) -> Reported:
+    require("analysis", "this daemon")
     from rigd.analysis.evaluation import evaluate
 
     recording = Path(job["recording"])
@@ -227,6 +229,7 @@ def _identify(job: Mapping[str, Any]) -> Reported:
 
 
 def _draw(job: Mapping[str, Any]) -> Reported:
+    require("analysis", "this daemon")
     from rigd.analysis.run_page import run_report
     from rigd.model.pages import page_of
 

@@ -1,4 +1,4 @@
-"""Clients of a daemon, for programs, the command line and the panel."""
+"""Provides the clients of a daemon, for programs, the command line and the panel."""
 
 from rigd.remote.client.asynchronous import AsyncClient
 from rigd.remote.client.blocking import Client

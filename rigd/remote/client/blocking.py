@@ -1,7 +1,8 @@
-"""Client of a daemon for scripts and notebooks.
+"""Provides the client of a daemon for scripts and notebooks; each method waits for its reply.
 
-The same verbs as those of :class:`AsyncClient`, which works on an event loop in a thread of its
-own: a notebook's own loop is left alone.
+The methods for the verbs (kinds of request) are the same as those of :class:`AsyncClient`, which
+does the work. The :class:`AsyncClient` runs on an event loop in a separate thread, so that it does
+not use the event loop of a notebook.
 """
 
 from __future__ import annotations
@@ -12,12 +13,12 @@ import threading
 from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from functools import wraps
-from types import TracebackType
 from typing import Any, Concatenate, Final, ParamSpec, Self, TypeVar
 
 from rigd.config.remote import TlsFiles
 from rigd.model.errors import LinkError, RigdError
 from rigd.remote.client.asynchronous import AsyncClient
+from rigd.remote.client.verbs import BlockingVerbs, blocking
 
 _log: Final = logging.getLogger(__name__)
 
@@ -27,22 +28,10 @@ T = TypeVar("T")
 _END: Final = object()
 
 
-def _blocking(
-    method: Callable[Concatenate[AsyncClient, P], Coroutine[Any, Any, T]],
-) -> Callable[Concatenate[Client, P], T]:
-    """Return the method that waits for what ``method`` returns."""
-
-    @wraps(method)
-    def blocking(self: Client, /, *args: P.args, **kwargs: P.kwargs) -> T:
-        return self.run_async(method(self.asynchronous, *args, **kwargs))
-
-    return blocking
-
-
 def _iterating(
     method: Callable[Concatenate[AsyncClient, P], AsyncGenerator[T, None]],
 ) -> Callable[Concatenate[Client, P], Iterator[T]]:
-    """Return the method that waits for each of what ``method`` yields."""
+    """Return the method that waits for each item that ``method`` yields."""
 
     @wraps(method)
     def iterating(self: Client, /, *args: P.args, **kwargs: P.kwargs) -> Iterator[T]:
@@ -54,22 +43,25 @@ def _iterating(
     return iterating
 
 
-class Client:
-    """Steers one rig from elsewhere: ``with Client("lugre-1") as rig: ...``, or without `with`.
+class Client(BlockingVerbs):
+    """Controls a rig through its daemon: ``with Client("lugre-1") as rig: ...``, or without `with`.
 
-    It is connected once it is made. ``rig`` is looked up in the client's own list, or is on this
+    The constructor connects it. ``rig`` is looked up in the client's own list, or is on this
     machine; ``endpoint`` (``tls/rig.lab:7447``), ``tls`` and ``identity`` take precedence.
 
-    Every verb raises :class:`~rigd.model.errors.LinkError` where nobody answers, and
-    :class:`~rigd.remote.protocol.Refusal`, with a ``code``, where the daemon does not do it; then
-    nothing has changed. Commands need the control lease, see :meth:`control`; to stop, nobody
-    needs it. Any thread may call.
+    Every verb raises :class:`~rigd.model.errors.LinkError` if no daemon answers, and
+    :class:`~rigd.remote.protocol.Refusal`, with a ``code``, if the daemon refuses; then nothing has
+    changed. Commands need the control lease, see :meth:`control`; a stop does not need it. Any
+    thread may call.
 
     Raises:
-        LinkError: nobody lets us in there, or there is no such rig.
-        ConfigError: the list or an argument is wrong, or several rigs are there, and none is named.
-        Refusal: a name cannot stand in a key.
+        LinkError: no daemon admits this client there, or there is no such rig.
+        ConfigError: the list or an argument is wrong, or there are several rigs and none is named.
+        Refusal: a name is not allowed in a key.
     """
+
+    asynchronous: AsyncClient
+    """The client that does the work, on the event loop of this client's thread."""
 
     def __init__(
         self,
@@ -80,7 +72,6 @@ class Client:
         identity: str | None = None,
     ) -> None:
         self.asynchronous = AsyncClient(rig, endpoint=endpoint, tls=tls, identity=identity)
-        """The client that does the work, on the loop of this one's thread."""
         self._loop = asyncio.new_event_loop()
         # A notebook that ends without a word must end: the thread keeps nothing alive.
         self._thread = threading.Thread(target=self._work, name="rigd-client", daemon=True)
@@ -100,18 +91,13 @@ class Client:
                 self._end()
 
     def __repr__(self) -> str:
-        """Return what it is, for the cell of a notebook."""
+        """Return a short description, for the cell of a notebook."""
         return f"<{type(self).__name__} of {self.rig}, as {self.identity}>"
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         try:
             self._end_by(error)
         finally:
@@ -132,46 +118,11 @@ class Client:
         """Whether this client keeps the control lease, as far as it knows."""
         return self.asynchronous.holds_lease
 
-    status = _blocking(AsyncClient.status)
-    describe = _blocking(AsyncClient.describe)
-    latest = _blocking(AsyncClient.latest)
-    history = _blocking(AsyncClient.history)
-    events = _blocking(AsyncClient.events)
+    status = blocking(AsyncClient.status)
     watch = _iterating(AsyncClient.watch)
     watch_live = _iterating(AsyncClient.watch_live)
     watch_events = _iterating(AsyncClient.watch_events)
-    wait = _blocking(AsyncClient.wait)
-
-    procedures = _blocking(AsyncClient.procedures)
-    procedure = _blocking(AsyncClient.procedure)
-    check = _blocking(AsyncClient.check)
-    dry_run = _blocking(AsyncClient.dry_run)
-
-    lease = _blocking(AsyncClient.lease)
-    lease_take = _blocking(AsyncClient.lease_take)
-    lease_seize = _blocking(AsyncClient.lease_seize)
-    lease_renew = _blocking(AsyncClient.lease_renew)
-    lease_release = _blocking(AsyncClient.lease_release)
-    lease_request = _blocking(AsyncClient.lease_request)
-    lease_give = _blocking(AsyncClient.lease_give)
-
-    start = _blocking(AsyncClient.start)
-    resume_run = _blocking(AsyncClient.resume_run)
-    pause = _blocking(AsyncClient.pause)
-    resume = _blocking(AsyncClient.resume)
-    answer = _blocking(AsyncClient.answer)
-    acknowledge = _blocking(AsyncClient.acknowledge)
-    act = _blocking(AsyncClient.act)
-    stop = _blocking(AsyncClient.stop)
-    abort = _blocking(AsyncClient.abort)
-    estop = _blocking(AsyncClient.estop)
-
-    runs = _blocking(AsyncClient.runs)
-    run = _blocking(AsyncClient.run)
-    identify = _blocking(AsyncClient.identify)
-    draw = _blocking(AsyncClient.draw)
-    fetch = _blocking(AsyncClient.fetch)
-    report = _blocking(AsyncClient.report)
+    wait = blocking(AsyncClient.wait)
 
     @contextmanager
     def control(self, *, brief: bool = False) -> Iterator[None]:
@@ -189,7 +140,7 @@ class Client:
         self.run_async(control.__aexit__(None, None, None))
 
     def run_async(self, coroutine: Coroutine[Any, Any, T]) -> T:
-        """Return what ``coroutine`` returns on the loop of this client.
+        """Return the result of ``coroutine`` on the loop of this client.
 
         Raises:
             LinkError: this client is closed.
@@ -205,7 +156,7 @@ class Client:
             raise
 
     def iterate(self, items: AsyncGenerator[T, None]) -> Iterator[T]:
-        """Yield what ``items`` yields on the loop of this client."""
+        """Yield the items of ``items`` on the loop of this client."""
 
         async def following() -> T | object:
             return await anext(items, _END)
@@ -221,7 +172,7 @@ class Client:
                 self.run_async(close())
 
     def _end_by(self, error: BaseException | None) -> None:
-        """Stop the run at once where Ctrl-C ends a script that has control.
+        """Stop the run at once if Ctrl-C ends a script that has control.
 
         Else the rig would learn of it when the lease runs out.
         """
@@ -229,7 +180,7 @@ class Client:
             try:
                 self.stop("Ctrl-C in a script")
             except RigdError as second:
-                _log.warning("the run could not be stopped: %s", second.told)
+                _log.warning("the run could not be stopped: %s", second.one_line)
 
     def _work(self) -> None:
         try:

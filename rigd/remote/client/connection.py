@@ -1,7 +1,7 @@
-"""A connection to the daemon of one rig: requests, replies, status and events.
+"""Connects a client to the daemon of one rig: requests, replies, status and events.
 
-A request that gets no reply is sent once more, the same bytes: by its id the daemon knows it, and
-carries it out once.
+If a request gets no reply, the client sends the same bytes once more. The daemon recognises the
+request by its id and carries it out only once.
 """
 
 from __future__ import annotations
@@ -11,11 +11,9 @@ import json
 import time
 from collections.abc import AsyncGenerator, AsyncIterator, Coroutine, Mapping
 from contextlib import suppress
-from types import TracebackType
 from typing import Any, Final, Generic, Self, TypeVar
 
 import zenoh
-from pydantic import JsonValue
 
 from rigd.model.errors import ConfigError, LinkError, ProtocolError
 from rigd.remote.client.decoding import decode_or_raise
@@ -38,7 +36,6 @@ from rigd.remote.protocol import (
     Message,
     RigEvent,
     Status,
-    as_json,
     decode,
     decode_refusal,
     encode_request,
@@ -49,8 +46,6 @@ from rigd.remote.protocol.message import Version
 from rigd.remote.protocol.request import RequestId
 
 R = TypeVar("R")
-#: An object of JSON: the arguments and the result of a verb.
-Object = dict[str, Any]
 
 #: How long a lost connection is waited for before a request counts as lost; zenoh tries again
 #: every second.
@@ -76,11 +71,11 @@ class _ReplyOf(Message, Generic[R]):
 
 
 class Connection:
-    """An open connection; made by :meth:`open`, used on one event loop.
+    """An open connection to a daemon; made by :meth:`open`, used on one event loop.
 
-    Every request raises :class:`~rigd.model.errors.LinkError` where nobody answers, and says what
-    to look at; :class:`~rigd.remote.protocol.Refusal` where it is not carried out; and
-    :class:`~rigd.model.errors.ProtocolError` where the answer is none.
+    Every request raises :class:`~rigd.model.errors.LinkError` with a hint if no daemon answers;
+    :class:`~rigd.remote.protocol.Refusal` if it is not carried out; and
+    :class:`~rigd.model.errors.ProtocolError` if the answer is invalid.
     """
 
     def __init__(self, session: zenoh.Session, keys: Keys, target: Target) -> None:
@@ -96,7 +91,7 @@ class Connection:
         """Connect to the daemon of a rig.
 
         Raises:
-            LinkError: nobody lets us in there, or there is no such rig.
+            LinkError: no daemon admits this client there, or there is no such rig.
             ConfigError: there are several rigs, and none is named.
         """
         session = await asyncio.to_thread(open_session, target)
@@ -121,11 +116,11 @@ class Connection:
 
     @property
     def silent_s(self) -> float:
-        """For how long the daemon has said nothing."""
+        """The time since the last message of the daemon."""
         return time.monotonic() - self._heard_s
 
     async def close(self) -> None:
-        """End what listens, and disconnect; closing twice is silent."""
+        """End all subscriptions, and disconnect; closing twice is silent."""
         for mailbox in self._mailboxes:
             mailbox.close()
         await asyncio.to_thread(self._session.close)
@@ -133,12 +128,7 @@ class Connection:
     async def __aenter__(self) -> Self:
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         await self.close()
 
     async def status(self) -> Status:
@@ -176,12 +166,12 @@ class Connection:
     ) -> R:
         """Make a request, and return its result.
 
-        ``user`` is for whom it is made, where this client speaks for several people.
+        ``user`` is the user of the request, if this client acts for several people.
 
         Raises:
-            LinkError: nobody answered.
-            Refusal: it is not carried out, or cannot be asked so.
-            ProtocolError: the answer is none.
+            LinkError: no daemon answered.
+            Refusal: it is not carried out, or is not allowed in this form.
+            ProtocolError: the answer is invalid.
         """
         wanted = decode(find_verb(kind, verb).arguments, json.dumps(dict(args)).encode())
         request = new_request(wanted, user)
@@ -205,29 +195,15 @@ class Connection:
         self._mailboxes.add(mailbox)
         return self._deliver(mailbox, listen(self._session, key, mailbox.put))
 
-    # For whoever passes on JSON, such as the panel
-
-    async def ask(self, what: str, args: Mapping[str, Any]) -> Object:
-        """Ask for something; changes nothing."""
-        return await self.request(Kind.ASK, what, args, dict[str, JsonValue])
-
-    async def command(self, verb: str, args: Mapping[str, Any], user: str = "") -> Object:
-        """Give a command; ``user`` is for whom."""
-        return await self.request(Kind.COMMAND, verb, args, dict[str, JsonValue], user)
-
-    async def stop(self, verb: str, user: str = "") -> Object:
-        """``stop``, ``abort`` or ``estop``; ``user`` is for whom."""
-        return await self.request(Kind.STOP, verb, {}, dict[str, JsonValue], user)
-
-    async def statuses(self) -> AsyncIterator[Object]:
+    async def statuses(self) -> AsyncIterator[Status]:
         """Yield the status at every change and twice a second; goes on after a silence."""
         async for payload in self.listen(self.keys.status, STATUSES):
-            yield as_json(decode_or_raise(Status, payload))
+            yield decode_or_raise(Status, payload)
 
-    async def events(self) -> AsyncIterator[Object]:
+    async def events(self) -> AsyncIterator[RigEvent]:
         """Yield every event from now on."""
         async for payload in self.listen(self.keys.event, EVENTS):
-            yield as_json(decode_or_raise(RigEvent, payload))
+            yield decode_or_raise(RigEvent, payload)
 
     async def frames(self) -> AsyncIterator[bytes]:
         """Yield the frames of all streams; those that come too fast are left out."""
@@ -235,13 +211,13 @@ class Connection:
             yield payload
 
     async def _insist(self, kind: Kind, verb: str, payload: bytes) -> list[QueryReply]:
-        """Return the answers to a request, sent again where there were none.
+        """Return the answers to a request; send it again if there were none.
 
         Raises:
-            LinkError: there are none, with what is known of why.
+            LinkError: there are none, with the known reasons.
         """
         key = self.keys.request(kind, self.identity, verb)
-        patience_s = PATIENCE_S[find_verb(kind, verb).lane]
+        patience_s = PATIENCE_S[find_verb(kind, verb).rule.lane]
         timed_out = False
         for again in (False, True):
             try:
@@ -274,7 +250,7 @@ class Connection:
     async def _while_it_speaks(
         self, asking: Coroutine[Any, Any, list[QueryReply]], verb: str
     ) -> list[QueryReply]:
-        """Return what is answered; give up early where the daemon has fallen silent."""
+        """Return the answers; give up early if the daemon is silent."""
         task = asyncio.create_task(asking)
         try:
             while not (await asyncio.wait([task], timeout=_STILL_THERE_S))[0]:

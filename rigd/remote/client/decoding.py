@@ -1,4 +1,4 @@
-"""Decodes the messages of a daemon."""
+"""Decodes the messages that a client receives from a daemon."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Discovers rigs: those of the client's list, and the daemons of this machine."""
+"""Finds rigs: those in the client's list, and those that have a daemon on this machine."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rigd.remote.protocol import Status
 
 @dataclass(frozen=True)
 class DiscoveredRig:
-    """A rig, and what it says of itself; else ``problem`` says why it says nothing."""
+    """A rig with the status that its daemon sent, or with the ``problem`` if there is no status."""
 
     rig: str
     endpoint: str
@@ -33,7 +33,7 @@ async def discover_rigs() -> list[DiscoveredRig]:
     known = read_remotes()
     async with asyncio.TaskGroup() as group:
         listed = [group.create_task(_look(name, item)) for name, item in known.items()]
-        here = group.create_task(_look_around(frozenset(known)))
+        here = group.create_task(_discover_local(frozenset(known)))
     found = [task.result() for task in listed] + here.result()
     return sorted(found, key=lambda item: item.rig)
 
@@ -45,7 +45,7 @@ async def _look(rig: str, remote: Remote) -> DiscoveredRig:
         return DiscoveredRig(rig, remote.endpoint, problem=error.message)
 
 
-async def _look_around(known: frozenset[str]) -> list[DiscoveredRig]:
+async def _discover_local(known: frozenset[str]) -> list[DiscoveredRig]:
     """Return the rigs on this machine, but those that are ``known``."""
     target = make_target()
     try:

@@ -1,4 +1,4 @@
-"""Renews the control lease while a client holds it."""
+"""Renews the control lease (the right to command a rig) while a client holds it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _log = logging.getLogger(__name__)
 class LeaseKeeper:
     """Renews the lease every two seconds, from :meth:`begin` until :meth:`end`.
 
-    It stops where the daemon says that the lease is another's; the next command then says so too.
+    It stops if the daemon reports that another client has the lease; the next command then fails.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class LeaseKeeper:
     async def until_left(self, *, brief: bool, give_back: bool) -> AsyncIterator[None]:
         """End with a block, in order or not; see :meth:`AsyncClient.control`.
 
-        ``give_back``: release the lease where the block is left in order.
+        ``give_back``: release the lease if the block is left in order.
         """
         try:
             yield
@@ -60,7 +60,7 @@ class LeaseKeeper:
             try:
                 await self._give_back()
             except RigdError as second:  # the first error says what became of the command
-                _log.warning("control could not be given back: %s", second.told)
+                _log.warning("control could not be given back: %s", second.one_line)
             raise
         if give_back:
             await self._give_back()

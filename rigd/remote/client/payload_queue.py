@@ -1,4 +1,7 @@
-"""Payloads from zenoh's thread for an event loop: a bounded queue that drops the oldest."""
+"""Passes payloads (encoded messages) from zenoh's thread to an event loop.
+
+The queue is bounded. If it is full, it drops the oldest payload.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,9 @@ from contextlib import suppress
 
 
 class PayloadQueue:
-    """Payloads that one thread puts and one task takes; where too many wait, the oldest go.
+    """A queue from one thread to one task; if too many payloads wait, it drops the oldest.
 
-    Made on the event loop of the task that takes.
+    Construct it on the event loop of the task that reads it.
     """
 
     def __init__(self, size: int) -> None:
@@ -22,23 +25,23 @@ class PayloadQueue:
         self._closed = False
 
     def put(self, payload: bytes) -> None:
-        """Add a payload; from any one thread, without ever waiting.
+        """Add a payload; from a single thread, never waits.
 
         A thousand payloads wake the loop once: a wake-up costs 15 µs, a payload in the ring 0.1.
         """
         self._waiting.append(payload)
         if not self._waking:
             self._waking = True
-            with suppress(RuntimeError):  # the loop has ended: nobody takes any more
+            with suppress(RuntimeError):  # the loop has ended: nothing takes any more
                 self._loop.call_soon_threadsafe(self._wake)
 
     def close(self) -> None:
-        """Let what waits be taken, and then end; on the loop."""
+        """Let the reader take the waiting payloads, and then end; on the loop."""
         self._closed = True
         self._news.set()
 
     async def __aiter__(self) -> AsyncIterator[bytes]:
-        """Yield what comes until closed."""
+        """Yield payloads until closed."""
         while True:
             while self._waiting:
                 yield self._waiting.popleft()

@@ -1,4 +1,4 @@
-"""The client's list of rigs: endpoint and credentials of each.
+"""Reads the client's list of rigs: endpoint and credentials of each.
 
     # ~/.config/rigd/remotes.yaml
     remotes:
@@ -7,8 +7,8 @@
         endpoint: tls/rig.lab:7447
         tls: {ca: certs/ca.crt, certificate: certs/alice.crt, key: certs/alice.key}
 
-Nothing is searched for on the network: a rig that is not in the list is looked for on this
-machine.
+The client does not search the network for rigs. If a rig is not in the list, the client looks for
+it on this machine.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ class RemoteLine(Source):
     """One rig in the list."""
 
     endpoint: str = DEFAULT_ENDPOINT
-    """Where its daemon listens, as tls/rig.lab:7447."""
+    """The address of its daemon, such as tls/rig.lab:7447."""
     tls: TlsSource | None = None
     """Certificates; paths are relative to this file."""
     identity: Identity | None = None
-    """The name to come as, where there is no certificate; by default that of the user."""
+    """The name to come as, if there is no certificate; by default that of the user."""
 
 
 class RemotesSource(Source):
@@ -58,14 +58,14 @@ class Remote:
 
 
 def list_path() -> Path:
-    """Return where the list is kept, by the XDG base directory specification."""
+    """Return the path of the list, by the XDG base directory specification."""
     home = os.environ.get("XDG_CONFIG_HOME") or ""
     base = Path(home) if Path(home).is_absolute() else Path.home() / ".config"
     return base / "rigd" / "remotes.yaml"
 
 
 def read_remotes() -> Mapping[str, Remote]:
-    """Return the list by name; empty where there is none.
+    """Return the list by name; empty if there is none.
 
     Raises:
         ConfigError: it is wrong; names every problem with its place.
@@ -86,14 +86,14 @@ def find_target(
     tls: TlsFiles | None = None,
     identity: str | None = None,
 ) -> Target:
-    """Return where ``rig`` is found: as the list says, save for what is given here.
+    """Return the target for ``rig``: from the list, with the values given here in place of its own.
 
-    Without a name it is the only rig of the list or, where that is empty, the only one on this
+    Without a name it is the only rig of the list or, if that is empty, the only rig on this
     machine.
 
     Raises:
         ConfigError: the list or an argument is wrong, or it has several rigs and none is named.
-        Refusal: a name cannot stand in a key.
+        Refusal: a name is not allowed in a key.
     """
     if endpoint is not None:
         return make_target(rig, endpoint, tls, identity)

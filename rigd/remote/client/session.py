@@ -1,6 +1,7 @@
-"""zenoh for asyncio: sessions, and queries that are awaited.
+"""Opens zenoh sessions for asyncio programs and awaits the replies to queries.
 
-zenoh calls back on its network threads; there nothing is done but to hand over.
+zenoh calls functions of this module on its network threads. These functions only pass the data on
+to the event loop.
 """
 
 from __future__ import annotations
@@ -20,32 +21,32 @@ from rigd.remote.client.target import Target
 from rigd.remote.network import client_config
 from rigd.remote.protocol import EVERY_ALIVE
 
-#: How long it may take to hear who is there, in s.
+#: How long the rigs of a network may take to answer, in s.
 QUESTION_S: Final = 2.0
 #: How often that is asked again, and after what pause, in s.
 _ASKED_AGAIN: Final = 5
 _PAUSE_S: Final = 0.05
-#: zenoh's own answer where nobody gave one in time.
+#: zenoh's own answer if no peer gave one in time.
 _TIMED_OUT: Final = b"Timeout"
 
 
 @dataclass(frozen=True)
 class QueryReply:
-    """What came back on a query: a reply or, where not ``ok``, an error reply."""
+    """The answer to a query: a reply or, if not ``ok``, an error reply."""
 
     ok: bool
     payload: bytes
 
 
 class TimedOut(Exception):
-    """Nobody answered in time; whether anybody heard is not known."""
+    """No daemon answered in time; whether a daemon has received the request is not known."""
 
 
 def open_session(target: Target) -> zenoh.Session:
     """Return a session with the daemon at an address; blocks while it connects.
 
     Raises:
-        LinkError: nobody lets us in there.
+        LinkError: no daemon admits this client there.
     """
     try:
         return zenoh.open(client_config([target.endpoint], target.tls))
@@ -57,11 +58,11 @@ def open_session(target: Target) -> zenoh.Session:
 
 
 def _doubt(tls: TlsFiles) -> str:
-    """Return what may have kept us out, which TLS does not tell."""
+    """Return the possible reasons of a refused connection, which TLS does not report."""
     try:
         check_usable(tls)
     except ConfigError as error:
-        return error.told
+        return error.one_line
     return distrusted(tls) or (
         "is the daemon running there (rigd serve), and is the address right? Does it trust "
         f"{tls.ca}, which signed {tls.certificate.name}? Is its own certificate signed by that "
@@ -82,12 +83,12 @@ async def query(
     *,
     urgent: bool = False,
 ) -> list[QueryReply]:
-    """Return all answers to a query; none where nobody may or can answer it.
+    """Return all answers to a query; none if no peer can answer it.
 
-    An ``urgent`` one goes before all else on the connection, and so do its answers.
+    An ``urgent`` query is sent before all others on the connection, and so are its answers.
 
     Raises:
-        TimedOut: see there.
+        TimedOut: no daemon answered in time.
     """
     answers: list[QueryReply] = []
 
@@ -116,8 +117,8 @@ async def query(
 async def rigs_alive(session: zenoh.Session) -> list[str]:
     """Return the names of the rigs that a session reaches, in order.
 
-    Asked again for a moment where there seem to be none: with a router beside it, zenoh leaves
-    every second question unanswered.
+    The query is repeated for a moment if there seem to be none: with a router, zenoh leaves every
+    second query unanswered.
     """
     for _ in range(_ASKED_AGAIN):
         if found := await _rigs_alive(session):
@@ -155,14 +156,14 @@ def listen(
 
 
 class _Done:
-    """The end of a query, told on zenoh's thread and awaited on the loop it was made on."""
+    """The end of a query: zenoh's thread reports it, and the event loop that made it awaits it."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._event = asyncio.Event()
 
     def tell(self) -> None:
-        with suppress(RuntimeError):  # the loop has ended: nobody waits any more
+        with suppress(RuntimeError):  # the loop has ended: nothing waits any more
             self._loop.call_soon_threadsafe(self._event.set)
 
     async def wait(self) -> None:

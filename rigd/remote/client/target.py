@@ -1,4 +1,4 @@
-"""The address of a rig and the identity of the client that connects to it."""
+"""Determines the address of a daemon and the identity of the client that connects to it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Target:
     identity: str
     """The name under which the daemon knows the client."""
     note: str = ""
-    """Why it was looked for there, to be told where nobody is."""
+    """Why it was looked for there; for the error if no rig is found."""
 
 
 def make_target(
@@ -39,14 +39,14 @@ def make_target(
     tls: TlsFiles | None = None,
     identity: str | None = None,
 ) -> Target:
-    """Return a target whose parts go together.
+    """Return a target whose parts are consistent.
 
-    Without ``identity`` a client comes as the name in its certificate or, on loopback, as the user
-    of this process; there a name says who, and proves nothing.
+    Without ``identity`` a client has the name in its certificate or, on loopback, that of the user
+    of this process; there a name identifies a client, and proves nothing.
 
     Raises:
-        ConfigError: it is no address, or certificates are missing, or of no use.
-        Refusal: a name cannot stand in a key.
+        ConfigError: the address is invalid, or certificates are missing or unusable.
+        Refusal: a name is not allowed in a key.
     """
     read = Endpoint.read(endpoint)
     if read is None:
@@ -92,8 +92,8 @@ def _certified(tls: TlsFiles, identity: str | None) -> str:
         if not path.is_file():
             raise ConfigError(
                 f"there is no file {path}",
-                hint="ask whoever ran rigd remote setup-tls for ca.crt, and for NAME.crt and "
-                "NAME.key of your own",
+                hint="ask the person who ran rigd remote setup-tls for ca.crt, and for your own "
+                "NAME.crt and NAME.key",
             )
     own = name_in(tls.certificate)
     if identity not in (None, own):
@@ -105,7 +105,7 @@ def _certified(tls: TlsFiles, identity: str | None) -> str:
 
 
 def _user() -> str:
-    """Return the name of the user of this process, as far as it may stand in a key."""
+    """Return the name of the user of this process, as far as it is allowed in a key."""
     try:
         user = getpass.getuser()
     except (KeyError, OSError):  # a container may run under a number that has no name

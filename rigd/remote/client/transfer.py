@@ -1,4 +1,4 @@
-"""Fetches files from a daemon in pieces; resumes an interrupted transfer, verifies the digest."""
+"""Fetches files from a daemon in pieces, resumes interrupted transfers, and verifies the digest."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Progress = Callable[[int, int], None]
 async def fetch(ask: AskPiece, path: Path, progress: Progress | None = None) -> Path:
     """Fetch a file to ``path``, and return that.
 
-    What has come is kept beside it under a name that holds the file's digest, so that a transfer
-    that breaks off goes on from there. Only what is whole gets the name ``path``; a file of that
-    name stays if it is the same.
+    Received data are kept beside it under a name with the file's digest, so that a broken transfer
+    continues from there. Only the complete file gets the name ``path``; an existing file with the
+    same content stays.
 
     Raises:
-        RecordingError: another file has that name, the file changes while it is fetched, what came
-            is not what the daemon said, or it cannot be written.
+        RecordingError: another file has that name, the file changes during the transfer, its
+            digest is wrong, or it cannot be written.
         RigdError: as ``ask`` raises.
     """
     first = await ask(0)
@@ -67,7 +67,7 @@ async def _append(
         piece = first if done == 0 else await ask(done)
         if piece.sha256 != first.sha256:
             raise RecordingError(
-                "the file changes while it is fetched", hint="wait until nobody writes it"
+                "the file changes while it is fetched", hint="wait until it is complete"
             )
         if piece.offset != done or not 0 < len(piece.data) <= first.size - done:
             raise RecordingError(

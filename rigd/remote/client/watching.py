@@ -28,10 +28,10 @@ async def each(
     rig: str,
     patience_s: float | None = None,
 ) -> AsyncGenerator[T, None]:
-    """Yield what ``read`` makes of each payload.
+    """Yield the result of ``read`` for each payload.
 
     Raises:
-        LinkError: nothing came for ``patience_s``.
+        LinkError: no payload arrived for ``patience_s``.
     """
     async with aclosing(heard):
         while True:
@@ -53,9 +53,9 @@ async def without_gaps(
     ask: Callable[[int], Awaitable[Events]],
     since: int | None,
 ) -> AsyncGenerator[RigEvent, None]:
-    """Yield events from number ``since``, or from the first heard; what is missing is asked for.
+    """Yield events from number ``since``, or from the first; missing events are requested.
 
-    Numbers that go back while the time goes on are those of a daemon that was started anew.
+    If numbers go back while the time advances, the daemon was restarted.
     """
     wanted, newest_ns = since, 0
     async with aclosing(heard):
@@ -85,12 +85,12 @@ class RunWatch:
     def ended(self, status: Status) -> LastRun | None:
         """Return how the run ended, if ``status`` shows that it has.
 
-        A run that goes on where it was interrupted has ended before: until it was seen under way,
-        a status that may be from before says nothing.
+        A run that continues an interrupted run has ended before: until it was seen in progress, a
+        status that may be from before is ignored.
 
         Raises:
-            LinkError: the daemon ended with the run, and was started anew.
-            Refusal: it is another run that goes on, or that has ended since.
+            LinkError: the daemon ended with the run, and was restarted.
+            Refusal: another run is in progress, or has ended since.
         """
         if self._first_ns is None:
             self._first_ns = status.t_ns
@@ -104,7 +104,7 @@ class RunWatch:
             return status.last
         if any(item.run == self.run for item in status.interrupted):
             raise LinkError(
-                f"the daemon of {status.rig} ended with {self.run}, and was started anew",
+                f"the daemon of {status.rig} ended with {self.run}, and was restarted",
                 hint=f"look at the rig; `rigd remote resume-run {self.run}` goes on with it",
             )
         raise Refusal(
@@ -115,5 +115,5 @@ class RunWatch:
 
 
 def reader(kind: type[M]) -> Callable[[bytes], M]:
-    """Return what reads payloads as messages of ``kind``."""
+    """Return the function that parses payloads as messages of ``kind``."""
     return partial(decode_or_raise, kind)

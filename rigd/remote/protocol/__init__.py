@@ -1,4 +1,4 @@
-"""The remote protocol: keys, verbs, messages and limits; no I/O."""
+"""Defines the remote protocol, without any I/O: zenoh keys, requests (verbs), messages, limits."""
 
 from rigd.remote.protocol.frame import Frame, decode_frame, encode_frame
 from rigd.remote.protocol.keys import EVERY_ALIVE, Address, Keys, Kind, check_name
@@ -16,8 +16,17 @@ from rigd.remote.protocol.request import (
     request_kind,
 )
 from rigd.remote.protocol.roles import Role
-from rigd.remote.protocol.status import LeaseView, RigEvent, Status, as_json
-from rigd.remote.protocol.verbs import PATIENCE_S, VERBS, Lane, Verb, check_role, find_verb
+from rigd.remote.protocol.status import ClientUser, LeaseView, RigEvent, Status, as_json
+from rigd.remote.protocol.verbs import (
+    PATIENCE_S,
+    VERBS,
+    Handlers,
+    Lane,
+    Requester,
+    Verb,
+    check_role,
+    find_verb,
+)
 
 __all__ = [
     "EVERY_ALIVE",
@@ -25,8 +34,10 @@ __all__ = [
     "VERBS",
     "VERSION",
     "Address",
+    "ClientUser",
     "Code",
     "Frame",
+    "Handlers",
     "Keys",
     "Kind",
     "Lane",
@@ -35,6 +46,7 @@ __all__ = [
     "Refusal",
     "RemoteRequest",
     "Reply",
+    "Requester",
     "RigEvent",
     "Role",
     "Status",

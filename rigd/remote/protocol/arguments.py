@@ -1,4 +1,4 @@
-"""Arguments of requests: one model for each verb that has arguments."""
+"""Defines the arguments of requests: one model for each verb (kind of request) with arguments."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import Field, StringConstraints, model_validator
 
 from rigd.model.about import MOST_ENTRIES, MOST_NOTE_LETTERS, About
 from rigd.remote.protocol.limits import MAX_PIECE_BYTES
-from rigd.remote.protocol.message import Message, Name, Text
+from rigd.remote.protocol.message import Message, Name, Text, User
 
 #: File name of a recording: never a path.
 RUN_NAME: Final = r"[A-Za-z0-9_][A-Za-z0-9._-]{0,199}"
@@ -22,7 +22,7 @@ Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 
 
 class NoArguments(Message):
-    """For verbs that say it all."""
+    """For verbs without arguments."""
 
 
 class ProcedureFile(Message):
@@ -32,7 +32,7 @@ class ProcedureFile(Message):
     text: Annotated[str, StringConstraints(min_length=1)]
     """The file, as its author wrote it."""
     sha256: Sha256
-    """Of the text in UTF-8: what was read is what runs."""
+    """The SHA-256 of the text in UTF-8, so that the daemon runs exactly this text."""
 
     @classmethod
     def of(cls, name: str, text: str) -> Self:
@@ -70,7 +70,7 @@ class StartArguments(Checked):
     answers: Literal["ask", "procedure"] = "ask"
     """Whether its prompts wait for a person, or take the procedure's own answers."""
     on_client_loss: Literal["continue", "finish_trial", "stop"] | None = None
-    """What happens when the client vanishes; None: what the procedure says."""
+    """The action when the client vanishes; None: as the procedure specifies."""
     note: Annotated[str, StringConstraints(max_length=MOST_NOTE_LETTERS)] = ""
     """A note, kept in the recording."""
     meta: Annotated[Settings, Field(max_length=MOST_ENTRIES)] = Field(default_factory=dict)
@@ -106,7 +106,7 @@ class ResumeRun(RunArguments):
     """A recording to go on with."""
 
     on_client_loss: Literal["continue", "finish_trial", "stop"] | None = None
-    """What happens when the client vanishes; None: what the procedure says."""
+    """The action when the client vanishes; None: as the procedure specifies."""
 
 
 class Runs(Message):
@@ -115,7 +115,7 @@ class Runs(Message):
     limit: Annotated[int, Field(ge=1, le=500)] = 100
     """How many, the newest first."""
     before: RunName | None = None
-    """Only those older than this one."""
+    """Only recordings older than this recording."""
 
 
 class PieceArguments(Message):
@@ -132,7 +132,7 @@ class ReportPiece(PieceArguments):
     """A piece of a page on a recording."""
 
     page: Literal["run", "identification"] = "identification"
-    """What the page shows: what was recorded, or what was identified from it."""
+    """The kind of page: of the recording, or of its analysis."""
 
 
 class Since(Message):
@@ -149,9 +149,13 @@ class StreamName(Message):
 
 
 class Receiver(Message):
-    """Whom the lease goes to."""
+    """The client and user that the lease goes to."""
 
     to: Name
+    user: User = ""
+    """One of its users, who must have requested it; empty: the first requester, or the client
+    itself.
+    """
 
 
 class ActArguments(Message):

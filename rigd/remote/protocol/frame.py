@@ -1,9 +1,13 @@
-"""Live data as binary frames: smallest and largest value of each channel per point.
+"""Encodes and decodes live data as binary frames: minimum and maximum of each channel per point.
 
-A frame is little-endian: ``RGF1``, u16 number of the stream, u16 channels, u32 points, u32
-sequence, u64 t0 in ns since the Unix epoch; then ``points`` f64 seconds since t0, then for each
-channel ``points`` f32 minima and ``points`` f32 maxima. The header has 24 bytes, so that a
-browser can lay typed arrays over what follows.
+A frame is little-endian and contains, in this order:
+
+- the header of 24 bytes: ``RGF1``, u16 number of the stream, u16 channels, u32 points, u32
+  sequence, u64 t0 in ns since the Unix epoch;
+- ``points`` f64: seconds since t0;
+- for each channel, ``points`` f32 minima and then ``points`` f32 maxima.
+
+Because the header has 24 bytes, a browser can read the data after the header as typed arrays.
 """
 
 from __future__ import annotations
@@ -26,9 +30,9 @@ HEADER: Final = struct.Struct("<4sHHIIQ")
 class Frame:
     """A piece of one stream, newest point last.
 
-    ``time_s`` has shape (points,); ``low`` and ``high`` have shape (channels, points), in the
-    units that ``describe`` gives, NaN where nothing was measured. ``sequence`` counts the frames
-    of the stream: a gap is a frame that was dropped on the way.
+    ``time_s`` has shape (points,); ``low`` and ``high`` have shape (channels, points), in the units
+    of ``describe``, NaN if nothing was measured. ``sequence`` counts the frames of the stream: a
+    gap is a frame that was dropped on the way.
     """
 
     stream: int

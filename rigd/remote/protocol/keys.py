@@ -1,8 +1,13 @@
-"""The zenoh keys of a rig.
+"""Builds and parses the zenoh keys (addresses of messages) of a rig.
 
-Under ``rigd/<rig>/``: ``alive`` (liveliness), ``status``, ``event`` and ``live/<stream>``
-(publications), ``ask/<identity>/<what>``, ``cmd/<identity>/<verb>`` and ``stop/<identity>/<verb>``
-(queryables). The identity is part of the key because access-control rules see keys, not payloads.
+Every key begins with ``rigd/<rig>/``. The rest is:
+
+- liveliness: ``alive``;
+- publications: ``status``, ``event`` and ``live/<stream>``;
+- queryables: ``ask/<identity>/<what>``, ``cmd/<identity>/<verb>`` and ``stop/<identity>/<verb>``.
+
+The identity of the client is part of the key because the access-control rules of zenoh check keys,
+not payloads.
 """
 
 from __future__ import annotations
@@ -27,18 +32,18 @@ MAX_KEY: Final = len(f"{ROOT}///stop/") + 3 * MAX_NAME
 
 
 class Kind(Enum):
-    """What a request wants; a part of its key."""
+    """The kind of a request; a part of its key."""
 
     ASK = "ask"  #: to know: changes nothing, open to every role
     COMMAND = "cmd"  #: to change something: needs a role, and mostly the lease
-    STOP = "stop"  #: to end what the rig does: open to everyone who may connect
+    STOP = "stop"  #: to end what the rig does: open to every client
 
 
 def check_name(name: str, what: str = "name") -> str:
-    """Return ``name`` if it may stand in a key.
+    """Return ``name`` if it is allowed in a key.
 
     Raises:
-        Refusal: it may not.
+        Refusal: it is not allowed.
     """
     if _NAME.fullmatch(name) is None:
         raise Refusal(
@@ -51,7 +56,7 @@ def check_name(name: str, what: str = "name") -> str:
 
 @dataclass(frozen=True)
 class Address:
-    """Who asks for what, as the key says it."""
+    """The rig, client and verb of a request, from its key."""
 
     kind: Kind
     identity: str
@@ -63,7 +68,7 @@ class Keys:
     """The keys of one rig.
 
     Raises:
-        Refusal: its name cannot stand in a key.
+        Refusal: its name is not allowed in a key.
     """
 
     rig: str
@@ -73,7 +78,7 @@ class Keys:
 
     @property
     def prefix(self) -> str:
-        """What every key of the rig begins with, without a slash at its end."""
+        """The beginning of every key of the rig, without a slash at its end."""
         return f"{ROOT}/{self.rig}"
 
     @property
@@ -101,23 +106,23 @@ class Keys:
         return f"{self.prefix}/live/*"
 
     def request(self, kind: Kind, identity: str, verb: str) -> str:
-        """Where ``identity`` asks for ``verb``."""
+        """The key with which ``identity`` requests ``verb``."""
         return (
             f"{self.prefix}/{kind.value}/{check_name(identity, 'identity')}/"
             f"{check_name(verb, 'verb')}"
         )
 
     def every_request(self, kind: Kind, identity: str = "*") -> str:
-        """All requests of one kind, of everybody or of one identity."""
+        """All requests of one kind, of every identity or of one."""
         if identity != "*":
             check_name(identity, "identity")
         return f"{self.prefix}/{kind.value}/{identity}/*"
 
     def address(self, key: str) -> Address:
-        """Return what the key of a request says.
+        """Parse the key of a request.
 
         Raises:
-            Refusal: it is not the key of one request to this rig.
+            Refusal: it is not the key of a request to this rig.
         """
         parts = key.split("/") if len(key) <= MAX_KEY else []
         kinds = {kind.value: kind for kind in Kind}

@@ -1,4 +1,4 @@
-"""Limits of the protocol that both ends obey: sizes, depths, rates and ages."""
+"""Defines the limits of the protocol for both ends: sizes, depths, rates and ages."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ MAX_PIECE_BYTES: Final = 256 * 1024
 MAX_DEPTH: Final = 16
 #: Characters of a name in a key: of a rig, a stream, an identity or a verb.
 MAX_NAME: Final = 64
+#: Characters of the name of a client's user.
+MAX_USER: Final = 64
 #: Characters of a line or a few for a person.
 MAX_TEXT: Final = 4000
 #: Points and channels of a frame.

@@ -1,7 +1,10 @@
-"""Base of all messages: frozen models, and strict JSON.
+"""Defines the base class of all messages, and encodes and decodes messages as strict JSON.
 
-A message has the keys its model names, all of them known and none twice, every value of its exact
-type and finite, nested no deeper than ``MAX_DEPTH`` and no larger than its limit.
+Messages are frozen models. A valid message has these properties:
+
+- It has the JSON keys that its model names, no unknown key, and no key twice.
+- Every value has exactly its type and is finite.
+- It is nested no deeper than ``MAX_DEPTH`` and is no larger than its limit.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from rigd.remote.protocol.limits import (
     MAX_NAME,
     MAX_REQUEST_BYTES,
     MAX_TEXT,
+    MAX_USER,
     VERSION,
 )
 from rigd.remote.protocol.refusal import Code, Refusal
@@ -32,6 +36,12 @@ Text = Annotated[str, StringConstraints(max_length=MAX_TEXT)]
 #: without what steers a terminal.
 Told = Annotated[
     Text, BeforeValidator(lambda text: _tellable(text) if isinstance(text, str) else text)
+]
+#: The name of a client's user, in one line.
+User = Annotated[
+    str,
+    BeforeValidator(lambda text: one_line(text) if isinstance(text, str) else text),
+    StringConstraints(max_length=MAX_USER),
 ]
 #: The version that a message of its own carries.
 Version = Literal[1]
@@ -65,10 +75,10 @@ def encode(message: Message, limit_bytes: int = MAX_MESSAGE_BYTES) -> bytes:
 
 
 def decode(kind: type[M], payload: bytes, limit_bytes: int = MAX_REQUEST_BYTES) -> M:
-    """Return the message of ``kind`` that ``payload`` holds.
+    """Return ``payload`` as a message of ``kind``.
 
     Raises:
-        Refusal: too large, not such JSON, of another version, or not as ``kind`` says.
+        Refusal: too large, not strict JSON, of another version, or not of this kind.
     """
     check_size(payload, limit_bytes)
     _check_json(payload)
@@ -90,12 +100,17 @@ def check_size(payload: bytes, limit_bytes: int) -> None:
         )
 
 
+def one_line(text: str) -> str:
+    """Return ``text`` with a space for each character that breaks a line or steers a terminal."""
+    return "".join(item if item.isprintable() else " " for item in text)
+
+
 def _tellable(text: str) -> str:
     return _STEERING.sub("?", text[:MAX_TEXT]).encode(errors="replace").decode()
 
 
 def _check_json(payload: bytes) -> None:
-    """Refuse what a lenient parser would let pass: a key twice, NaN, infinities, deep nesting."""
+    """Refuse JSON that a lenient parser accepts: a repeated key, NaN, infinities, deep nesting."""
     try:
         data = json.loads(
             payload.decode(),  # of bytes, json would take UTF-16 and UTF-32 too

@@ -1,4 +1,4 @@
-"""The error that a daemon returns if it does not carry out a request."""
+"""Defines the error that a daemon returns if it does not carry out a request."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Code(Enum):
     TOO_LARGE = "too_large"
     REPLAYED = "replayed"  #: too old, or its id was used for another request
     FORBIDDEN = "forbidden"  #: the role does not allow it
-    NO_LEASE = "no_lease"  #: it needs the control lease, and nobody or another has it
+    NO_LEASE = "no_lease"  #: it needs the control lease, which no client or another one has
     LEASE_HELD = "lease_held"  #: the control lease is another's
     BUSY = "busy"  #: too many requests at once; ask again
     CONFLICT = "conflict"  #: not in this state, such as `resume` while idle

@@ -1,4 +1,4 @@
-"""Requests and their replies."""
+"""Defines requests and their replies, and encodes them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated, Any, Generic, TypeVar
 from pydantic import Field, JsonValue, StringConstraints
 
 from rigd.remote.protocol.limits import MAX_REQUEST_BYTES, VERSION
-from rigd.remote.protocol.message import Message, Told, Version, decode, encode
+from rigd.remote.protocol.message import Message, Told, User, Version, decode, encode
 from rigd.remote.protocol.refusal import Code, Refusal
 
 #: 16 random bytes; unique among all requests ever made.
@@ -20,7 +20,7 @@ A = TypeVar("A", bound=Message)
 
 
 class RemoteRequest(Message, Generic[A]):
-    """A request; what it is for stands in its key."""
+    """A request; its verb is in its key."""
 
     v: Version
     id: RequestId
@@ -28,8 +28,8 @@ class RemoteRequest(Message, Generic[A]):
     sent_ns: Annotated[int, Field(ge=0, lt=2**63)]
     """When it was made, in ns since the Unix epoch."""
     args: A
-    user: Annotated[str, StringConstraints(max_length=64)] = ""
-    """For whom a client asks that speaks for several people, and vouches for them; else empty."""
+    user: User = ""
+    """The user of a client that acts for several people, and vouches for them; else empty."""
 
 
 class Reply(Message):
@@ -56,7 +56,7 @@ class ErrorReply(Message):
 
     v: Annotated[int, Field(ge=1)]
     id: RequestId | Annotated[str, StringConstraints(max_length=0)]
-    """That of the request; empty where none could be read."""
+    """That of the request; empty if none could be read."""
     error: Error
 
 

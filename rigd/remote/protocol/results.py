@@ -1,6 +1,6 @@
-"""Results of requests: one model for each result with fields of its own.
+"""Defines the results of requests: one model for each result that has fields of its own.
 
-Where a bound may be missing it is None: JSON has no infinity.
+A missing bound is None, because JSON has no infinity.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class ChannelView(Message):
     """SI; values come in it."""
     doc: Told = ""
     low: float | None = None
-    """What the device can measure."""
+    """The range that the device can measure."""
     high: float | None = None
     raw_of: Told | None = None
 
@@ -97,7 +97,7 @@ class Sizes(Message):
 
 
 class Description(Message):
-    """`describe`: what does not change while the daemon lives."""
+    """`describe`: the data that do not change while the daemon runs."""
 
     rig: Name
     title: Told
@@ -107,18 +107,18 @@ class Description(Message):
     interlocks: tuple[InterlockView, ...] = ()
     actions: tuple[ActionView, ...] = ()
     role: Role
-    """Of whoever asked."""
+    """Of the client that asked."""
     roles: dict[Name, Role] = Field(default_factory=dict)
     sizes: Sizes = Sizes()
 
 
 class ProcedureLine(Message):
-    """One procedure that the daemon has."""
+    """A procedure of the daemon."""
 
     name: FileWord
     title: Told = ""
     sha256: Sha256 | None = None
-    """None where the file is wrong."""
+    """None if the file is wrong."""
     problem: Told | None = None
     """Why it cannot run on this rig."""
 
@@ -130,7 +130,7 @@ class Procedures(Message):
 
 
 class ParameterView(Message):
-    """A parameter of a procedure: a word where it has choices, else a quantity."""
+    """A parameter of a procedure: a word if it has choices, else a quantity."""
 
     name: FileWord
     doc: Told
@@ -146,7 +146,7 @@ class ParameterView(Message):
 
 
 class ProcedureView(Message):
-    """`procedure`: its file, and what its form needs."""
+    """`procedure`: its file, and the data for its form."""
 
     procedure: ProcedureFile
     title: Told
@@ -156,7 +156,7 @@ class ProcedureView(Message):
 
 
 class ProblemView(Message):
-    """What is wrong with a procedure, and where; line and column count from 1."""
+    """A problem of a procedure and its place; line and column count from 1."""
 
     message: Told
     hint: Told | None = None
@@ -179,9 +179,9 @@ class StepView(Message):
     block: Literal["prepare", "trial", "after", "finish"]
     name: Told
     setpoints: tuple[Told, ...] = ()
-    """A line each; what the sweep varies stands as a range."""
+    """A line each; values that the sweep varies are given as a range."""
     ends: tuple[Told, ...] = ()
-    """What ends it, a line each."""
+    """The end conditions, a line each."""
     played: Count
     shortest_s: float
     longest_s: float
@@ -212,7 +212,7 @@ class DryRun(Message):
 
 
 class RunLine(Message):
-    """One recording."""
+    """A recording."""
 
     run: RunName
     procedure: Told
@@ -230,7 +230,7 @@ class RunLine(Message):
     has_page: bool
     """Whether the page of the run is there, and as new as the recording."""
     identifies: bool
-    """Whether it says what to identify from it."""
+    """Whether its procedure has an analysis."""
     problem: Told | None = None
     """Why it cannot be read."""
 
@@ -240,7 +240,7 @@ class RunList(Message):
 
     runs: tuple[RunLine, ...]
     more: bool
-    """Whether there are older ones."""
+    """Whether there are older recordings."""
 
 
 class RunView(Message):
@@ -248,7 +248,7 @@ class RunView(Message):
 
     line: RunLine
     details: dict[str, JsonValue] = Field(default_factory=dict)
-    """What `rigd info --json` says."""
+    """The result of `rigd info --json`."""
 
 
 class PieceView(Message):
@@ -298,7 +298,7 @@ class Started(Message):
     """`start` and `resume_run`."""
 
     run: RunName | None
-    """The recording; None where its name is not yet known."""
+    """The recording; None if its name is not yet known."""
 
 
 class Reported(Message):
@@ -312,7 +312,7 @@ class ActionReply(Message):
     """`act`."""
 
     said: Told
-    """What the device answered."""
+    """The reply of the device."""
 
 
 class Stopped(Message):

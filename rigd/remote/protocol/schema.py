@@ -1,4 +1,4 @@
-"""JSON Schema of every message, for clients in other languages."""
+"""Builds the JSON Schema of every message, for clients in other languages."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from rigd.remote.protocol.verbs import VERBS
 
 
 def remote_schema() -> dict[str, Any]:
-    """Return the schema: messages under ``$defs``, what each key carries under ``x-keys``.
+    """Return the schema: messages under ``$defs``, the message of each key under ``x-keys``.
 
-    A request is given by verb, with its role, its need of the lease, and the result of its reply.
+    Requests are listed by verb, with role, need of the lease, and the result of the reply.
     """
     verbs = {
         f"{kind.value}/<identity>/{name}": verb
@@ -38,8 +38,8 @@ def remote_schema() -> dict[str, Any]:
             "event": refer[RigEvent],
             **{
                 key: {
-                    "role": verb.role.value,
-                    "needs_lease": verb.needs_lease,
+                    "role": verb.rule.role.value,
+                    "needs_lease": verb.rule.needs_lease,
                     "request": refer[requests[key]],
                     "reply": refer[Reply],
                     "result": refer[verb.result],

@@ -1,12 +1,15 @@
-"""Status and events of a daemon: sent at every change, the status also as heartbeat."""
+"""Defines the status and the events that a daemon sends to clients.
+
+The daemon sends both at every change. It also sends the status regularly, as a heartbeat.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, JsonValue
 
-from rigd.remote.protocol.message import Message, Name, Told, Version
+from rigd.remote.protocol.message import Message, Name, Told, User, Version
 
 Count = Annotated[int, Field(ge=0)]
 Nanoseconds = Annotated[int, Field(ge=0, lt=2**63)]
@@ -23,7 +26,7 @@ ActionName = Literal["warn", "end_trial", "stop", "abort", "estop"]
 
 
 class Daemon(Message):
-    """The process that speaks."""
+    """The process of the daemon."""
 
     version: Told
     pid: Count
@@ -31,7 +34,7 @@ class Daemon(Message):
     descriptors: Count = 0
     """Files and connections that it has open."""
     descriptors_most: Count = 0
-    """How many it may have; 0 where it does not say."""
+    """Its limit; 0 if unknown."""
     unauthenticated_ended: Count = 0
     """Unauthenticated connections that it has ended to stay below that."""
     accept_pauses: Count = 0
@@ -46,7 +49,7 @@ class TrialStatus(Message):
     parameters: dict[str, float | str | bool]
     """Quantities in SI."""
     label: Told = ""
-    """What sets it apart from the others, for people: ``current 0.15 A, repeat 2``."""
+    """Its difference from other trials, for people: ``current 0.15 A, repeat 2``."""
 
 
 class PromptView(Message):
@@ -63,19 +66,39 @@ class PromptView(Message):
     high: float | None = None
     choices: tuple[Told, ...] = ()
     answer: float | str | bool | None = None
-    """What the procedure itself would answer."""
+    """The procedure's own answer."""
     objection: Told = ""
-    """What spoke against the answer given before."""
+    """The reason against the previous answer."""
+
+
+class ClientUser(Message):
+    """A client, and the user that it names."""
+
+    identity: Name
+    user: User = ""
+    """A person at the client, as the client reports; empty if it serves one person only."""
+
+    @classmethod
+    def of(cls, identity: str, user: str = "") -> Self:
+        """Return a user of a client; without ``user`` the client alone."""
+        return cls(identity=identity, user=user)
+
+    def __str__(self) -> str:
+        return f"{self.user} ({self.identity})" if self.user else self.identity
 
 
 class LeaseView(Message):
-    """Who may command the rig."""
+    """The client and user that may command the rig."""
 
-    holder: Name | None = None
+    holder: ClientUser | None = None
     until_ns: Nanoseconds = 0
     """When the lease ends unless it is renewed, in ns since the Unix epoch; 0 if it is free."""
-    asked_by: tuple[Name, ...] = ()
-    """Who asks the holder to hand it over, the first first."""
+    asked_by: tuple[ClientUser, ...] = ()
+    """Clients and users that ask the holder for the lease, the first first."""
+
+    def is_held_by(self, identity: str) -> bool:
+        """Return whether a client that names no user holds the lease."""
+        return self.holder == ClientUser.of(identity)
 
 
 class TripView(Message):
@@ -108,7 +131,7 @@ class LastRun(Message):
     exit_code: Count
     """As `rigd run` would have exited."""
     recorded: bool = True
-    """Whether there is a recording of it: one that preflight refused leaves none."""
+    """Whether it has a recording: a run that preflight refused has none."""
 
 
 class RefusedCounts(Message):
@@ -121,7 +144,7 @@ class RefusedCounts(Message):
 
 
 class OperatorNotice(Message):
-    """A line for whoever looks after the rig."""
+    """A line for the operator of the rig."""
 
     t_ns: Nanoseconds
     level: Literal["info", "warning", "error"]
@@ -135,7 +158,7 @@ class Status(Message):
     rig: Name
     title: Told
     t_ns: Nanoseconds
-    """When it was said, in ns since the Unix epoch."""
+    """Its time, in ns since the Unix epoch."""
     seq: Count
     """Counts the status messages of this daemon."""
     daemon: Daemon
@@ -150,7 +173,7 @@ class Status(Message):
     run_s: Annotated[float, Field(ge=0)] = 0.0
     """Since the run began."""
     left_s: Annotated[float, Field(ge=0)] | None = None
-    """Until it ends, as far as that can be told."""
+    """Estimated time until it ends; null if unknown."""
     prompt: PromptView | None = None
     lease: LeaseView = LeaseView()
     trips: tuple[TripView, ...] = ()
@@ -166,13 +189,13 @@ class RigEvent(Message):
 
     v: Version
     seq: Count
-    """Counts the events of this daemon: a gap is one that was missed, and `events` has it."""
+    """Counts the events of this daemon: a gap is a missed event, which `events` returns."""
     t_ns: Nanoseconds
     kind: Told
     trial: int = -1
     """-1 outside of every trial."""
     data: dict[str, JsonValue] = Field(default_factory=dict)
-    """What belongs to it; a NaN or an infinity as text, as in the recording."""
+    """Its details; a NaN or an infinity as text, as in the recording."""
 
 
 def as_json(message: Message) -> dict[str, Any]:

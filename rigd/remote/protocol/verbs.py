@@ -1,13 +1,16 @@
-"""The table of verbs: role, lane, arguments and result of each request."""
+"""Defines the table of verbs (kinds of request): arguments, result, role, lane and handler of each.
+
+A lane is a queue with its own thread.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Final
+from types import NoneType
+from typing import Annotated, Any, Final, TypeAlias, TypeVar, get_args, get_type_hints
 
-from rigd.model.severity import STOPS
 from rigd.remote.protocol.arguments import (
     ActArguments,
     Answered,
@@ -48,11 +51,14 @@ from rigd.remote.protocol.results import (
     Stopped,
 )
 from rigd.remote.protocol.roles import Role
-from rigd.remote.protocol.status import LeaseView
+from rigd.remote.protocol.status import ClientUser, LeaseView
+
+A = TypeVar("A", bound=Message)
+R = TypeVar("R", bound=Message | None)
 
 
 class Lane(Enum):
-    """Requests of one lane are carried out one after the other, beside those of other lanes."""
+    """Requests of one lane are carried out one after the other, in parallel to other lanes."""
 
     STOP = "stop"
     ASK = "ask"  #: known at once
@@ -76,69 +82,119 @@ PATIENCE_S: Final[Mapping[Lane, float]] = {
 
 
 @dataclass(frozen=True)
-class Verb:
-    """One verb: what it is asked with and answered with, its lane, and who may use it.
+class Requester:
+    """The origin of a request: a client by its ``identity``, and the ``user`` that it names."""
 
-    ``repeatable``: done again it changes nothing more, so it may be sent twice, and at any age.
-    """
+    identity: str
+    user: str = ""
+    role: Role = Role.OBSERVER
 
-    arguments: type[Message]
-    result: type[Message]
+    @property
+    def client(self) -> ClientUser:
+        """The client and user that the lease belongs to."""
+        return ClientUser.of(self.identity, self.user)
+
+    def __str__(self) -> str:
+        return str(self.client)
+
+
+@dataclass(frozen=True)
+class VerbRule:
+    """The conditions under which a verb is carried out."""
+
+    kind: Kind
     lane: Lane
     role: Role = Role.OBSERVER
     needs_lease: bool = False
-    repeatable: bool = False
+    repeatable: bool = False  #: a second time changes nothing: may be sent twice, and at any age
+    moves: bool = False  #: the rig may move, or its data change: only while it can be audited
+    audited: bool = True
 
 
-def _lease(arguments: type[Message] = NoArguments, role: Role = Role.OPERATOR) -> Verb:
-    return Verb(arguments, LeaseView, Lane.LEASE, role)
+#: What carries out a verb. It raises :class:`Refusal`, or another error of rigd's, if it cannot.
+Handler: TypeAlias = Callable[[Requester, A], R]
+
+_ASK = VerbRule(Kind.ASK, Lane.ASK)
+_FILES = VerbRule(Kind.ASK, Lane.FILES)
+_LEASE = VerbRule(Kind.COMMAND, Lane.LEASE, Role.OPERATOR)
+_STEER = VerbRule(Kind.COMMAND, Lane.COMMAND, Role.OPERATOR, needs_lease=True)
+_START = replace(_STEER, moves=True)
+_LONG = VerbRule(Kind.COMMAND, Lane.LONG, Role.OPERATOR)
+_STOP = VerbRule(Kind.STOP, Lane.STOP)
 
 
-def _lead(
-    arguments: type[Message] = NoArguments,
-    result: type[Message] = Nothing,
-    lane: Lane = Lane.COMMAND,
-    role: Role = Role.OPERATOR,
-) -> Verb:
-    """Return a verb that needs the lease."""
-    return Verb(arguments, result, lane, role, needs_lease=True)
+@dataclass(frozen=True)
+class Handlers:
+    """The table of verbs, with the function that carries out each verb on one rig.
+
+    A field is a verb; its type holds the arguments and the result (None: a reply without content),
+    its annotation the rule. A handler that is missing, or that has other types, fails mypy.
+    """
+
+    describe: Annotated[Handler[NoArguments, Description], _ASK]
+    events: Annotated[Handler[Since, Events], _ASK]
+    latest: Annotated[Handler[NoArguments, LatestValues], _ASK]
+    history: Annotated[Handler[StreamName, History], _ASK]
+    lease: Annotated[Handler[NoArguments, LeaseView], _ASK]
+    procedures: Annotated[Handler[NoArguments, Procedures], _FILES]
+    procedure: Annotated[Handler[ProcedureName, ProcedureView], _FILES]
+    check: Annotated[Handler[Checked, CheckReport], VerbRule(Kind.ASK, Lane.CHECK)]
+    runs: Annotated[Handler[Runs, RunList], _FILES]
+    run: Annotated[Handler[RunArguments, RunView], _FILES]
+    report: Annotated[Handler[ReportPiece, PieceView], _FILES]
+    fetch: Annotated[Handler[PieceArguments, PieceView], _FILES]
+
+    lease_take: Annotated[Handler[NoArguments, LeaseView], _LEASE]
+    # At any age: a clock that is set must not end the run of a client that is there.
+    lease_renew: Annotated[
+        Handler[NoArguments, LeaseView], replace(_LEASE, repeatable=True, audited=False)
+    ]
+    lease_release: Annotated[Handler[NoArguments, LeaseView], _LEASE]
+    lease_request: Annotated[Handler[NoArguments, LeaseView], _LEASE]
+    lease_give: Annotated[Handler[Receiver, LeaseView], _LEASE]
+    lease_seize: Annotated[Handler[NoArguments, LeaseView], replace(_LEASE, role=Role.MAINTAINER)]
+    start: Annotated[Handler[StartArguments, Started], _START]
+    resume_run: Annotated[Handler[ResumeRun, Started], _START]
+    pause: Annotated[Handler[NoArguments, None], _STEER]
+    resume: Annotated[Handler[NoArguments, None], _STEER]
+    answer: Annotated[Handler[Answered, None], _STEER]
+    acknowledge: Annotated[Handler[InterlockName, None], _STEER]
+    act: Annotated[Handler[ActArguments, ActionReply], replace(_START, role=Role.MAINTAINER)]
+    identify: Annotated[Handler[RunArguments, Reported], replace(_STEER, lane=Lane.LONG)]
+    draw: Annotated[Handler[RunArguments, Reported], replace(_LONG, audited=False)]
+    dry_run: Annotated[Handler[Checked, DryRun], _LONG]
+
+    stop: Annotated[Handler[ReasonArguments, Stopped], _STOP]
+    abort: Annotated[Handler[ReasonArguments, Stopped], _STOP]
+    estop: Annotated[Handler[ReasonArguments, Stopped], _STOP]
 
 
+@dataclass(frozen=True)
+class Verb:
+    """A row of the table."""
+
+    name: str
+    arguments: type[Message]
+    result: type[Message]
+    rule: VerbRule
+
+    def carry_out(self, handlers: Handlers, requester: Requester, args: Message) -> Message:
+        """Return the result of this verb's handler; raises its exceptions."""
+        handler: Handler[Any, Message | None] = getattr(handlers, self.name)
+        result = handler(requester, args)
+        return Nothing() if result is None else result
+
+
+def _verb(name: str, annotation: Any) -> Verb:
+    handler, rule = get_args(annotation)
+    (_, arguments), result = get_args(handler)
+    return Verb(name, arguments, Nothing if result is NoneType else result, rule)
+
+
+_ROWS = [_verb(*field) for field in get_type_hints(Handlers, include_extras=True).items()]
 VERBS: Final[Mapping[Kind, Mapping[str, Verb]]] = {
-    Kind.ASK: {
-        "describe": Verb(NoArguments, Description, Lane.ASK),
-        "events": Verb(Since, Events, Lane.ASK),
-        "latest": Verb(NoArguments, LatestValues, Lane.ASK),
-        "history": Verb(StreamName, History, Lane.ASK),
-        "lease": Verb(NoArguments, LeaseView, Lane.ASK),
-        "procedures": Verb(NoArguments, Procedures, Lane.FILES),
-        "procedure": Verb(ProcedureName, ProcedureView, Lane.FILES),
-        "check": Verb(Checked, CheckReport, Lane.CHECK),
-        "runs": Verb(Runs, RunList, Lane.FILES),
-        "run": Verb(RunArguments, RunView, Lane.FILES),
-        "report": Verb(ReportPiece, PieceView, Lane.FILES),
-        "fetch": Verb(PieceArguments, PieceView, Lane.FILES),
-    },
-    Kind.COMMAND: {
-        "lease_take": _lease(),
-        # Whatever the clocks say: a clock that is set must not end the run of who is there.
-        "lease_renew": replace(_lease(), repeatable=True),
-        "lease_release": _lease(),
-        "lease_request": _lease(),
-        "lease_give": _lease(Receiver),
-        "lease_seize": _lease(role=Role.MAINTAINER),
-        "start": _lead(StartArguments, Started),
-        "resume_run": _lead(ResumeRun, Started),
-        "pause": _lead(),
-        "resume": _lead(),
-        "answer": _lead(Answered),
-        "acknowledge": _lead(InterlockName),
-        "act": _lead(ActArguments, ActionReply, role=Role.MAINTAINER),
-        "identify": _lead(RunArguments, Reported, Lane.LONG),
-        "draw": Verb(RunArguments, Reported, Lane.LONG, Role.OPERATOR),
-        "dry_run": Verb(Checked, DryRun, Lane.LONG, Role.OPERATOR),
-    },
-    Kind.STOP: {stop.word: Verb(ReasonArguments, Stopped, Lane.STOP) for stop in STOPS},
+    kind: {verb.name: verb for verb in _ROWS if verb.rule.kind is kind}
+    for kind in (Kind.ASK, Kind.COMMAND, Kind.STOP)
 }
 
 
@@ -158,15 +214,16 @@ def find_verb(kind: Kind, name: str) -> Verb:
         ) from None
 
 
-def check_role(role: Role, verb: Verb, name: str) -> None:
+def check_role(role: Role, verb: Verb) -> None:
     """Check that ``role`` may use ``verb``.
 
     Raises:
         Refusal: it may not.
     """
-    if not role.includes(verb.role):
+    needed = verb.rule.role
+    if not role.includes(needed):
         raise Refusal(
             Code.FORBIDDEN,
-            f"{name} needs the role {verb.role.value}, yours is {role.value}",
+            f"{verb.name} needs the role {needed.value}, yours is {role.value}",
             hint="the rig file gives roles, under 'remote: {roles: ...}'",
         )

@@ -1,19 +1,24 @@
-"""Bounds the connections that have not authenticated yet.
+"""Limits the number of connections to a daemon that have not authenticated yet.
 
-zenoh accepts every TCP connection and gives it time to show a certificate and open a session; until
-then it is called unauthenticated here. Two properties of zenoh's TLS listener (tls-listener 0.11
-under eclipse-zenoh 1.10.2) let such connections keep every new client out. After each that fails it
-pauses for 0.1 s, so that a client waits for all that fail before it. And once the process has no
-descriptor left for another connection, it looks no more after those that it has: even when all of
-them have gone it stays as it is, for good.
+zenoh accepts every TCP connection and gives its client time to show a certificate and open a
+session. Until then the connection is called unauthenticated here. Unauthenticated connections can
+keep every new client out, because zenoh's TLS listener (tls-listener 0.11 under eclipse-zenoh
+1.10.2) has two properties:
 
-So the kernel keeps a connection to itself until its other end has sent something (TCP_DEFER_ACCEPT
-of tcp(7)). And while too many are unauthenticated, accepting pauses: the kernel drops the first
-packet of each new connection, and the computer that sent it sends it again. Clients that are
-connected notice nothing.
+- After each connection that fails, the listener pauses for 0.1 s. A client waits for all
+  connections that fail before its own.
+- If the process has no descriptor left for another connection, the listener stops looking at its
+  connections. It never starts again, even when all these connections are closed.
 
-A connection in zenoh's mode of a router or a peer, not of a client, is refused: of what a client
-asks without naming a rig, zenoh sends half to a router, which knows nothing of it.
+This module therefore takes three measures:
+
+- The kernel keeps a connection to itself until the other end has sent something (TCP_DEFER_ACCEPT
+  of tcp(7)).
+- While too many connections are unauthenticated, accepting pauses. The kernel drops the first
+  packet of each new connection, and the computer that sent it sends it again. Clients that are
+  connected notice nothing.
+- A connection in zenoh's router or peer mode, instead of client mode, is refused. zenoh sends a
+  router half of what a client asks without naming a rig, and the router cannot answer.
 """
 
 from __future__ import annotations
@@ -58,9 +63,9 @@ _MOST_WAITING: Final = 4096
 
 
 class Admission:
-    """The connections to the ``endpoints`` of a daemon, from :meth:`watch` to :meth:`close`.
+    """Limits connections to the ``endpoints`` of a daemon, from :meth:`watch` to :meth:`close`.
 
-    Any thread may call. Looking around needs one free descriptor.
+    Any thread may call. A check needs one free descriptor.
     """
 
     def __init__(self, session: zenoh.Session, endpoints: Sequence[str]) -> None:
@@ -72,7 +77,7 @@ class Admission:
         self._paused = False
         self._modes_refused = 0
         self._closing = threading.Event()
-        self._news = -1  # an eventfd(2): somebody has opened a session
+        self._news = -1  # an eventfd(2): a client has opened a session, or this closes
         self._opened: zenoh.TransportEventsListener[None] | None = None
         self._thread = threading.Thread(target=self._work, name="admission", daemon=True)
 
@@ -93,6 +98,7 @@ class Admission:
             return
         self._opened.undeclare()
         self._opened = None
+        os.eventfd_write(self._news, 1)  # which wakes the thread
         self._thread.join()
         for number in (*self._listening, self._news):
             os.close(number)
@@ -115,9 +121,9 @@ class Admission:
         return ended
 
     def refuse_waiting(self) -> int:
-        """End the connections that zenoh has not taken yet, and return how many there were.
+        """End the connections that zenoh has not accepted yet, and return their number.
 
-        Its listener cannot: it looks at nothing else while one of them waits.
+        Its listener cannot: it checks no others while one of them waits.
         """
         refused = 0
         for item, listens in self._sockets():
@@ -166,7 +172,7 @@ class Admission:
                     found.setsockopt(level, option, value)
 
     def _came(self, event: zenoh.TransportEvent) -> None:
-        """Somebody has opened a session, or ended it; on a thread of zenoh's."""
+        """A client has opened a session, or ended it; on a thread of zenoh's."""
         if event.transport.whatami != zenoh.WhatAmI.CLIENT:
             os.eventfd_write(self._news, 1)
 
@@ -183,18 +189,18 @@ class Admission:
         theirs = {_address(link) for link in info.links() if link.zid in others}
         for item, listens in self._sockets():
             if not listens and (peer := _peer(item)) in theirs:
-                with suppress(OSError):
+                with suppress(OSError):  # it has gone by itself
                     item.shutdown(socket.SHUT_RDWR)
                 if not self._modes_refused:  # they come again each second
                     _log.warning("%s came as a router or a peer, not as a client: refused", peer)
                 self._modes_refused += 1
 
     def _clients(self) -> frozenset[str]:
-        """Return where the connections of clients come from."""
+        """Return the addresses of connected clients."""
         return frozenset(map(_address, self._session.info.links()))
 
     def _sockets(self) -> Iterator[tuple[socket.socket, bool]]:
-        """Yield the sockets on these ports, each with whether it is one that listens."""
+        """Yield the sockets on these ports, each with whether it listens."""
         for path in Path("/proc/self/fd").iterdir():
             with _looked_at(int(path.name)) as found:
                 if found is None:
@@ -210,7 +216,7 @@ class Admission:
 
 @contextmanager
 def _looked_at(number: int) -> Iterator[socket.socket | None]:
-    """Give a descriptor of this process as a socket, if it is one of TCP; it stays open."""
+    """Return a descriptor of this process as a socket, if it is TCP; it stays open."""
     try:
         found = socket.socket(fileno=number)
     except OSError:
@@ -224,12 +230,12 @@ def _looked_at(number: int) -> Iterator[socket.socket | None]:
 
 
 def _address(link: zenoh.Link) -> str:
-    """Return where a connection comes from, as :func:`_peer` does."""
+    """Return the address of a connection, as :func:`_peer` does."""
     return str(link.dst).rpartition("/")[2]
 
 
 def _peer(item: socket.socket) -> str:
-    """Return the address of the other end as zenoh writes it; "" where it has gone."""
+    """Return the address of the other end as zenoh writes it; "" if it has disconnected."""
     try:
         host, port = item.getpeername()[:2]
     except OSError:

@@ -1,7 +1,13 @@
-"""Authorises, validates, de-duplicates and executes requests.
+"""Authorises, validates and executes requests; a repeated command is not executed twice.
 
-Its key says who asks for what; then the role, then the message itself, then whether it was
-carried out before, then its age, then the lease.
+The dispatcher checks, in this order:
+
+1. the key, which states the client and its request;
+2. the role of the client;
+3. the message itself;
+4. whether the request was carried out before;
+5. the age of the request;
+6. the lease (the right to command the rig).
 """
 
 from __future__ import annotations
@@ -24,6 +30,7 @@ from rigd.remote.protocol import (
     Message,
     Refusal,
     RemoteRequest,
+    Requester,
     Role,
     Verb,
     as_json,
@@ -40,17 +47,17 @@ from rigd.remote.protocol.message import check_size
 from rigd.remote.server.lease import Lease
 from rigd.remote.server.refused import Refused
 from rigd.remote.server.requests import Requests, StoredReply
-from rigd.remote.server.service import Result, Service
+from rigd.remote.server.service import Service
 
 _log = logging.getLogger(__name__)
 
-#: What whoever has no certificate, and no role of their own in the rig file, may do on loopback.
+#: The role, on loopback, of a client without certificate that the rig file gives none.
 LOCAL_ROLE: Final = Role.OPERATOR
 
 
 @dataclass(frozen=True)
 class RoutedRequest:
-    """A request as it came, sorted by its key alone."""
+    """A request as received; only its key has been read."""
 
     key: str
     address: Address
@@ -60,7 +67,7 @@ class RoutedRequest:
 
 
 def role_of(setup: RemoteSetup, identity: str) -> Role | None:
-    """Return the role of an identity; None where it may do nothing."""
+    """Return the role of an identity; None if it has no rights."""
     given = setup.roles.get(identity)
     if given is not None:
         return Role(given)
@@ -68,7 +75,7 @@ def role_of(setup: RemoteSetup, identity: str) -> Role | None:
 
 
 class Dispatcher:
-    """Answers requests with what the service does.
+    """Checks requests, lets the service carry them out, and returns the replies.
 
     :meth:`sort` may be called from any thread, :meth:`answer` from one thread per lane.
     """
@@ -94,10 +101,10 @@ class Dispatcher:
         }
 
     def sort(self, key: str, payload: bytes) -> RoutedRequest:
-        """Return the request as a letter, which says in which lane it is to be answered.
+        """Return the parsed request, with the lane in which it must be answered.
 
         Raises:
-            Refusal: the key is that of no request which its sender might make, or it is too large.
+            Refusal: the key is not one that its sender may use, or the request is too large.
         """
         check_size(payload, MAX_REQUEST_BYTES)
         address = self._keys.address(key)
@@ -109,11 +116,11 @@ class Dispatcher:
                 hint="the rig file gives roles, under 'remote: {roles: ...}'",
             )
         verb = find_verb(address.kind, address.verb)
-        check_role(role, verb, address.verb)
+        check_role(role, verb)
         return RoutedRequest(key, address, role, verb, payload)
 
     def refuse(self, key: str, refusal: Refusal, request_id: str = "") -> StoredReply:
-        """Return the answer to what is not carried out, and count it."""
+        """Return the answer to a refused request, and count it."""
         self._refused.count(key, refusal)
         return StoredReply(False, encode_refusal(request_id, refusal))
 
@@ -123,7 +130,7 @@ class Dispatcher:
         try:
             request = decode(request_kind(letter.verb.arguments), letter.payload)
             request_id = request.id
-            if letter.address.kind is Kind.ASK or letter.verb.repeatable:
+            if letter.address.kind is Kind.ASK or letter.verb.rule.repeatable:
                 return self._carry_out(letter, request)
             return self._once(letter, request)
         except Refusal as refusal:
@@ -134,11 +141,11 @@ class Dispatcher:
             return self._bug(letter, request_id)
 
     def _once(self, letter: RoutedRequest, request: RemoteRequest[Message]) -> StoredReply:
-        """Carry out what changes something, unless that was done already.
+        """Carry out a verb that changes something, unless it was carried out already.
 
-        A stop is taken whatever the clocks say and however many came before it.
+        A stop is accepted whatever the clocks show and however many stops came before it.
         """
-        memory = self._requests[letter.verb.lane]
+        memory = self._requests[letter.verb.rule.lane]
         identity = letter.address.identity
         digest = hashlib.sha256(letter.key.encode() + b"\0" + letter.payload).digest()
         answer = memory.recall(identity, request.id, digest)
@@ -151,11 +158,11 @@ class Dispatcher:
 
     def _carry_out(self, letter: RoutedRequest, request: RemoteRequest[Message]) -> StoredReply:
         try:
-            if letter.verb.needs_lease:
-                self._lease.check(letter.address.identity)
-            result = self._do(letter, request.args, request.user)
-            plain = as_json(result) if isinstance(result, Message) else result
-            return StoredReply(True, encode_reply(request.id, plain))
+            requester = Requester(letter.address.identity, request.user, letter.role)
+            if letter.verb.rule.needs_lease:
+                self._lease.check(requester.client)
+            result = self._service.answer(letter.verb, requester, request.args)
+            return StoredReply(True, encode_reply(request.id, as_json(result)))
         except Refusal as refusal:
             return self.refuse(letter.key, refusal, request.id)
         except RigdError as error:
@@ -165,13 +172,15 @@ class Dispatcher:
             return self._bug(letter, request.id)
 
     def _stop_unread(self, letter: RoutedRequest, refusal: Refusal) -> Refusal:
-        """Carry out a stop of another version: its key says all that counts.
+        """Carry out a stop of another version: its key contains all required data.
 
-        The reply is in the one form that every version reads.
+        The reply has the form that every version can read.
         """
-        who, verb = letter.address.identity, letter.address.verb
-        self._service.stop(who, verb, "asked for in another version of the protocol", "")
-        return Refusal(refusal.code, f"{verb}: carried out; {refusal.message}", hint=refusal.hint)
+        requester = Requester(letter.address.identity, role=letter.role)
+        reason = ReasonArguments(reason="asked for in another version of the protocol")
+        self._service.answer(letter.verb, requester, reason)
+        done = f"{letter.verb.name}: carried out; {refusal.message}"
+        return Refusal(refusal.code, done, hint=refusal.hint)
 
     def _bug(self, letter: RoutedRequest, request_id: str) -> StoredReply:
         _log.exception("%s failed", letter.key)
@@ -181,11 +190,3 @@ class Dispatcher:
             hint="its log says why; this is a bug",
         )
         return self.refuse(letter.key, bug, request_id)
-
-    def _do(self, letter: RoutedRequest, args: Message, user: str) -> Result:
-        address, role = letter.address, letter.role
-        if isinstance(args, ReasonArguments):
-            return self._service.stop(address.identity, address.verb, args.reason, user)
-        if address.kind is Kind.ASK:
-            return self._service.ask(address.identity, role, address.verb, args)
-        return self._service.command(address.identity, role, address.verb, args, user)

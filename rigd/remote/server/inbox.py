@@ -1,4 +1,7 @@
-"""A bounded queue that serves senders in turn: a sender that floods it delays only itself."""
+"""Queues the requests of clients and serves the clients in turn.
+
+The queue is bounded. A client that sends too many requests delays only its own requests.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ T = TypeVar("T")
 
 
 class Inbox(Generic[T]):
-    """Items by sender; any thread may put, any thread may take."""
+    """A bounded queue of items for each sender; any thread may put and take."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -42,9 +45,9 @@ class Inbox(Generic[T]):
             return True
 
     def take(self) -> T | None:
-        """Return the oldest item of whoever was served longest ago, or None once closed.
+        """Return the oldest item of the sender that was served longest ago, or None when closed.
 
-        Waits until there is one.
+        Waits for an item.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._closed or self._waiting)
@@ -57,7 +60,7 @@ class Inbox(Generic[T]):
             return item
 
     def close(self) -> list[T]:
-        """Let nobody put or take any more, and return what was waiting."""
+        """Refuse every further item, and return those that were waiting."""
         with self._changed:
             self._closed = True
             left = [item for queue in self._waiting.values() for item in queue]

@@ -1,4 +1,7 @@
-"""The control lease: one identity at a time commands the rig, as long as it renews the lease."""
+"""Manages the control lease: the right of one client and user at a time to command the rig.
+
+The holder must renew the lease, or the lease expires.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from rigd.remote.protocol import Code, LeaseView, Message, Refusal
-from rigd.remote.protocol.arguments import Receiver
+from rigd.remote.protocol import ClientUser, Code, LeaseView, Refusal
 from rigd.remote.protocol.limits import LEASE_S
 
-#: How long somebody who asked for the lease is shown to its holder.
+#: How long a request for the lease is shown to its holder, in s.
 ASKING_S: Final = 60.0
 #: How many are shown at once.
 MAX_ASKING: Final = 16
@@ -21,14 +23,14 @@ MAX_ASKING: Final = 16
 
 @dataclass(frozen=True)
 class _Held:
-    holder: str
+    holder: ClientUser
     until_ns: int  # on the monotonic clock
 
 
 class Lease:
-    """Who may command; every method may be called from any thread.
+    """The right to command a rig; every method may be called from any thread.
 
-    ``may_hold`` says whether the lease can be given to an identity. ``clock`` is monotonic, ns;
+    ``may_hold`` returns whether an identity may hold the lease. ``clock`` is monotonic, ns;
     ``wall`` is ns since the Unix epoch.
     """
 
@@ -46,109 +48,135 @@ class Lease:
         self._duration_ns = round(duration_s * 1e9)
         self._lock = threading.Lock()
         self._held: _Held | None = None
-        self._asking: dict[str, int] = {}  # who asked, and until when that is shown
-        self._lost: deque[str] = deque(maxlen=MAX_ASKING)
+        self._asking: dict[ClientUser, int] = {}  # until when each is shown
+        self._lost: deque[ClientUser] = deque(maxlen=MAX_ASKING)
 
     def view(self) -> LeaseView:
-        """Return who has the lease, until when, and who asks for it."""
+        """Return the holder, until when it holds the lease, and those that ask for it."""
         with self._lock:
             return self._view()
 
-    def check(self, identity: str) -> None:
-        """Check that ``identity`` has the lease.
+    def check(self, client: ClientUser) -> None:
+        """Check that ``client`` holds the lease.
 
         Raises:
-            Refusal: it has not.
+            Refusal: it does not.
         """
         with self._lock:
-            self._check(identity)
+            self._check(client)
 
-    def lost(self) -> tuple[str, ...]:
-        """Return whose lease ran out since the last call: they vanished without a word."""
+    def lost(self) -> tuple[ClientUser, ...]:
+        """Return the holders whose lease has expired since the last call."""
         with self._lock:
             self._expire()
             lost = tuple(self._lost)
             self._lost.clear()
             return lost
 
-    def obey(self, identity: str, verb: str, args: Message) -> LeaseView:
-        """Carry out one of the commands about the lease, and return how it then stands.
+    def take(self, client: ClientUser) -> LeaseView:
+        """Take the lease if it is free, and return its new state, like all commands here.
 
         Raises:
-            Refusal: it cannot be.
-            KeyError: ``verb`` is not about the lease.
+            Refusal: another client or user holds it.
         """
-        do: dict[str, Callable[[str], None]] = {
-            "lease_take": self._take,
-            "lease_renew": self._renew,
-            "lease_release": self._release,
-            "lease_request": self._request,
-            "lease_seize": self._grant,
-        }
         with self._lock:
             self._expire()
-            if isinstance(args, Receiver):
-                self._give(identity, args.to)
-            else:
-                do[verb](identity)
+            held = self._held
+            if held is not None and held.holder != client:
+                raise Refusal(
+                    Code.LEASE_HELD,
+                    f"{held.holder} has the control lease, for another {self._left_s(held):.1f} s "
+                    "unless it is renewed",
+                    hint="ask for control (at a terminal: `rigd remote lease request`); "
+                    "a maintainer may seize it",
+                )
+            return self._grant(client)
+
+    def renew(self, client: ClientUser) -> LeaseView:
+        """Hold the lease for its whole duration again.
+
+        Raises:
+            Refusal: ``client`` does not hold it.
+        """
+        with self._lock:
+            self._check(client)
+            return self._grant(client)
+
+    def release(self, client: ClientUser) -> LeaseView:
+        """Give the lease back.
+
+        Raises:
+            Refusal: ``client`` does not hold it.
+        """
+        with self._lock:
+            self._check(client)
+            self._held = None
             return self._view()
 
-    def _take(self, identity: str) -> None:
-        held = self._held
-        if held is not None and held.holder != identity:
-            raise Refusal(
-                Code.LEASE_HELD,
-                f"{held.holder} has the control lease, for another {self._left_s(held):.1f} s "
-                "unless it is renewed",
-                hint="ask for it (`rigd remote lease request`); a maintainer may seize it",
-            )
-        self._grant(identity)
+    def request(self, client: ClientUser) -> LeaseView:
+        """Show the holder that ``client`` requests the lease, for :data:`ASKING_S`.
 
-    def _renew(self, identity: str) -> None:
-        self._check(identity)
-        self._grant(identity)
+        Raises:
+            Refusal: no client holds it, ``client`` holds it, or there are too many requests.
+        """
+        with self._lock:
+            self._expire()
+            if self._held is None:
+                raise Refusal(Code.CONFLICT, "nobody has the control lease", hint="take it")
+            if self._held.holder == client:
+                raise Refusal(Code.CONFLICT, "the control lease is already yours")
+            if client not in self._asking and len(self._asking) >= MAX_ASKING:
+                raise Refusal(Code.BUSY, f"{MAX_ASKING} others have asked for the lease already")
+            self._asking[client] = self._clock() + round(ASKING_S * 1e9)
+            return self._view()
 
-    def _release(self, identity: str) -> None:
-        self._check(identity)
-        self._held = None
+    def give(self, client: ClientUser, to: ClientUser) -> LeaseView:
+        """Hand the lease of ``client`` over.
 
-    def _request(self, identity: str) -> None:
-        if self._held is None:
-            raise Refusal(Code.CONFLICT, "nobody has the control lease", hint="take it")
-        if self._held.holder == identity:
-            raise Refusal(Code.CONFLICT, "the control lease is already yours")
-        if identity not in self._asking and len(self._asking) >= MAX_ASKING:
-            raise Refusal(Code.BUSY, f"{MAX_ASKING} others have asked for the lease already")
-        self._asking[identity] = self._clock() + round(ASKING_S * 1e9)
+        To a user, if that user has asked; to a client alone, or its first user that has asked.
 
-    def _give(self, identity: str, to: str) -> None:
-        self._check(identity)
-        if not self._may_hold(to):
-            raise Refusal(
-                Code.REFUSED,
-                f"{to} may not hold the lease: it is no operator's name, or no client of that "
-                "name has asked this rig for anything",
-                hint="`rigd remote lease` says who asks for it",
-            )
-        self._grant(to)
+        Raises:
+            Refusal: ``client`` does not hold the lease, or ``to`` may not.
+        """
+        with self._lock:
+            self._check(client)
+            asking = (item for item in self._asking if item.identity == to.identity)
+            found = next((item for item in asking if to.user in ("", item.user)), None)
+            if found is None and to.user:
+                raise Refusal(Code.NOT_FOUND, f"{to} does not ask for the lease any more")
+            if not self._may_hold(to.identity):
+                raise Refusal(
+                    Code.REFUSED,
+                    f"{to} may not hold the lease: it is no operator's name, or no client of that "
+                    "name has asked this rig for anything",
+                    hint="`rigd remote lease` lists those that ask for it",
+                )
+            return self._grant(found or to)
 
-    def _grant(self, identity: str) -> None:
-        self._held = _Held(identity, self._clock() + self._duration_ns)
-        self._asking.pop(identity, None)
+    def seize(self, client: ClientUser) -> LeaseView:
+        """Take the lease, even from another holder."""
+        with self._lock:
+            self._expire()
+            return self._grant(client)
 
-    def _check(self, identity: str) -> None:
+    def _grant(self, client: ClientUser) -> LeaseView:
+        self._held = _Held(client, self._clock() + self._duration_ns)
+        self._asking.pop(client, None)
+        return self._view()
+
+    def _check(self, client: ClientUser) -> None:
         self._expire()
         if self._held is None:
             raise Refusal(
                 Code.NO_LEASE,
                 "this needs the control lease, which nobody has",
-                hint="take it first (`rigd remote lease take`)",
+                hint="take control first (at a terminal: `rigd remote lease take`)",
             )
-        if self._held.holder != identity:
+        if self._held.holder != client:
             raise Refusal(
                 Code.NO_LEASE,
                 f"this needs the control lease, which {self._held.holder} has",
-                hint="ask for it (`rigd remote lease request`)",
+                hint="ask for control (at a terminal: `rigd remote lease request`)",
             )
 
     def _expire(self) -> None:
@@ -156,14 +184,14 @@ class Lease:
         if self._held is not None and now_ns >= self._held.until_ns:
             self._lost.append(self._held.holder)
             self._held = None
-        for name in [name for name, until_ns in self._asking.items() if now_ns >= until_ns]:
-            del self._asking[name]
+        for item in [item for item, until_ns in self._asking.items() if now_ns >= until_ns]:
+            del self._asking[item]
 
     def _view(self) -> LeaseView:
         self._expire()
         held = self._held
         if held is None:
-            return LeaseView()  # who has asked may take it
+            return LeaseView()  # anybody may take it: nobody is asked
         until_ns = self._wall() + held.until_ns - self._clock()
         return LeaseView(holder=held.holder, until_ns=until_ns, asked_by=tuple(self._asking))
 

@@ -1,4 +1,4 @@
-"""Publishes status, events and live data; a slow or frozen receiver never delays it."""
+"""Publishes status, events and live data; a slow or frozen client never delays the publication."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from rigd.remote.protocol import Keys, RigEvent, Status, encode
 class RigPublisher:
     """Publishes on the keys of one rig; any thread may publish.
 
-    Everything is dropped rather than waited for: a lost status is followed by the next within
-    half a second, a lost event is missed in its numbers and can be asked for, a lost frame too.
+    Messages are dropped instead of waited for: the next status follows within half a second, a gap
+    in the numbers of events shows a lost event, which can be requested; so does a lost frame.
     """
 
     def __init__(self, session: zenoh.Session, keys: Keys) -> None:

@@ -27,7 +27,7 @@ _COUNTED: Final = {
 
 
 class Refused:
-    """How many messages were refused for which reason; any thread may count."""
+    """Counts refused messages by reason; any thread may count."""
 
     def __init__(self, clock: Callable[[], int] = time.monotonic_ns) -> None:
         self._clock = clock
@@ -37,9 +37,9 @@ class Refused:
         self._log_from_ns = clock()
 
     def count(self, key: str, refusal: Refusal) -> None:
-        """Count a refusal, unless it is part of the ordinary course, such as a lease that is held.
+        """Count a refusal, unless it is normal, such as a lease held by another client.
 
-        ``key`` is what was asked for.
+        ``key`` is the request.
         """
         kind = _COUNTED.get(refusal.code)
         if kind is None:

@@ -1,8 +1,9 @@
 """Remembers executed requests: a repeated request gets its reply and is not executed twice.
 
-A client that heard no reply sends the same bytes again. Whoever recorded them and sends them
-later is refused: first by the memory, and once that has forgotten, by the request's age. What was
-sent before there was this memory is refused too: another daemon may have carried it out.
+If a client receives no reply, it sends the same bytes again. An attacker can record these bytes and
+send them later. Such a request is not executed: while it is remembered, it counts as repeated; when
+it is forgotten, it is too old. A request that was sent before this memory existed is refused too,
+because another daemon may have executed it.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class _Done:
 
 
 class Requests:
-    """The memory of one lane; used by its worker alone.
+    """The stored requests of one lane; only the thread of this lane uses them.
 
     ``clock`` is monotonic, ns; ``wall`` is ns since the Unix epoch.
     """
@@ -56,7 +57,7 @@ class Requests:
         self._done: dict[str, OrderedDict[str, _Done]] = {}  # by identity and id, oldest first
 
     def recall(self, identity: str, request_id: str, digest: bytes) -> StoredReply | None:
-        """Return the answer that this request was given before, or None where it is new.
+        """Return the answer that this request was given before, or None if it is new.
 
         ``digest`` is of its key and its bytes.
 
@@ -108,7 +109,7 @@ class Requests:
             )
 
     def remember(self, identity: str, request_id: str, digest: bytes, answer: StoredReply) -> None:
-        """Keep the answer to a request; one that was not admitted may push out the oldest."""
+        """Store the answer to a request; one that was not admitted may displace the oldest."""
         until_ns = self._clock() + round(MEMORY_S * 1e9)
         mine = self._done.setdefault(identity, OrderedDict())
         mine[request_id] = _Done(digest, answer, until_ns)

@@ -1,8 +1,9 @@
-"""The server of a rig: a zenoh session that receives requests, replies, and publishes.
+"""Serves a rig over the network: a zenoh session receives requests, sends replies, and publishes.
 
-zenoh calls back on a thread of its own for each queryable, which also serves the network: there,
-a request is only sorted by its key into the inbox of its lane. One thread per lane answers, so
-that a stop waits for no report.
+For each queryable (a key that takes requests), zenoh calls this module on a separate thread, which
+also serves the network. On that thread the server only puts a request into the inbox of its lane,
+as the key of the request states. Each lane is a queue with its own thread, which answers the
+requests. A stop has its own lane, so that it does not wait for a report.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ import logging
 import re
 import threading
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
-from types import TracebackType
 from typing import Final, Self
 
 import zenoh
@@ -29,7 +30,6 @@ from rigd.remote.protocol import Code, Keys, Kind, Lane, Refusal, encode_refusal
 from rigd.remote.protocol.limits import HEARTBEAT_S
 from rigd.remote.protocol.status import RefusedCounts
 from rigd.remote.server.admission import Admission
-from rigd.remote.server.asking import working_for
 from rigd.remote.server.dispatcher import Dispatcher, RoutedRequest
 from rigd.remote.server.inbox import Inbox
 from rigd.remote.server.lease import Lease
@@ -40,7 +40,7 @@ from rigd.remote.server.service import Service
 
 _log = logging.getLogger(__name__)
 
-#: A request that is answered within moments takes longer only where its thread hangs, in s.
+#: A request that is answered within moments takes longer only if its thread hangs, in s.
 _STUCK_S: Final = 10.0
 _QUICK: Final = frozenset({Lane.STOP, Lane.LEASE, Lane.ASK})
 #: The lanes whose threads never rest.
@@ -56,13 +56,35 @@ _LAST_REQUEST_S: Final = 2.0
 #: So many names of clients are remembered, the newest.
 _MOST_HEARD: Final = 256
 
-#: Where zenoh's authors found an error, which helps nobody here.
+#: The place in zenoh's source that found an error: of no use in a message.
 _IN_SOURCE: Final = re.compile(r" at /\S+\.rs:\d+\.?")
 
-#: What is said, without a look at the request, to who has too many of them waiting.
+#: The reply, without a look at the request, to a client that has too many of them waiting.
 _BUSY: Final = StoredReply(
     False, encode_refusal("", Refusal(Code.BUSY, "too many of your requests are waiting"))
 )
+
+
+#: Whether the client of the request that a thread carries out is still connected.
+_CONNECTED: ContextVar[Callable[[], bool]] = ContextVar("connected", default=lambda: True)
+
+
+def still_connected() -> bool:
+    """Return whether the client of the request that this thread carries out is still connected.
+
+    True if unknown: a client need not name its session, though clients of rigd do.
+    """
+    return _CONNECTED.get()()
+
+
+@contextmanager
+def working_for(connected: Callable[[], bool]) -> Iterator[None]:
+    """Let :func:`still_connected` be answered by ``connected`` within."""
+    token = _CONNECTED.set(connected)
+    try:
+        yield
+    finally:
+        _CONNECTED.reset(token)
 
 
 @dataclass(frozen=True)
@@ -72,10 +94,10 @@ class _Waiting:
 
 
 class Server:
-    """One rig on the network: reachable once made, answering once started, gone once closed.
+    """Serves one rig: reachable when constructed, replies after :meth:`start`, until :meth:`close`.
 
-    ``lease`` is checked here for the verbs that need it, and changed by the service. Making it
-    first takes the address: a second daemon of the rig fails before it touches a device.
+    ``lease`` is checked here for the verbs that need it, and changed by the service. Construct it
+    first: a second daemon of the rig then fails before it opens a device.
 
     Raises:
         LinkError: an address cannot be listened on.
@@ -117,7 +139,7 @@ class Server:
         self._declared.callback(token.undeclare)
 
     def tell(self, service: Service) -> None:
-        """Publish the status now; where that fails, it is logged."""
+        """Publish the status now; if that fails, it is logged."""
         try:
             with self._telling:
                 self.publisher.status(service.status())
@@ -125,12 +147,12 @@ class Server:
             _log.exception("the status cannot be told")
 
     def knows(self, identity: str) -> bool:
-        """Return whether somebody of that name has asked for anything since the daemon started."""
+        """Return whether a client of that name has asked for anything since the daemon started."""
         return identity in self._heard
 
     @property
     def hangs(self) -> str:
-        """Which of its threads serves nobody any more, in words; "" where all do."""
+        """The thread that hangs, in words; "" if none does."""
         for thread in self._threads:
             if not thread.is_alive():
                 return f"{thread.name} has ended"
@@ -142,7 +164,7 @@ class Server:
 
     @property
     def zid(self) -> str:
-        """What zenoh calls its session."""
+        """The id of its session in zenoh."""
         return str(self._session.info.zid())
 
     def transports(self) -> Sequence[str]:
@@ -150,7 +172,7 @@ class Server:
         return [str(transport.whatami) for transport in self._session.info.transports()]
 
     def close(self) -> None:
-        """Let nobody in any more; what is under way is finished, what waits is not begun."""
+        """Admit no more requests; complete the present requests, discard those that wait."""
         self._closing.set()
         try:
             self._declared.close()
@@ -167,12 +189,7 @@ class Server:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _thread(self, name: str, target: Callable[[], None]) -> None:
@@ -185,13 +202,13 @@ class Server:
         self._declared.callback(queryable.undeclare)
 
     def _receive(self, desk: Dispatcher, kind: Kind, query: zenoh.Query) -> None:
-        """Sort one request; on a thread of zenoh's for each kind, so it must be quick."""
+        """Sort a request; runs on a thread of zenoh's for each kind, so it must be quick."""
         begun_s = time.thread_time()
         if not self._sort(desk, query) and kind is not Kind.STOP:
             _rest(begun_s)
 
     def _sort(self, desk: Dispatcher, query: zenoh.Query) -> bool:
-        """Put a request into its inbox; return False where it was refused."""
+        """Put a request into its inbox; return False if it was refused."""
         key = str(query.key_expr)
         payload = b"" if query.payload is None else query.payload.to_bytes()
         try:
@@ -200,7 +217,7 @@ class Server:
             _reply(query, key, desk.refuse(key, refusal))
             return False
         self._note(letter.address.identity)
-        if not self._inboxes[letter.verb.lane].put(
+        if not self._inboxes[letter.verb.rule.lane].put(
             letter.address.identity, _Waiting(letter, query)
         ):
             _reply(query, key, _BUSY)
@@ -214,7 +231,7 @@ class Server:
             del self._heard[next(iter(self._heard))]
 
     def _show(self, query: zenoh.Query) -> None:
-        """Give the newest status to who comes late; on zenoh's thread."""
+        """Give the newest status to a client that comes late; on zenoh's thread."""
         _reply(query, self._keys.status, StoredReply(True, self.publisher.newest_status))
 
     def _work(self, desk: Dispatcher, lane: Lane) -> None:
@@ -229,7 +246,7 @@ class Server:
                 _rest(begun_s)
 
     def _is_connected(self, query: zenoh.Query) -> bool:
-        """Return whether the session that asked is connected, as far as it said which it is."""
+        """Return whether the session of the client is connected, if the request names it."""
         source = query.source_info
         if source is None:
             return True
@@ -261,12 +278,12 @@ def _open(keys: Keys, setup: RemoteSetup) -> zenoh.Session:
 
 
 def _rest(begun_s: float) -> None:
-    """Let other threads compute, as this one did since ``begun_s`` on the clock of its own."""
+    """Give other threads time to compute, after this thread has computed since ``begun_s``."""
     time.sleep(min(_REST * (time.thread_time() - begun_s), _LONGEST_REST_S))
 
 
 def _reply(query: zenoh.Query, key: str, answer: StoredReply) -> None:
-    """Send a reply; where the client has gone, nobody is there to be told."""
+    """Send a reply; a client that has gone gets none."""
     with query:
         try:
             if answer.ok:

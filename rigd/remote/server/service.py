@@ -1,39 +1,29 @@
-"""The interface that the daemon implements for the server."""
+"""Defines the interface that the daemon implements to carry out requests for the server."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Protocol
 
-from rigd.remote.protocol import Message, Role, Status
-
-#: What a request is answered with: a message, or plain data that JSON has a form for.
-Result = Message | Mapping[str, Any]
+from rigd.remote.protocol import Message, Requester, Status, Verb
 
 
 class Service(Protocol):
-    """Carries out requests that the server found in order.
+    """Carries out requests that the server has checked.
 
-    Called on the server's worker threads: one request of each :class:`rigd.remote.protocol.Lane`
-    at a time, so up to seven at once. The role has been checked, and the lease where the verb needs
-    it; ``args`` and what is returned are of the types that the table of verbs names. ``user`` is
-    for whom the client asks, as it says; "" where it speaks for itself. Any method may raise
-    :class:`rigd.remote.protocol.Refusal`; another error of rigd's is told as ``refused``, whatever
-    else it raises is logged and told as ``internal``.
+    The server's worker threads call it: one request of each :class:`rigd.remote.protocol.Lane` at a
+    time, so up to seven at once.
     """
 
     def status(self) -> Status:
         """Return the state of everything; called every half second, so it must be quick."""
         ...
 
-    def ask(self, identity: str, role: Role, what: str, args: Message) -> Result:
-        """Return what was asked for; changes nothing."""
-        ...
+    def answer(self, verb: Verb, requester: Requester, args: Message) -> Message:
+        """Carry out ``verb``, and return its result once it is done or under way.
 
-    def command(self, identity: str, role: Role, verb: str, args: Message, user: str) -> Result:
-        """Do it, and return once it is done or under way."""
-        ...
-
-    def stop(self, identity: str, verb: str, reason: str, user: str) -> Result:
-        """Stop, abort or estop whatever runs; nothing may keep this waiting."""
+        The role of the requester has been checked, and the lease if the verb needs it; ``args`` and
+        the result have the types that the table of verbs names. A stop must not wait for anything.
+        It may raise :class:`rigd.remote.protocol.Refusal`; another error of rigd's reaches the
+        client as ``refused``, all else is logged and reaches it as ``internal``.
+        """
         ...

@@ -1,6 +1,8 @@
 // Requests to the panel.
 
+/** A request that was not carried out. */
 export class Refused extends Error {
+  /** @param {Pick<Api.RequestError, "code" | "message"> & { hint?: string | null }} error */
   constructor({ code, message, hint }) {
     super(message);
     this.code = code;
@@ -11,9 +13,24 @@ export class Refused extends Error {
 export const UNREACHABLE = {
   code: "unreachable",
   message: "The panel does not answer.",
-  hint: "Is its process running, and is this computer on the network?",
+  hint: "Check that its process runs, and that this computer is on the network.",
 };
 
+/**
+ * The error of a request; any other error is thrown again.
+ * @param {unknown} error
+ */
+export function asRefused(error) {
+  if (error instanceof Refused) return error;
+  throw error;
+}
+
+/**
+ * @param {"GET" | "POST"} method
+ * @param {string} path
+ * @param {unknown} body
+ * @param {number} timeoutMs
+ */
 async function request(method, path, body, timeoutMs) {
   let answer;
   try {
@@ -28,25 +45,50 @@ async function request(method, path, body, timeoutMs) {
   } catch {
     throw new Refused(UNREACHABLE);
   }
-  let told;
+  let reply;
   try {
-    told = await answer.json();
+    reply = await answer.json();
   } catch {
     throw new Refused({ ...UNREACHABLE, message: `The panel answered with status ${answer.status}.` });
   }
-  if (answer.ok) return told;
+  if (answer.ok) return reply;
   if (answer.status === 401) window.dispatchEvent(new Event("sessionlost"));
-  throw new Refused(told.error);
+  throw new Refused(reply.error);
 }
 
+/** @returns {Promise<Api.SessionReply>} */
 export const session = () => request("GET", "/api/session", null, 8000);
 /** Whether the panel answers at all. */
 export const reach = () => request("GET", "/api/session", null, 2000).then(() => true, () => false);
+/**
+ * @param {string} code
+ * @param {string} name
+ * @returns {Promise<Api.SessionReply>}
+ */
 export const login = (code, name) => request("POST", "/api/login", { code, name }, 8000);
 export const logout = () => request("POST", "/api/logout", {}, 8000);
+/**
+ * @param {Api.SessionView["role"]} role
+ * @returns {Promise<Api.Invitation>}
+ */
 export const invite = (role) => request("POST", "/api/invite", { role }, 8000);
-export const ask = (what, args = {}) => request("POST", `/api/ask/${what}`, { args }, 40_000);
-/** A dry run and a report take as long as they take. */
-export const command = (verb, args = {}) => request("POST", `/api/command/${verb}`, { args }, 920_000);
-export const control = (verb, args = {}) => request("POST", `/api/control/${verb}`, { args }, 8000);
+/**
+ * @template {keyof Api.Asks} W
+ * @param {W} question
+ * @param {Api.Asks[W]["args"]} args
+ * @returns {Promise<Api.Asks[W]["result"]>}
+ */
+export const ask = (question, args) => request("POST", `/api/ask/${question}`, { args }, 40_000);
+/**
+ * Without a time limit: a dry run or a report may take long.
+ * @template {keyof Api.Commands} V
+ * @param {V} verb
+ * @param {Api.Commands[V]["args"]} args
+ * @returns {Promise<Api.Commands[V]["result"]>}
+ */
+export const command = (verb, args) => request("POST", `/api/command/${verb}`, { args }, 920_000);
+/**
+ * @param {import("./stops.js").Stop} verb
+ * @returns {Promise<Api.Stopped>}
+ */
 export const postStop = (verb) => request("POST", `/api/stop/${verb}`, {}, 6000);

@@ -1,21 +1,25 @@
-// What waits for a person: questions, trips, runs that were interrupted, and who asks for control.
+// Cards that need a person: prompts, trips, interrupted runs, and requests for control.
 
-import { command, control } from "./api.js";
+import { command } from "./api.js";
 import { el, file, icon } from "./dom.js";
 import { ACTIONS, clock, words } from "./format.js";
 import { promptCard } from "./prompt.js";
 import { resumeButton } from "./resume.js";
-import { hasControl, known, put, watch } from "./store.js";
+import { hasControl, known, nameOf, put, watch } from "./store.js";
 import { attempt } from "./toasts.js";
 
-/** How long the place of a card that went stays empty after a press there. */
+/** How long the place of a removed card stays empty after a press there. */
 const EMPTY_MS = 3000;
 
+/** @param {HTMLElement} root */
 export function mountAttention(root) {
   let pressedAt = -Infinity;
   for (const kind of ["pointerdown", "keydown"]) root.addEventListener(kind, () => { pressedAt = performance.now(); });
 
-  /** Take a card away; while somebody presses here, nothing else moves to its place. */
+  /**
+   * Remove a card; while the user presses here, nothing else moves to its place.
+   * @param {HTMLElement} card
+   */
   function leave(card) {
     const empty = el("div", { class: "gone" });
     empty.style.setProperty("--height", `${card.getBoundingClientRect().height}px`);
@@ -28,7 +32,11 @@ export function mountAttention(root) {
     close();
   }
 
-  const cards = new Map(); // what it says -> its element: a card that still holds is left alone
+  /**
+   * By content: a card that is still valid is not replaced.
+   * @type {Map<string, HTMLElement>}
+   */
+  const cards = new Map();
   watch(["status", "link"], () => {
     if (known.status === null) return;
     const wanted = new Map(known.link === "ok" ? list(known.status) : []);
@@ -37,32 +45,37 @@ export function mountAttention(root) {
       leave(card);
       cards.delete(key);
     }
+    /** @type {HTMLElement | null} */
     let place = null;
     for (const [key, make] of wanted) {
-      if (!cards.has(key)) {
-        for (const empty of root.querySelectorAll(".gone")) empty.remove(); // something new stands there
-        cards.set(key, make());
-        if (place === null) root.prepend(cards.get(key));
-        else place.after(cards.get(key));
-        cards.get(key).scrollIntoView({ block: "nearest" });
+      let card = cards.get(key);
+      if (card === undefined) {
+        for (const empty of root.querySelectorAll(".gone")) empty.remove(); // a new card is there
+        card = make();
+        cards.set(key, card);
+        if (place === null) root.prepend(card);
+        else place.after(card);
+        card.scrollIntoView({ block: "nearest" });
       }
-      place = cards.get(key);
+      place = card;
     }
   });
 }
 
+/** @param {Api.PageStatus} status */
 function list(status) {
   const mine = hasControl();
-  const key = (kind, what) => JSON.stringify([kind, what, mine]);
+  /** @type {(kind: string, content: unknown) => string} */
+  const key = (kind, content) => JSON.stringify([kind, content, mine]);
+  /** @type {[string, () => HTMLElement][]} */
   const cards = [];
-  const { prompt, control: lease } = status;
+  const { prompt, lease } = status;
   if (prompt !== null) cards.push([key("prompt", prompt), () => promptCard(prompt, mine)]);
   for (const trip of status.trips) {
     if (!trip.acknowledged) cards.push([key("trip", trip), () => tripCard(trip, mine)]);
   }
   if (mine) {
-    for (const user of lease.users_asking) cards.push([key("user", user), () => askingCard(user.name, { session: user.session })]);
-    for (const client of lease.asked_by) cards.push([key("client", client), () => askingCard(client, { client })]);
+    for (const other of lease.asked_by) cards.push([key("asking", other), () => askingCard(other)]);
   }
   const [newest, ...older] = status.interrupted;
   if (status.run === null && newest !== undefined && newest.run !== putOff) {
@@ -71,10 +84,18 @@ function list(status) {
   return cards;
 }
 
-/** The interrupted run that nobody at this page wants to go on with now. */
+/**
+ * The interrupted run that this page does not offer now.
+ * @type {string | null}
+ */
 let putOff = null;
 
+/**
+ * @param {Api.TripView} trip
+ * @param {boolean} mine
+ */
 function tripCard(trip, mine) {
+  /** @type {HTMLButtonElement} */
   const acknowledge = el("button", {
     type: "button", class: "primary", disabled: !mine,
     onclick: () => attempt(acknowledge, () => command("acknowledge", { interlock: trip.interlock })),
@@ -88,35 +109,43 @@ function tripCard(trip, mine) {
     acknowledge);
 }
 
+/** @param {boolean} mine */
 const reminder = (mine) => mine
   ? "Look at the rig before you acknowledge."
-  : "Only who has control can acknowledge it.";
+  : "Only the person who has control can acknowledge it.";
 
-function interruptedCard(one, older, mine) {
-  const resume = resumeButton(one.run, mine);
+/**
+ * @param {Api.Interrupted} item
+ * @param {number} older
+ * @param {boolean} mine
+ */
+function interruptedCard(item, older, mine) {
+  const resume = resumeButton(item.run, mine);
   const later = el("button", {
     type: "button", onclick: () => {
-      putOff = one.run;
+      putOff = item.run;
       put("status", known.status);
     },
   }, "Not now");
   return el("section", { class: "card", data: { mood: "ask" } },
     icon("cut"),
     el("div", { class: "card-text" },
-      el("h2", {}, `A run was interrupted after ${one.trials_done} of ${one.trials_total} trials`),
-      el("p", {}, file(one.run)),
-      el("p", { class: "quiet" }, `${one.reason}.${older ? ` ${older} more, in the list of runs.` : ""}`)),
+      el("h2", {}, `A run was interrupted after ${item.trials_done} of ${item.trials_total} trials`),
+      el("p", {}, file(item.run)),
+      el("p", { class: "quiet" }, `${item.reason}.${older ? ` ${older} more, in the list of runs.` : ""}`)),
     el("div", { class: "card-buttons" }, later, resume));
 }
 
-function askingCard(name, to) {
+/** @param {Api.ClientUser} other */
+function askingCard(other) {
+  /** @type {HTMLButtonElement} */
   const give = el("button", {
-    type: "button", class: "primary", onclick: () => attempt(give, () => control("give", to)),
+    type: "button", class: "primary", onclick: () => attempt(give, () => command("lease_give", { to: other.identity, user: other.user })),
   }, icon("hand"), "Hand over");
   return el("section", { class: "card", data: { mood: "ask" } },
     icon("hand"),
     el("div", { class: "card-text" },
-      el("h2", {}, `${name} asks for control`),
+      el("h2", {}, `${nameOf(other)} requests control`),
       el("p", { class: "quiet" }, "Until you hand it over, you keep it.")),
     give);
 }

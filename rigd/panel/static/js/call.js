@@ -1,23 +1,33 @@
-// What waits for a person calls them: by sound, by the title of the page, by a notification where the
-// browser allows it. Browsers play nothing before somebody has pressed something in the page.
+// Calls a person when something waits: by sound, by the title of the page, and by a notification if
+// the browser allows it. Browsers play no sound before the user has pressed something in the page.
 
-import { el, icon, mark, say, visible } from "./dom.js";
+import { el, icon, mark, setText, visible } from "./dom.js";
 import { words } from "./format.js";
-import { known, watch } from "./store.js";
+import { known, read, watch } from "./store.js";
 
 const AGAIN_MS = 10_000;
 const BLINK_MS = 1000;
+/** @type {Record<string, number[]>} */
 const NOTES = { ask: [660, 880], bad: [520, 390, 520, 390] }; // Hz, one after another
 const NOTE_S = 0.18;
 
-let isOn = read();
+let isOn = stored();
+/** @type {AudioContext | null} */
 let audio = null;
 let base = "rigd";
-let calling = null; // what waits: key, mood, text
+/**
+ * The present reason to call a person.
+ * @typedef {{ key: string, mood: string, text: string }} Call
+ * @type {Call | null}
+ */
+let calling = null;
 let calledAt = -Infinity;
 let isBlinking = false;
 
-/** Set the title of the page; while something waits it blinks. */
+/**
+ * Set the title of the page; it blinks while something waits.
+ * @param {string} text
+ */
 export function setTitle(text) {
   base = text;
   drawTitle();
@@ -28,6 +38,7 @@ function drawTitle() {
   if (document.title !== text) document.title = text;
 }
 
+/** @param {HTMLElement} root */
 export function mountCall(root) {
   const text = el("span");
   const button = el("button", {
@@ -43,7 +54,7 @@ export function mountCall(root) {
 
   function show() {
     const isSilent = isOn && audio?.state !== "running";
-    say(text, isOn ? (isSilent ? "Sound after a press" : "Sound on") : "Sound off");
+    setText(text, isOn ? (isSilent ? "Sound after a press" : "Sound on") : "Sound off");
     mark(button, "on", isOn);
     button.setAttribute("aria-pressed", String(isOn));
   }
@@ -72,32 +83,42 @@ function look() {
   drawTitle();
   if (calling !== null) {
     call();
-    notify();
+    notify(calling.text);
   }
 }
 
-/** What waits for a person now, or null. */
+/**
+ * The present reason to call a person, or null.
+ * @param {Api.PageStatus} status
+ * @returns {Call | null}
+ */
 function waiting({ prompt, trips }) {
   if (prompt !== null) return { key: `prompt ${prompt.id}`, mood: "ask", text: prompt.text };
-  const open = trips.filter((one) => !one.acknowledged);
+  const open = trips.filter((item) => !item.acknowledged);
   if (open.length === 0) return null;
-  const names = open.map((one) => words(one.interlock)).join(", ");
+  const names = open.map((item) => words(item.interlock)).join(", ");
   return { key: `trip ${names}`, mood: "bad", text: `Interlock ${names}` };
 }
 
 function call() {
   calledAt = performance.now();
   if (calling === null || !isOn || audio?.state !== "running") return;
-  NOTES[calling.mood].forEach((hertz, index) => play(hertz, audio.currentTime + index * NOTE_S));
+  const context = audio;
+  NOTES[calling.mood].forEach((hertz, index) => play(context, hertz, context.currentTime + index * NOTE_S));
 }
 
-function play(hertz, at) {
-  const tone = new OscillatorNode(audio, { type: "triangle", frequency: hertz });
-  const loudness = new GainNode(audio, { gain: 0 });
+/**
+ * @param {AudioContext} context
+ * @param {number} hertz
+ * @param {number} at
+ */
+function play(context, hertz, at) {
+  const tone = new OscillatorNode(context, { type: "triangle", frequency: hertz });
+  const loudness = new GainNode(context, { gain: 0 });
   loudness.gain.setValueAtTime(0, at);
   loudness.gain.linearRampToValueAtTime(0.25, at + 0.01);
   loudness.gain.linearRampToValueAtTime(0, at + NOTE_S - 0.01);
-  tone.connect(loudness).connect(audio.destination);
+  tone.connect(loudness).connect(context.destination);
   tone.start(at);
   tone.stop(at + NOTE_S);
 }
@@ -106,14 +127,16 @@ function askToNotify() {
   if (globalThis.Notification?.permission === "default") Notification.requestPermission();
 }
 
-function notify() {
+/** @param {string} text */
+function notify(text) {
   if (!document.hidden || globalThis.Notification?.permission !== "granted") return;
   try {
-    new Notification(known.status.title || known.status.rig, { body: visible(calling.text), tag: "rigd" });
+    const { title, rig } = read("status");
+    new Notification(title || rig, { body: visible(text), tag: "rigd" });
   } catch { /* some browsers on phones have them for installed pages only */ }
 }
 
-function read() {
+function stored() {
   try {
     return localStorage.getItem("sound") !== "off";
   } catch {

@@ -1,29 +1,39 @@
-// Which channels are drawn, and in which colour; kept for the rig's next visit.
+// Stores which channels are drawn, and in which colour, also for the next visit.
 
-import "./infos.js"; // knows the channels before anybody draws them
-import { known, watch } from "./store.js";
+import "./infos.js"; // knows the channels before they are drawn
+import { read, watch } from "./store.js";
 
 const COLOURS = 8; // --trace-0 to --trace-7 in tokens.css
 const FIRST = 6;
 
+/** @type {Set<() => void>} */
 const listeners = new Set();
+/** @type {string[]} */
 let names = [];
-const places = new Map(); // name -> colour; a channel keeps its own while it is shown
+/**
+ * The colour of each channel; it does not change while the channel is shown.
+ * @type {Map<string, number>}
+ */
+const places = new Map();
 
 export const chosen = () => names;
+/** @param {() => void} listener */
 export const watchChosen = (listener) => listeners.add(listener);
 
+/** @param {string} name */
 export function colourOf(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(`--trace-${places.get(name) ?? 0}`).trim();
 }
 
+/** @param {string} name */
 export function toggle(name) {
-  set(names.includes(name) ? names.filter((one) => one !== name) : [...names, name]);
+  set(names.includes(name) ? names.filter((item) => item !== name) : [...names, name]);
   try {
-    localStorage.setItem(`traces ${known.describe.rig}`, JSON.stringify(names));
+    localStorage.setItem(`traces ${read("describe").rig}`, JSON.stringify(names));
   } catch { /* chosen anew next time */ }
 }
 
+/** @param {string[]} wanted */
 function set(wanted) {
   names = wanted;
   for (const name of places.keys()) if (!names.includes(name)) places.delete(name);
@@ -36,9 +46,12 @@ function set(wanted) {
   for (const listener of listeners) listener();
 }
 
-/** What is drawn at first: quantities with limits, for those one must watch. */
+/**
+ * The channels drawn at first: quantities with limits, because those must be watched.
+ * @param {Api.Description} describe
+ */
 function usual({ streams, setpoints, interlocks }) {
-  const units = new Map(streams.flatMap((one) => one.channels.map(({ name, unit }) => [`${one.name}.${name}`, unit])));
+  const units = new Map(streams.flatMap((item) => item.channels.map(({ name, unit }) => [`${item.name}.${name}`, unit])));
   const watched = [
     ...interlocks.filter(({ low, high }) => low !== null || high !== null).map(({ source }) => source),
     ...setpoints.flatMap(({ name }) => [name, `${name}_setpoint`]),
@@ -49,13 +62,13 @@ function usual({ streams, setpoints, interlocks }) {
 }
 
 watch("describe", () => {
-  if (known.describe === null) return;
-  const all = new Set(known.describe.streams.flatMap((one) => one.channels.map((channel) => `${one.name}.${channel.name}`)));
+  const describe = read("describe");
+  const all = new Set(describe.streams.flatMap((item) => item.channels.map((channel) => `${item.name}.${channel.name}`)));
   let kept = null;
   try {
-    kept = JSON.parse(localStorage.getItem(`traces ${known.describe.rig}`));
+    kept = JSON.parse(localStorage.getItem(`traces ${describe.rig}`) ?? "null");
   } catch { /* nothing kept */ }
   const still = Array.isArray(kept) ? kept.filter((name) => all.has(name)) : [];
-  set(still.length ? still : usual(known.describe));
+  set(still.length ? still : usual(describe));
 });
 window.addEventListener("themechange", () => listeners.forEach((listener) => listener()));

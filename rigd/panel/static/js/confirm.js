@@ -1,24 +1,30 @@
-// What is asked before a rig moves: which rig, by what, with which values, for how long.
+// Asks for confirmation before a rig moves: which rig, procedure and values, and how long it takes.
 
 import { openDialog } from "./dialog.js";
 import { el, icon } from "./dom.js";
-import { known } from "./store.js";
+import { read } from "./store.js";
 import { attempt } from "./toasts.js";
 
+/** @type {Record<string, string>} */
 export const LOSS = {
   stop: "the run stops",
   finish_trial: "the trial is finished, then the run stops",
-  continue: "the run goes on without you",
+  continue: "the run continues without you",
 };
 
+/** @typedef {"" | NonNullable<Api.StartArguments["on_client_loss"]>} Loss */
+
 /**
- * Ask whether a run is to begin. `facts` are names with what they are, a text or an element; `usual` is
- * what the procedure does when the page of its user is gone, "" where this page does not know that;
- * `go(loss)` begins it.
+ * Ask whether to start a run. `facts` are names with a text or an element, or null to leave it
+ * out; `usual` is
+ * the action of the procedure when the page of its user disconnects, "" if unknown;
+ * `go(loss)` starts the run.
+ * @param {{ title: string, facts: [string, Child][], note?: Child, action: string, usual: string, go: (loss: Loss) => Promise<void> }} question
  */
 export function confirmRun({ title, facts, note = null, action, usual, go }) {
   openDialog(title, (close) => {
     const loss = lossChoice(usual);
+    /** @type {HTMLButtonElement} */
     const start = el("button", {
       type: "button", class: "primary big",
       onclick: async () => {
@@ -27,33 +33,38 @@ export function confirmRun({ title, facts, note = null, action, usual, go }) {
         return begun;
       },
     }, icon("play"), action);
-    const { title: rig, rig: name, simulated } = known.describe;
+    const { title: rig, rig: name, simulated } = read("describe");
     return [
       el("h2", {}, title),
       el("dl", { class: "facts" },
         el("dt", {}, "Rig"), el("dd", {}, `${rig || name}${simulated ? "" : " – it will move"}`),
-        facts.map(([term, what]) => [el("dt", {}, term), el("dd", {}, what)])),
+        facts.filter(([, value]) => value !== null).map(([term, value]) => [el("dt", {}, term), el("dd", {}, value)])),
       note,
       loss.element,
-      simulated ? null : el("p", {}, "Is nobody within its reach?"),
+      simulated ? null : el("p", {}, "Make sure that no person is within its reach."),
       el("div", { class: "row end" },
         el("button", { type: "button", onclick: close }, "Cancel"), start),
     ];
   });
 }
 
-/** What happens to the run when this page is closed; `value()` is "" where it is as the procedure says. */
+/**
+ * The choice of what happens to the run when this page closes; `value()` is "" for the
+ * procedure's own choice.
+ * @param {string} usual
+ */
 function lossChoice(usual) {
-  const unknown = usual ? {} : { "": "what the procedure says" };
+  /** @type {Record<string, string>} */
+  const unknown = usual ? {} : { "": "as the procedure specifies" };
   const choices = Object.entries({ ...unknown, ...LOSS }).map(([value, text]) => {
     const input = el("input", { type: "radio", name: "on-loss", value, checked: value === usual });
-    return el("label", {}, input, value && value === usual ? `${text} (as the procedure says)` : text);
+    return el("label", {}, input, value && value === usual ? `${text} (as the procedure specifies)` : text);
   });
   const element = el("fieldset", { class: "choices loss" },
-    el("legend", {}, "If you close this page, or it is cut off"), choices);
+    el("legend", {}, "If you close this page, or it loses its connection"), choices);
   const value = () => {
-    const chosen = element.querySelector(":checked")?.value ?? usual;
-    return chosen === usual ? "" : chosen;
+    const chosen = /** @type {HTMLInputElement | null} */ (element.querySelector(":checked"))?.value ?? usual;
+    return /** @type {Loss} */ (chosen === usual ? "" : chosen);
   };
   return { element, value };
 }

@@ -1,48 +1,51 @@
-// Who has control, and how it changes hands.
+// Shows which user has control, and lets users take, request, hand over and release it.
 
-import { control } from "./api.js";
+import { command } from "./api.js";
 import { el, fill, icon } from "./dom.js";
-import { hasControl, isMaintainer, isOperator, known, watch } from "./store.js";
+import { hasControl, isMaintainer, isOperator, known, nameOf, watch } from "./store.js";
 import { attempt, toast } from "./toasts.js";
 
-/** What is shown of the lease, so that the page is only rebuilt where it differs. */
+/** The lease as it is shown, so that the page is rebuilt only if it changes. */
 function key() {
-  const { holder, ours, session, user } = known.status.control;
-  return JSON.stringify([holder, ours, session, user, known.link]);
+  return JSON.stringify([known.status?.lease.holder, known.link]);
 }
 
+/** @param {HTMLElement} root */
 export function mountControl(root) {
   let shown = "";
   watch(["status", "link"], () => {
     if (known.status === null || shown === key()) return;
     shown = key();
-    const { holder, ours, user } = known.status.control;
-    root.dataset.mine = hasControl();
+    const { holder } = known.status.lease;
+    root.dataset.mine = String(hasControl());
     if (known.link !== "ok") {
       fill(root);
     } else if (hasControl()) {
-      fill(root, icon("hand"), el("span", {}, "You have control"), button("Release", "release"));
+      fill(root, icon("hand"), el("span", {}, "You have control"), button("Release", "lease_release"));
     } else if (holder === null) {
-      fill(root, icon("hand"), el("span", {}, "Control is free"), isOperator() ? button("Take control", "take", "primary") : null);
-    } else if (ours && user === null) {
-      fill(root, icon("lock"), el("span", {}, "Nobody here uses this panel's control"), isOperator() ? button("Take control", "take") : null);
+      fill(root, icon("hand"), el("span", {}, "Control is free"), isOperator() ? button("Take control", "lease_take", "primary") : null);
     } else {
-      const who = ours ? user : holder;
+      const name = nameOf(holder);
       fill(
-        root, icon("lock"), el("span", {}, `${who} has control`),
-        isOperator() ? button("Ask for it", "ask", "", `${who} was asked to hand over control.`) : null,
-        isMaintainer() ? button("Take it from them", "seize") : null,
+        root, icon("lock"), el("span", {}, `${name} has control`),
+        isOperator() ? button("Request it", "lease_request", "", `${name} was asked to hand over control.`) : null,
+        isMaintainer() ? button("Take it from them", "lease_seize") : null,
       );
     }
   });
 }
 
-function button(text, verb, style = "", said = "") {
+/**
+ * @param {string} text
+ * @param {"lease_take" | "lease_release" | "lease_request" | "lease_seize"} verb
+ */
+function button(text, verb, style = "", note = "") {
+  /** @type {HTMLButtonElement} */
   const made = el("button", {
     type: "button", class: style,
     onclick: () => attempt(made, async () => {
-      await control(verb);
-      if (said) toast(said);
+      await command(verb, {});
+      if (note) toast(note);
     }),
   }, text);
   return made;

@@ -1,5 +1,5 @@
-// Nothing moves by a press that nobody meant. Every button of the page is looked after here, whoever
-// made it: a press counts only on a button that has stood still, uncovered and ready for a while, and
+// Nothing moves by an accidental press. This guards every button of the page: a press counts
+// only on a button that has been still, uncovered and enabled for a while, and
 // only if it began on that button. Repeats of a key that is held count for nothing. The stops are
 // exempt: they act at once.
 
@@ -10,28 +10,42 @@ const LOOK_MS = 100;
 const TOLD_MS = 2000;
 
 const CONTROL = "button";
-/** The stops, and what changes nothing but what this page shows. */
+/** Exempt: the stops, and buttons that only change this page. */
 const EXEMPT = [
   "#stops *", ".login *", ".traces *", ".trace-toggle", ".picker *", ".row-button", ".user *", ".sound",
 ].join();
 
-/** Of each button: how it stands, and since when. */
+/**
+ * The look of each button, and the time since which it has it.
+ * @type {WeakMap<Element, { is: string, since: number }>}
+ */
 const standing = new WeakMap();
-/** Where the newest press of the pointer began, and of each key that is down. */
+/**
+ * The button on which the newest press of the pointer began, and the same for each key that is down.
+ * @typedef {{ control: Element | null, counts: boolean }} Press
+ * @type {Press | null}
+ */
 let pointer = null;
+/** @type {Map<string, Press>} */
 const keys = new Map();
 let toldAt = -Infinity;
 
+/** @type {(target: EventTarget | null) => Element | null} */
 const controlOf = (target) => {
   const found = target instanceof Element ? target.closest(CONTROL) : null;
   return found?.matches(EXEMPT) ? null : found;
 };
 
-/** The button that Enter or Space presses: itself, or that of the form whose field has the keyboard. */
-const pressedBy = ({ key, target }) =>
-  controlOf(target) ?? (key === "Enter" && target.form ? controlOf(target.form.querySelector("[type=submit]:enabled")) : null);
+/** The button that Enter or Space presses: the focused button, or that of the form with the focused field. */
+const pressedBy = (/** @type {KeyboardEvent} */ { key, target }) => {
+  const form = target instanceof HTMLInputElement || target instanceof HTMLSelectElement ? target.form : null;
+  return controlOf(target) ?? (key === "Enter" ? controlOf(form?.querySelector("[type=submit]:enabled") ?? null) : null);
+};
 
-/** All that makes a button another one for whoever presses it. */
+/**
+ * The properties that make a button a different button for its user.
+ * @param {Element} control
+ */
 function how(control) {
   const box = control.getBoundingClientRect();
   if (box.width === 0 || control.matches(":disabled") || control.closest("[inert]")) return "away";
@@ -40,11 +54,12 @@ function how(control) {
   return `${Math.round(box.left)} ${Math.round(box.top)} ${isCovered} ${control.textContent}`;
 }
 
+/** @param {Element} control */
 function hasSettled(control) {
-  return performance.now() - standing.get(control).since >= SETTLE_MS;
+  return performance.now() - (standing.get(control)?.since ?? Infinity) >= SETTLE_MS;
 }
 
-/** Note what has appeared, moved, or become another. */
+/** Note buttons that have appeared, moved, or changed. */
 function look() {
   const now = performance.now();
   for (const control of document.querySelectorAll(CONTROL)) {
@@ -56,14 +71,19 @@ function look() {
   }
 }
 
-/** Whether a press that begins now on `control` counts; one that does not begins the wait anew. */
+/**
+ * Whether a press that begins now on `control` counts; if not, the wait begins again.
+ * @param {Element} control
+ */
 function begin(control) {
   look();
   if (hasSettled(control)) return true;
-  standing.get(control).since = performance.now();
+  const stands = standing.get(control);
+  if (stands !== undefined) stands.since = performance.now();
   return false;
 }
 
+/** @param {Event} event */
 function refuse(event) {
   event.preventDefault();
   event.stopImmediatePropagation();
@@ -72,6 +92,7 @@ function refuse(event) {
   toast("That press did not count: the page had just changed. Press again.", "warn", TOLD_MS);
 }
 
+/** @param {KeyboardEvent} event */
 function onKeyDown(event) {
   if (event.key !== "Enter" && event.key !== " ") return;
   const control = pressedBy(event);
@@ -84,19 +105,20 @@ function onKeyDown(event) {
   if (control !== null && !counts) refuse(event);
 }
 
+/** @param {MouseEvent} event */
 function onClick(event) {
   const control = controlOf(event.target);
   if (control === null) return;
   let counts;
   if (event.detail > 0) counts = pointer?.control === control && pointer.counts;
-  else if (keys.size > 0) counts = [...keys.values()].some((one) => one.control === control && one.counts);
+  else if (keys.size > 0) counts = [...keys.values()].some((item) => item.control === control && item.counts);
   else counts = begin(control); // by a screen reader, which presses without pointer and key
   pointer = null;
-  for (const one of keys.values()) one.counts = false;
+  for (const item of keys.values()) item.counts = false;
   if (!counts) refuse(event);
 }
 
-/** Look after the buttons of this page, from now on. */
+/** Watch the buttons of this page from now on. */
 export function guardPresses() {
   const first = { capture: true };
   window.addEventListener("pointerdown", ({ target }) => {
@@ -104,15 +126,16 @@ export function guardPresses() {
     pointer = { control, counts: control !== null && begin(control) };
   }, first);
   window.addEventListener("keydown", onKeyDown, first);
-  // Space presses when it is let go, behind the listeners of that event.
+  // Space presses when the key is released, after the listeners of that event.
   window.addEventListener("keyup", ({ code }) => setTimeout(() => keys.delete(code)), first);
   window.addEventListener("blur", () => keys.clear());
   window.addEventListener("click", onClick, first);
-  // At once where buttons come and go, so that none looks ready that is not; whatever else moves
-  // them is seen a little later, and at the press itself in any case.
+  // At once when buttons appear or disappear, so that no button looks enabled too early. Other movements
+  // are noticed a little later, and in any case at the press.
   new MutationObserver((changes) => {
+    /** @param {MutationRecord} change */
     const counts = ({ type, addedNodes, removedNodes }) =>
-      type === "attributes" || [...addedNodes, ...removedNodes].some((one) => one instanceof Element);
+      type === "attributes" || [...addedNodes, ...removedNodes].some((item) => item instanceof Element);
     if (changes.some(counts)) look();
   }).observe(document.body, { subtree: true, childList: true, attributeFilter: ["disabled", "hidden", "inert", "open"] });
   window.addEventListener("scroll", look, first);

@@ -1,60 +1,106 @@
-// Elements without templates. Text is only ever set as text, so nothing the rig says becomes markup.
+// Elements without templates. Text is only set as text, so that no text of the rig becomes markup.
 
 const NO_TEXT = /[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]/g;
 const SHOWN = new Set(["textContent", "title", "placeholder"]);
 
-/** A text in which what would turn a line, or be seen by nobody, stands as its escape. */
+/**
+ * A text in which invisible characters, and characters that change the direction, are replaced by escapes.
+ * @param {string} text
+ */
 export function visible(text) {
-  if (typeof text !== "string") return text;
   return text.replace(NO_TEXT, (letter) => `\\u${letter.charCodeAt(0).toString(16).padStart(4, "0")}`);
 }
 
+/**
+ * @param {readonly Child[]} children
+ * @returns {(Node | string)[]}
+ */
 function parts(children) {
-  return children.flat(Infinity).filter((one) => one !== null && one !== undefined).map(visible);
+  return children.flatMap((child) => {
+    if (child === null || child === undefined) return [];
+    if (child instanceof Node) return [child];
+    return typeof child === "object" ? parts(child) : [visible(String(child))];
+  });
 }
 
 /**
  * Make an element. `props` are properties, except `class`, `data`, `aria-*`, `role` and other names
- * with a dash, which are attributes; `onclick` and its like are listeners. null children are left out.
+ * with a dash, which are attributes; `onclick` and similar are listeners. null children are left out.
+ * @template {keyof HTMLElementTagNameMap} T
+ * @param {T} tag
+ * @param {Props} props
+ * @param {...Child} children
+ * @returns {HTMLElementTagNameMap[T]}
  */
 export function el(tag, props = {}, ...children) {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(props)) {
     if (value === null || value === undefined) continue;
-    if (name === "class") made.className = value;
+    if (name === "class") made.className = String(value);
     else if (name === "data") Object.assign(made.dataset, value);
-    else if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
-    else if (name.includes("-") || name === "role" || name === "for") made.setAttribute(name, visible(value));
-    else made[name] = SHOWN.has(name) ? visible(value) : value;
+    else if (name.startsWith("on")) made.addEventListener(name.slice(2), /** @type {EventListener} */ (value));
+    else if (name.includes("-") || name === "role" || name === "for") made.setAttribute(name, visible(String(value)));
+    else Object.assign(made, { [name]: SHOWN.has(name) ? visible(String(value)) : value });
   }
   made.append(...parts(children));
   return made;
 }
 
-/** The name of a file, which may break behind its parts. */
+/**
+ * The name of a file, which may break behind its parts.
+ * @param {string} name
+ */
 export function file(name) {
   return el("code", {}, name.split(/(?<=_)/).flatMap((part) => [part, el("wbr")]));
 }
 
-/** Replace what stands in `parent`. */
+/**
+ * Replace what stands in `parent`.
+ * @param {Element} parent
+ * @param {...Child} children
+ */
 export function fill(parent, ...children) {
   parent.replaceChildren(...parts(children));
 }
 
-/** Set the text of an element, touching the page only where it differs. */
-export function say(element, text) {
+/**
+ * Set the text of an element, touching the page only if it differs.
+ * @param {Element} element
+ * @param {string} text
+ */
+export function setText(element, text) {
   const shown = visible(text);
   if (element.textContent !== shown) element.textContent = shown;
 }
 
-/** Set or take away an attribute that is either there or not. */
+/**
+ * Set or remove an attribute that is either there or not, touching the page only if it differs.
+ * @param {Element} element
+ * @param {string} name
+ * @param {boolean} on
+ */
 export function flag(element, name, on) {
-  if (element.hasAttribute(name) !== Boolean(on)) element.toggleAttribute(name, Boolean(on));
+  if (element.hasAttribute(name) !== on) element.toggleAttribute(name, on);
 }
 
-/** Set a data attribute, touching the page only where it differs. */
+/**
+ * Set a data attribute, touching the page only if it differs.
+ * @param {HTMLElement} element
+ * @param {string} name
+ * @param {string | boolean} value
+ */
 export function mark(element, name, value) {
-  if (element.dataset[name] !== String(value)) element.dataset[name] = value;
+  if (element.dataset[name] !== String(value)) element.dataset[name] = String(value);
+}
+
+/**
+ * The element of the page with this id.
+ * @param {string} id
+ */
+export function byId(id) {
+  const found = document.getElementById(id);
+  if (found === null) throw new Error(`the page has no #${id}`);
+  return found;
 }
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -73,7 +119,10 @@ const PATHS = {
   cut: "M2.5 12h6M15.5 12h6M9.5 17 14.5 7",
 };
 
-/** A small drawing beside a word; never the only thing that says something. */
+/**
+ * A small drawing beside a word; never the only sign of something.
+ * @param {keyof typeof PATHS} name
+ */
 export function icon(name) {
   const made = document.createElementNS(SVG, "svg");
   made.setAttribute("viewBox", "0 0 24 24");

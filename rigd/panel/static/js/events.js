@@ -1,13 +1,15 @@
 // What happened, newest first.
 
-import { el, fill, say } from "./dom.js";
+import { el, fill, setText } from "./dom.js";
 import { clock, parameters, short, words } from "./format.js";
-import { watchEvents } from "./link.js";
-import { known, watch } from "./store.js";
+import { watchEvents, watchSkipped } from "./link.js";
+import { read, watch } from "./store.js";
 
 const KEPT = 1000;
+/** @type {Record<string, string>} */
 const MOODS = { interlock: "bad", fault: "bad", error: "bad", limit: "warn", late: "warn", prompt: "ask" };
 
+/** @param {HTMLElement} root */
 export function mountEvents(root) {
   const body = el("tbody");
   const wanted = el("input", { type: "search", id: "event-filter", placeholder: "such as interlock", autocomplete: "off" });
@@ -25,58 +27,73 @@ export function mountEvents(root) {
         el("thead", {}, el("tr", {}, ...["Time", "What", "Trial", ""].map((text) => el("th", { scope: "col" }, text)))),
         body), empty)));
 
-  watchEvents((event) => {
+  /** @param {HTMLTableRowElement} row */
+  const add = (row) => {
     empty.hidden = true;
-    const row = "skipped" in event ? gap(event.skipped) : line(event);
     filter(row);
     body.prepend(row);
-    while (body.rows.length > KEPT) body.lastChild.remove();
-  });
+    while (body.rows.length > KEPT) body.lastElementChild?.remove();
+  };
+  watchEvents((event) => add(line(event)));
+  watchSkipped((skipped) => add(gap(skipped)));
   wanted.addEventListener("input", () => [...body.rows].forEach(filter));
 
   let shown = "";
   watch("status", () => {
-    const { status } = known;
+    const status = read("status");
     const key = JSON.stringify([status.notices, status.refused]);
     if (shown === key) return;
     shown = key;
     fill(notices, status.notices.length ? status.notices.toReversed().map(notice) : el("li", { class: "quiet" }, "None."));
     const counts = Object.entries(status.refused).filter(([, count]) => count > 0).map(([kind, count]) => `${count} ${kind}`);
-    say(refused, counts.length ? `Messages refused since it started: ${counts.join(", ")}.` : "");
+    setText(refused, counts.length ? `Messages refused since it started: ${counts.join(", ")}.` : "");
   });
 
+  /** @param {HTMLTableRowElement} row */
   function filter(row) {
     row.hidden = !row.textContent.toLowerCase().includes(wanted.value.trim().toLowerCase());
   }
 }
 
-function line({ t_ns, kind, trial, data }) {
+/** @param {Api.PageEvent} event */
+function line({ t_ns, kind, trial, data, factors }) {
   return el("tr", { data: { mood: MOODS[kind] ?? "calm" } },
     el("td", { class: "value" }, clock(t_ns / 1e6)),
     el("th", { scope: "row" }, words(kind)),
     el("td", { class: "value" }, trial < 0 ? "" : String(trial)),
-    el("td", {}, text(data)));
+    el("td", {}, describe(data, factors)));
 }
 
-const notice = ({ t_ns, level, text: told }) =>
+/** @param {Api.OperatorNotice} notice */
+const notice = ({ t_ns, level, text: note }) =>
   el("li", { data: { mood: { info: "calm", warning: "warn", error: "bad" }[level] } },
-    el("span", { class: "value" }, clock(t_ns / 1e6)), told);
+    el("span", { class: "value" }, clock(t_ns / 1e6)), note);
 
+/** @param {number} skipped */
 const gap = (skipped) => el("tr", { data: { mood: "warn" } },
   el("td", { colSpan: 4 }, `${skipped} events were left out: this computer is too slow for them. The recording has them all.`));
 
-/** What belongs to an event, as words: a name first, then the rest. */
-function text(data) {
-  const { name, units, factors, ...rest } = data;
+/**
+ * What belongs to an event, as words: a name first, then the rest.
+ * @param {Api.PageEvent["data"]} data
+ * @param {Record<string, number>} factors
+ */
+function describe(data, factors) {
+  const { name, units, ...rest } = data;
   if (units !== undefined && rest.parameters !== undefined) {
-    rest.parameters = Object.fromEntries(parameters(data));
+    const trial = /** @type {Pick<Api.RecordedTrial, "parameters" | "units">} */ (data);
+    rest.parameters = Object.fromEntries(parameters({ ...trial, factors }));
   }
   const parts = Object.entries(rest)
     .filter(([, value]) => value !== "" && value !== null)
     .map(([key, value]) => `${words(key)}: ${plain(value)}`);
-  return [name === undefined ? null : plain(name), ...parts].filter((one) => one !== null).join(" · ");
+  return [name === undefined ? null : plain(name), ...parts].filter((item) => item !== null).join(" · ");
 }
 
+/**
+ * @param {Api.JsonValue} value
+ * @returns {string}
+ */
 function plain(value) {
   if (typeof value === "number") return Number.isInteger(value) ? String(value) : short(value);
   if (Array.isArray(value)) return value.map(plain).join(", ");

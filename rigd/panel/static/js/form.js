@@ -1,35 +1,46 @@
 // A form from the parameters of a procedure: quantities with their unit and range, words by choice.
 
-import { el, fill, say } from "./dom.js";
+import { el, fill, setText } from "./dom.js";
 import { decimalPoint, quantities, unit, withHint, words } from "./format.js";
 
 export class Form {
-  /** `typed` is called at every letter, `changed` whenever a field is done with. */
+  /**
+   * The form calls `typed` at every letter, `changed` after each field.
+   * @param {Api.PageParameter[]} parameters
+   * @param {() => void} typed
+   * @param {() => void} changed
+   */
   constructor(parameters, typed, changed) {
-    this.fields = parameters.map((one) => new Field(one));
+    this.fields = parameters.map((item) => new Field(item));
     this.problems = el("ul", { class: "problems", role: "alert" });
     this.element = el("form", { class: "fields", onsubmit: (event) => event.preventDefault(), oninput: typed, onchange: changed },
-      this.fields.length ? this.fields.map((one) => one.elements) : el("p", { class: "quiet" }, "This procedure has no parameters."),
+      this.fields.length ? this.fields.map((item) => item.elements) : el("p", { class: "quiet" }, "This procedure has no parameters."),
       this.problems);
   }
 
-  /** What was given by hand: what was left as it is stays out. */
+  /** The values that the user has changed. */
   values() {
-    return Object.fromEntries(this.fields.filter((one) => one.isGiven).map((one) => [one.name, one.text]));
+    return Object.fromEntries(this.fields.filter((item) => item.isGiven).map((item) => [item.name, item.text]));
   }
 
-  /** Every parameter as it will be, for people; what was given by hand is set off. */
+  /**
+   * Every parameter with its value, for people; changed values are marked.
+   * @returns {[string, Child][]}
+   */
   facts() {
-    return this.fields.map((one) => [words(one.name), one.isGiven ? el("strong", {}, quantities(one.text)) : one.usual]);
+    return this.fields.map((item) => [words(item.name), item.isGiven ? el("strong", {}, quantities(item.text)) : item.usual]);
   }
 
-  /** Show what is wrong, beside the field it names where it names one; `early`: only in what was given. */
+  /**
+   * Show each problem at the field that it names, if any; `early`: only in changed fields.
+   * @param {Api.ProblemView[]} problems
+   */
   blame(problems, early = false) {
     for (const field of this.fields) field.blame("");
     const rest = [];
     for (const problem of problems) {
       const text = withHint(problem);
-      const field = this.fields.find((one) => new RegExp(`\\b${one.name}\\b`).test(problem.message));
+      const field = this.fields.find((item) => new RegExp(`\\b${item.name}\\b`).test(problem.message));
       if (early && !field?.isGiven) continue;
       if (field === undefined) rest.push(el("li", {}, text));
       else field.blame(text.replace(`--set ${field.name}=${field.text}: `, ""));
@@ -39,17 +50,23 @@ export class Form {
 }
 
 class Field {
+  /** @type {HTMLSelectElement | HTMLInputElement} */
+  input;
+
+  /** @param {Api.PageParameter} parameter */
   constructor(parameter) {
-    Object.assign(this, { parameter, name: parameter.name });
+    this.parameter = parameter;
+    this.name = parameter.name;
     const id = `parameter-${parameter.name}`;
     this.note = el("p", { class: "quiet", id: `${id}-note` }, note(parameter));
     this.problem = el("p", { class: "problem", id: `${id}-problem`, role: "alert" });
     const common = { id, "aria-describedby": `${id}-note ${id}-problem` };
+    /** @type {HTMLElement} */
     let input;
     if (parameter.choices.length) {
       this.input = el("select", common,
         parameter.default === null || parameter.swept ? el("option", { value: "" }, parameter.swept ? "all of the sweep" : "choose …") : null,
-        ...parameter.choices.map((one) => el("option", { value: one }, one)));
+        ...parameter.choices.map((item) => el("option", { value: item }, item)));
       if (parameter.default !== null && !parameter.swept) this.input.value = parameter.default;
       input = this.input;
     } else {
@@ -74,7 +91,7 @@ class Field {
     return this.input.value.trim() !== this.initial;
   }
 
-  /** As `--set` takes it: a bare number gets the unit that stands beside the field. */
+  /** As `--set` accepts it: a bare number gets the unit beside the field. */
   get text() {
     if (this.parameter.choices.length) return this.input.value;
     const text = decimalPoint(this.input.value);
@@ -82,28 +99,35 @@ class Field {
     return isBare && this.parameter.unit !== "1" ? `${text} ${this.parameter.unit}` : text;
   }
 
-  /** What it is where nothing was given. */
+  /** Its value if the user has not changed it. */
   get usual() {
     if (this.parameter.swept) return "all of the sweep";
     return this.parameter.default === null ? "–" : quantities(this.parameter.default);
   }
 
+  /** @param {string} text */
   blame(text) {
-    say(this.problem, text);
+    setText(this.problem, text);
     this.input.setAttribute("aria-invalid", String(text !== ""));
   }
 }
 
-/** `1.15 m` as `1.15` where the unit is m; anything else as it is. */
+/**
+ * `1.15 m` as `1.15` if the unit is m; other text unchanged.
+ * @param {string} text
+ * @param {string} symbol
+ */
 function bare(text, symbol) {
   return text.endsWith(` ${symbol}`) ? text.slice(0, -symbol.length - 1) : text;
 }
 
+/** @param {Api.PageParameter} parameter */
 function range({ min, max, unit: symbol }) {
   if (min !== null && max !== null) return `${bare(min, symbol)} … ${quantities(max)}`;
   return min !== null ? `≥ ${quantities(min)}` : max !== null ? `≤ ${quantities(max)}` : "";
 }
 
+/** @param {Api.PageParameter} parameter */
 function note({ doc, swept }) {
   return [doc.replace(/([^.])$/, "$1."), swept ? "Swept: left empty, all are run." : ""].filter(Boolean).join(" ");
 }

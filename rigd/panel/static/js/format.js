@@ -2,10 +2,15 @@
 
 const NO_VALUE = "–";
 
+/** @type {Record<string, string>} */
 const RAISED = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
-const power = (exponent) => `10${[...String(exponent)].map((one) => RAISED[one]).join("")}`;
+/** @param {number} exponent */
+const power = (exponent) => `10${[...String(exponent)].map((item) => RAISED[item]).join("")}`;
 
-/** A number that stands still, such as a limit: no digit more than it has, `digits` at most. */
+/**
+ * A constant number, such as a limit: only the digits that it has, `digits` at most.
+ * @param {number | null | undefined} value
+ */
 export function short(value, digits = 5) {
   if (value === null || value === undefined || !Number.isFinite(value)) return NO_VALUE;
   const rounded = Number(value.toPrecision(digits));
@@ -15,9 +20,14 @@ export function short(value, digits = 5) {
   return `${Number((rounded / 10 ** exponent).toPrecision(digits))}·${power(exponent)}`.replace("-", "−");
 }
 
+/** @type {Record<number, string>} */
 const PREFIXES = { "-3": "m", "-6": "µ", "-9": "n" };
 
-/** How a channel that stays below `limit` is best read: the factor of what is shown, and its unit. */
+/**
+ * How to show a channel that stays below `limit`: the factor from SI to the shown value, and its unit.
+ * @param {number} limit
+ * @param {string} symbol
+ */
 export function scaled(limit, symbol) {
   const exponent = limit > 0 && limit < 1e-2 ? Math.max(-9, 3 * Math.floor(Math.log10(limit) / 3)) : 0;
   if (exponent === 0) return { factor: 1, unit: unit(symbol) };
@@ -28,7 +38,11 @@ export function scaled(limit, symbol) {
   };
 }
 
-/** A value for a column that is read while it changes: always as many decimals as the range needs. */
+/**
+ * A value for a column that is read while it changes: always as many decimals as the range needs.
+ * @param {number | null | undefined} value
+ * @param {number} scale
+ */
 export function steady(value, scale) {
   if (value === null || value === undefined || !Number.isFinite(value)) return NO_VALUE;
   if (Math.abs(value) >= 1e6) return short(value, 3);
@@ -38,16 +52,24 @@ export function steady(value, scale) {
   return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
 }
 
+/** @param {string} symbol */
 export function unit(symbol) {
   return symbol === "1" ? "" : symbol.replaceAll("^2", "²").replaceAll("^3", "³").replaceAll(" ", "·");
 }
 
-/** A value that stands still with its unit, kept together. */
+/**
+ * A constant value with its unit, without a line break between them.
+ * @param {number} value
+ * @param {string} symbol
+ */
 export function quantity(value, symbol) {
   return `${short(value)}\u202f${unit(symbol)}`.trim();
 }
 
-/** Parameters of a trial, which come in SI, each as a name and what people read. */
+/**
+ * Parameters of a trial, which arrive in SI, each as a name and a text for people.
+ * @param {{ parameters: Record<string, number | string | boolean>, units?: Record<string, string>, factors?: Record<string, number> }} trial
+ */
 export function parameters({ parameters: values, units = {}, factors = {} }) {
   return Object.entries(values).map(([name, value]) => [
     name,
@@ -55,18 +77,23 @@ export function parameters({ parameters: values, units = {}, factors = {} }) {
   ]);
 }
 
-/** Quantities within a text, as `quantity` would write them. */
+/**
+ * The text, with its quantities written as by `quantity`.
+ * @param {string} text
+ */
 export function quantities(text) {
   return text.replace(/(^|[\s(=])-(?=[\d.])/g, "$1−")
     .replace(/(\d) ([A-Za-z%°µΩ][\w/^·*]*)(?=$|[\s,;)])/g, (_, digit, symbol) => `${digit}\u202f${unit(symbol)}`);
 }
 
+/** @param {number | null} seconds */
 export function age(seconds) {
   if (seconds === null || !Number.isFinite(seconds)) return NO_VALUE;
   if (seconds < 9.95) return `${Math.max(0, seconds).toFixed(1)} s`;
   return duration(seconds);
 }
 
+/** @param {number | null | undefined} seconds */
 export function duration(seconds) {
   if (seconds === null || seconds === undefined) return NO_VALUE;
   const whole = Math.round(seconds);
@@ -76,7 +103,10 @@ export function duration(seconds) {
   return `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min`;
 }
 
-/** How long ago something was, for people. */
+/**
+ * An age, for people.
+ * @param {number} seconds
+ */
 export const ago = (seconds) => `${seconds < 48 * 3600 ? duration(seconds) : `${Math.round(seconds / 86_400)} days`} ago`;
 
 const TIME = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "2-digit", second: "2-digit" });
@@ -84,28 +114,34 @@ const DAY = new Intl.DateTimeFormat("en-GB", {
   day: "2-digit", month: "short", hour: "2-digit", minute: "2-digit",
 });
 
+/** @param {number} milliseconds */
 export const clock = (milliseconds) => TIME.format(milliseconds);
+/** @param {number} milliseconds */
 export const day = (milliseconds) => DAY.format(milliseconds);
 
+/** @param {number} size */
 export function bytes(size) {
   if (size < 1e6) return `${(size / 1e3).toFixed(0)} kB`;
   return size < 1e9 ? `${(size / 1e6).toFixed(1)} MB` : `${(size / 1e9).toFixed(2)} GB`;
 }
 
-/** What a state is called, what it means, and its mood: calm, busy, ask, warn or bad. */
+/**
+ * The name of a state, its meaning, and its mood: calm, busy, ask, warn or bad.
+ * @type {Record<Api.PageStatus["state"], [string, string, string]>}
+ */
 export const STATES = {
   idle: ["Idle", "Nothing is running", "calm"],
   preflight: ["Preflight", "Devices are being checked, nothing moves", "busy"],
   blocked: ["Blocked", "Preflight refused, nothing moved", "warn"],
   armed: ["Armed", "Actuators are enabled", "busy"],
   running: ["Running", "", "busy"],
-  pausing: ["Pausing", "The trial under way ends first", "warn"],
+  pausing: ["Pausing", "The present trial ends first", "warn"],
   paused: ["Paused", "Setpoints are at rest", "ask"],
   stopping: ["Stopping", "The rig comes to rest", "warn"],
   finishing: ["Finishing", "The procedure's finish plays", "busy"],
   aborting: ["Aborting", "Setpoints go to rest now", "bad"],
   faulted: ["Faulted", "A device or an interlock ended the run", "bad"],
-  estopped: ["E-stopped", "Power was asked to drop", "bad"],
+  estopped: ["E-stopped", "Devices were requested to drop power", "bad"],
   done: ["Done", "The rig is safe, the recording is finished", "calm"],
 };
 
@@ -114,14 +150,23 @@ export const ACTIONS = {
   end_trial: "ended the trial",
   stop: "stopped the run",
   abort: "aborted the run",
-  estop: "asked for power to drop",
+  estop: "requested the drop of power",
 };
 
-/** What was refused, and what to do about it. */
+/**
+ * The refusal, and its remedy.
+ * @param {{ message: string, hint?: string | null }} refused
+ */
 export const withHint = ({ message, hint }) => [message, hint].filter(Boolean).join(" – ");
 
-/** A number as it was typed, with a point: one comma alone is a decimal comma, anything else could be misread. */
+/**
+ * A typed number with a decimal point: a single comma is a decimal comma; several are ambiguous.
+ * @param {string} text
+ */
 export const decimalPoint = (text) => text.trim().replace("−", "-").replace(/^([-+]?\d*),(\d[^.,]*)$/, "$1.$2");
 
-/** `constant_current` as words. */
+/**
+ * `constant_current` as words.
+ * @param {string} name
+ */
 export const words = (name) => name.replaceAll("_", " ");

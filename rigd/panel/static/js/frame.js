@@ -1,10 +1,16 @@
-// Live frames: see docs/protocol.md. Little endian, as every browser's typed arrays are by now.
+// Live frames: see docs/protocol.md. Little endian, like the typed arrays of every present browser.
 
 const HEAD = 24;
 
-/** Return the frames that stand behind one another in `buffer`. */
+/** @typedef {{ stream: number, t0: number, times: Float64Array, low: Float32Array[], high: Float32Array[] }} LiveFrame */
+
+/**
+ * Return the frames in `buffer`, which follow one another.
+ * @param {ArrayBuffer} buffer
+ */
 export function decode(buffer) {
   const view = new DataView(buffer);
+  /** @type {LiveFrame[]} */
   const frames = [];
   let at = 0;
   while (at + HEAD <= buffer.byteLength) {
@@ -28,6 +34,8 @@ export function decode(buffer) {
   return frames;
 }
 
-// Frames have multiples of 8 bytes, so that every array lies where typed arrays must.
+// The size of a frame is a multiple of 8 bytes: typed arrays must be aligned.
+/** @type {(buffer: ArrayBuffer, at: number, count: number) => Float64Array} */
 const doubles = (buffer, at, count) => new Float64Array(buffer, at, count);
+/** @type {(buffer: ArrayBuffer, at: number, count: number) => Float32Array} */
 const floats = (buffer, at, count) => new Float32Array(buffer, at, count);

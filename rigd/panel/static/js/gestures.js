@@ -2,9 +2,24 @@
 
 const WHEEL = 0.0015; // zoom by pixel of the wheel
 
-/** `range` gives the stretch of time shown; `actions` has now, pan, zoom and live. */
+/**
+ * @typedef {object} Actions
+ * @property {() => number} now
+ * @property {(seconds: number) => void} pan
+ * @property {(factor: number, anchor: number | null) => void} zoom
+ * @property {() => void} live
+ */
+
+/**
+ * Move and zoom the plot below `over`.
+ * @param {HTMLElement} over
+ * @param {Actions} actions
+ * @param {() => [number, number]} range the stretch of time shown
+ */
 export function panAndZoom(over, actions, range) {
+  /** @type {Map<number, number>} */
   const pointers = new Map();
+  /** @param {number} x */
   const timeAt = (x) => {
     const [start, end] = range();
     const box = over.getBoundingClientRect();
@@ -29,9 +44,11 @@ export function panAndZoom(over, actions, range) {
       actions.zoom(Math.max(20, Math.abs(before[0] - before[1])) / wide, timeAt((after[0] + after[1]) / 2));
     }
   });
-  for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
-    over.addEventListener(end, (event) => pointers.delete(event.pointerId));
-  }
+  /** @param {PointerEvent} event */
+  const end = (event) => pointers.delete(event.pointerId);
+  over.addEventListener("pointerup", end);
+  over.addEventListener("pointercancel", end);
+  over.addEventListener("lostpointercapture", end);
   over.addEventListener("wheel", (event) => {
     event.preventDefault();
     if (Math.abs(event.deltaX) > Math.abs(event.deltaY) || event.shiftKey) {

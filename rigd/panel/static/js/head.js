@@ -1,7 +1,8 @@
-// How high the state and the stops are: nothing that is scrolled to, and no dialog, goes under them.
+// Measures the height of the state and the stops, so that no dialog or scrolled content is hidden below them.
 
+/** @param {HTMLElement} head */
 export function measureHead(head) {
-  const tell = () => document.documentElement.style.setProperty("--head", `${Math.ceil(head.offsetHeight)}px`);
-  new ResizeObserver(tell).observe(head);
-  tell();
+  const measure = () => document.documentElement.style.setProperty("--head", `${Math.ceil(head.offsetHeight)}px`);
+  new ResizeObserver(measure).observe(head);
+  measure();
 }

@@ -2,13 +2,16 @@
 
 import { History } from "./history.js";
 import { watchFrames } from "./link.js";
-import { known, watch } from "./store.js";
+import { read, watch } from "./store.js";
 
-/** Number of a stream -> its history. */
+/**
+ * The history of each stream, by its number.
+ * @type {Map<number, History>}
+ */
 export const histories = new Map();
 
 watch("describe", () => {
-  const shapes = new Map(known.describe.streams.map((one) => [one.number, one.channels.length]));
+  const shapes = new Map(read("describe").streams.map((stream) => [stream.number, stream.channels.length]));
   for (const [number, history] of histories) {
     if (shapes.get(number) !== history.channels) histories.delete(number);
   }
@@ -19,7 +22,7 @@ watch("describe", () => {
 
 watchFrames((frame) => histories.get(frame.stream)?.append(frame));
 
-/** When the newest point of all was taken, in s since the epoch. */
+/** The time of the newest point of all streams, in s since the epoch. */
 export function newestTime() {
   let newest = -Infinity;
   for (const history of histories.values()) newest = Math.max(newest, history.newest);

@@ -1,27 +1,32 @@
-// What a stream has shown: the newest in full, the older the coarser, for hours.
+// The past of a stream: the newest data in full, older data coarser, for hours.
 
 const SIZE = 1 << 15; // points of a level
-const FACTOR = 8; // points of a level that become one of the next
+const FACTOR = 8; // points of a level that are merged into a point of the next
 const LEVELS = 4; // at 1000 points/s: 33 s, 4 min, 35 min, 4.6 h
 
 /** One level: a ring of times with the lowest and highest of each channel. */
 class Level {
+  /** @param {number} channels */
   constructor(channels) {
     this.t = new Float64Array(SIZE);
     this.low = Array.from({ length: channels }, () => new Float32Array(SIZE));
     this.high = Array.from({ length: channels }, () => new Float32Array(SIZE));
-    this.count = 0; // points ever
+    this.count = 0; // points since the start
   }
 
   get first() {
     return Math.max(0, this.count - SIZE);
   }
 
+  /** @param {number} index */
   time(index) {
     return this.t[index & (SIZE - 1)];
   }
 
-  /** The first point at or after `t`. */
+  /**
+   * The first point at or after `t`.
+   * @param {number} t
+   */
   find(t) {
     let below = this.first;
     let above = this.count;
@@ -35,17 +40,26 @@ class Level {
 }
 
 export class History {
+  /** @param {number} channels */
   constructor(channels) {
     this.channels = channels;
-    this.clear();
-  }
-
-  clear() {
-    this.levels = Array.from({ length: LEVELS }, () => new Level(this.channels));
+    this.levels = this.#empty();
     this.newest = -Infinity;
   }
 
-  /** Take a frame: points at or before the newest are left out. */
+  #empty() {
+    return Array.from({ length: LEVELS }, () => new Level(this.channels));
+  }
+
+  clear() {
+    this.levels = this.#empty();
+    this.newest = -Infinity;
+  }
+
+  /**
+   * Add a frame: points at or before the newest point are left out.
+   * @param {import("./frame.js").LiveFrame} frame
+   */
   append({ t0, times, low, high }) {
     if (low.length !== this.channels) return;
     if (times.length && t0 + times[times.length - 1] < this.newest - 5) this.clear(); // clock set back
@@ -65,6 +79,7 @@ export class History {
     }
   }
 
+  /** @param {number} index */
   #condense(index) {
     const from = this.levels[index];
     const to = this.levels[index + 1];
@@ -77,7 +92,7 @@ export class History {
       let high = -Infinity;
       for (let offset = 0; offset < FACTOR; offset++) {
         const at = (start + offset) & (SIZE - 1);
-        // Written so that NaN, where nothing was measured, is passed over.
+        // Written so that NaN, which means no measurement, is skipped.
         if (from.low[channel][at] < low) low = from.low[channel][at];
         if (from.high[channel][at] > high) high = from.high[channel][at];
       }
@@ -88,7 +103,10 @@ export class History {
     this.#condense(index + 1);
   }
 
-  /** The newest value of a channel: what the samples of its last point have in the middle. */
+  /**
+   * The newest value of a channel: the middle between the extremes of its last point.
+   * @param {number} channel
+   */
   value(channel) {
     const level = this.levels[0];
     if (level.count === 0) return NaN;
@@ -96,9 +114,13 @@ export class History {
     return (level.low[channel][at] + level.high[channel][at]) / 2;
   }
 
-  /** The value of a channel at `t`: of the first point from then on, or the newest. */
+  /**
+   * The value of a channel at `t`: of the first point at or after `t`, or the newest value.
+   * @param {number} channel
+   * @param {number} t
+   */
   at(channel, t) {
-    const level = this.levels.find((one) => one.count > 0 && one.time(one.first) <= t) ?? this.levels[0];
+    const level = this.levels.find((item) => item.count > 0 && item.time(item.first) <= t) ?? this.levels[0];
     const index = Math.min(level.find(t), level.count - 1);
     if (index < level.first || level.count === 0) return NaN;
     const place = index & (SIZE - 1);
@@ -107,7 +129,12 @@ export class History {
 
   /**
    * Put the extremes of `channel` into columns of `step` s from `start` on: `out[2c]` the lowest,
-   * `out[2c+1]` the highest of column c, null where there is nothing. Returns the extremes of all.
+   * `out[2c+1]` the highest of column c, null if there are no points. Returns the extremes of all columns.
+   * @param {number} channel
+   * @param {number} start
+   * @param {number} step
+   * @param {number} count
+   * @param {(number | null)[]} out
    */
   columns(channel, start, step, count, out) {
     out.fill(null);
@@ -122,15 +149,20 @@ export class History {
       const high = level.high[channel][place];
       if (!(low <= high)) continue; // NaN
       const column = Math.min(count - 1, Math.floor((level.t[place] - start) / step));
-      if (out[2 * column] === null || low < out[2 * column]) out[2 * column] = low;
-      if (out[2 * column + 1] === null || high > out[2 * column + 1]) out[2 * column + 1] = high;
+      out[2 * column] = Math.min(out[2 * column] ?? low, low);
+      out[2 * column + 1] = Math.max(out[2 * column + 1] ?? high, high);
       if (low < lowest) lowest = low;
       if (high > highest) highest = high;
     }
     return [lowest, highest];
   }
 
-  /** The coarsest level that still has two points a column; a finer one where none reaches so far. */
+  /**
+   * The coarsest level that still has two points per column; a finer level if no level reaches so far.
+   * @param {number} start
+   * @param {number} end
+   * @param {number} count
+   */
   #levelFor(start, end, count) {
     let best = this.levels[0];
     for (const level of this.levels) {

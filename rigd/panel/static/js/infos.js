@@ -1,14 +1,21 @@
-// Every channel by its whole name, with the limits that hold for it.
+// Every channel by its full name, with its limits.
 
-import { known, watch } from "./store.js";
+import { read, watch } from "./store.js";
 
+/**
+ * @typedef {Api.ChannelView & { full: string, stream: Api.StreamView, place: number, limits: [number, number], by: string[] }} Info
+ * @type {Map<string, Info>}
+ */
 const infos = new Map();
 
-/** The channel `device.name`, or undefined: what the rig says of it, and its tightest `limits`. */
+/**
+ * The channel `device.name`, or undefined: its description, and its tightest `limits`.
+ * @param {string} name
+ */
 export const channelInfo = (name) => infos.get(name);
 
 watch("describe", () => {
-  const { streams, setpoints, interlocks } = known.describe;
+  const { streams, setpoints, interlocks } = read("describe");
   infos.clear();
   for (const stream of streams) {
     stream.channels.forEach((channel, place) => {
@@ -18,12 +25,18 @@ watch("describe", () => {
   }
   for (const { name, low, high } of setpoints) tighten(`${name}_setpoint`, low, high, "rig file");
   for (const { name, source, low, high } of interlocks) {
-    const bottom = typeof low === "number" ? low : -Infinity; // a word names a channel
+    const bottom = typeof low === "number" ? low : -Infinity; // a string is the name of a channel
     const top = typeof high === "number" ? high : Infinity;
     if (Number.isFinite(bottom) || Number.isFinite(top)) tighten(source, bottom, top, `interlock ${name}`);
   }
 });
 
+/**
+ * @param {string} name
+ * @param {number} low
+ * @param {number} high
+ * @param {string} by
+ */
 function tighten(name, low, high, by) {
   const info = infos.get(name);
   if (info === undefined) return;

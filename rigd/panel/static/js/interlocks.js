@@ -1,21 +1,22 @@
-// Every interlock with its condition and how it stands. They are watched by the cycle of a run: while
-// none plays nobody watches, and nothing is called clear.
+// Every interlock with its condition and its state. The cycle of a run watches them: without a run
+// no interlock is watched, and none is shown as clear.
 
-import { el, fill, icon, mark, say } from "./dom.js";
+import { el, fill, icon, mark, setText } from "./dom.js";
 import { ACTIONS, clock, quantity, words } from "./format.js";
 import { channelInfo } from "./infos.js";
 import { watchEvents } from "./link.js";
-import { known, watch } from "./store.js";
+import { known, read, watch } from "./store.js";
 
 /** The states of a run in which its cycle watches. */
 const WATCHED = new Set(["armed", "running", "pausing", "paused", "stopping", "finishing", "aborting"]);
 
-/** When a run ended last, as far as this page knows, in ns since the Unix epoch. */
-let endedNs = null;
+/** The end of the last run that this page knows, in ns since the Unix epoch. */
+let endedNs = /** @type {number | null} */ (null);
 watchEvents(({ kind, t_ns }) => {
   if (kind === "run_end") endedNs = t_ns;
 });
 
+/** @param {HTMLElement} root */
 export function mountInterlocks(root) {
   const summary = el("summary", {});
   const title = el("h2", {}, "Interlocks");
@@ -27,16 +28,17 @@ export function mountInterlocks(root) {
       el("thead", { class: "unseen" }, el("tr", {}, el("th", {}, "Interlock"), el("th", {}, "Condition"), el("th", {}, "State"))),
       table));
   root.append(details);
+  /** @type {Map<string, HTMLElement>} */
   const rows = new Map();
 
   watch("describe", () => {
     rows.clear();
-    fill(table, known.describe.interlocks.map((one) => {
+    fill(table, read("describe").interlocks.map((item) => {
       const state = el("td", { class: "lock-state" });
-      rows.set(one.name, state);
+      rows.set(item.name, state);
       return el("tr", {},
-        el("th", { scope: "row", title: one.message }, words(one.name)),
-        el("td", {}, condition(one), el("span", { class: "quiet" }, ` else ${words(one.action)}`)),
+        el("th", { scope: "row", title: item.message }, words(item.name)),
+        el("td", {}, condition(item), el("span", { class: "quiet" }, ` else ${words(item.action)}`)),
         state);
     }));
     update();
@@ -47,7 +49,7 @@ export function mountInterlocks(root) {
     if (known.status === null || known.describe === null) return;
     const isWatched = known.link === "ok" && WATCHED.has(known.status.state);
     const calm = isWatched ? "clear" : known.link === "ok" ? "not watched" : "not known";
-    const trips = new Map(known.status.trips.map((one) => [one.interlock, one]));
+    const trips = new Map(known.status.trips.map((item) => [item.interlock, item]));
     for (const [name, cell] of rows) {
       const trip = trips.get(name);
       const text = trip === undefined ? calm : trip.acknowledged ? "acknowledged" : ACTIONS[trip.action];
@@ -56,23 +58,30 @@ export function mountInterlocks(root) {
       cell.dataset.mood = trip === undefined ? (isWatched ? "calm" : "none") : trip.acknowledged ? "warn" : "bad";
       fill(cell, trip !== undefined || isWatched ? icon(trip === undefined ? "check" : "warn") : null, text);
     }
-    const open = known.status.trips.filter((one) => !one.acknowledged).map((one) => words(one.interlock));
-    say(verdict, rows.size === 0 ? "none" : open.length === 0 ? verdictOf(isWatched, rows.size) : open.length > 2 ? `${open.length} tripped` : `${open.join(", ")} tripped`);
+    const open = known.status.trips.filter((item) => !item.acknowledged).map((item) => words(item.interlock));
+    setText(verdict, rows.size === 0 ? "none" : open.length === 0 ? verdictOf(isWatched, rows.size) : open.length > 2 ? `${open.length} tripped` : `${open.join(", ")} tripped`);
     mark(verdict, "mood", open.length ? "bad" : isWatched ? "calm" : "none");
   }
 }
 
-/** What is known of interlocks of which none has acted, and since when. */
+/**
+ * The text for interlocks of which none has tripped: whether they are watched, and since when.
+ * @param {boolean} isWatched
+ * @param {number} count
+ */
 function verdictOf(isWatched, count) {
-  const { status, link } = known;
+  const { link } = known;
+  const status = read("status");
   if (link !== "ok") return "not known";
   if (isWatched) return `all ${count} clear, watched since ${clock(status.t_ns / 1e6 - status.run_s * 1e3)}`;
   if (status.run !== null) return "not watched yet";
-  return endedNs === null ? "not watched: nothing runs" : `not watched since the run ended, ${clock(endedNs / 1e6)}`;
+  return endedNs === null ? "not watched: no run" : `not watched since the run ended, ${clock(endedNs / 1e6)}`;
 }
 
+/** @param {Api.InterlockView} interlock */
 function condition({ source, low, high }) {
   const symbol = channelInfo(source)?.unit ?? "1";
+  /** @param {number | string} value */
   const bound = (value) => (typeof value === "string" ? value : quantity(value, symbol));
   if (low !== null && high !== null) return `${source} within ${bound(low)} … ${bound(high)}`;
   if (low !== null) return `${source} above ${bound(low)}`;

@@ -1,30 +1,49 @@
-// The connection to the panel: what comes in goes to the store; silence is never taken for life.
+// The connection to the panel: received messages go to the store; a silent connection counts as lost.
 
 import { reach } from "./api.js";
 import { decode } from "./frame.js";
 import { put, known, setClock } from "./store.js";
 
-const SILENCE_MS = 2000; // the panel speaks every 0.5 s
-// Between attempts to connect: a panel that died is back within a second or two.
+const SILENCE_MS = 2000; // the panel sends every 0.5 s
+// Between attempts to connect: a panel that failed restarts within a second or two.
 const SOON_MS = 250;
 const OFTEN = 40;
 const LATER_MS = 1000;
 const NO_SESSION = 4401;
 
+/**
+ * @typedef {import("./frame.js").LiveFrame} LiveFrame
+ * @type {Set<(frame: LiveFrame) => void>}
+ */
 const onFrames = new Set();
+/** @type {Set<(event: Api.PageEvent) => void>} */
 const onEvents = new Set();
+/** @type {Set<(skipped: number) => void>} */
+const onSkipped = new Set();
 
-/** Call `listener` with each frame as it comes. */
+/**
+ * Call `listener` with each frame when it arrives.
+ * @param {(frame: LiveFrame) => void} listener
+ */
 export const watchFrames = (listener) => onFrames.add(listener);
-/** Call `listener` with each event, or with {skipped: n} where some were left out. */
+/**
+ * Call `listener` with each event.
+ * @param {(event: Api.PageEvent) => void} listener
+ */
 export const watchEvents = (listener) => onEvents.add(listener);
+/**
+ * Call `listener` with the number of events that were left out.
+ * @param {(skipped: number) => void} listener
+ */
+export const watchSkipped = (listener) => onSkipped.add(listener);
 
+/** @type {WebSocket | null} */
 let socket = null;
 let attempts = 0;
 let heard = now();
 let last = { seq: -1, t_ns: 0 };
 
-/** Two clocks in ms: the one that steps with the time of day goes on while a computer sleeps. */
+/** Two clocks in ms: only the clock of the time of day advances while a computer sleeps. */
 function now() {
   return [performance.now(), Date.now()];
 }
@@ -37,7 +56,7 @@ export function connect() {
   heard = now();
   open();
   setInterval(judge, 250);
-  // A computer that slept finds its connection dead; do not wait for the browser to notice.
+  // After a sleep the connection is lost; do not wait for the browser to notice.
   window.addEventListener("online", () => attempts > 0 && open());
   document.addEventListener("visibilitychange", judge);
 }
@@ -67,8 +86,8 @@ function open() {
 }
 
 /**
- * Open anew as soon as the panel answers. That is asked by plain requests: after some connections
- * that failed, a browser holds back the next WebSocket for ever longer.
+ * Connect again as soon as the panel answers. Plain requests find that out: after some failed
+ * connections, a browser delays the next WebSocket longer and longer.
  */
 function again() {
   setTimeout(async () => {
@@ -78,6 +97,7 @@ function again() {
   }, attempts++ < OFTEN ? SOON_MS : LATER_MS);
 }
 
+/** @param {Api.LiveMessage} message */
 function hear(message) {
   switch (message.kind) {
     case "status":
@@ -85,40 +105,49 @@ function hear(message) {
       put("status", message.status);
       break;
     case "describe":
+      put("describe", message.describe);
+      break;
     case "latest":
+      put("latest", message.latest);
+      break;
     case "panel":
-      put(message.kind, message[message.kind]);
+      put("panel", message.panel);
       break;
     case "event":
-      // After a new connection the panel tells again what it has kept. A daemon that was started
-      // anew counts from 0 again, but its time goes on.
+      // After a new connection the panel sends the stored events again. A restarted daemon counts
+    // from 0 again, but its time continues.
       if (message.event.seq <= last.seq && message.event.t_ns <= last.t_ns) break;
       last = message.event;
       for (const listener of onEvents) listener(message.event);
       break;
     case "skipped":
-      for (const listener of onEvents) listener({ skipped: message.skipped });
+      for (const listener of onSkipped) listener(message.skipped);
       break;
   }
   judge();
 }
 
-/** Take a batch of frames, and say so once it is drawn: a slow computer is then sent fewer. */
+/**
+ * Receive a batch of frames, and report when it is drawn: a slow computer then gets fewer batches.
+ * @param {WebSocket} from
+ * @param {ArrayBuffer} buffer
+ */
 function draw(from, buffer) {
   for (const frame of decode(buffer)) for (const listener of onFrames) listener(frame);
   const done = () => from.readyState === WebSocket.OPEN && from.send("drawn");
   if (document.hidden) done();
-  else requestAnimationFrame(() => setTimeout(done)); // behind the drawing of this frame
+  else requestAnimationFrame(() => setTimeout(done)); // after the drawing of this frame
 }
 
 function judge() {
   const isSilent = socket === null || silentMs() > SILENCE_MS;
+  /** @type {import("./store.js").Link} */
   let link = "ok";
   if (isSilent) link = "no_panel";
   else if (known.panel === null || known.status === null) link = known.panel?.alive === false ? "no_rig" : "connecting";
   else if (!known.panel.alive) link = "no_rig";
   if (isSilent && socket !== null && silentMs() > 2 * SILENCE_MS) {
-    heard = now().map((clock) => clock - SILENCE_MS - 1); // try anew, at most every other second
+    heard = now().map((clock) => clock - SILENCE_MS - 1); // try again, at most every other second
     attempts += 1;
     open();
   }

@@ -1,4 +1,4 @@
-// The live page: traces at the left, what the run does and every channel beside them.
+// The live page: traces at the left; the run, the interlocks and all channels at the right.
 
 import { mountChannels } from "./channels.js";
 import { el } from "./dom.js";
@@ -6,7 +6,9 @@ import { mountInterlocks } from "./interlocks.js";
 import { mountRun } from "./run.js";
 import { mountTraces } from "./traces.js";
 
+/** @param {HTMLElement} root */
 export function mountLive(root) {
+  /** @type {(name: string, title: string) => HTMLElement} */
   const part = (name, title) => el("section", { class: `panel ${name}`, "aria-label": title });
   const traces = part("traces", "Traces");
   const run = part("run", "Run");

@@ -1,9 +1,14 @@
-// Letting a person in: the link brings a code that works once, the person says who they are.
+// The login: the link contains a code that works once; the user enters a name.
 
-import { login } from "./api.js";
-import { el, fill, say } from "./dom.js";
+import { asRefused, login } from "./api.js";
+import { el, fill, setText } from "./dom.js";
 import { withHint } from "./format.js";
 
+/**
+ * @param {HTMLElement} root
+ * @param {string} code
+ * @param {(me: Api.SessionView) => void} enter
+ */
 export function mountLogin(root, code, enter) {
   const problem = el("p", { class: "problem", role: "alert" });
   const name = el("input", {
@@ -24,18 +29,18 @@ export function mountLogin(root, code, enter) {
           const { session } = await login(typed.value.trim().replace(/^.*#/, ""), name.value);
           remember(name.value);
           fill(root);
-          enter(session);
-        } catch (refused) {
-          say(problem, withHint(refused));
+          if (session !== null) enter(session);
+        } catch (error) {
+          setText(problem, withHint(asRefused(error)));
           send.disabled = false;
         }
       },
     },
     el("h1", {}, "rigd"),
-    el("p", { class: "quiet" }, "Whoever has control, and whoever stops the rig, is shown by name and written down."),
+    el("p", { class: "quiet" }, "The panel shows and records the name of each person who takes control or stops the rig."),
     el("label", { for: "login-name" }, "Your name"),
     name,
-    code ? null : el("label", { for: "login-code" }, "Link or code, as printed when the panel was started"),
+    code ? null : el("label", { for: "login-code" }, "Link or code, as printed at the start of the panel"),
     code ? null : typed,
     problem,
     send,
@@ -52,6 +57,7 @@ function remembered() {
   }
 }
 
+/** @param {string} name */
 function remember(name) {
   try {
     localStorage.setItem("name", name);

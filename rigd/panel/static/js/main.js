@@ -1,10 +1,11 @@
-// The panel's page: lets a person in, then builds every part and connects.
+// The panel's page: logs the user in, then builds every part and connects.
 
 import { session } from "./api.js";
 import { mountAttention } from "./attention.js";
 import { mountCall } from "./call.js";
 import { mountControl } from "./control.js";
 import { guardPresses } from "./deliberate.js";
+import { byId } from "./dom.js";
 import { mountEvents } from "./events.js";
 import { measureHead } from "./head.js";
 import { connect } from "./link.js";
@@ -19,32 +20,33 @@ import { put } from "./store.js";
 import { mountTabs } from "./tabs.js";
 import { mountUser } from "./user.js";
 
-const login = document.getElementById("login");
-const app = document.getElementById("app");
+const login = byId("login");
+const app = byId("app");
 
+/** @param {Api.SessionView} me */
 function enter(me) {
   put("me", me);
   guardPresses();
   login.hidden = true;
   app.hidden = false;
   document.body.dataset.role = me.role;
-  mountState(document.getElementById("state"));
-  mountStops(document.getElementById("stops"));
-  mountLost(document.getElementById("lost"));
-  measureHead(app.querySelector(".head"));
-  mountTabs(document.getElementById("tabs"));
-  mountControl(document.getElementById("control"));
-  mountCall(document.getElementById("user"));
-  mountUser(document.getElementById("user"));
-  mountAttention(document.getElementById("attention"));
-  mountLive(document.getElementById("page-live"));
-  mountProcedures(document.getElementById("page-procedures"));
-  mountRuns(document.getElementById("page-runs"));
-  mountEvents(document.getElementById("page-events"));
+  mountState(byId("state"));
+  mountStops(byId("stops"));
+  mountLost(byId("lost"));
+  measureHead(/** @type {HTMLElement} */ (app.querySelector(".head")));
+  mountTabs(byId("tabs"));
+  mountControl(byId("control"));
+  mountCall(byId("user"));
+  mountUser(byId("user"));
+  mountAttention(byId("attention"));
+  mountLive(byId("page-live"));
+  mountProcedures(byId("page-procedures"));
+  mountRuns(byId("page-runs"));
+  mountEvents(byId("page-events"));
   connect();
 }
 
-// A page whose session has ended starts again from the login; it must not go on looking alive.
+// A page whose session has ended starts again from the login; it must not look live any longer.
 window.addEventListener("sessionlost", () => !app.hidden && location.reload());
 
 const code = location.hash.startsWith("#/") ? "" : location.hash.slice(1);

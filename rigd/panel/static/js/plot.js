@@ -2,36 +2,49 @@
 
 import uPlot from "../vendor/uPlot.esm.js";
 import { colourOf, toggle } from "./choice.js";
-import { el, say } from "./dom.js";
+import { el, setText } from "./dom.js";
 import { clock, short, steady, unit } from "./format.js";
 import { histories } from "./histories.js";
 import { panAndZoom } from "./gestures.js";
 
-const AXIS_PX = 62; // the same in every plot, so that they lie above one another
-const BREAK_S = 1.5; // a trace breaks where nothing came for so long
+const AXIS_PX = 62; // the same in every plot, so that the plots are aligned
+const BREAK_S = 1.5; // a trace is interrupted after this time without a point
 const SHRINK_MS = 1500; // how long a scale waits before it becomes smaller
-const LEAST_SHARE = 0.1; // of the largest limit: a scale no smaller, or noise at rest looks like motion
-/** Between ticks of time, in s: those that a clock has. */
+const LEAST_SHARE = 0.1; // smallest scale, as a share of the largest limit: otherwise noise at rest looks like motion
+/** Intervals between ticks of time, in s: round values of a clock. */
 const TIME_STEPS = [
   0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5,
   1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200,
 ];
 
+/** @typedef {import("./infos.js").Info} Info */
+
 export class Plot {
+  /**
+   * @param {HTMLElement} area
+   * @param {string} symbol
+   * @param {Info[]} infos
+   * @param {import("./gestures.js").Actions} actions
+   * @param {boolean} isLast
+   */
   constructor(area, symbol, infos, actions, isLast) {
     this.infos = infos;
     this.symbol = symbol;
     this.isLast = isLast;
     this.limit = Math.max(0, ...infos.flatMap((info) => info.limits).map(Math.abs).filter(Number.isFinite));
-    this.scale = null;
-    this.smallSince = null;
-    this.cursor = null;
+    this.scale = /** @type {{ min: number, max: number } | null} */ (null);
+    this.smallSince = /** @type {number | null} */ (null);
+    this.cursor = /** @type {number | null} */ (null);
+    this.start = NaN;
+    this.end = NaN;
+    /** @type {[number[], ...(number | null)[][]]} */
+    this.data = this.#data(2);
     this.chips = infos.map((info) => this.#chip(info));
     this.canvas = el("div", { class: "plot-canvas" });
     this.element = el("div", { class: "plot" },
-      el("div", { class: "legend" }, el("span", { class: "plot-unit" }, unit(symbol) || "–"), el("div", { class: "chips" }, this.chips.map((one) => one.element))),
+      el("div", { class: "legend" }, el("span", { class: "plot-unit" }, unit(symbol) || "–"), el("div", { class: "chips" }, this.chips.map((item) => item.element))),
       this.canvas);
-    this.u = new uPlot(this.#options(), this.#data(2), this.canvas);
+    this.u = new uPlot(this.#options(), this.data, this.canvas);
     panAndZoom(this.u.over, actions, () => [this.start, this.end]);
   }
 
@@ -45,15 +58,19 @@ export class Plot {
     if (width > 0 && height > 0) this.u.setSize({ width, height });
   }
 
+  /**
+   * @param {number} start
+   * @param {number} end
+   */
   draw(start, end) {
     this.start = start;
     this.end = end;
     const columns = Math.max(50, Math.round(this.u.over.clientWidth));
     const step = (end - start) / columns;
-    // Columns stay where they are while time moves on, so that what is drawn does not shimmer.
+    // Columns are fixed in time, so that the drawing does not flicker when time advances.
     const first = Math.floor(start / step) * step;
     const count = columns + 1;
-    if (this.data?.[0].length !== 2 * count) this.data = this.#data(2 * count);
+    if (this.data[0].length !== 2 * count) this.data = this.#data(2 * count);
     const [x, ...ys] = this.data;
     for (let column = 0; column < count; column++) {
       x[2 * column] = first + (column + 0.25) * step;
@@ -76,11 +93,19 @@ export class Plot {
     this.#readOut();
   }
 
+  /**
+   * @param {number} length
+   * @returns {[number[], ...(number | null)[][]]}
+   */
   #data(length) {
-    return [new Array(length).fill(0).map((_, index) => index), ...this.infos.map(() => new Array(length).fill(null))];
+    return [Array.from({ length }, (_, index) => index), ...this.infos.map(() => new Array(length).fill(null))];
   }
 
-  /** Let the scale grow at once, and shrink only after a while: a scale that breathes is not read. */
+  /**
+   * Let the scale grow at once, and shrink only after a while: a scale that changes often cannot be read.
+   * @param {number} lowest
+   * @param {number} highest
+   */
   #fit(lowest, highest) {
     if (lowest > highest) return; // nothing to fit to
     const least = Math.max(1e-3 * Math.max(Math.abs(lowest), Math.abs(highest)), LEAST_SHARE * this.limit) || 1;
@@ -99,11 +124,12 @@ export class Plot {
     }
   }
 
+  /** @param {Info} info */
   #chip(info) {
     const value = el("span", { class: "chip-value" });
     const colour = colourOf(info.full);
     const element = el("button", {
-      type: "button", class: "chip", title: `${info.full}: ${info.doc}\nPress to take it away`, onclick: () => toggle(info.full),
+      type: "button", class: "chip", title: `${info.full}: ${info.doc}\nPress to remove it`, onclick: () => toggle(info.full),
     }, el("span", { class: "swatch", data: { setpoint: isSetpoint(info) }, "aria-hidden": "true" }), info.full.replaceAll("_", " "), value);
     element.style.setProperty("--trace", colour);
     return { element, value, colour };
@@ -116,10 +142,11 @@ export class Plot {
     this.infos.forEach((info, index) => {
       const history = histories.get(info.stream.number);
       const value = at === null ? history?.at(info.place, this.end) : history?.at(info.place, at);
-      say(this.chips[index].value, steady(value, size));
+      setText(this.chips[index].value, steady(value, size));
     });
   }
 
+  /** @returns {uPlot.Options} */
   #options() {
     const style = getComputedStyle(document.documentElement);
     const ink = style.getPropertyValue("--quiet").trim();
@@ -141,30 +168,37 @@ export class Plot {
       ],
       series: [{}, ...this.infos.map((info, index) => ({
         stroke: this.chips[index].colour, width: 1.5, dash: isSetpoint(info) ? [6, 3] : [], points: { show: false }, spanGaps: false,
+        /** @type {uPlot.Series.GapsRefiner} */
         gaps: (u, _index, _from, _to, gaps) => {
-          const least = (BREAK_S / (u.scales.x.max - u.scales.x.min)) * u.bbox.width;
+          const { min = 0, max = 0 } = u.scales.x;
+          const least = (BREAK_S / (max - min)) * u.bbox.width;
           return gaps.filter(([from, to]) => to - from > Math.max(least, 3));
         },
       }))],
       hooks: {
         setCursor: [(u) => {
-          this.cursor = u.cursor.left >= 0 ? u.cursor.left / u.over.clientWidth : null;
-          if (this.start !== undefined) this.#readOut();
+          const { left = -1 } = u.cursor;
+          this.cursor = left >= 0 ? left / u.over.clientWidth : null;
+          if (!Number.isNaN(this.start)) this.#readOut();
         }],
         draw: [(u) => this.#drawLimits(u)],
       },
     };
   }
 
-  /** Limits as dashed lines, where the scale reaches them. */
+  /**
+   * Limits as dashed lines, if the scale reaches them.
+   * @param {uPlot} u
+   */
   #drawLimits(u) {
     const { ctx, bbox } = u;
+    const { min = 0, max = 0 } = u.scales.y;
     ctx.save();
     ctx.setLineDash([6, 6]);
     ctx.globalAlpha = 0.7;
     this.infos.forEach((info, index) => {
       for (const limit of info.limits) {
-        if (!(limit > u.scales.y.min && limit < u.scales.y.max)) continue;
+        if (!(limit > min && limit < max)) continue;
         const y = Math.round(u.valToPos(limit, "y", true)) + 0.5;
         ctx.strokeStyle = this.chips[index].colour;
         ctx.beginPath();
@@ -177,10 +211,17 @@ export class Plot {
   }
 }
 
-/** What was asked for is dashed, so that colour is not all that tells it from what was measured. */
+/**
+ * Setpoints are dashed, so that colour is not the only difference from measurements.
+ * @param {Info} info
+ */
 const isSetpoint = (info) => info.name.endsWith("_setpoint");
 
-/** Time of day, with decimals where seconds no longer tell ticks apart. */
+/**
+ * Time of day, with decimals if ticks are closer than a second.
+ * @param {number} t
+ * @param {number} step
+ */
 function timeLabel(t, step) {
   const text = clock(t * 1000);
   if (step >= 1) return step >= 60 ? text.slice(0, 5) : text;

@@ -1,15 +1,16 @@
-// Choosing a procedure, giving its parameters, trying it dry, starting it.
+// The page of procedures: choose a procedure, set its parameters, play a dry run, start it.
 
-import { ask, command } from "./api.js";
+import { ask, asRefused, command } from "./api.js";
 import { confirmRun } from "./confirm.js";
-import { el, fill, icon, say } from "./dom.js";
+import { el, fill, flag, icon, setText } from "./dom.js";
 import { duration, words } from "./format.js";
 import { Form } from "./form.js";
 import { drawPreview } from "./preview.js";
-import { hasControl, isOperator, known, watch } from "./store.js";
+import { hasControl, isOperator, known, read, watch } from "./store.js";
 import { onShow, show } from "./tabs.js";
 import { attempt, complain } from "./toasts.js";
 
+/** @param {HTMLElement} root */
 export function mountProcedures(root) {
   const list = el("ul", { class: "picker" });
   const unfit = el("ul", { class: "picker" });
@@ -21,29 +22,33 @@ export function mountProcedures(root) {
     el("section", { class: "panel side-list", "aria-label": "All procedures" },
       el("div", { class: "panel-head" }, el("h2", {}, "Procedures")), list, rest),
     el("section", { class: "panel wide", "aria-label": "The procedure" }, sheet));
-  let open = null;
-  let shown = null; // the sheet of the procedure that is open
-  let chosen = 0; // how often one was chosen: an answer that comes late opens nothing
+  let open = /** @type {string | null} */ (null);
+  let shown = /** @type {Sheet | null} */ (null); // of the procedure that is open
+  let chosen = 0; // number of choices: an answer to an earlier choice opens nothing
 
   watch(["status", "link"], () => shown?.permit());
   onShow("procedures", async () => {
     try {
-      const { procedures } = await ask("procedures");
-      fill(list, procedures.filter((one) => one.problem === null).map(line));
-      const others = procedures.filter((one) => one.problem !== null);
+      const { procedures } = await ask("procedures", {});
+      fill(list, procedures.filter((item) => item.problem === null).map(line));
+      const others = procedures.filter((item) => item.problem !== null);
       rest.hidden = others.length === 0;
-      say(count, `${others.length} not for this rig`);
+      setText(count, `${others.length} not for this rig`);
       fill(unfit, others.map(line));
-    } catch (refused) {
-      complain(refused);
+    } catch (error) {
+      complain(asRefused(error));
     }
   });
 
-  /** Open a procedure. The one that is open keeps what was typed, unless its file has changed. */
+  /**
+   * Open a procedure. The open procedure keeps typed values, unless its file has changed.
+   * @param {string} name
+   * @param {HTMLButtonElement} button
+   */
   async function choose(name, button) {
     const before = open === name ? shown : null;
     const number = ++chosen;
-    if (before === null) fill(sheet, el("p", { class: "empty" }, "Opening …")); // nothing is typed into what goes
+    if (before === null) fill(sheet, el("p", { class: "empty" }, "Opening …")); // no typing into a sheet that is replaced
     try {
       const view = await ask("procedure", { name });
       if (number !== chosen || (before !== null && JSON.stringify(view) === JSON.stringify(before.view))) return;
@@ -55,16 +60,28 @@ export function mountProcedures(root) {
     }
   }
 
-  function line(one) {
+  /** @param {Api.ProcedureLine} item */
+  function line(item) {
+    /** @type {HTMLButtonElement} */
     const button = el("button", {
-      type: "button", disabled: one.problem !== null, "aria-pressed": String(open === one.name),
-      onclick: () => attempt(button, () => choose(one.name, button)),
-    }, el("strong", {}, one.title || words(one.name)), el("span", { class: "quiet" }, one.problem ?? one.name));
+      type: "button", disabled: item.problem !== null, "aria-pressed": String(open === item.name),
+      onclick: () => attempt(button, () => choose(item.name, button)),
+    }, el("strong", {}, item.title || words(item.name)), el("span", { class: "quiet" }, item.problem ?? item.name));
     return el("li", {}, button);
   }
 }
 
+/** @typedef {Pick<Api.StartArguments, "procedure" | "set">} Given */
+
 class Sheet {
+  /** @type {{ key: string, result: Promise<Api.DryRun> } | null} */
+  #found = null;
+  #seed = el("input", {
+    id: "seed", inputMode: "numeric", pattern: "\\d*", title: "a whole number", placeholder: "chosen by rigd", autocomplete: "off",
+  });
+  #own = el("input", { id: "own", type: "checkbox" });
+
+  /** @param {Api.PageProcedure} view */
   constructor(view) {
     this.view = view;
     this.form = new Form(view.parameters, () => this.preview.classList.add("old"), () => this.#look());
@@ -83,40 +100,37 @@ class Sheet {
   }
 
   #options() {
-    this.seed = el("input", {
-      id: "seed", inputMode: "numeric", pattern: "\\d*", title: "a whole number", placeholder: "chosen by rigd", autocomplete: "off",
-    });
-    this.own = el("input", { id: "own", type: "checkbox" });
     return el("details", { class: "more" }, el("summary", {}, "More choices"),
       el("div", { class: "fields" },
-        el("label", { for: "seed" }, "Seed"), this.seed,
-        known.describe.simulated ? [el("label", { for: "own" }, "The procedure answers its own questions"), this.own] : null));
+        el("label", { for: "seed" }, "Seed"), this.#seed,
+        read("describe").simulated ? [el("label", { for: "own" }, "The procedure answers its own prompts"), this.#own] : null));
   }
 
-  /** What cannot be started says why. */
+  /** A procedure that cannot be started shows the reason. */
   permit() {
     let why = "";
     if (!isOperator()) why = "This page watches; it cannot start a run.";
     else if (known.link !== "ok") why = "Not connected.";
-    else if (known.status.run !== null) why = "A run is under way.";
-    else if (known.status.trips.some((one) => !one.acknowledged)) why = "An interlock waits to be acknowledged.";
+    else if (read("status").run !== null) why = "A run is in progress.";
+    else if (read("status").trips.some((item) => !item.acknowledged)) why = "An interlock waits to be acknowledged.";
     else if (!hasControl()) why = "Take control to start.";
-    this.start.disabled = why !== "";
-    say(this.why, why);
+    flag(this.start, "disabled", why !== "");
+    setText(this.why, why);
   }
 
+  /** @returns {Given} */
   #given() {
     return { procedure: this.view.procedure, set: this.form.values() };
   }
 
-  /** Say what is wrong with what was given so far. */
+  /** Show the problems in the values given so far. */
   async #look() {
     const given = this.#given();
     try {
       const { problems } = await ask("check", given);
       if (JSON.stringify(given) === JSON.stringify(this.#given())) this.form.blame(problems, true);
-    } catch (refused) {
-      complain(refused);
+    } catch (error) {
+      complain(asRefused(error));
     }
   }
 
@@ -138,7 +152,7 @@ class Sheet {
   }
 
   async #confirm() {
-    if (!this.seed.reportValidity()) return;
+    if (!this.#seed.reportValidity()) return;
     this.form.blame([]);
     const check = await attempt(this.start, () => ask("check", this.#given()));
     this.permit();
@@ -147,8 +161,10 @@ class Sheet {
       this.form.blame(check.problems);
       return;
     }
-    const seed = this.seed.value.trim();
-    const args = { ...this.#given(), answers: this.own.checked ? "procedure" : "ask" };
+    const seed = this.#seed.value.trim();
+    const answered = this.#own.checked ? "answered by the procedure itself" : `${check.prompts}, for you to answer`;
+    /** @type {Api.StartArguments} */
+    const args = { ...this.#given(), answers: this.#own.checked ? "procedure" : "ask" };
     if (seed) args.seed = Number(seed);
     confirmRun({
       title: `Start ${words(this.view.procedure.name)}?`,
@@ -159,8 +175,8 @@ class Sheet {
         ["Trials", String(check.trials)],
         ["Takes", this.#duration(args)],
         ...this.form.facts(),
-        ...(seed ? [["Seed", seed]] : []),
-        ...(check.prompts ? [["Questions", this.own.checked ? "answered by the procedure itself" : `${check.prompts}, for you to answer`]] : []),
+        ["Seed", seed || null],
+        ["Questions", check.prompts ? answered : null],
       ],
       go: async (loss) => {
         await command("start", loss ? { ...args, on_client_loss: loss } : args);
@@ -169,39 +185,52 @@ class Sheet {
     });
   }
 
-  /** The dry run with these values: what was found before is not worked out again. */
+  /**
+   * The dry run with these values; an earlier result is used again.
+   * @param {Given} given
+   */
   #dryRunOf(given) {
     const key = JSON.stringify(given);
-    if (this.found?.key !== key) {
+    if (this.#found?.key !== key) {
       const result = command("dry_run", given);
-      this.found = { key, result };
-      result.catch(() => { this.found = null; });
+      this.#found = { key, result };
+      result.catch(() => { this.#found = null; });
     }
-    return this.found.result;
+    return this.#found.result;
   }
 
-  /** How long the rig is busy: worked out by a dry run while the person reads the rest. */
+  /**
+   * The duration of the run: computed by a dry run while the user reads the rest.
+   * @param {Given} given
+   */
   #duration({ procedure, set }) {
-    const said = el("span", { class: "busy" }, "being worked out …");
-    const tell = (text, isGood = true) => {
-      said.className = isGood ? "" : "problem";
-      say(said, text);
+    const label = el("span", { class: "busy" }, "being computed …");
+    /** @param {string} text */
+    const display = (text, isGood = true) => {
+      label.className = isGood ? "" : "problem";
+      setText(label, text);
     };
     this.#dryRunOf({ procedure, set }).then(
-      (found) => tell(`about ${duration(found.duration_s)}${found.ok ? "" : `; the dry run says: ${found.refusals.join("; ") || "it would not run clean"}`}`, found.ok),
-      (refused) => tell(`not known: ${refused.message}`, false));
-    return said;
+      (found) => display(`about ${duration(found.duration_s)}${found.ok ? "" : `; the dry run says: ${found.refusals.join("; ") || "the run would fail"}`}`, found.ok),
+      (refused) => display(`not known: ${refused.message}`, false));
+    return label;
   }
 }
 
-/** What a procedure says of itself: its first paragraph, the others on demand. */
+/**
+ * The description of a procedure: its first paragraph, the others on demand.
+ * @param {string} text
+ */
 function prose(text) {
   const [first, ...others] = text.trim().split(/\n\s*\n/).map(paragraph);
   return el("div", { class: "doc" }, first,
     others.length ? el("details", { class: "more" }, el("summary", {}, "More about it"), others) : null);
 }
 
-/** Lines of prose are joined; commands keep theirs. */
+/**
+ * Lines of prose are joined; commands keep their lines.
+ * @param {string} text
+ */
 const paragraph = (text) => /^( {2}|rigd |\$ )/m.test(text)
   ? el("pre", {}, text)
   : el("p", {}, text.replace(/\s*\n\s*/g, " "));

@@ -1,35 +1,45 @@
-// A question of the procedure, with the answer it can take.
+// A prompt of the procedure, with the form for its answer.
 
 import { command } from "./api.js";
-import { el, icon, say } from "./dom.js";
+import { el, icon, setText } from "./dom.js";
 import { decimalPoint, quantity, unit } from "./format.js";
 import { attempt } from "./toasts.js";
 
+/**
+ * @param {Api.PagePrompt} prompt
+ * @param {boolean} mine
+ */
 export function promptCard(prompt, mine) {
   const problem = el("p", { class: "problem", role: "alert", id: "prompt-problem" }, prompt.objection);
+  /** @type {HTMLFormElement} */
   const form = el("form", {
     class: "answer",
     onsubmit: async (event) => {
       event.preventDefault();
       const value = read(prompt, form, event.submitter);
       if (value instanceof Error) {
-        say(problem, value.message);
+        setText(problem, value.message);
         return;
       }
-      say(problem, "");
+      setText(problem, "");
       await attempt(event.submitter, () => command("answer", { prompt_id: prompt.id, value }));
     },
   }, ...fields(prompt, mine));
-  if (!mine) form.append(el("p", { class: "quiet" }, "Only who has control can answer."));
+  if (!mine) form.append(el("p", { class: "quiet" }, "Only the person who has control can answer."));
   const card = el("section", { class: "card prompt", data: { mood: "ask" }, "aria-label": "A question", tabIndex: -1 },
     icon("question"),
     el("div", { class: "card-text" }, el("h2", {}, prompt.text), problem, form));
-  // The keyboard comes to the question, to none of its answers, and is taken from nobody.
+  // The prompt gets the focus, not its answers, and only if no other field has it.
   if (mine) requestAnimationFrame(() => document.activeElement === document.body && card.focus({ preventScroll: true }));
   return card;
 }
 
+/**
+ * @param {Api.PagePrompt} prompt
+ * @param {boolean} mine
+ */
 function fields(prompt, mine) {
+  /** @param {string} text */
   const send = (text, value = "") => el("button", { class: "primary", type: "submit", value, disabled: !mine }, text);
   switch (prompt.kind) {
     case "confirm":
@@ -41,8 +51,8 @@ function fields(prompt, mine) {
       return [
         el("fieldset", { class: "choices", disabled: !mine },
           el("legend", { class: "unseen" }, "Answer"),
-          ...prompt.choices.map((one) =>
-            el("label", {}, el("input", { type: "radio", name: "value", value: one, required: true }), one))),
+          ...prompt.choices.map((item) =>
+            el("label", {}, el("input", { type: "radio", name: "value", value: item, required: true }), item))),
         send("Answer"),
       ];
     case "number":
@@ -66,8 +76,12 @@ function fields(prompt, mine) {
   }
 }
 
-/** The bounds as people read them; they come in SI. */
+/**
+ * The bounds as a text for people; they arrive in SI.
+ * @param {Api.PagePrompt} prompt
+ */
 function bounds({ low, high, unit: symbol, factor, answer }) {
+  /** @param {number} value */
   const shown = (value) => quantity(value / factor, symbol);
   let text = "";
   if (low !== null && high !== null) text = `${shown(low)} to ${shown(high)}`;
@@ -77,11 +91,16 @@ function bounds({ low, high, unit: symbol, factor, answer }) {
   return text;
 }
 
-/** The answer as it travels, or an Error that says what is wrong with it. */
+/**
+ * The answer as it is sent, or an Error with the problem.
+ * @param {Api.PagePrompt} prompt
+ * @param {HTMLFormElement} form
+ * @param {HTMLElement | null} submitter
+ */
 function read(prompt, form, submitter) {
-  if (prompt.kind === "confirm") return submitter?.value !== "no";
-  const text = new FormData(form).get("value") ?? "";
-  if (prompt.kind !== "number") return String(text);
+  if (prompt.kind === "confirm") return submitter?.getAttribute("value") !== "no";
+  const text = String(new FormData(form).get("value") ?? "");
+  if (prompt.kind !== "number") return text;
   const given = Number(decimalPoint(text));
   if (text.trim() === "" || !Number.isFinite(given)) return new Error(`${text} is not a number.`);
   const value = given * prompt.factor;

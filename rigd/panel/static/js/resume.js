@@ -1,38 +1,48 @@
-// Going on with a run that was interrupted: asked as a start is, since the rig moves as at a start.
+// Continues an interrupted run: asks for confirmation like a start, because the rig moves.
 
 import { ask, command } from "./api.js";
 import { confirmRun } from "./confirm.js";
 import { el, file, icon } from "./dom.js";
 import { ago, day, parameters, quantities, words } from "./format.js";
-import { known, rigNow } from "./store.js";
+import { read, rigNow } from "./store.js";
 import { show } from "./tabs.js";
 import { attempt } from "./toasts.js";
 
-/** Asks whether to go on with the run recorded in the file `run`. */
+/**
+ * Asks whether to continue the run recorded in the file `run`.
+ * @param {string} run
+ * @param {boolean} mine
+ */
 export function resumeButton(run, mine) {
+  /** @type {HTMLButtonElement} */
   const made = el("button", {
     type: "button", class: "primary", disabled: !mine,
     onclick: async () => {
       const found = await attempt(made, () => ask("run", { run }));
       if (found !== null) confirm(run, found);
     },
-  }, icon("play"), "Go on with it…");
+  }, icon("play"), "Continue it…");
   return made;
 }
 
-function confirm(run, { line, details }) {
-  const interrupted = known.status.interrupted.find((one) => one.run === run);
+/**
+ * @param {string} run
+ * @param {Api.PageRun} found
+ */
+function confirm(run, found) {
+  const { line } = found;
+  const interrupted = read("status").interrupted.find((item) => item.run === run);
   const { trials_done: done, trials_total: total } = interrupted ?? line;
   confirmRun({
-    title: `Go on with ${words(line.procedure)}?`,
-    action: "Go on now",
+    title: `Continue ${words(line.procedure)}?`,
+    action: "Continue now",
     usual: "",
     facts: [
       ["Procedure", words(line.procedure)],
       ["Began", `${day(line.started_ns / 1e6)}, ${ago((rigNow() - line.started_ns / 1e6) / 1e3)}`],
       ["Ended", interrupted?.reason ?? words(line.state)],
       ["Trials left", `${total - done} of ${total}`],
-      ...settings(details),
+      ...settings(found),
       ["Recording", file(run)],
     ],
     go: async (loss) => {
@@ -42,10 +52,17 @@ function confirm(run, { line, details }) {
   });
 }
 
-/** What was set for the whole run, and what the last trial that was played had. */
-function settings({ parameters: set = {}, trials = [] }) {
+/**
+ * The values of the whole run, and those of the last trial.
+ * @param {Api.PageRun} found
+ * @returns {[string, Child][]}
+ */
+function settings({ parameters: set, last_trial: last }) {
+  /** @type {[string, Child][]} */
   const given = Object.entries(set).map(([name, value]) => [words(name), quantities(String(value))]);
-  const last = trials.at(-1);
-  const varied = last === undefined ? [] : parameters(last).filter(([name]) => !(name in set));
-  return [...given, ...varied.map(([name, value]) => [words(name), `${value} (in trial ${last.number})`])];
+  if (last === null) return given;
+  for (const [name, value] of parameters(last)) {
+    if (!(name in set)) given.push([words(name), `${value} (in trial ${last.number})`]);
+  }
+  return given;
 }

@@ -1,7 +1,7 @@
-// The run under way: what varies in it, how far it is, pause and resume.
+// The run in progress: its varying parameters, its progress, pause and resume.
 
 import { command } from "./api.js";
-import { el, file, fill, icon, say } from "./dom.js";
+import { el, file, fill, flag, icon, setText } from "./dom.js";
 import { duration, parameters, words } from "./format.js";
 import { watchEvents } from "./link.js";
 import { share } from "./state.js";
@@ -9,12 +9,13 @@ import { hasControl, isOperator, known, watch } from "./store.js";
 import { show } from "./tabs.js";
 import { attempt } from "./toasts.js";
 
+/** @param {HTMLElement} root */
 export function mountRun(root) {
   const title = el("h2", {}, "No run");
-  const pause = steer("pause", "Pause", "The trial under way ends first");
+  const pause = steer("pause", "Pause", "The present trial ends first");
   const resume = steer("play", "Resume", "");
-  pause.addEventListener("click", () => attempt(pause, () => command("pause")));
-  resume.addEventListener("click", () => attempt(resume, () => command("resume")));
+  pause.addEventListener("click", () => attempt(pause, () => command("pause", {})));
+  resume.addEventListener("click", () => attempt(resume, () => command("resume", {})));
   const dots = el("div", { class: "trials", "aria-hidden": "true" });
   const facts = el("dl", { class: "facts" });
   const body = el("div");
@@ -26,7 +27,7 @@ export function mountRun(root) {
     const mine = hasControl();
     pause.hidden = status.state !== "running";
     resume.hidden = !["paused", "pausing"].includes(status.state);
-    pause.disabled = resume.disabled = !mine;
+    for (const button of [pause, resume]) flag(button, "disabled", !mine);
     if (status.run === null) {
       const key = JSON.stringify([status.last, isOperator()]);
       if (shape !== key) rest(title, body, status);
@@ -37,23 +38,35 @@ export function mountRun(root) {
       fill(body, dots, facts, el("p", { class: "quiet recording" }, file(status.run)));
       shape = status.run;
     }
-    say(title, words(status.procedure ?? ""));
+    setText(title, words(status.procedure ?? ""));
     draw(dots, status);
     describe(facts, status);
   });
 }
 
-/** The units of the trial under way, and their factors to SI. */
+/**
+ * The units of the present trial, and their factors to SI.
+ * @type {{ units: Record<string, string>, factors: Record<string, number> }}
+ */
 let trial = { units: {}, factors: {} };
-watchEvents(({ kind, data }) => {
-  if (kind === "trial_start") trial = data;
+watchEvents(({ kind, data, factors }) => {
+  if (kind === "trial_start") trial = { units: /** @type {Record<string, string>} */ (data.units), factors };
 });
 
+/**
+ * @param {"pause" | "play"} drawing
+ * @param {string} text
+ * @param {string} title
+ */
 function steer(drawing, text, title) {
   return el("button", { type: "button", title, hidden: true }, icon(drawing), text);
 }
 
-/** A dot for each trial while they can be told apart, then a bar. */
+/**
+ * A dot for each trial, or a bar if there are too many trials.
+ * @param {HTMLElement} dots
+ * @param {Api.PageStatus} status
+ */
 function draw(dots, status) {
   const count = status.trials_total <= 60 ? status.trials_total : 0;
   if (dots.childElementCount !== count) fill(dots, Array.from({ length: count }, () => el("i")));
@@ -63,6 +76,10 @@ function draw(dots, status) {
   }
 }
 
+/**
+ * @param {HTMLElement} facts
+ * @param {Api.PageStatus} status
+ */
 function describe(facts, status) {
   const lines = [
     ["Trials", `${status.trials_done} of ${status.trials_total} done`],
@@ -77,13 +94,18 @@ function describe(facts, status) {
     fill(facts, lines.flatMap(() => [el("dt"), el("dd")]));
   }
   lines.forEach(([name, value], index) => {
-    say(facts.children[2 * index], name);
-    say(facts.children[2 * index + 1], value);
+    setText(facts.children[2 * index], name);
+    setText(facts.children[2 * index + 1], value);
   });
 }
 
+/**
+ * @param {HTMLElement} title
+ * @param {HTMLElement} body
+ * @param {Api.PageStatus} status
+ */
 function rest(title, body, status) {
-  say(title, status.last === null ? "No run yet" : "Last run");
+  setText(title, status.last === null ? "No run yet" : "Last run");
   const last = status.last;
   fill(
     body,

@@ -1,17 +1,19 @@
 // The recordings, and the report of each.
 
-import { ask, command } from "./api.js";
-import { el, file, fill, icon, say } from "./dom.js";
+import { ask, asRefused, command } from "./api.js";
+import { el, file, fill, icon, setText } from "./dom.js";
 import { bytes, day, duration, words, withHint } from "./format.js";
 import { resumeButton } from "./resume.js";
-import { hasControl, isOperator, known, watch } from "./store.js";
+import { hasControl, isOperator, read, watch } from "./store.js";
 import { onShow } from "./tabs.js";
 import { attempt, complain } from "./toasts.js";
 
 const PAGE = 50;
 
+/** @param {HTMLElement} root */
 export function mountRuns(root) {
   const body = el("tbody");
+  /** @type {HTMLButtonElement} */
   const more = el("button", { type: "button", hidden: true, onclick: () => attempt(more, () => load(false)) }, "Older ones");
   const sheet = el("div", { class: "sheet" }, el("p", { class: "empty" }, "Choose a run."));
   root.append(
@@ -23,10 +25,11 @@ export function mountRuns(root) {
           body)),
       more),
     el("section", { class: "panel wide", "aria-label": "The run" }, sheet));
-  let oldest = null;
-  let open = null;
-  let lastRun;
+  let oldest = /** @type {string | null} */ (null);
+  let open = /** @type {string | null} */ (null);
+  let lastRun = /** @type {string | null | undefined} */ (undefined);
 
+  /** @param {boolean} fresh */
   async function load(fresh) {
     const { runs, more: isMore } = await ask("runs", fresh || oldest === null ? { limit: PAGE } : { limit: PAGE, before: oldest });
     if (fresh) fill(body);
@@ -39,96 +42,118 @@ export function mountRuns(root) {
   async function refresh() {
     try {
       await load(true);
-    } catch (refused) {
-      complain(refused);
+    } catch (error) {
+      complain(asRefused(error));
     }
   }
 
   onShow("runs", refresh);
-  // A run that has ended is a recording more.
+  // A run that has ended adds a recording.
   watch("status", () => {
-    if (known.status.run === lastRun) return;
-    lastRun = known.status.run;
+    const { run } = read("status");
+    if (run === lastRun) return;
+    lastRun = run;
     if (root.offsetParent) refresh();
   });
 
-  function line(one) {
-    const choose = el("button", { type: "button", class: "row-button", onclick: () => pick(one, row) },
-      day(one.started_ns / 1e6));
-    const row = el("tr", { data: { chosen: String(open === one.run) }, onclick: (event) => event.target !== choose && pick(one, row) },
+  /** @param {Api.RunLine} item */
+  function line(item) {
+    const choose = el("button", { type: "button", class: "row-button", onclick: () => pick(item, row) },
+      day(item.started_ns / 1e6));
+    /** @type {HTMLTableRowElement} */
+    const row = el("tr", { data: { chosen: String(open === item.run) }, onclick: (event) => event.target !== choose && pick(item, row) },
       el("th", { scope: "row" }, choose),
-      el("td", {}, words(one.procedure)),
-      el("td", {}, el("span", { class: "ending", data: { ending: one.state } }, words(one.state))),
-      el("td", { class: "value" }, `${one.trials_done}/${one.trials_total}`),
-      el("td", { class: "value" }, duration(one.duration_s)));
+      el("td", {}, words(item.procedure)),
+      el("td", {}, el("span", { class: "ending", data: { ending: item.state } }, words(item.state))),
+      el("td", { class: "value" }, `${item.trials_done}/${item.trials_total}`),
+      el("td", { class: "value" }, duration(item.duration_s)));
     return row;
   }
 
-  function pick(one, row) {
-    open = one.run;
+  /**
+   * @param {Api.RunLine} item
+   * @param {HTMLTableRowElement} row
+   */
+  function pick(item, row) {
+    open = item.run;
     for (const other of body.rows) other.dataset.chosen = String(other === row);
-    drawRun(sheet, one, refresh);
-    // Where the page is narrow, the run stands below the list.
+    drawRun(sheet, item, refresh);
+    // On a narrow page the run is below the list.
     if (sheet.getBoundingClientRect().top > innerHeight / 2) sheet.scrollIntoView({ behavior: "smooth" });
   }
 }
 
-function drawRun(root, one, refresh) {
-  const path = `/api/run/${encodeURIComponent(one.run)}`;
+/**
+ * @param {HTMLElement} root
+ * @param {Api.RunLine} item
+ * @param {() => void} refresh
+ */
+function drawRun(root, item, refresh) {
+  const path = `/api/run/${encodeURIComponent(item.run)}`;
   const report = el("div", { class: "report" });
   const note = el("span", { class: "quiet", role: "status" });
-  const own = el("a", { class: "button", target: "_blank", rel: "noopener", hidden: true }, "In a page of its own");
+  const own = el("a", { class: "button", target: "_blank", rel: "noopener", hidden: true }, "In a new page");
+  /** @param {"run" | "identification"} page */
   const show = (page) => {
     const source = `${path}/report?page=${page}`;
     fill(report, el("iframe", {
-      // An address of its own each time, so that a new report replaces the old one.
-      src: `${source}&at=${Date.now()}`, title: `Report of ${one.run}`, sandbox: "", loading: "lazy",
+      // A new address each time, so that a new report replaces the old report.
+      src: `${source}&at=${Date.now()}`, title: `Report of ${item.run}`, sandbox: "", loading: "lazy",
     }));
     own.href = source;
     own.hidden = false;
   };
+  /**
+   * @param {string} text
+   * @param {"draw" | "identify"} verb
+   * @param {"run" | "identification"} page
+   * @param {string} doing
+   */
   const maker = (text, verb, page, doing) => {
+    /** @type {HTMLButtonElement} */
     const button = el("button", {
       type: "button", onclick: () => attempt(button, async () => {
-        say(note, doing);
+        setText(note, doing);
         try {
-          await command(verb, { run: one.run });
+          await command(verb, { run: item.run });
           show(page);
           refresh();
-        } catch (refused) {
-          if (refused.code === undefined) throw refused;
+        } catch (error) {
+          const reason = withHint(asRefused(error));
           own.hidden = true;
-          fill(report, el("p", { class: "problem empty" }, withHint(refused)));
+          fill(report, el("p", { class: "problem empty" }, reason));
         } finally {
-          say(note, "");
+          setText(note, "");
         }
       }),
     }, text);
     return button;
   };
-  // Looking at what was recorded commands nothing: no control is needed for it.
-  const draw = isOperator() ? maker("Show what was recorded", "draw", "run", "Drawing …") : null;
-  const canMake = hasControl() && one.identifies && one.problem === null;
+  // Drawing a recording commands nothing: no control is needed.
+  const draw = isOperator() ? maker("Show the recording", "draw", "run", "Drawing …") : null;
+  const canMake = hasControl() && item.identifies && item.problem === null;
   const make = canMake
-    ? maker(one.has_report ? "Make the report anew" : "Make the report", "identify", "identification", "Identifying …")
+    ? maker(item.has_report ? "Make the report again" : "Make the report", "identify", "identification", "Identifying …")
     : null;
-  const canResume = known.status.run === null && known.status.interrupted.some((other) => other.run === one.run);
+  const status = read("status");
+  const canResume = status.run === null && status.interrupted.some((other) => other.run === item.run);
   fill(root,
     el("div", { class: "panel-head" },
-      el("h2", {}, `${words(one.procedure)}, ${day(one.started_ns / 1e6)}`),
-      el("a", { class: "button", href: `${path}/recording`, download: one.run }, icon("down"), `Recording (${bytes(one.size)})`),
-      draw, one.has_report && !make ? el("button", { type: "button", onclick: () => show("identification") }, "Show the report") : null,
-      make, own, canResume ? resumeButton(one.run, hasControl()) : null, note),
-    el("p", { class: "quiet" }, file(one.run)),
-    one.problem === null ? null : el("p", { class: "problem" }, one.problem),
+      el("h2", {}, `${words(item.procedure)}, ${day(item.started_ns / 1e6)}`),
+      el("a", { class: "button", href: `${path}/recording`, download: item.run }, icon("down"), `Recording (${bytes(item.size)})`),
+      draw, item.has_report && !make ? el("button", { type: "button", onclick: () => show("identification") }, "Show the report") : null,
+      make, own, canResume ? resumeButton(item.run, hasControl()) : null, note),
+    el("p", { class: "quiet" }, file(item.run)),
+    item.problem === null ? null : el("p", { class: "problem" }, item.problem),
     report);
-  if (one.has_report) show("identification");
-  else if (one.has_page) show("run");
-  else fill(report, el("p", { class: "empty" }, empty(one)));
+  if (item.has_report) show("identification");
+  else if (item.has_page) show("run");
+  else fill(report, el("p", { class: "empty" }, empty(item)));
 }
 
-function empty(one) {
-  if (!isOperator()) return "No report yet. Whoever may command can make it.";
-  if (one.identifies && !hasControl()) return "No report yet. Whoever has control can make it.";
-  return one.identifies ? "No report yet." : "Nothing is identified from this run.";
+/** @param {Api.RunLine} item */
+function empty(item) {
+  if (!isOperator()) return "No report yet. An operator can make it.";
+  if (item.identifies && !hasControl()) return "No report yet. The person who has control can make it.";
+  return item.identifies ? "No report yet." : "The procedure of this run has no analysis.";
 }

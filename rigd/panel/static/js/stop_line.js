@@ -1,6 +1,6 @@
-// How a stop gets to the panel: by a connection of its own, which stands ready. A browser has six
-// connections for all requests of a panel, and dry runs or downloads may hold them all. Where that
-// line says nothing, a request follows; whichever is answered first is believed.
+// Sends a stop to the panel over a WebSocket that is always open. A browser has six connections for
+// all requests of a panel, and dry runs or downloads may use them all. If the WebSocket gives no
+// answer, a request follows; the first answer counts.
 
 import { postStop, Refused, UNREACHABLE } from "./api.js";
 import { known, watch } from "./store.js";
@@ -8,13 +8,22 @@ import { known, watch } from "./store.js";
 const SILENT_MS = 300;
 const LOST_MS = 6000;
 
+/** @typedef {import("./stops.js").Stop} Stop */
+
+/** @type {WebSocket | null} */
 let line = null;
 let count = 0;
-const waiting = new Map(); // number -> how it is answered
+/**
+ * The promise that each stop waits for, by its number.
+ * @type {Map<number, { line: WebSocket, resolve: (answer: Api.Stopped) => void, reject: (error: Refused) => void }>}
+ */
+const waiting = new Map();
 
-/** Keep the line open while the page is connected. */
+/** Keep the WebSocket open while the page is connected. */
 export function keepStopLine() {
-  watch("link", () => known.link !== "no_panel" && line === null && open());
+  watch("link", () => {
+    if (known.link !== "no_panel" && line === null) open();
+  });
 }
 
 function open() {
@@ -29,33 +38,41 @@ function open() {
   };
   mine.onclose = () => {
     if (line === mine) line = null;
-    for (const one of waiting.values()) if (one.line === mine) one.reject(new Refused(UNREACHABLE));
+    for (const item of waiting.values()) if (item.line === mine) item.reject(new Refused(UNREACHABLE));
     setTimeout(() => known.link === "ok" && line === null && open(), SILENT_MS);
   };
 }
 
+/**
+ * @param {Stop} verb
+ * @returns {Promise<Api.Stopped>}
+ */
 async function byLine(verb) {
-  if (line?.readyState !== WebSocket.OPEN) throw new Refused(UNREACHABLE);
+  const mine = line;
+  if (mine?.readyState !== WebSocket.OPEN) throw new Refused(UNREACHABLE);
   const number = ++count;
   try {
     return await new Promise((resolve, reject) => {
-      waiting.set(number, { line, resolve, reject });
+      waiting.set(number, { line: mine, resolve, reject });
       setTimeout(reject, LOST_MS, new Refused(UNREACHABLE));
-      line.send(JSON.stringify({ number, verb }));
+      mine.send(JSON.stringify({ number, verb }));
     });
   } finally {
     waiting.delete(number);
   }
 }
 
-/** Ask for `stop`, `abort` or `estop`; the answer says whether that was news. */
+/**
+ * Request `stop`, `abort` or `estop`; the answer contains whether the request was new.
+ * @param {Stop} verb
+ */
 export async function stop(verb) {
-  const said = byLine(verb);
+  const answered = byLine(verb);
   const silence = new Promise((done) => setTimeout(done, SILENT_MS, null));
-  const request = Promise.race([said.catch(() => null), silence]).then((answer) => answer ?? postStop(verb));
+  const request = Promise.race([answered.catch(() => null), silence]).then((answer) => answer ?? postStop(verb));
   try {
-    return await Promise.any([said, request]);
-  } catch ({ errors }) {
-    throw errors.at(-1);
+    return await Promise.any([answered, request]);
+  } catch (error) {
+    throw /** @type {AggregateError} */ (error).errors.at(-1);
   }
 }

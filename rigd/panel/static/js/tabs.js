@@ -1,11 +1,17 @@
-// Pages within the page, by the address behind the #.
+// The tabs of the page, selected by the part of the address after #.
 
-import { el } from "./dom.js";
+import { byId, el } from "./dom.js";
 
+/** @type {Record<string, string>} */
 const PAGES = { live: "Live", procedures: "Procedures", runs: "Runs", events: "Events" };
+/** @type {Map<string, () => void>} */
 const shown = new Map();
 
-/** Call `listener` whenever the page of that name is opened. */
+/**
+ * Call `listener` whenever the page of that name is opened.
+ * @param {string} name
+ * @param {() => void} listener
+ */
 export function onShow(name, listener) {
   shown.set(name, listener);
   if (current() === name) listener();
@@ -16,10 +22,12 @@ export const current = () => {
   return name in PAGES ? name : "live";
 };
 
+/** @param {string} name */
 export function show(name) {
   location.hash = `/${name}`;
 }
 
+/** @param {HTMLElement} root */
 export function mountTabs(root) {
   const tabs = Object.entries(PAGES).map(([name, title]) =>
     el("a", { href: `#/${name}`, class: "tab", data: { name } }, title),
@@ -32,7 +40,7 @@ export function mountTabs(root) {
       else tab.removeAttribute("aria-current");
     }
     for (const name of Object.keys(PAGES)) {
-      document.getElementById(`page-${name}`).hidden = name !== open;
+      byId(`page-${name}`).hidden = name !== open;
     }
     window.scrollTo(0, 0);
     shown.get(open)?.();

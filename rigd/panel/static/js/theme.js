@@ -8,7 +8,7 @@
     try {
       return localStorage.getItem("theme") ?? "auto";
     } catch {
-      return "auto"; // storage is switched off: the choice holds until the page is loaded anew
+      return "auto"; // storage is switched off: the choice holds until the page is loaded again
     }
   }
 
@@ -20,6 +20,7 @@
 
   window.rigdTheme = {
     get chosen() { return chosen; },
+    /** @param {string} theme */
     choose(theme) {
       chosen = theme;
       try {

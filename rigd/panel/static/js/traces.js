@@ -2,7 +2,7 @@
 
 import { channelInfo } from "./infos.js";
 import { chosen, watchChosen } from "./choice.js";
-import { el, fill, flag, icon, say } from "./dom.js";
+import { el, fill, flag, icon, setText } from "./dom.js";
 import { clock, duration } from "./format.js";
 import { newestTime } from "./histories.js";
 import { watchFrames } from "./link.js";
@@ -12,10 +12,14 @@ import { known, watch } from "./store.js";
 const SPANS = [5, 20, 60, 300, 1800];
 const LEAST_S = 0.02;
 const MOST_S = 5 * 3600;
-const SLOWEST_S = 0.2; // between drawings while frames come, however little they move
+const SLOWEST_S = 0.2; // least time between drawings while frames arrive
 
+/** @param {HTMLElement} root */
 export function mountTraces(root) {
-  /** `end` null: live, the newest at the right edge. */
+  /**
+   * `end` null: live, the newest at the right edge.
+   * @type {{ span: number, end: number | null }}
+   */
   const view = { span: 20, end: null };
   const hold = el("button", { type: "button", class: "hold" });
   const behind = el("span", { class: "quiet behind", role: "status" });
@@ -32,24 +36,31 @@ export function mountTraces(root) {
   const empty = el("p", { class: "empty" });
   const noData = el("p", { class: "no-data" }, "Nothing has been measured yet. Traces begin with the next run.");
   root.append(noData);
+  /** @type {Plot[]} */
   let plots = [];
   let isDirty = true;
   let hasMore = false; // than was drawn
-  let drawnTo = -Infinity; // what is live is drawn anew once it has moved by half a pixel
+  let drawnTo = -Infinity; // live data are drawn again when they have moved by half a pixel
 
+  const now = () => view.end ?? newestTime();
+  /** @type {import("./gestures.js").Actions} */
   const actions = {
-    now: () => view.end ?? newestTime(),
+    now,
     pan(seconds) {
-      look(this.now() + seconds, view.span);
+      look(now() + seconds, view.span);
     },
     zoom(factor, anchor) {
       const span = Math.max(LEAST_S, Math.min(MOST_S, view.span * factor));
-      const kept = anchor === null || view.end === null ? this.now() : anchor + ((this.now() - anchor) * span) / view.span;
+      const kept = anchor === null || view.end === null ? now() : anchor + ((now() - anchor) * span) / view.span;
       look(kept, span);
     },
     live: () => look(Infinity, view.span),
   };
 
+  /**
+   * @param {number} end
+   * @param {number} span
+   */
   function look(end, span) {
     view.span = span;
     view.end = end >= newestTime() ? null : end;
@@ -57,6 +68,7 @@ export function mountTraces(root) {
     toolbar();
   }
 
+  /** @param {number} seconds */
   function zoomTo(seconds) {
     look(view.end ?? Infinity, seconds);
   }
@@ -69,8 +81,11 @@ export function mountTraces(root) {
     } else actions.live();
   }
 
+  /** @param {KeyboardEvent} event */
   function key(event) {
+    /** @type {Record<string, number>} */
     const steps = { ArrowLeft: -0.25, ArrowRight: 0.25 };
+    /** @type {Record<string, number>} */
     const factors = { ArrowUp: 0.5, ArrowDown: 2, "+": 0.5, "-": 2 };
     if (event.target !== area || event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.key in steps) actions.pan(steps[event.key] * view.span);
@@ -84,29 +99,28 @@ export function mountTraces(root) {
   function toolbar() {
     const isLive = view.end === null;
     if (hold.dataset.live !== String(isLive)) {
-      hold.dataset.live = isLive;
+      hold.dataset.live = String(isLive);
       fill(hold, icon(isLive ? "pause" : "play"), isLive ? "Hold" : "Live");
     }
-    spans.forEach((button, index) => button.setAttribute("aria-pressed", SPANS[index] === view.span));
-    say(behind, isLive || !Number.isFinite(view.end)
+    spans.forEach((button, index) => button.setAttribute("aria-pressed", String(SPANS[index] === view.span)));
+    setText(behind, view.end === null || !Number.isFinite(view.end)
       ? ""
       : `held at ${clock(view.end * 1000)}, ${duration(newestTime() - view.end)} behind`);
   }
 
   function rebuild() {
     for (const plot of plots) plot.destroy();
+    /** @type {Map<string, import("./infos.js").Info[]>} */
     const byUnit = new Map();
     for (const name of chosen()) {
       const info = channelInfo(name);
-      if (info === undefined) continue;
-      if (!byUnit.has(info.unit)) byUnit.set(info.unit, []);
-      byUnit.get(info.unit).push(info);
+      if (info !== undefined) byUnit.set(info.unit, [...(byUnit.get(info.unit) ?? []), info]);
     }
     plots = [...byUnit].map(([symbol, infos], place) =>
       new Plot(area, symbol, infos, actions, place === byUnit.size - 1));
-    say(empty, plots.length ? "" : "Choose channels to draw: press the dots in the list of channels.");
+    setText(empty, plots.length ? "" : "Choose channels to draw: press the dots in the list of channels.");
     fill(area, ...plots.map((plot) => plot.element), plots.length ? null : empty);
-    root.style.setProperty("--plots", plots.length);
+    root.style.setProperty("--plots", String(plots.length));
     for (const plot of plots) plot.resize();
     isDirty = true;
   }
@@ -122,7 +136,7 @@ export function mountTraces(root) {
     if (!Number.isFinite(end)) return;
     drawnTo = end;
     for (const plot of plots) plot.draw(end - view.span, end);
-    root.dataset.drawn = Number(root.dataset.drawn ?? 0) + 1;
+    root.dataset.drawn = String(Number(root.dataset.drawn ?? 0) + 1);
   }
 
   hold.addEventListener("click", toggleHold);
@@ -140,7 +154,7 @@ export function mountTraces(root) {
   }).observe(area);
   setInterval(() => {
     toolbar();
-    if (view.end === null) isDirty ||= hasMore; // such as a stream's past, which ends where another's did
+    if (view.end === null) isDirty ||= hasMore; // such as the past of a stream, which ends with that of another stream
   }, 1000);
   toolbar();
   draw();

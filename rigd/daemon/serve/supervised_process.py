@@ -1,10 +1,9 @@
-"""Starts a child process of the daemon, restarts it if it dies, and ends it: the panel."""
+"""Runs a child process of the daemon (the panel): starts it, restarts it if it dies, ends it."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from types import TracebackType
 from typing import Final, Self
 
 from rigd.daemon.serve.notices import Notices
@@ -22,13 +21,13 @@ SPARE_S: Final = 3.0
 END_S: Final = 3.0
 
 
-class Companion:
-    """Runs ``command`` from entering the context to leaving it; :meth:`tend` it now and then.
+class SupervisedProcess:
+    """Runs ``command`` while the context is entered; the caller calls :meth:`tend` regularly.
 
-    It speaks to the daemon as every client does, and ends where the daemon is killed. Whatever
-    becomes of it, the daemon goes on. ``spare`` is the same command that waits for a line on its
-    standard input before it begins: one that has loaded everything stands by, and takes over within
-    a fraction of a second on a machine however busy.
+    It talks to the daemon like every client, and ends if the daemon is killed. Its failures do not
+    affect the daemon. ``spare`` is the same command, but it waits for a line on its standard input
+    before it begins: a process that has loaded everything takes over within a fraction of a second,
+    even on a busy machine.
     """
 
     def __init__(
@@ -47,12 +46,7 @@ class Companion:
         self._start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         children = [child for child in (self._child, self._spare) if child is not None]
         for child in children:
             child.terminate()

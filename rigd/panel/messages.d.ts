@@ -1,0 +1,421 @@
+// Made by scripts/page_types.py from rigd/panel/messages.py: do not edit.
+
+declare namespace Api {
+  interface ActArguments {
+    device: string;
+    action: string;
+  }
+  interface ActionReply {
+    said: string;
+  }
+  interface ActionView {
+    device: string;
+    action: string;
+    doc: string;
+  }
+  interface Answered {
+    prompt_id: number;
+    value: number | string | boolean;
+  }
+  interface ChannelView {
+    name: string;
+    unit: string;
+    doc: string;
+    low: number | null;
+    high: number | null;
+    raw_of: string | null;
+  }
+  interface CheckReport {
+    ok: boolean;
+    problems: ProblemView[];
+    trials: number;
+    prompts: number;
+  }
+  interface Checked {
+    procedure: ProcedureFile;
+    set?: Record<string, string>;
+  }
+  interface ClientUser {
+    identity: string;
+    user: string;
+  }
+  interface Daemon {
+    version: string;
+    pid: number;
+    started_ns: number;
+    descriptors: number;
+    descriptors_most: number;
+    unauthenticated_ended: number;
+    accept_pauses: number;
+  }
+  interface Description {
+    rig: string;
+    title: string;
+    simulated: boolean;
+    streams: StreamView[];
+    setpoints: SetpointView[];
+    interlocks: InterlockView[];
+    actions: ActionView[];
+    role: Role;
+    roles: Record<string, Role>;
+    sizes: Sizes;
+  }
+  interface DryRun {
+    ok: boolean;
+    duration_s: number;
+    trials: number;
+    steps: StepView[];
+    peaks: PeakView[];
+    refusals: string[];
+  }
+  interface Events {
+    events: RigEvent[];
+    next: number;
+  }
+  interface InterlockName {
+    interlock: string;
+  }
+  interface InterlockView {
+    name: string;
+    source: string;
+    low: number | string | null;
+    high: number | string | null;
+    action: "warn" | "end_trial" | "stop" | "abort" | "estop";
+    priority: "low" | "medium" | "high" | "critical";
+    latch: boolean;
+    message: string;
+  }
+  interface Interrupted {
+    run: string;
+    reason: string;
+    trials_done: number;
+    trials_total: number;
+  }
+  interface Invitation {
+    code: string;
+  }
+  interface LastRun {
+    run: string;
+    ending: string;
+    reason: string;
+    exit_code: number;
+    recorded: boolean;
+  }
+  interface LatestReply {
+    value: number | null;
+    age_s: number;
+  }
+  interface LatestValues {
+    t_ns: number;
+    values: Record<string, LatestReply>;
+  }
+  interface LeaseView {
+    holder: ClientUser | null;
+    until_ns: number;
+    asked_by: ClientUser[];
+  }
+  interface LiveDescription {
+    kind: "describe";
+    describe: Description;
+  }
+  interface LiveEvent {
+    kind: "event";
+    event: PageEvent;
+  }
+  interface LiveLatest {
+    kind: "latest";
+    latest: LatestValues;
+  }
+  interface LiveLink {
+    kind: "panel";
+    panel: RigLink;
+  }
+  interface LiveSkipped {
+    kind: "skipped";
+    skipped: number;
+  }
+  interface LiveStatus {
+    kind: "status";
+    status: PageStatus;
+  }
+  type NoArguments = Record<string, never>;
+  type Nothing = Record<string, never>;
+  interface OperatorNotice {
+    t_ns: number;
+    level: "info" | "warning" | "error";
+    text: string;
+  }
+  interface PageEvent {
+    v: 1;
+    seq: number;
+    t_ns: number;
+    kind: string;
+    trial: number;
+    data: Record<string, JsonValue>;
+    factors: Record<string, number>;
+  }
+  interface PageParameter {
+    name: string;
+    doc: string;
+    unit: string;
+    choices: string[];
+    default: string | null;
+    min: string | null;
+    max: string | null;
+    swept: boolean;
+    factor: number;
+  }
+  interface PageProcedure {
+    procedure: ProcedureFile;
+    title: string;
+    doc: string;
+    parameters: PageParameter[];
+    on_client_loss: "continue" | "finish_trial" | "stop";
+  }
+  interface PagePrompt {
+    id: number;
+    name: string;
+    text: string;
+    kind: "confirm" | "number" | "choice" | "text";
+    unit: string;
+    low: number | null;
+    high: number | null;
+    choices: string[];
+    answer: number | string | boolean | null;
+    objection: string;
+    factor: number;
+  }
+  interface PageRun {
+    line: RunLine;
+    parameters: Record<string, JsonValue>;
+    last_trial: RecordedTrial | null;
+  }
+  interface PageStatus {
+    v: 1;
+    rig: string;
+    title: string;
+    t_ns: number;
+    seq: number;
+    daemon: Daemon;
+    state: "idle" | "preflight" | "blocked" | "armed" | "running" | "pausing" | "paused" | "stopping" | "finishing" | "aborting" | "faulted" | "estopped" | "done";
+    procedure: string | null;
+    run: string | null;
+    step: string | null;
+    trial: TrialStatus | null;
+    trials_done: number;
+    trials_total: number;
+    run_s: number;
+    left_s: number | null;
+    prompt: PagePrompt | null;
+    lease: LeaseView;
+    trips: TripView[];
+    interrupted: Interrupted[];
+    last: LastRun | null;
+    refused: RefusedCounts;
+    notices: OperatorNotice[];
+  }
+  interface PeakView {
+    channel: string;
+    unit: string;
+    lowest: number | null;
+    highest: number | null;
+    low: number | null;
+    high: number | null;
+    limit_by: string;
+    inside: boolean;
+  }
+  interface ProblemView {
+    message: string;
+    hint: string | null;
+    line: number | null;
+    column: number | null;
+  }
+  interface ProcedureFile {
+    name: string;
+    text: string;
+    sha256: string;
+  }
+  interface ProcedureLine {
+    name: string;
+    title: string;
+    sha256: string | null;
+    problem: string | null;
+  }
+  interface ProcedureName {
+    name: string;
+  }
+  interface Procedures {
+    procedures: ProcedureLine[];
+  }
+  interface Receiver {
+    to: string;
+    user?: string;
+  }
+  interface RecordedTrial {
+    number: number;
+    parameters: Record<string, number | string | boolean>;
+    units: Record<string, string>;
+    factors: Record<string, number>;
+  }
+  interface RefusedCounts {
+    malformed: number;
+    oversized: number;
+    replayed: number;
+    forbidden: number;
+  }
+  interface Reported {
+    run: string;
+    size: number;
+  }
+  interface RequestError {
+    code: string;
+    message: string;
+    hint: string | null;
+  }
+  interface ResumeRun {
+    run: string;
+    on_client_loss?: "continue" | "finish_trial" | "stop" | null;
+  }
+  interface RigEvent {
+    v: 1;
+    seq: number;
+    t_ns: number;
+    kind: string;
+    trial: number;
+    data: Record<string, JsonValue>;
+  }
+  interface RigLink {
+    alive: boolean;
+    silent_s: number | null;
+  }
+  type Role = "observer" | "operator" | "maintainer";
+  interface RunArguments {
+    run: string;
+  }
+  interface RunLine {
+    run: string;
+    procedure: string;
+    state: string;
+    started_ns: number;
+    duration_s: number;
+    trials_done: number;
+    trials_total: number;
+    size: number;
+    has_report: boolean;
+    has_page: boolean;
+    identifies: boolean;
+    problem: string | null;
+  }
+  interface RunList {
+    runs: RunLine[];
+    more: boolean;
+  }
+  interface Runs {
+    limit?: number;
+    before?: string | null;
+  }
+  interface SessionReply {
+    session: SessionView | null;
+  }
+  interface SessionView {
+    name: string;
+    role: "operator" | "observer";
+    identity: string;
+  }
+  interface SetpointView {
+    name: string;
+    unit: string;
+    low: number;
+    high: number;
+    rate: number | null;
+    rest: number;
+  }
+  interface Since {
+    seq?: number;
+  }
+  interface Sizes {
+    request_bytes: number;
+    message_bytes: number;
+    piece_bytes: number;
+    live_hz: number;
+    heartbeat_s: number;
+    lease_s: number;
+    renew_s: number;
+  }
+  interface StartArguments {
+    procedure: ProcedureFile;
+    set?: Record<string, string>;
+    seed?: number | null;
+    answers?: "ask" | "procedure";
+    on_client_loss?: "continue" | "finish_trial" | "stop" | null;
+    note?: string;
+    meta?: Record<string, string>;
+  }
+  interface Started {
+    run: string | null;
+  }
+  interface StepView {
+    block: "prepare" | "trial" | "after" | "finish";
+    name: string;
+    setpoints: string[];
+    ends: string[];
+    played: number;
+    shortest_s: number;
+    longest_s: number;
+  }
+  interface Stopped {
+    acted: boolean;
+  }
+  interface StreamView {
+    number: number;
+    name: string;
+    channels: ChannelView[];
+    rate_hz: number;
+  }
+  interface TrialStatus {
+    number: number;
+    repeat: number;
+    parameters: Record<string, number | string | boolean>;
+    label: string;
+  }
+  interface TripView {
+    interlock: string;
+    action: "warn" | "end_trial" | "stop" | "abort" | "estop";
+    message: string;
+    since_ns: number;
+    latched: boolean;
+    acknowledged: boolean;
+  }
+  type JsonValue = string | number | boolean | null | JsonValue[] | JsonObject;
+  interface JsonObject {
+    [name: string]: JsonValue;
+  }
+  type LiveMessage = LiveDescription | LiveEvent | LiveLatest | LiveLink | LiveSkipped | LiveStatus;
+  interface Asks {
+    describe: { args: NoArguments; result: Description };
+    procedures: { args: NoArguments; result: Procedures };
+    procedure: { args: ProcedureName; result: PageProcedure };
+    check: { args: Checked; result: CheckReport };
+    runs: { args: Runs; result: RunList };
+    run: { args: RunArguments; result: PageRun };
+    events: { args: Since; result: Events };
+    latest: { args: NoArguments; result: LatestValues };
+  }
+  interface Commands {
+    lease_take: { args: NoArguments; result: LeaseView };
+    lease_release: { args: NoArguments; result: LeaseView };
+    lease_request: { args: NoArguments; result: LeaseView };
+    lease_give: { args: Receiver; result: LeaseView };
+    lease_seize: { args: NoArguments; result: LeaseView };
+    start: { args: StartArguments; result: Started };
+    resume_run: { args: ResumeRun; result: Started };
+    pause: { args: NoArguments; result: Nothing };
+    resume: { args: NoArguments; result: Nothing };
+    answer: { args: Answered; result: Nothing };
+    acknowledge: { args: InterlockName; result: Nothing };
+    act: { args: ActArguments; result: ActionReply };
+    identify: { args: RunArguments; result: Reported };
+    draw: { args: RunArguments; result: Reported };
+    dry_run: { args: Checked; result: DryRun };
+  }
+}

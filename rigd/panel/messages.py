@@ -1,0 +1,298 @@
+"""Defines the messages of the panel: the requests of the page, and what the page receives.
+
+Data from the rig are messages of the remote protocol. The page cannot compute with units. If the
+page shows or sends a quantity in a unit of its own, the message has the ``factor`` from that unit
+to SI.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, JsonValue, StringConstraints
+from pydantic.json_schema import models_json_schema
+
+from rigd.model.units import parse_unit
+from rigd.remote.protocol import VERBS, Kind, Message, RigEvent, Status, Verb
+from rigd.remote.protocol.results import (
+    Description,
+    LatestValues,
+    ParameterView,
+    ProcedureView,
+    RunLine,
+    RunView,
+)
+from rigd.remote.protocol.status import PromptView
+
+Role = Literal["operator", "observer"]
+
+#: Questions of the page to the rig; files have routes of their own.
+ASKS: Mapping[str, Verb] = {
+    name: VERBS[Kind.ASK][name]
+    for name in (
+        "describe", "procedures", "procedure", "check", "runs", "run", "events", "latest",
+    )
+}  # fmt: skip
+#: Commands of the page; the panel renews the lease itself.
+COMMANDS: Mapping[str, Verb] = {
+    name: verb for name, verb in VERBS[Kind.COMMAND].items() if name != "lease_renew"
+}
+
+
+class Login(Message):
+    """A one-time code, and the name of the person who uses it."""
+
+    code: Annotated[str, StringConstraints(max_length=200)]
+    name: Annotated[str, StringConstraints(max_length=40)]
+
+
+class InvitationRequest(Message):
+    """A request for a one-time code."""
+
+    role: Role
+
+
+class VerbRequest(Message):
+    """The arguments of a verb."""
+
+    args: dict[str, JsonValue] = Field(default_factory=dict)
+
+
+class StopRequest(Message):
+    """A stop on the WebSocket for stops."""
+
+    number: int
+    """The reply has the same number."""
+    verb: str
+
+
+class SessionView(Message):
+    """The session of a page."""
+
+    name: str
+    """The name of its user, which no other session has."""
+    role: Role
+    identity: str
+    """The name under which the daemon knows the panel."""
+
+
+class SessionReply(Message):
+    """The session of the page that asks."""
+
+    session: SessionView | None
+
+
+class Invitation(Message):
+    """A one-time code for another screen."""
+
+    code: str
+
+
+class RequestError(Message):
+    """The reason why a request failed."""
+
+    code: str
+    message: str
+    hint: str | None = None
+
+
+class PagePrompt(PromptView):
+    """A prompt with the factor of its unit."""
+
+    factor: float
+    """The factor from `unit` to SI."""
+
+
+class PageStatus(Status):
+    """The status of the rig."""
+
+    prompt: PagePrompt | None = None
+
+    @classmethod
+    def of(cls, status: Status) -> PageStatus:
+        """Return ``status`` with the factor of its prompt, if there is one."""
+        prompt = status.prompt
+        if prompt is not None:
+            prompt = PagePrompt(**{**dict(prompt), "factor": parse_unit(prompt.unit).factor})
+        return cls(**{**dict(status), "prompt": prompt})
+
+
+class PageEvent(RigEvent):
+    """An event of the rig."""
+
+    factors: dict[str, float] = Field(default_factory=dict)
+    """The factors to SI of the parameters of a trial that starts."""
+
+    @classmethod
+    def of(cls, event: RigEvent) -> PageEvent:
+        """Return ``event`` with the factors of its parameters."""
+        units = event.data.get("units") if event.kind == "trial_start" else None
+        return cls(**dict(event), factors=_factors(units) if isinstance(units, dict) else {})
+
+
+class PageParameter(ParameterView):
+    """A parameter of a procedure with the factor of its unit."""
+
+    factor: float
+    """The factor from `unit` to SI."""
+
+
+class PageProcedure(ProcedureView):
+    """A procedure."""
+
+    parameters: tuple[PageParameter, ...]
+
+    @classmethod
+    def of(cls, view: ProcedureView) -> PageProcedure:
+        """Return ``view`` with the factors of its parameters."""
+        parameters = tuple(
+            PageParameter(**dict(item), factor=parse_unit(item.unit).factor)
+            for item in view.parameters
+        )
+        return cls(**{**dict(view), "parameters": parameters})
+
+
+class RecordedTrial(Message):
+    """A trial of a recording."""
+
+    number: int
+    parameters: dict[str, float | str | bool]
+    """Quantities in SI."""
+    units: dict[str, str]
+    factors: dict[str, float]
+    """The factor from its unit to SI."""
+
+
+class PageRun(Message):
+    """A recording, and the values that were set for its run."""
+
+    line: RunLine
+    parameters: dict[str, JsonValue]
+    """The values that were set for the whole run."""
+    last_trial: RecordedTrial | None
+    """The last trial that began."""
+
+    @classmethod
+    def of(cls, view: RunView) -> PageRun:
+        """Return the part of ``view`` that the page shows."""
+        details: Mapping[str, Any] = view.details
+        trials = details.get("trials", ())
+        last = None
+        if trials:
+            found = trials[-1]
+            units = found.get("units", {})
+            last = RecordedTrial(
+                number=found["number"],
+                parameters=found["parameters"],
+                units=units,
+                factors=_factors(units),
+            )
+        return cls(line=view.line, parameters=details.get("parameters", {}), last_trial=last)
+
+
+class RigLink(Message):
+    """The connection of the panel to the rig."""
+
+    alive: bool
+    silent_s: float | None
+    """Time since the last status; None if there was no status."""
+
+
+class LiveStatus(Message):
+    """The status, at every change and twice a second."""
+
+    kind: Literal["status"] = "status"
+    status: PageStatus
+
+
+class LiveDescription(Message):
+    """The description of the rig, when the page opens and after a restart of the daemon."""
+
+    kind: Literal["describe"] = "describe"
+    describe: Description
+
+
+class LiveLatest(Message):
+    """The latest values, while no run plays."""
+
+    kind: Literal["latest"] = "latest"
+    latest: LatestValues
+
+
+class LiveLink(Message):
+    """The connection to the rig, twice a second."""
+
+    kind: Literal["panel"] = "panel"
+    panel: RigLink
+
+
+class LiveEvent(Message):
+    """An event."""
+
+    kind: Literal["event"] = "event"
+    event: PageEvent
+
+
+class LiveSkipped(Message):
+    """The number of events that were left out, as the browser was too slow."""
+
+    kind: Literal["skipped"] = "skipped"
+    skipped: Annotated[int, Field(gt=0)]
+
+
+#: For each of these kinds only the newest message matters.
+LiveState = LiveStatus | LiveDescription | LiveLatest | LiveLink
+LiveMessage = LiveState | LiveEvent | LiveSkipped
+
+#: What the page receives instead of a message of the protocol.
+_COMPLETED: Mapping[type[Message], type[Message]] = {
+    ProcedureView: PageProcedure,
+    RunView: PageRun,
+}
+
+
+def complete(answer: Message) -> Message:
+    """Return the answer to a question, with the additional data for the page."""
+    match answer:
+        case ProcedureView():
+            return PageProcedure.of(answer)
+        case RunView():
+            return PageRun.of(answer)
+    return answer
+
+
+def page_schema() -> dict[str, Any]:
+    """Return the JSON Schema of all messages, and under ``x-*`` the types of each request."""
+    asks = {
+        name: (verb.arguments, _COMPLETED.get(verb.result, verb.result))
+        for name, verb in ASKS.items()
+    }
+    commands = {name: (verb.arguments, verb.result) for name, verb in COMMANDS.items()}
+    stop = next(iter(VERBS[Kind.STOP].values())).result
+    own: list[type[Message]] = [
+        SessionReply, Invitation, RequestError, stop,
+        LiveStatus, LiveDescription, LiveLatest, LiveLink, LiveEvent, LiveSkipped,
+    ]  # fmt: skip
+    results = [*own, *(result for table in (asks, commands) for _, result in table.values())]
+    arguments = [args for table in (asks, commands) for args, _ in table.values()]
+    both: list[Any] = [(kind, "serialization") for kind in dict.fromkeys(results)]
+    both += [(kind, "validation") for kind in dict.fromkeys(arguments)]
+    references, schema = models_json_schema(both)
+    return {
+        "$defs": schema["$defs"],
+        **{
+            f"x-{title}": {
+                name: {
+                    "args": references[args, "validation"],
+                    "result": references[result, "serialization"],
+                }
+                for name, (args, result) in table.items()
+            }
+            for title, table in (("asks", asks), ("commands", commands))
+        },
+    }
+
+
+def _factors(units: Mapping[str, Any]) -> dict[str, float]:
+    return {name: parse_unit(str(unit)).factor for name, unit in units.items()}
