@@ -1,1 +1,1 @@
-"""The command line: one short file per command, imported only when it runs."""
+"""Contains the ``rigd`` commands: a short file for each, which is imported only when it runs."""

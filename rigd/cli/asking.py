@@ -1,48 +1,29 @@
-"""Asks every question of rigd at a terminal; discards input typed before the question."""
+"""Asks the user rigd's questions at a terminal; discards input typed before the question."""
 
 from __future__ import annotations
 
 import os
 import select
+import shutil
 import sys
 import termios
+import textwrap
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, TextIO
 
-#: A question that waits for a line is looked at this often: was it withdrawn? In s.
+from rigd.engine.answers import read_answer
+from rigd.model.units import format_quantity
+from rigd.procedure.program import Answer, AnswerKind, Prompt
+
+#: How often a question that waits for a line checks whether it was withdrawn, in s.
 _LOOK_S: Final = 0.2
 _MAX_BYTES: Final = 4096  # of a line on a terminal: N_TTY_BUF_SIZE of Linux
 
 
 def is_terminal() -> bool:
-    """Return whether a person sits at both ends."""
+    """Return whether both standard input and standard error are a terminal."""
     return sys.stdin.isatty() and sys.stderr.isatty()
-
-
-def put(question: str, terminal: TextIO, screen: TextIO) -> None:
-    """Show ``question`` on ``screen``; what was typed at ``terminal`` before is dropped.
-
-    A line typed a minute earlier was meant for something else. Read the answer by
-    :func:`typed_line`.
-    """
-    screen.flush()
-    with suppress(termios.error):  # a terminal that is gone: reading from it says so
-        termios.tcflush(terminal.fileno(), termios.TCIFLUSH)
-    screen.write(question)
-    screen.flush()
-
-
-def typed_line(terminal: TextIO) -> str:
-    """Return the line that is typed next, or an empty text if the terminal goes away.
-
-    It is read past the buffer of ``terminal``: a line that Python had read ahead is no answer
-    either, and a thread that waits there would keep the interpreter from ending.
-    """
-    try:
-        return os.read(terminal.fileno(), _MAX_BYTES).decode(errors="replace")
-    except OSError:  # Linux reports a terminal that was closed so
-        return ""
 
 
 def ask(
@@ -51,12 +32,77 @@ def ask(
     screen: TextIO,
     is_withdrawn: Callable[[], bool] = lambda: False,
 ) -> str:
-    """Put ``question`` and wait for its line.
+    """Show ``question`` on ``screen`` and return the next line that is typed at ``terminal``.
 
-    Returns an empty text if the terminal goes away, or once ``is_withdrawn`` says so.
+    Input typed before the question is discarded: it was meant for something else. Returns an empty
+    text if the terminal closes, or if ``is_withdrawn`` returns true.
     """
-    put(question, terminal, screen)
+    screen.flush()
+    with suppress(termios.error):  # a closed terminal: reading from it raises this
+        termios.tcflush(terminal.fileno(), termios.TCIFLUSH)
+    screen.write(question)
+    screen.flush()
     while not select.select([terminal], [], [], _LOOK_S)[0]:
         if is_withdrawn():
             return ""
-    return "" if is_withdrawn() else typed_line(terminal)
+    return "" if is_withdrawn() else _typed_line(terminal)
+
+
+def _typed_line(terminal: TextIO) -> str:
+    """Return the next typed line, or an empty text if the terminal closes.
+
+    Reads past the buffer of ``terminal``: a line that Python has read ahead is not an answer.
+    """
+    try:
+        return os.read(terminal.fileno(), _MAX_BYTES).decode(errors="replace")
+    except OSError:  # Linux raises this for a closed terminal
+        return ""
+
+
+def ask_prompt(
+    prompt: Prompt,
+    objection: str,
+    terminal: TextIO,
+    screen: TextIO,
+    is_withdrawn: Callable[[], bool],
+) -> Answer | None:
+    """Ask until the answer can be parsed, and return it; return None if :func:`ask` returns "".
+
+    ``objection`` is the reason why the previous answer was refused.
+    """
+    remark = f"\n{wrapped(objection, indent='  ')}\n" if objection else ""
+    while line := ask(
+        f"{remark}\n{wrapped(prompt.text)}\n{invitation(prompt)}: ", terminal, screen, is_withdrawn
+    ):
+        try:
+            return read_answer(prompt, line.strip())
+        except ValueError as error:
+            remark = f"  {error}\n"
+    return None
+
+
+def wrapped(text: str, indent: str = "") -> str:
+    """Return ``text`` wrapped between words to the width of the terminal."""
+    columns = shutil.get_terminal_size().columns
+    return "\n".join(
+        textwrap.fill(line, columns, initial_indent=indent, subsequent_indent=indent)
+        for line in text.splitlines()
+    )
+
+
+def invitation(prompt: Prompt) -> str:
+    """Return the form in which a prompt is answered."""
+    match prompt.kind:
+        case AnswerKind.CONFIRM:
+            return "done? [yes/no]"
+        case AnswerKind.CHOICE if len(prompt.choices) == 1:
+            return f"type {prompt.choices[0]}"
+        case AnswerKind.CHOICE:
+            return f"one of {', '.join(prompt.choices)}"
+        case AnswerKind.NUMBER if prompt.low is not None and prompt.high is not None:
+            bounds = (format_quantity(item, prompt.unit) for item in (prompt.low, prompt.high))
+            return f"value with unit, {' to '.join(bounds)}"
+        case AnswerKind.NUMBER:
+            return f"value with unit, such as '1 {prompt.unit}'"
+        case AnswerKind.TEXT:
+            return "text"

@@ -7,23 +7,23 @@ from typing import Final
 
 from rigd.analysis.calibration.evaluation import CalibrationEvaluation
 from rigd.analysis.report.rounding import number, percent, places_for
-from rigd.analysis.terminal import Column, Row, TerminalTable
+from rigd.analysis.terminal import Column, TableRow, TerminalTable
 from rigd.cli.evaluation_view import print_terminal_report
 from rigd.daemon.calibrate import Renewal
 
-#: Beyond so many standard uncertainties a change is no chance: something has changed.
+#: A change of more standard uncertainties than this is not chance.
 _FAR: Final = 3.0
 
 
 def print_renewal(evaluation: CalibrationEvaluation, planned: Renewal) -> None:
-    """Print what was measured and its budget, then new beside old."""
+    """Print the measured values and their budget, then new values beside old."""
     print_terminal_report((*evaluation.findings(), _table(planned), *_remarks(planned)))
 
 
 def renewal_json(
     evaluation: CalibrationEvaluation, planned: Renewal, *, written: bool
 ) -> dict[str, object]:
-    """Return the evaluation, and what was written where, as an object for ``json.dumps``."""
+    """Return the evaluation, and the written values and file, as an object for ``json.dumps``."""
     deviations = {name: planned.deviation(name) for name in planned.measured}
     return {
         **evaluation.to_json(),
@@ -49,7 +49,7 @@ def _table(planned: Renewal) -> TerminalTable:
                 change,
                 f"{planned.deviation(name):+.1f}".replace("-", "\N{MINUS SIGN}"),
             ]
-        rows.append(Row(tuple(cells)))
+        rows.append(TableRow(tuple(cells)))
     columns = (
         Column("value"),
         Column("new ± u", right=True),
@@ -59,18 +59,20 @@ def _table(planned: Renewal) -> TerminalTable:
         Column("change", right=True),
         Column("(new - old)/u", right=True),
     )
-    return TerminalTable(columns, tuple(rows), "new beside old")
+    return TerminalTable(columns, tuple(rows), "new values beside old")
 
 
 def _remarks(planned: Renewal) -> list[str]:
     remarks = []
     if far := [name for name in planned.measured if abs(planned.deviation(name)) > _FAR]:
         remarks.append(
-            f"{', '.join(far)}: more than {_FAR:g} u from the old value. Something has changed, or "
-            "one of the two is wrong."
+            f"{', '.join(far)}: more than {_FAR:g} u from the old value. The rig has changed, "
+            "or one of the two values is wrong."
         )
     if late := [name for name in planned.measured if planned.is_older(name)]:
-        remarks.append(f"{', '.join(late)}: this was measured before the value that it replaces.")
+        remarks.append(
+            f"{', '.join(late)}: the new value was measured before the value that it replaces."
+        )
     return remarks
 
 

@@ -1,9 +1,11 @@
-"""``rigd can``: reads EDS files of CAN devices; nothing is opened."""
+"""``rigd can``: reads EDS files, which describe CAN devices; opens no connection."""
 
 from __future__ import annotations
 
 import argparse
 from typing import TYPE_CHECKING
+
+from rigd.cli.options import add_json
 
 if TYPE_CHECKING:
     from rigd.sdk import DeviceSheet
@@ -11,10 +13,10 @@ if TYPE_CHECKING:
 HELP = "check and show the EDS or DCF of a CANopen device"
 EXAMPLES = """\
 examples:
-  rigd can eds drive.eds              is the file right, and what device is it of?
+  rigd can eds drive.eds              is the file valid, and which device does it describe?
   rigd can eds drive.eds --objects    every object, with type, access and limits
   rigd can eds drive.eds --json
-  rigd can eds eds/rigd_servo.eds     that of the simulated drives
+  rigd can eds eds/rigd_servo.eds     the file of the simulated drives
 
 A device of a rig file names it as `options: {eds: drive.eds}`: see docs/devices.md.
 Exit code 2: the file is wrong; every problem is named with its line.
@@ -25,13 +27,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the commands."""
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     eds = commands.add_parser("eds", help=HELP, description=HELP[0].upper() + HELP[1:] + ".")
-    eds.add_argument("file", metavar="FILE", help="an EDS or DCF (CiA 306), here or shipped")
+    eds.add_argument(
+        "file", metavar="FILE", help=("an EDS or DCF file (CiA 306), your own or a shipped one")
+    )
     eds.add_argument("--objects", action="store_true", help="list every object")
-    eds.add_argument("--json", action="store_true", help="print everything as JSON")
+    add_json(eds, "print everything as JSON")
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Read the file and show what it says."""
+    """Read the file and print its contents."""
     import json
     from dataclasses import asdict
     from pathlib import Path
@@ -51,16 +55,12 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _print(sheet: DeviceSheet, *, objects: bool) -> None:
-    import sys
-
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    from rigd.cli.screen import print_table
+    from rigd.cli.screen import open_console, print_table
 
-    # Piped, a line is a line: nothing folds.
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
+    console = open_console()
     for name, fact in sheet.facts.items():
         console.print(f"{name:<16}{escape(fact)}")
     for remark in sheet.remarks:

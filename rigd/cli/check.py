@@ -1,4 +1,4 @@
-"""``rigd check``: checks rig files and procedures; nothing is opened, nothing moves."""
+"""``rigd check``: checks rig files and procedures; opens no device and moves nothing."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigd.cli.options import add_json, add_rig
+
 if TYPE_CHECKING:
     from rigd.config.rig import RigConfig
     from rigd.model.errors import ConfigError
@@ -23,10 +25,11 @@ examples:
   rigd check procedures/*.yaml --rig lugre-1     also names, units and limits against the rig
 
   Without --rig only the keys of a procedure and their shapes are checked: names, units and
-  expressions mean something on a rig.
+  expressions can only be checked against a rig.
 
-  A procedure is for another rig if all that is wrong with it are devices that the rig has not. Of
-  several procedures some may be: each is named in a line. If none fits the rig, that is an error.
+  A procedure is for another rig if its only errors are devices that the rig lacks. With several
+  procedures this is allowed: a line names each of them. If no procedure fits the rig, that is an
+  error.
 
 exit code: 0 every file is right, or a procedure for another rig beside one that fits; 2 otherwise
 """
@@ -34,9 +37,9 @@ exit code: 0 every file is right, or a procedure for another rig beside one that
 
 @dataclass(frozen=True)
 class FileReport:
-    """What was found in one file: ``summary``, or else the ``problem``.
+    """The result for one file: ``summary``, or the ``problem`` if there is one.
 
-    ``missing`` are the devices that the rig has not, if that is all that is wrong.
+    ``missing`` lists the devices that the rig lacks, if nothing else is wrong.
     """
 
     given: str
@@ -51,19 +54,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "files", nargs="+", metavar="FILE", help="rig, procedure or calibration files"
     )
-    parser.add_argument("--rig", metavar="RIG", help="rig to check procedures against")
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add_rig(parser, "rig to check procedures against", required=False)
+    add_json(parser)
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Check every file; one that is wrong never keeps the others from being checked."""
+    """Check every file; a wrong file does not stop the check of the others."""
     from rigd.config.loader import load_rig
     from rigd.config.shipped import titled
     from rigd.model.errors import Exit
 
     rig = None if args.rig is None else load_rig(args.rig)
-    if rig is not None and rig.source.whence not in ("shipped", args.rig) and not args.json:
-        print(f"rig {titled(rig.name, rig.source.whence)}")
+    if rig is not None and rig.source.location not in ("shipped", args.rig) and not args.json:
+        print(f"rig {titled(rig.name, rig.source.location)}")
     reports = [_report(given, rig) for given in args.files]
     if args.json:
         print(json.dumps([_as_json(report) for report in reports], indent=2))
@@ -85,14 +88,17 @@ def _report(given: str, rig: RigConfig | None) -> FileReport:
 
 
 def _missing_devices(error: ConfigError, rig: RigConfig) -> tuple[str, ...]:
-    """Return the devices that a procedure needs and the rig has not, if nothing else is wrong.
+    """Return the devices that a procedure needs and the rig lacks, if nothing else is wrong.
 
-    A name that is nearly one of the rig's devices is a misspelt one.
+    A name that is close to the name of a device of the rig is a misspelling.
     """
     from rigd.procedure.prompts import PLANT
 
     names = {item.lacks.partition(".")[0] for item in (error, *error.others)}
-    devices = names - {"rig", PLANT}  # constants and plant of the rig that it belongs to
+    devices = names - {
+        "rig",
+        PLANT,
+    }  # constants and plant of the rig to which the procedure belongs
     if "" in names or devices & set(rig.devices):
         return ()
     if any(difflib.get_close_matches(name, rig.devices, n=1, cutoff=0.8) for name in devices):
@@ -110,7 +116,7 @@ def _fits(reports: Sequence[FileReport]) -> bool:
 
 
 def _show(reports: Sequence[FileReport], rig: RigConfig | None) -> None:
-    """Print a line for each file, every problem of one that is wrong, and how many there are."""
+    """Print a line for each file, every problem of a wrong file, and the number of wrong files."""
     name = "" if rig is None else rig.name
     is_error = not _fits(reports)
     for report in reports:
@@ -118,7 +124,7 @@ def _show(reports: Sequence[FileReport], rig: RigConfig | None) -> None:
             print(f"{report.given}: {report.summary}")
         elif report.missing:
             line = f"{report.given}: for another rig: {name} has no {', '.join(report.missing)}"
-            hint = "\n  check it against its own rig: --rig RIG"
+            hint = "\n  check each of them against its own rig: --rig RIG"
             print(
                 f"rigd: {line}{hint}" if is_error else line, file=sys.stderr if is_error else None
             )
@@ -138,10 +144,10 @@ def _show(reports: Sequence[FileReport], rig: RigConfig | None) -> None:
 
 
 def _check(given: str, kind: str, rig: RigConfig | None) -> str:
-    """Return what a right file is.
+    """Check a file and return its summary.
 
     Raises:
-        ConfigError: it is wrong.
+        ConfigError: the file is wrong.
     """
     from rigd.config.calibration import load_calibration
     from rigd.config.loader import load_rig
@@ -151,8 +157,10 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         last = calibration.valid_until
         valid = "none expires" if last is None else f"all valid until {last}"
         if last is not None and last < datetime.now(UTC).date():
-            valid = f"not all of them valid: the first expired on {last}"
-        return f"calibration {calibration.name}, {len(calibration.values)} values, {valid}: right"
+            valid = f"not all of them valid: the first value expired on {last}"
+        return (
+            f"calibration {calibration.name}, {len(calibration.values)} values, {valid}: valid file"
+        )
     if kind == "rig":
         checked = load_rig(given)
         if checked.plant is not None:
@@ -162,7 +170,9 @@ def _check(given: str, kind: str, rig: RigConfig | None) -> str:
         if checked.calibration is not None:
             held = checked.calibration.held
             if held is None:
-                missing = f"right, but there is no calibration file {checked.calibration.path} yet"
+                missing = (
+                    f"right, but the calibration file {checked.calibration.path} does not exist yet"
+                )
                 return f"{', '.join(parts)}: {missing}"
             parts.append(f"calibration {held.name}")
         return ", ".join(parts) + ": right"
@@ -175,7 +185,7 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
 
     procedure = load_procedure(given)
     if rig is None:
-        return "a procedure, right in itself; give --rig to check it against a rig"
+        return "a procedure with right keys; give --rig to check it against a rig"
     from rigd.analysis.plan import analysis_of
     from rigd.procedure.compile import compile_procedure
 
@@ -189,24 +199,26 @@ def _check_procedure(given: str, rig: RigConfig | None) -> str:
         )
     count = len(compiled.trials)
     trials = "1 trial" if count == 1 else f"{count} trials"
-    found = "" if procedure.document.path == Path(given) else procedure.whence
+    found = "" if procedure.document.path == Path(given) else procedure.location
     return f"procedure {titled(compiled.name, found)}, {trials} on {rig.name}: right"
 
 
 def _kind(given: str) -> str:
-    """Return what ``given`` is by its own keys, or by a name that is no procedure's."""
+    """Return the kind of the file ``given``, from its keys, or from its name if it is unknown."""
     from rigd.config.shipped import find_file
     from rigd.model.errors import ConfigError
 
     path = Path(given)
     if path.is_dir():
-        raise ConfigError(f"{given} is a folder", hint=f"check the files in it: {path / '*.yaml'}")
+        raise ConfigError(
+            f"{given} is a folder", hint=(f"check the files in this folder: {path / '*.yaml'}")
+        )
     if not path.is_file():
         try:
             find_file(given, "procedures")
         except ConfigError as error:
             if path.suffix:
-                raise ConfigError(f"there is no file {given!r}", hint=error.hint) from error
+                raise ConfigError(f"file {given!r} does not exist", hint=error.hint) from error
             return "rig"
         return "procedure"
     with path.open("rb") as stream:
@@ -214,7 +226,7 @@ def _kind(given: str) -> str:
     for kind in ("rig", "procedure", "calibration"):  # a rig file names its calibration too
         if any(line.startswith(f"{kind}:") for line in lines):
             return kind
-    # The line that says what it is was lost: what only one kind of file has says so too.
+    # The key that names the kind is missing: use the keys that only one kind of file has.
     for key, kind in (("devices", "rig"), ("interlocks", "rig"), ("values", "calibration")):
         if any(line.startswith(f"{key}:") for line in lines):
             return kind

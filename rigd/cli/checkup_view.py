@@ -1,4 +1,4 @@
-"""Prints the results of ``rigd doctor``: a line per check with its remedy."""
+"""Prints the results of ``rigd doctor``: one line for each check, with its remedy."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ _COLOUR: Final = {
     CheckVerdict.WARN: "yellow",
     CheckVerdict.FAIL: "bold red",
 }
-#: Columns before what was found: that of the verdict, that of the name.
+#: Widths of the columns before the finding: verdict, name.
 _VERDICT_WIDTH: Final = 4
 _NAME_WIDTH: Final = 18
-#: Names of channels are longer; the longest of a rig makes their column, up to this.
+#: Names of channels are longer; the longest name of a rig sets the width, up to this.
 _CHANNEL_WIDTH: Final = 34
-#: However narrow the terminal, so much is left for what was found.
+#: The least width for the finding, however narrow the terminal.
 _LEAST_ROOM: Final = 20
 
 
 class CheckupView:
-    """Prints checks as they come, under the heading of their group."""
+    """Prints checks as they are made, under the heading of their group."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -37,21 +37,21 @@ class CheckupView:
         self._channel_width = _NAME_WIDTH
 
     def begin(self, rig: RigConfig | None, seconds: float) -> None:
-        """Say what is going to happen, before it does."""
+        """Print what the examination does, before it begins."""
         if rig is not None:
             longest = max(map(len, channel_names(rig)), default=0)
             self._channel_width = max(min(longest, _CHANNEL_WIDTH), _NAME_WIDTH)
-            self._console.print(f"rig {titled(rig.name, rig.source.whence)}", markup=False)
+            self._console.print(f"rig {titled(rig.name, rig.source.location)}", markup=False)
         if rig is None:
-            text = f"This takes about {seconds + 2:.0f} s. With --rig, a rig is examined too."
+            text = f"This takes about {seconds + 2:.0f} s. --rig examines a rig too."
         else:
-            text = f"This takes about {2 * seconds + 10:.0f} s. Every device of it is opened"
+            text = f"This takes about {2 * seconds + 10:.0f} s. It opens every device of the rig"
             if rig.plant is None and any(device.setpoints for device in rig.devices.values()):
                 text += (
-                    ", and each drive is left without our heartbeat once, to prove that it makes "
-                    "itself safe"
+                    ", and stops the heartbeat to each drive once, to prove that the drive "
+                    "makes itself safe"
                 )
-            text += ". Nothing is armed; let the rig stand still."
+            text += ". Nothing is armed; keep the rig at rest."
         self._console.print(text, style="dim")
 
     def show(self, check: Check) -> None:
@@ -75,7 +75,7 @@ class CheckupView:
         self._console.print(line, soft_wrap=True)
 
     def conclude(self, checks: Sequence[Check]) -> None:
-        """Say what it comes to."""
+        """Print the number of checks per verdict."""
         count = {
             verdict: sum(check.verdict is verdict for check in checks) for verdict in CheckVerdict
         }
@@ -92,11 +92,11 @@ class CheckupView:
 
 
 def _wrapped(text: str, room: int) -> list[str]:
-    return wrap(text, room, break_on_hyphens=False)  # paths stay whole where they fit
+    return wrap(text, room, break_on_hyphens=False)  # paths stay whole if they fit
 
 
 def as_json(checks: Sequence[Check], *, whole: bool) -> dict[str, object]:
-    """Return the checks for a script; ``whole``: nobody interrupted them."""
+    """Return the checks for a script; ``whole`` is true if the user interrupted none of them."""
     return {
         "fit": whole and is_fit(checks),
         "whole": whole,

@@ -1,4 +1,4 @@
-"""``rigd completion``: the shell completion script."""
+"""``rigd completion``: prints the script with which a shell completes rigd commands."""
 
 from __future__ import annotations
 

@@ -4,37 +4,39 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
+
+from rigd.cli.options import add_json
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from rigd.cli.inventory import Installed
+    from rigd.cli.inventory import InstalledPlugin
     from rigd.model.channels import Channel
 
-HELP = "list what is installed: drivers, links, plants, simulations"
+HELP = "list installed drivers, links, plants and simulations"
 EXAMPLES = """\
 examples:
-  rigd drivers                        names, kinds and what each is
+  rigd drivers                        names, kinds and titles
   rigd drivers serial-scale           its options, channels, setpoints and actions
   rigd drivers serial-scale --json
 
-  Any installed package may bring some: see docs/drivers.md and `rigd new driver`.
-  Exit code 2: there is no such name, or what was asked for cannot be loaded.
+  Any installed package may provide some: see docs/drivers.md and `rigd new driver`.
+  Exit code 2: the name does not exist, or the plug-in cannot be loaded.
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("name", nargs="?", metavar="NAME", help="show this one in full")
-    parser.add_argument("--json", action="store_true", help="print everything as JSON")
+    parser.add_argument("name", nargs="?", metavar="NAME", help="show this plug-in in full")
+    add_json(parser, "print everything as JSON")
 
 
 def execute(args: argparse.Namespace) -> int:
-    """List what is installed; what is broken never hides the rest."""
-    from rigd.cli.inventory import look_at, points
+    """List the installed plug-ins; a broken one does not hide the others."""
+    from rigd.cli.inventory import look_at_plugin, points
+    from rigd.cli.screen import open_console
     from rigd.config.problems import suggest
     from rigd.model.errors import ConfigError, Exit
 
@@ -43,28 +45,23 @@ def execute(args: argparse.Namespace) -> int:
     if not wanted:
         names = {point.name for _, point in everything}
         raise ConfigError(
-            f"nothing of the name {args.name!r} is installed",
-            hint=suggest(args.name, names) or "`rigd drivers` lists what is",
+            f"{args.name!r} is not installed",
+            hint=suggest(args.name, names) or "`rigd drivers` lists the installed names",
         )
     in_full = args.json or args.name is not None
-    found = [look_at(group, point, in_full=in_full) for group, point in wanted]
+    found = [look_at_plugin(group, point, in_full=in_full) for group, point in wanted]
     if args.json:
         print(json.dumps([_as_json(item) for item in found], indent=2, ensure_ascii=False))
+    elif args.name is None:
+        _print_list(open_console(), found)
     else:
-        from rich.console import Console
-
-        # Piped, a line is a line: nothing folds.
-        console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
-        if args.name is None:
-            _print_list(console, found)
-        else:
-            for item in found:
-                _print_one(console, item)
+        for item in found:
+            _print_plugin(open_console(), item)
     broken = args.name is not None and any(item.broken for item in found)
     return int(Exit.BAD_INPUT if broken else Exit.OK)
 
 
-def _as_json(installed: Installed) -> dict[str, Any]:
+def _as_json(installed: InstalledPlugin) -> dict[str, Any]:
     from dataclasses import asdict
 
     data = asdict(installed)
@@ -78,32 +75,19 @@ def _as_json(installed: Installed) -> dict[str, Any]:
     return data
 
 
-def _print_list(console: Console, found: list[Installed]) -> None:
+def _print_list(console: Console, found: list[InstalledPlugin]) -> None:
     from rich.markup import escape
-    from rich.table import Table
 
-    from rigd.cli.inventory import GROUPS
-    from rigd.cli.screen import print_table
+    from rigd.cli.inventory import GROUPS, print_list
 
     for kind in GROUPS.values():
         members = [item for item in found if item.kind == kind.name]
-        if not members:
-            continue
-        console.print(f"[bold]{kind.name}s[/]   {escape(kind.where)}")
-        table = Table(box=None, pad_edge=False, show_header=False)
-        for _ in range(3):
-            table.add_column(overflow="fold")
-        for member in members:
-            text = (
-                f"[red]broken: {escape(member.broken)}[/]"
-                if member.broken
-                else escape(member.title)
-            )
-            table.add_row(f"  {member.name}", f"{member.package} {member.version}", text)
-        print_table(console, table)
+        if members:
+            console.print(f"[bold]{kind.name}s[/]   {escape(kind.where)}")
+            print_list(console, members, "  ")
 
 
-def _print_one(console: Console, installed: Installed) -> None:
+def _print_plugin(console: Console, installed: InstalledPlugin) -> None:
     from rich.markup import escape
 
     from rigd.cli.screen import wrapped
@@ -162,16 +146,13 @@ def _print_table(
     console: Console, title: str, columns: tuple[str, ...], rows: Sequence[tuple[str, ...]]
 ) -> None:
     from rich.markup import escape
-    from rich.table import Table
 
-    from rigd.cli.screen import print_table
+    from rigd.cli.screen import folding_table, print_table
 
     if not rows:
         return
     console.print(f"[bold]{title}[/]")
-    table = Table(box=None, pad_edge=False, show_header=any(columns))
-    for column in columns:
-        table.add_column(column, overflow="fold")
+    table = folding_table(*columns)
     for row in rows:
         first, *rest = map(escape, row)
         table.add_row(f"  {first}", *rest)

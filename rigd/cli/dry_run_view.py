@@ -1,4 +1,7 @@
-"""Prints the result of a dry run as tables, or returns it as JSON."""
+"""Prints the result of a dry run (a procedure played on a simulated plant), or returns JSON.
+
+The printed result is a set of tables.
+"""
 
 from __future__ import annotations
 
@@ -16,35 +19,35 @@ LEAST_WIDTH = 120
 
 
 class DryRunFigures(Protocol):
-    """What is shown of a dry run, played here or elsewhere."""
+    """The figures of a dry run to print; the dry run was played here or by a daemon."""
 
     @property
     def duration_s(self) -> float:
-        """Of rig time."""
+        """Duration in s, in the time of the rig."""
 
     @property
     def steps(self) -> Sequence[StepRow]:
-        """In the order of play."""
+        """The steps in the order of play."""
 
     @property
     def peaks(self) -> Sequence[PredictedPeak]:
-        """Of every limited channel."""
+        """The peak of every limited channel."""
 
     @property
     def refusals(self) -> Sequence[str]:
-        """Why the procedure must not run."""
+        """The reasons why the procedure must not run."""
 
 
 def print_dry_run(dry_run: DryRunFigures) -> None:
     """Print the step table, the duration, the peaks beside their limits, and the verdict."""
-    # Names of channels must stay whole: below this width the terminal may wrap, not the table.
+    # Names of channels must stay whole: below this width the terminal wraps, not the table.
     console = Console(highlight=False)
     console = Console(highlight=False, width=max(console.width, LEAST_WIDTH))
     console.print(_steps(dry_run))
     console.print(f"estimated duration: [bold]{dry_run.duration_s:.1f} s[/] of rig time\n")
     console.print(_peaks(dry_run))
     if dry_run.refusals:
-        console.print("[red]refused[/]: this run would be blocked, or not run clean")
+        console.print("[red]refused[/]: preflight would block this run, or the run would fail")
         for line in dry_run.refusals:
             console.print(f"  {escape(line)}", soft_wrap=True)
     else:

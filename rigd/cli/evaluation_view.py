@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
 from rich.markup import escape
@@ -11,8 +12,26 @@ from rich.table import Table as RichTable
 from rigd.analysis.terminal import TerminalReport, TerminalTable
 from rigd.cli.screen import print_table, wrapped
 
-#: Columns where the width of the terminal is not known.
+if TYPE_CHECKING:
+    from rigd.analysis.analysis import Evaluation
+
+#: Columns to use if the width of the terminal is unknown.
 WIDTH = 120
+#: What a heading says that a person at the terminal has just typed, or does not need there.
+LEFT_OUT: Final = frozenset({"Procedure", "Recording", "Recordings", "Report made"})
+
+
+def print_evaluation(evaluation: Evaluation) -> None:
+    """Print what may be used, where the data are from, and the report for terminals."""
+    opened: list[str] = []
+    if evaluation.opening is not None:
+        opened.append("\n".join(evaluation.opening.sentences))
+    if evaluation.heading is not None:
+        heading = evaluation.heading
+        said = [heading.badge] if heading.badge else []
+        said += [f"{name} {text}" for name, text in heading.entries if name not in LEFT_OUT]
+        opened.append("; ".join(said))
+    print_terminal_report((*filter(None, opened), *evaluation.terminal_report()))
 
 
 def print_terminal_report(shown: TerminalReport) -> None:
@@ -22,15 +41,15 @@ def print_terminal_report(shown: TerminalReport) -> None:
         if index:
             console.print()
         if isinstance(item, TerminalTable):
+            if item.title:  # a table would break it at its own width
+                console.print(item.title, markup=False, soft_wrap=True, style="italic")
             print_table(console, _rich(item))
         else:
             console.print(wrapped(item, console.width), markup=False, soft_wrap=True)
 
 
 def _rich(table: TerminalTable) -> RichTable:
-    drawn = RichTable(
-        title=escape(table.title) or None, title_justify="left", box=None, pad_edge=False
-    )
+    drawn = RichTable(box=None, pad_edge=False)
     for column in table.columns:
         drawn.add_column(escape(column.title), justify="right" if column.right else "left")
     for row in table.rows:

@@ -14,8 +14,9 @@ examples:
   rigd export FILE --to csv --joined 100
   rigd export runs/*.mcap --to parquet --output tables/
 
-  One table per stream, with t_ns (UTC), time (s), trial (-1 outside), trial_time (s since the trial
-  began), step and a column per channel; one of the events; one of the trials with their parameters.
+  One table per stream, with t_ns (UTC), time (s), trial (-1 outside trials), trial_time (s since
+  the trial began), step and a column per channel; one table of the events; one of the trials with
+  their parameters.
   --joined puts all streams into one table. Each of several files gets a folder of its own.
 """
 
@@ -25,23 +26,29 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="recordings")
     parser.add_argument("--to", choices=("parquet", "csv", "mat"), required=True, help="format")
     parser.add_argument(
-        "--stream", action="append", metavar="NAME", help="only this stream (default: all)"
+        "--stream", action="append", metavar="NAME", help="only this stream (default: all streams)"
     )
     parser.add_argument(
         "--joined",
         type=_rate,
         metavar="RATE",
-        help="one table of all streams at RATE, such as 100 or '100 Hz': each value is the last "
-        "sample at or before that time, and none where there is a gap",
+        help="one table of all streams at RATE, such as 100 or '100 Hz': each value is the "
+        "last sample at or before that time; a gap has no value",
     )
     parser.add_argument(
-        "--output", type=Path, metavar="FOLDER", help="default: a folder named like the recording"
+        "--output",
+        type=Path,
+        metavar="FOLDER",
+        help=("default: a folder with the recording's name"),
     )
     parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Write the tables and name them."""
+    """Write the tables and print their names."""
+    from rigd.model.extras import require
+
+    require("analysis", "rigd export")
     from rigd.model.errors import ConfigError
     from rigd.record import Recording
     from rigd.record.export import export
@@ -52,8 +59,8 @@ def execute(args: argparse.Namespace) -> int:
         folders = [args.output / file.stem for file in files]
     if len(set(folders)) < len(folders):
         raise ConfigError(
-            "two of the recordings have one name, and so one folder",
-            hint="export them one by one, each with an --output of its own",
+            "two of the recordings have the same name, and so the same folder",
+            hint="export them separately, each with its own --output",
         )
     for file, folder in zip(files, folders, strict=True):
         written = export(
@@ -77,7 +84,7 @@ def _rate(text: str) -> float:
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
     if rate.unit.dimension not in (parse_unit("1").dimension, parse_unit("Hz").dimension):
-        raise argparse.ArgumentTypeError(f"{text!r} is no rate: give it in Hz, such as 100")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a rate: give it in Hz, such as 100")
     if rate.value <= 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is no rate: it must be above 0")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a rate: it must be above 0")
     return rate.value

@@ -1,24 +1,33 @@
-"""``rigd identify``: recordings to friction parameters with uncertainties, and a report."""
+"""``rigd identify``: computes friction parameters with uncertainties, and makes a report.
+
+The input is one or several recordings.
+"""
 
 from __future__ import annotations
 
 import argparse
-import json
-import os
 import sys
 from pathlib import Path
+
+from rigd.cli.evaluated import Said, add_evaluated, one_thread, read_corrections, show
 
 HELP = "identify friction parameters from recordings, and write a report"
 EXAMPLES = """\
 examples:
   rigd identify runs/20261121-080000-constant_current-pvc.mcap
   rigd identify runs/*constant_current*.mcap       one report on all floors
+  rigd identify FILE --figures figures/            each figure as SVG, PDF and CSV (data)
   rigd identify FILE --json                        for a program
   rigd identify before.mcap after.mcap --group-by recording
-  rigd identify runs/*approach_angles*.mcap        one campaign, whatever files it is in
+  rigd identify runs/*approach_angles*.mcap        one campaign from several files
+  rigd identify FILE --method output-error         simulate the rig; reports a misfit
+  rigd identify FILE --compare                     which friction law the data support
+  rigd identify FILE --law lugre-4                 the parameters of another law
   rigd identify FILE --calibration new.yaml        raw volts under another calibration
+  rigd identify FILE --set wheel_radius="50 mm"    not the recorded constant
+  rigd identify FILE --plan constant_current       the constants of that procedure
 
-  A parameter that the data do not determine is called that, with the excitation that would help.
+  A parameter that the data do not determine is marked so, with the excitation that would help.
 """
 
 
@@ -26,17 +35,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="recordings")
     parser.add_argument(
-        "--report",
-        type=Path,
-        metavar="FILE",
-        help="HTML report to write (default: beside the first recording)",
-    )
-    parser.add_argument("--no-report", action="store_true", help="write no report")
-    parser.add_argument(
-        "--starts", type=int, default=8, metavar="N", help="starts of the fit (default 8)"
+        "--starts", type=int, default=8, metavar="N", help="number of starts of the fit (default 8)"
     )
     parser.add_argument(
-        "--seed", type=int, default=1, metavar="N", help="seed of the starts (default 1)"
+        "--seed", type=int, default=1, metavar="N", help="seed of the random starts (default 1)"
     )
     parser.add_argument(
         "--robust", action="store_true", help="Huber loss instead of least squares, for outliers"
@@ -45,54 +47,63 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--calibration",
         type=Path,
         metavar="FILE",
-        help="use this calibration on the raw volts, not the one that the recordings carry",
+        help="convert the raw volts with this calibration, not with the recordings' own",
     )
     parser.add_argument(
         "--group-by",
         choices=["recording"],
-        help="identify each recording by itself, to compare them",
+        help="identify each recording separately, to compare them",
     )
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    parser.add_argument(
+        "--method",
+        choices=["slip-force", "output-error"],
+        default="",
+        help=(
+            "estimation method: slip in, traction out (default); or simulate the rig and "
+            "compare its outputs"
+        ),
+    )
+    parser.add_argument(
+        "--law",
+        default="",
+        metavar="NAME",
+        help="fit this friction law, not the default; an unknown name lists those installed",
+    )
+    parser.add_argument(
+        "--compare",
+        action="store_true",
+        help="say which of the installed friction laws the data support",
+    )
+    add_evaluated(parser)
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Identify, report, print."""
-    # Before numpy is loaded: the systems to solve are small, and threads of the linear algebra
-    # that wait for one another cost twenty times what one alone does.
-    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    """Identify, write the report, print the results."""
+    from rigd.model.extras import require
+
+    require("analysis", "rigd identify")
+    one_thread()
 
     from rigd.analysis.analysis import Options
     from rigd.analysis.evaluation import evaluate
-    from rigd.cli.evaluation_view import print_terminal_report
-    from rigd.model.errors import ConfigError, RecordingError
+    from rigd.model.errors import ConfigError, Exit
 
     if not 1 <= args.starts <= 1000:
         raise ConfigError(f"--starts {args.starts} must be between 1 and 1000")
-    if args.report is not None and args.report.suffix == ".mcap":
-        raise ConfigError(f"--report {args.report} would overwrite a recording")
+    corrections = read_corrections(args)
     by_recording = args.group_by is not None
-    options = Options(args.starts, args.seed, args.robust, args.calibration, by_recording)
-    losses: list[str] = []
+    options = Options(
+        args.starts, args.seed, args.robust, args.calibration, by_recording, args.method,
+        args.law, args.compare,
+    )  # fmt: skip
+    said = Said()
     evaluation = evaluate(
         args.files,
         options,
         tell=lambda line: print(f"identifying {line}", file=sys.stderr),
-        passed_over=losses.append,
+        passed_over=said.losses.append,
+        corrections=corrections,
+        changed=said.corrected.append,
     )
-    report: Path | None = None
-    if not args.no_report:
-        report = args.report or args.files[0].with_suffix(".html")
-        try:
-            report.write_text(evaluation.report(), encoding="utf-8")
-        except OSError as error:
-            raise RecordingError(f"cannot write the report {report}: {error.strerror}") from error
-    if args.json:
-        print(json.dumps({**evaluation.to_json(), "lost": losses}, indent=2, allow_nan=False))
-    else:
-        for loss in losses:
-            print(f"warning: {loss}")
-        print_terminal_report(evaluation.terminal_report())
-        if report is not None:
-            print(f"report: {report}")
-    return 0
+    show(args, evaluation, said, args.files[0].with_suffix(".html"))
+    return Exit.OK if evaluation.fits else Exit.MISFIT

@@ -10,40 +10,42 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
 
+from rigd.cli.options import add_json
+
 if TYPE_CHECKING:
     from rich.console import Console
 
     from rigd.record import Recording, RunInfo
 
-HELP = "show what a recording holds"
+HELP = "show the contents of a recording"
 EXAMPLES = """\
 examples:
   rigd info runs/20261121-080000-quick.mcap
   rigd info FILE --json
   rigd info runs/*.mcap
-  rigd info FILE --attachments folder/      write its rig and procedure files out
+  rigd info FILE --attachments folder/      write its rig and procedure files
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="recordings")
+    add_json(parser, "print as JSON; a list for several files")
     parser.add_argument(
-        "--json", action="store_true", help="print as JSON; of several files, a list"
-    )
-    parser.add_argument(
-        "--attachments", type=Path, metavar="FOLDER", help="write the attached files there"
+        "--attachments", type=Path, metavar="FOLDER", help="write the attached files to this folder"
     )
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Print each summary; a file that cannot be read keeps no other from being shown."""
+    """Print each summary; a file that cannot be read does not stop the others."""
     from rigd.model.errors import ConfigError, Exit, RecordingError
     from rigd.record import info_json, run_info
 
     files: list[Path] = list(dict.fromkeys(args.files))
     if args.attachments is not None and len(files) > 1:
-        raise ConfigError("--attachments is for one recording", hint="give one FILE with it")
+        raise ConfigError(
+            "--attachments is for one recording", hint="give one FILE with --attachments"
+        )
     found = []
     for file in files:
         try:
@@ -66,21 +68,21 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _opened(path: Path) -> Recording:
-    """Open a recording; a torn one as far as it is sound."""
+    """Open a recording; open a torn recording as far as it is intact."""
     from rigd.model.errors import RecordingError
     from rigd.record import Recording
 
     try:
         return Recording.open(path)
     except RecordingError:
-        return Recording.open(path, partial=True)  # raises again where it is no recording
+        return Recording.open(path, partial=True)  # raises again if the file is not a recording
 
 
 def _write_attachments(recording: Recording, folder: Path) -> None:
     from rigd.model.errors import RecordingError
 
     for attachment in recording.attachments.values():
-        # An attachment's name comes from a file: never let it point outside the folder.
+        # An attachment's name comes from the file: it must not point outside the folder.
         name = Path(attachment.name)
         if name.is_absolute() or ".." in name.parts:
             name = Path(name.name)
@@ -128,12 +130,12 @@ def _print(info: RunInfo) -> None:
         if text:
             console.print(f"{name:<12}{escape(plain(text))}", soft_wrap=True)
     if info.recovered and not info.losses:
-        console.print("[yellow]this file was torn and has been recovered[/]")
+        console.print("[yellow]this file was damaged and has been recovered[/]")
     for text in info.losses:
         console.print(f"[red]{escape(plain(text))}[/]", soft_wrap=True)
     if info.problem:
-        said = f"`rigd verify {named}` says more. {how_to_recover(info.path)}"
-        console.print(escape(plain(said)), soft_wrap=True)
+        advice = f"`rigd verify {named}` prints details. {how_to_recover(info.path)}"
+        console.print(escape(plain(advice)), soft_wrap=True)
     _print_trials(console, info)
     table = Table(box=None, pad_edge=False)
     table.add_column("stream")
@@ -161,7 +163,7 @@ def _print_trials(console: Console, info: RunInfo) -> None:
 
     if not info.trials:
         return
-    names = [  # those of the whole run stand above
+    names = [  # events of the whole run are printed above
         name
         for name in dict.fromkeys(name for trial in info.trials for name in trial.parameters)
         if name not in info.parameters or len({trial.text(name) for trial in info.trials}) > 1
@@ -180,7 +182,7 @@ def _print_trials(console: Console, info: RunInfo) -> None:
 
 
 def _recorded(info: RunInfo) -> str:
-    """Return when a run in virtual time was made, as far as its file says; its start is no date."""
+    """Return when a run in virtual time was made, if the file says so; its start is no date."""
     from rigd.record.moment import is_virtual, recorded_at
 
     if not is_virtual(info):
@@ -190,7 +192,7 @@ def _recorded(info: RunInfo) -> str:
 
 
 def _calibration(held: Mapping[str, str]) -> str:
-    """Return in words which calibration a run rested on."""
+    """Describe the calibration that a run used."""
     if not held:
         return ""
     last = held.get("valid_until")

@@ -5,14 +5,16 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-HELP = "hold setpoints for a while by hand, then go to rest"
+from rigd.cli.options import add_json, add_quiet, add_rig, add_runs, read_assignments
+
+HELP = "hold setpoints by hand for a time, then go to rest"
 EXAMPLES = """\
 examples:
   rigd jog wheel_servo.current=0.1A --for 2s --rig lugre-1
   rigd jog longitudinal_belt.speed=-50mm/s --for '1 s' --rig wire-1
 
-It is recorded as any run is. Ctrl-C stops it. A setpoint changes no faster than its rate in the
-rig file allows; beyond its limits the command is refused.
+The movement is recorded like any run. Ctrl-C stops it. A setpoint changes no faster than its rate
+in the rig file allows; rigd refuses a value beyond its limits.
 """
 
 
@@ -21,20 +23,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "setpoints", nargs="+", metavar="SETPOINT=VALUE", help="device.setpoint and its value"
     )
-    parser.add_argument("--rig", required=True, metavar="RIG", help="rig file, or the name in it")
+    add_rig(parser)
     parser.add_argument(
-        "--for", dest="duration", default="1 s", metavar="TIME", help="how long (default 1 s)"
+        "--for", dest="duration", default="1 s", metavar="TIME", help="duration (default 1 s)"
     )
-    parser.add_argument(
-        "--runs", type=Path, default=Path("runs"), metavar="FOLDER", help="folder of recordings"
-    )
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_runs(parser)
+    add_json(parser)
+    add_quiet(parser)
 
 
 def execute(args: argparse.Namespace) -> int:
     """Compile the movement as a procedure, and play it."""
-    from rigd.cli.assignments import read_assignments
     from rigd.cli.playing import play
     from rigd.config.loader import load_rig
     from rigd.daemon.execute import RunRequest
@@ -50,8 +49,8 @@ def execute(args: argparse.Namespace) -> int:
         procedure = compile_procedure(parse_procedure(text, Path("jog")), rig, {})
     except ConfigError as error:
         for item in (error, *error.others):
-            item.place = None  # in a text that the person never saw
+            item.place = None  # an error in a text that the user has not written
         raise
-    # A simulated rig too is moved at the pace of the wall: a person watches.
+    # A simulated rig also moves in real time: a person watches it.
     request = RunRequest(procedure, text, rig, seed=1, pace=1.0, folder=args.runs)
     return play(request, as_json=args.json, quiet=args.quiet, by_person=False)

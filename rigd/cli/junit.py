@@ -1,8 +1,9 @@
 """Writes the result of a run as JUnit XML for continuous integration.
 
-One test case for each trial, and one for the run as a whole, which also fails for what no trial
-answers for: preflight, `prepare`, `finish`, the recording. Elements and attributes are those that
-Jenkins and GitLab read (JUnit 10 schema of the Jenkins xUnit plugin).
+Each trial is one test case. One more test case represents the run as a whole. It also fails if a
+part fails that belongs to no trial: preflight, `prepare`, `finish` or the recording. The module
+writes the elements and attributes that Jenkins and GitLab read (JUnit 10 schema of the Jenkins
+xUnit plugin).
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ from rigd.model.errors import ConfigError, Exit, RigdError
 from rigd.procedure.program import CompiledProcedure
 from rigd.record import Recording, TrialInfo, run_info
 
-#: Endings that say nothing about the procedure: the rig was not fit, or a device failed.
+#: Endings that are no result of the procedure: the rig was not fit, or a device failed.
 _NOT_ITS_DOING: Final = frozenset({"blocked", "faulted"})
-#: What XML 1.0 cannot hold in any form (section 2.2).
+#: Characters that XML 1.0 cannot contain in any form (section 2.2).
 _NOT_XML: Final = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
@@ -33,9 +34,9 @@ class JunitCase:
 
     name: str
     time_s: float = 0.0
-    failure: str = ""  #: what did not end as demanded
-    error: str = ""  #: why it could not even be tried
-    skipped: str = ""  #: why it was not played
+    failure: str = ""  #: the step did not end as the procedure demands
+    error: str = ""  #: the trial could not be played
+    skipped: str = ""  #: the trial was not played
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Suite:
 
 
 def suite_of(procedure: CompiledProcedure, rig: str, recorded: RecordedRun) -> Suite:
-    """Return what became of each trial, by its recording, and of the run.
+    """Return the results of the run and of each trial, from its recording.
 
     Raises:
         RecordingError: the recording cannot be read.
@@ -62,38 +63,39 @@ def suite_of(procedure: CompiledProcedure, rig: str, recorded: RecordedRun) -> S
 def case_of(result: RunResult) -> JunitCase:
     """Return the case of the run as a whole.
 
-    An error is what says nothing about the procedure: somebody ended it, or the rig was not fit.
+    It is an error, not a failure, if the ending is no result of the procedure: a person ended the
+    run, or the rig was not fit.
     """
-    told = "\n".join((f"{result.ending}: {result.reason}", *result.trips, *result.problems))
+    description = "\n".join((f"{result.ending}: {result.reason}", *result.trips, *result.problems))
     if result.exit_code is Exit.OK:
         return JunitCase("run", result.run_s)
     if result.exit_code is Exit.STOPPED or result.ending in _NOT_ITS_DOING:
-        return JunitCase("run", result.run_s, error=told)
-    return JunitCase("run", result.run_s, failure=told)
+        return JunitCase("run", result.run_s, error=description)
+    return JunitCase("run", result.run_s, failure=description)
 
 
 def suite_of_complete(procedure: CompiledProcedure, rig: str, path: Path) -> Suite:
-    """Return what became of each trial of a recording that misses none, so that nothing is played.
+    """Return the results of a recording in which no trial is missing, so that nothing is played.
 
     Raises:
         RecordingError: the recording cannot be read.
     """
-    return _suite(procedure, rig, path, JunitCase("run"), "complete: all trials played before")
+    return _suite(procedure, rig, path, JunitCase("run"), "complete: all trials were played before")
 
 
 def suite_of_error(procedure: str, error: RigdError) -> Suite:
-    """Return the suite of a run that did not come about."""
+    """Return the suite of a run that did not start."""
     return Suite(procedure, [JunitCase("run", error=str(error))])
 
 
 def check_writable(path: Path) -> None:
-    """Check before anything moves that the result will have a place.
+    """Check before anything moves that the result can be written.
 
     Raises:
-        ConfigError: it has none.
+        ConfigError: it cannot.
     """
     if not path.absolute().parent.is_dir() or path.is_dir():
-        raise ConfigError(f"--junit {path}: there is no such folder, or it is one itself")
+        raise ConfigError(f"--junit {path}: the folder does not exist, or the path is a folder")
 
 
 def write_junit(path: Path, suite: Suite) -> None:
@@ -107,10 +109,10 @@ def write_junit(path: Path, suite: Suite) -> None:
         "failures": str(sum(bool(case.failure) for case in suite.cases)),
         "errors": str(sum(bool(case.error) for case in suite.cases)),
     }
-    root = ET.Element("testsuites", counts)  # which the schema lets skip nothing
+    root = ET.Element("testsuites", counts)  # the schema requires this element
     top = ET.SubElement(root, "testsuite", {"name": _clean(suite.name), **counts})
     top.set("skipped", str(sum(bool(case.skipped) for case in suite.cases)))
-    top.set("time", f"{suite.cases[-1].time_s:.3f}")  # the run itself, the last
+    top.set("time", f"{suite.cases[-1].time_s:.3f}")  # the case of the run itself is the last
     if suite.started:
         top.set("timestamp", suite.started)
     if suite.properties:
@@ -143,7 +145,7 @@ def _trial(number: int, label: str, trial: TrialInfo | None, ended: str) -> Juni
     if trial is None:
         return JunitCase(name, skipped=f"not played: {ended}")
     if trial.end_ns is None:
-        return JunitCase(name, failure=f"the run ended within it: {ended}")
+        return JunitCase(name, failure=f"the run ended during this trial: {ended}")
     time_s = (trial.end_ns - trial.start_ns) * 1e-9
     return JunitCase(name, time_s, failure="" if trial.complete else trial.reason or ended)
 
@@ -154,11 +156,11 @@ def _add(top: ET.Element, suite: str, case: JunitCase) -> None:
         top, "testcase", {"classname": suite, "name": name, "time": f"{case.time_s:.3f}"}
     )
     outcomes = {"failure": case.failure, "error": case.error, "skipped": case.skipped}
-    for kind, told in outcomes.items():
-        if not told:
+    for kind, description in outcomes.items():
+        if not description:
             continue
-        message, _, rest = _clean(told).partition("\n")
-        if message.endswith(":"):  # the first of several reasons is told where there is one line
+        message, _, rest = _clean(description).partition("\n")
+        if message.endswith(":"):  # the first of several reasons, as there is only one line
             message += " " + rest.partition("\n")[0].strip()
         ET.SubElement(element, kind, {"message": message}).text = rest or None
 

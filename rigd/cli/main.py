@@ -1,4 +1,4 @@
-"""The ``rigd`` command: runs a subcommand, turns errors into messages and exit codes."""
+"""Runs the ``rigd`` command: calls a subcommand and turns errors into messages and exit codes."""
 
 from __future__ import annotations
 
@@ -36,12 +36,13 @@ from rigd.cli import (
     serve,
     sim,
     tare,
+    validate,
     verify,
 )
 from rigd.cli.shown import screened
 from rigd.model.errors import Exit, RigdError
 
-#: In the order a newcomer needs them.
+#: In the order in which a new user needs them.
 COMMANDS: tuple[ModuleType, ...] = (
     run,
     jog,
@@ -49,6 +50,7 @@ COMMANDS: tuple[ModuleType, ...] = (
     tare,
     report,
     identify,
+    validate,
     calibrate,
     check,
     runs,
@@ -69,7 +71,7 @@ COMMANDS: tuple[ModuleType, ...] = (
     completion,
 )
 
-#: What argparse says of a word that is none of those it knows.
+#: The error of argparse for an unknown command.
 _NO_CHOICE: Final = re.compile(r"invalid choice: '(.*?)' \(choose from (.*)\)")
 
 EPILOG = """\
@@ -80,22 +82,23 @@ examples:
                                          ten currents on PVC, recorded to runs/
   rigd identify runs/*constant_current*.mcap
                                          friction parameters with uncertainties, and a report
-  rigd check my_procedure.yaml           is this file right? nothing moves
-  rigd doctor --rig wire-1               is this machine and this rig fit? nothing moves
+  rigd check my_procedure.yaml           is this file valid? nothing moves
+  rigd doctor --rig wire-1               are this machine and rig fit? nothing moves
 
 exit codes:
   0  done                         4  an interlock or a device fault ended the run
   1  an error inside rigd         5  a person stopped the run before its end
   2  bad arguments or a bad file  6  a step did not end as the procedure demands
   3  blocked: preflight refused   7  a recording cannot be written, read or used
+                                  8  a model does not fit the data, or is rejected
 """
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that helps a person on who gave no command, or one that there is not."""
+    """A parser that suggests a command if the given command is missing or unknown."""
 
     def error(self, message: str) -> NoReturn:
-        """End with what is wrong; without any command, with the help."""
+        """Exit with the error; without a command, print the help."""
         if message == "the following arguments are required: COMMAND":
             self.print_help()
             self.exit(Exit.OK)
@@ -105,7 +108,7 @@ class Parser(argparse.ArgumentParser):
             nearest = difflib.get_close_matches(wrong[1], known, n=1)
             is_command = "COMMAND" in message[: wrong.start()]
             if is_command:
-                message = f"there is no command {wrong[1]!r}"
+                message = f"unknown command {wrong[1]!r}"
             if nearest:
                 meant = f"{self.prog} {nearest[0]}" if is_command else nearest[0]
                 message += f", did you mean `{meant}`?"
@@ -113,7 +116,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Return the whole command line; importing nothing that a command needs to run."""
+    """Return the complete parser; import nothing that only a running command needs."""
     parser = Parser(
         prog="rigd",
         description="Controller and data acquisition for friction and traction test rigs.",
@@ -153,7 +156,8 @@ def _main(argv: Sequence[str] | None) -> int:
         print(f"rigd: {error}", file=sys.stderr)
         return int(error.exit_code)
     except BrokenPipeError:
-        # The reader went away (`rigd runs | head`); keep the interpreter from writing at exit.
+        # The reader of the output has closed the pipe (`rigd runs | head`); prevent a write at
+        # exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return int(Exit.OK)
     except KeyboardInterrupt:
@@ -161,12 +165,14 @@ def _main(argv: Sequence[str] | None) -> int:
             raise
         print("rigd: interrupted", file=sys.stderr)
         return int(Exit.STOPPED)
-    except Exception as error:  # the outermost boundary: a bug, reported as one
+    except (
+        Exception
+    ) as error:  # the outermost boundary: an exception here is a bug, and is reported as a bug
         if args.debug:
             raise
         print(
-            f"rigd: internal error: {type(error).__name__}: {error}\n"
-            f"  this is a bug in rigd; --debug shows where",
+            f"rigd: internal error: {type(error).__name__}: {error}\n  this is a bug in rigd; "
+            "--debug prints the traceback",
             file=sys.stderr,
         )
         return int(Exit.INTERNAL)

@@ -1,4 +1,4 @@
-"""``rigd new``: writes a package for a plug-in that installs and passes its own tests."""
+"""``rigd new``: writes the package of a plug-in; the new package passes its own tests."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-HELP = "make a package of your own: a driver, a plant or an analysis, with tests"
+HELP = "write a package of your own: a driver, plant, analysis or friction law, with tests"
 EXAMPLES = """\
 examples:
   rigd new driver acme-scale --kind slow     a device that is asked now and then
@@ -17,44 +17,61 @@ examples:
 
   rigd new plant acme-sled                   physics, simulated devices, a rig and a procedure
   rigd new analysis acme-coast               recordings to parameters with a report
+  rigd new friction-law acme-rubber          slip in, friction out, for `rigd identify --law`
 
-  What is made passes check_driver(), check_plant() or check_analysis() as it is; docs/drivers.md,
-  docs/plants.md and docs/analyses.md show how to make it yours.
+  The new package passes check_driver(), check_plant(), check_analysis() or check_friction_law() at
+  once; docs/drivers.md, docs/plants.md, docs/analyses.md and docs/friction_laws.md show how to
+  adapt it.
 """
 
 KINDS: Final = ("fast", "slow", "block")
-_ARTICLES: Final = {"driver": "a", "plant": "a", "analysis": "an"}
-_PLURALS: Final = {"driver": "drivers", "plant": "plants", "analysis": "analyses"}
-#: The command that lists what is installed.
-_LISTS: Final = {"driver": "drivers", "plant": "drivers", "analysis": "analyses"}
+_ARTICLES: Final = {"driver": "a", "plant": "a", "analysis": "an", "friction-law": "a"}
+#: Kinds of plug-ins, each with the name of its entry points.
+_PLURALS: Final = {
+    "driver": "drivers",
+    "plant": "plants",
+    "analysis": "analyses",
+    "friction-law": "friction_laws",
+}
+#: The command that lists the installed plug-ins of this kind, or uses one by its name.
+_LISTS: Final = {
+    "driver": "drivers",
+    "plant": "drivers",
+    "analysis": "analyses",
+    "friction-law": "identify FILE --law",
+}
 _TEMPLATES: Final = Path(__file__).parent / "templates"
-#: Longest name, in characters: it becomes names of folders, modules and classes.
+#: Longest name, in characters: folders, modules and classes are named by it.
 _MAX_NAME: Final = 40
+#: The additional keys of the rig file in the README of a fast driver.
+_LIMITS: Final = """
+    limits:
+      speed: {low: -1 m/s, high: 1 m/s, rate: 5 m/s^2}"""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("what", choices=tuple(_PLURALS), help="what to make")
-    parser.add_argument("name", metavar="NAME", help="name in files, such as acme-scale")
+    parser.add_argument("what", choices=tuple(_PLURALS), help="kind of plug-in")
+    parser.add_argument("name", metavar="NAME", help="name of the package, such as acme-scale")
     parser.add_argument("--kind", choices=KINDS, help=f"kind of driver (default: {KINDS[0]})")
     parser.add_argument(
         "--folder", type=Path, default=Path(), metavar="DIR",
-        help="where to make the folder NAME (default: here)",
+        help="folder in which to make the folder NAME (default: here)",
     )  # fmt: skip
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Make the package and say what to do with it."""
+    """Write the package and print the next commands."""
     from rigd.model.errors import ConfigError
 
     if not args.folder.is_dir():
-        raise ConfigError(f"there is no folder {args.folder}", hint="make it first")
+        raise ConfigError(f"folder {args.folder} does not exist", hint="create it first")
     if args.what != "driver" and args.kind is not None:
-        raise ConfigError("--kind is of drivers only", hint="leave it out")
+        raise ConfigError("--kind is for drivers only", hint="remove it")
     check_name(args.name, args.what)
     target: Path = args.folder / args.name
     if target.exists() or target.is_symlink():
-        raise ConfigError(f"{target} is there already", hint="choose another name or --folder")
+        raise ConfigError(f"{target} exists already", hint="choose another name or --folder")
     kind = (args.kind or KINDS[0]) if args.what == "driver" else args.what
     files = rendered(args.name, kind)
     try:
@@ -69,21 +86,17 @@ def execute(args: argparse.Namespace) -> int:
     if args.what == "plant":
         then = f"rigd run {target / 'push.yaml'} --rig {target / 'rig.yaml'}"
     print(
-        f"made {target}, {made} that passes its tests as it is:\n"
-        f"  pip install -e '{target}[test]'\n"
-        f"  pytest {target}\n"
-        f"  {then}\n"
-        f"now make it yours: {target / 'README.md'} says how"
+        f"wrote {target}, {made} whose tests pass:\n  pip install -e '{target}[test]'\n  "
+        f"pytest {target}\n  {then}\nto adapt it to your device, read {target / 'README.md'}"
     )
     return 0
 
 
 def check_name(name: str, what: str = "driver") -> None:
-    """Refuse names that cannot be a package, or would hide another; ``what`` is to be made.
+    """Refuse names that cannot be a package or would hide another one; ``what`` is the kind.
 
     Raises:
-        ConfigError: the name will not do; says why.
-
+        ConfigError: the name is refused; the message gives the reason.
     """
     import importlib.util
     import keyword
@@ -96,21 +109,23 @@ def check_name(name: str, what: str = "driver") -> None:
     shape = r"[a-z][a-z0-9]*(-[a-z0-9]+)*"
     if not re.fullmatch(shape, name) or len(name) > _MAX_NAME:
         raise ConfigError(
-            f"{name!r} will not do as a name",
-            hint=f"lower case letters and digits, words joined by a dash, at most {_MAX_NAME} "
-            "characters, such as acme-scale",
+            f"{name!r} is not a valid name",
+            hint="use lower case letters and digits, words joined by a dash, at most "
+            f"{_MAX_NAME} characters, such as acme-scale",
         )
     if keyword.iskeyword(module):
-        raise ConfigError(f"{name!r} is a word of Python", hint=f"such as {name}-{what}")
+        raise ConfigError(f"{name!r} is a keyword of Python", hint=f"such as {name}-{what}")
     if entry_points(group=f"rigd.{_PLURALS[what]}", name=name):
         raise ConfigError(
             f"{_ARTICLES[what]} {what} {name!r} is installed",
-            hint=f"`rigd {_LISTS[what]}` lists the names that are taken",
+            hint=f"`rigd {_LISTS[what]}` lists the names that are in use",
         )
     spec = importlib.util.find_spec(module)
-    if module == "tests" or (spec is not None and spec.origin):  # a mere folder has no origin
+    if module == "tests" or (
+        spec is not None and spec.origin
+    ):  # a folder without __init__.py has no origin
         raise ConfigError(
-            f"a package {module!r} exists already, and would be hidden",
+            f"package {module!r} exists already, and would be hidden",
             hint=f"choose another name, such as {name}-{what}",
         )
 
@@ -123,26 +138,27 @@ def module_name(name: str) -> str:
 def rendered(name: str, kind: str) -> Mapping[str, str]:
     """Return the files of a package by path, below its folder.
 
-    ``kind`` is one of :data:`KINDS` of drivers, ``plant`` or ``analysis``.
+    ``kind`` is one of :data:`KINDS` of drivers, ``plant`` or ``analysis``. Templates have words in
+    double braces, as in Jinja, and use no other feature of Jinja.
     """
-    from jinja2 import Environment, StrictUndefined
+    import re
 
-    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)
     module = module_name(name)
     words = {
         "name": name,
         "module": module,
         "cls": "".join(word.capitalize() for word in name.split("-")),
         "kind": kind,
-        "port": 7000,
+        "limits": _LIMITS if kind == "fast" else "",
     }
     files = {}
     drivers = _TEMPLATES / "driver"
     folders = (drivers / "common", drivers / kind) if kind in KINDS else (_TEMPLATES / kind,)
     for folder in folders:
         for path in sorted(folder.rglob("*.jinja")):
-            where = path.relative_to(folder).with_suffix("").as_posix()
-            template = environment.from_string(path.read_text("utf-8"))
-            where = where.replace("MODULE", module).replace("NAME", name)
-            files[where] = template.render(words)
+            path_out = path.relative_to(folder).with_suffix("").as_posix()
+            path_out = path_out.replace("MODULE", module).replace("NAME", name)
+            files[path_out] = re.sub(
+                r"\{\{ (\w+) \}\}", lambda found: words[found[1]], path.read_text("utf-8")
+            )
     return files

@@ -18,13 +18,13 @@ examples:
   rigd panel --rig wire-1 --host 0.0.0.0 --name rig.lab \\
       --https-certificate certs/panel.crt --https-key certs/panel.key
 
-`rigd serve` starts one by itself; this starts another, here or on another machine. It is a client
-like every other and finds its rig as they do. What it prints is a link that lets one browser in,
-once; from an open page others are invited. It listens on this machine unless told otherwise, and
-beyond it only with a certificate.
+`rigd serve` starts a panel by itself; this command starts another panel, here or on another
+machine. The panel is a client like every other and finds its rig in the same way. The command
+prints a link that admits a single browser, once; an open page can invite others. Without --host the
+panel listens on this machine only; for other machines it needs a certificate.
 """
 
-#: The name that a panel on the rig's own machine comes as.
+#: The client name of a panel on the rig's own machine.
 IDENTITY = "panel"
 
 
@@ -33,27 +33,37 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_target(parser)
     page = parser.add_argument_group("the page")
     page.add_argument("--host", default="127.0.0.1", help="address to listen on (127.0.0.1)")
-    page.add_argument("--port", type=int, help="default 8423, or another where that is taken")
+    page.add_argument("--port", type=int, help=("default 8423, or a free port if 8423 is in use"))
     page.add_argument(
-        "--name", action="append", default=[], metavar="NAME", help="name browsers reach it by"
+        "--name",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="name by which browsers reach the panel",
     )
     page.add_argument("--https-certificate", type=Path, metavar="FILE", help="for browsers")
-    page.add_argument("--https-key", type=Path, metavar="FILE", help="that certificate's key")
+    page.add_argument("--https-key", type=Path, metavar="FILE", help="the key of that certificate")
     page.add_argument(
-        "--sessions", type=Path, metavar="FILE", help="keep who is logged in over a restart"
+        "--sessions", type=Path, metavar="FILE", help="file that keeps logins across a restart"
     )
     page.add_argument(
-        "--links", type=Path, metavar="FILE", help="write the links to a file, print none"
+        "--links",
+        type=Path,
+        metavar="FILE",
+        help=("write the links to this file instead of printing them"),
     )
     page.add_argument(
         "--spare",
         action="store_true",
-        help="load everything, then wait for a line on the standard input before serving",
+        help="load everything, then wait for a line on standard input before serving",
     )
 
 
 def execute(args: argparse.Namespace) -> int:
     """Serve until a signal."""
+    from rigd.model.extras import require
+
+    require("panel", "rigd panel")
     import asyncio
     import signal
     import sys
@@ -70,14 +80,14 @@ def execute(args: argparse.Namespace) -> int:
     listen = Listen(args.host, args.port, tuple(args.name), args.https_certificate, args.https_key)
 
     if args.spare and not sys.stdin.readline():
-        return int(Exit.OK)  # the daemon that started the spare is gone
+        return int(Exit.OK)  # the daemon that started the spare panel has ended
 
-    book = None if args.sessions is None else SessionStore(args.sessions)
+    store = None if args.sessions is None else SessionStore(args.sessions)
 
     async def panel() -> None:
         async with client as rig:
             await serve(
-                rig.connection, listen, lambda links: _announce(rig.rig, links, args.links), book
+                rig.connection, listen, lambda links: _announce(rig.rig, links, args.links), store
             )
 
     async def until_signal() -> None:
@@ -93,8 +103,8 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _announce(rig: str, links: Mapping[str, str], path: Path | None) -> None:
-    """Tell the links to whoever started the panel, and to nobody who reads logs."""
-    if path is None and "JOURNAL_STREAM" in os.environ:  # systemd keeps what is printed
+    """Print the links for the user or program that started the panel; keep them out of logs."""
+    if path is None and "JOURNAL_STREAM" in os.environ:  # systemd writes printed lines to its log
         folder = os.environ.get("RUNTIME_DIRECTORY", "").partition(":")[0] or tempfile.gettempdir()
         path = Path(folder) / f"rigd-panel-{rig}.links"
     if path is None:
@@ -104,8 +114,8 @@ def _announce(rig: str, links: Mapping[str, str], path: Path | None) -> None:
         )
         return
     text = "".join(f"{role} {link}\n" for role, link in links.items())
-    # A file that nobody else can read from its first byte on.
+    # A file that other users cannot read from its first byte on.
     with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=path.name, delete=False) as file:
         file.write(text)
     Path(file.name).replace(path)
-    print(f"panel of {rig}: the links to it are in {path}", flush=True)
+    print(f"panel of {rig}: its links are in {path}", flush=True)

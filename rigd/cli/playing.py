@@ -1,15 +1,25 @@
-"""Runs a procedure from a terminal: display for a person, JSON for a script."""
+"""Runs a procedure from this terminal: shows progress and prompts to a person, JSON to a script."""
 
 from __future__ import annotations
 
-import json
 import sys
+import threading
+import time
+from dataclasses import replace
 from pathlib import Path
+from shlex import quote
+from typing import TextIO
 
-from rigd.cli.console import ConsoleAnswers, RunDisplay, conclude
+from rigd.analysis.plan import analysis_of
+from rigd.cli.asking import ask_prompt
 from rigd.cli.junit import suite_of, write_junit
+from rigd.cli.run_display import Conclusion, RunDisplay, RunPosition
 from rigd.daemon.execute import RecordedRun, RunRequest, execute
+from rigd.daemon.provenance import trial_label
 from rigd.engine.answers import Answers, OwnAnswers
+from rigd.engine.result import Progress, TimeLeft
+from rigd.model.errors import Exit, ProcedureError
+from rigd.procedure.program import Answer, CompiledProcedure, Prompt
 
 
 def play(
@@ -22,47 +32,120 @@ def play(
 ) -> int:
     """Execute ``request``, show it, and return the exit code.
 
-    ``by_person``: prompts are answered at this terminal, otherwise by the procedure itself.
-    ``junit`` is where the result goes as JUnit XML.
+    ``by_person``: the operator answers prompts at this terminal, otherwise the procedure answers
+    them. ``junit`` is the path of the JUnit XML result.
     """
     recorded = record(request, quiet=quiet or as_json, by_person=by_person)
     if junit is not None:
         write_junit(junit, suite_of(request.procedure, request.rig.name, recorded))
+    conclusion = conclusion_of(request.procedure, recorded)
     if as_json:
-        print(json.dumps(_result(recorded), indent=2))
+        conclusion.print_json()
     else:
-        conclude(request.procedure, recorded)
-    return int(recorded.result.exit_code)
+        conclusion.print()
+    return conclusion.exit_code
 
 
 def record(request: RunRequest, *, quiet: bool, by_person: bool) -> RecordedRun:
     """Execute ``request`` and show its progress; see :func:`play`."""
-    screen = sys.stderr  # itself, not what stands in for it beside the bar: that ends every line
-    with RunDisplay(request.procedure, request.title, quiet=quiet) as display:
+    screen = (
+        sys.stderr
+    )  # sys.stderr itself, not rich's replacement while the bar is shown, which ends every line
+    trials = len(request.procedure.trials)
+    title = f"{request.title}, {trials} trial{'' if trials == 1 else 's'}"
+    time_left, begun_s = TimeLeft(), time.monotonic()
+    with RunDisplay(quiet=quiet, paused="Ctrl-Z resumes, Ctrl-C stops") as display:
+
+        def show(progress: Progress) -> None:
+            # The remaining time passes on the wall clock, also in virtual time.
+            on_wall = replace(progress, run_s=time.monotonic() - begun_s)
+            time_left.watch(on_wall)
+            display.show(_position(progress, request.procedure, time_left.left_s(on_wall)))
+
         answers: Answers = OwnAnswers()
         if by_person:
-            answers = ConsoleAnswers(sys.stdin, screen, display.quiet)
+            answers = ConsoleAnswers(sys.stdin, screen, display)
         return execute(
             request,
             answers=answers,
-            watch=display.watch,
-            tell=display.tell,
-            announce=display.announce,
+            watch=show,
+            tell=display.report,
+            announce=lambda path: display.announce(f"{title}, recording to {path}"),
         )
 
 
-def _result(recorded: RecordedRun) -> dict[str, object]:
-    result = recorded.result
-    return {
-        "recording": str(recorded.path),
-        "state": result.ending,
-        "reason": result.reason,
-        "exit_code": int(result.exit_code),
-        "trials_done": result.trials_done,
-        "trials_total": result.trials_total,
-        "incomplete_trials": {str(n): why for n, why in result.incomplete},
-        "run_s": round(result.run_s, 6),
-        "missed_cycles": result.missed_cycles,
-        "trips": list(result.trips),
-        "problems": list(result.problems),
-    }
+def _position(
+    progress: Progress, procedure: CompiledProcedure, left_s: float | None
+) -> RunPosition:
+    trial = progress.trial
+    return RunPosition(
+        state=progress.state.name.lower(),
+        trial=None if trial is None else trial.number,
+        label="" if trial is None else trial_label(trial, procedure),
+        step=progress.step,
+        trials_done=progress.trials_done,
+        trials_total=progress.trials_total,
+        left_s=left_s,
+    )
+
+
+def conclusion_of(procedure: CompiledProcedure, recorded: RecordedRun) -> Conclusion:
+    """Return how a run of ``procedure`` ended, and what to do next."""
+    result, path = recorded.result, quote(str(recorded.path))
+    advice = {"recording": str(recorded.path)}
+    if result.trials_done < result.trials_total:
+        advice = {"continue with": f"rigd run --resume {path}"}
+    elif result.exit_code is Exit.OK and procedure.identify is not None:
+        advice = {"identify": f"rigd identify {path}"}
+        if analysis_of(procedure.identify).measures:
+            advice = {"calibrate": f"rigd calibrate --from {path} --operator NAME"}
+    return Conclusion(
+        recording=str(recorded.path),
+        ending=result.ending,
+        reason=result.reason,
+        exit_code=int(result.exit_code),
+        trials_done=result.trials_done,
+        trials_total=result.trials_total,
+        run_s=result.run_s,
+        incomplete=dict(result.incomplete),
+        missed_cycles=result.missed_cycles,
+        cycles=result.cycles + result.missed_cycles,
+        trips=result.trips,
+        problems=result.problems,
+        advice=advice | {"show it with": f"rigd report {path}"},
+    )
+
+
+class ConsoleAnswers:
+    """The operator at this terminal; without one, a run that has prompts is blocked."""
+
+    by = "operator"
+    asks_again = True
+
+    def __init__(self, lines: TextIO, screen: TextIO, display: RunDisplay) -> None:
+        """``display`` is hidden while a question is on the screen."""
+        self._lines = lines
+        self._screen = screen
+        self._display = display
+        self._withdrawn = threading.Event()  # of the question that is on the screen
+
+    def can_answer(self, prompt: Prompt) -> bool:
+        """Return whether both ends are a terminal."""
+        return self._lines.isatty() and self._screen.isatty()
+
+    def answer(self, prompt: Prompt, objection: str = "") -> Answer:
+        """Ask until the answer can be parsed; the run checks the rest, and may ask again.
+
+        Raises:
+            ProcedureError: the terminal closed.
+        """
+        withdrawn = self._withdrawn = threading.Event()
+        with self._display.hidden():
+            given = ask_prompt(prompt, objection, self._lines, self._screen, withdrawn.is_set)
+        if given is None:
+            raise ProcedureError(f"prompt {prompt.name!r} was not answered")
+        return given
+
+    def withdraw(self) -> None:
+        """Leave the question on the screen; the next typed line is not its answer."""
+        self._withdrawn.set()

@@ -1,16 +1,18 @@
-"""``rigd read``: prints the newest value of each channel; nothing is armed or recorded."""
+"""``rigd read``: prints the newest value of each channel; arms and records nothing."""
 
 from __future__ import annotations
 
 import argparse
 from typing import TYPE_CHECKING
 
+from rigd.cli.options import add_json, add_rig
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rigd.daemon.manual import UnarmedSession
 
-HELP = "show what the channels of a rig read now; nothing is armed, nothing moves"
+HELP = "show the present value of each channel; nothing is armed, nothing moves"
 EXAMPLES = """\
 examples:
   rigd read --rig wire-1                           all channels, until Ctrl-C
@@ -18,13 +20,13 @@ examples:
   rigd read --rig wire-1 --once --json             one object for a script
   rigd read --rig wire-1 --for 10s --json          one object per line, each second
 
-On a terminal a table that refreshes itself, elsewhere a line per channel each second. Interlocks
-are judged and shown, but end nothing: nothing is armed that they could stop.
+On a terminal a table that is refreshed, elsewhere a line per channel each second. Interlocks are
+evaluated and shown, but stop nothing: nothing is armed.
 """
 
-#: A table on a terminal is drawn anew this often, lines are written this often; in s.
+#: Period of refreshing a table on a terminal, and of writing lines elsewhere; in s.
 TERMINAL_S, LINES_S = 0.25, 1.0
-#: Before anything is shown, so that interlocks that stand at rest have been told; in s.
+#: Delay before the first output, so that interlocks active at rest are included; in s.
 FIRST_LOOK_S = 0.1
 
 
@@ -33,20 +35,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "channels", nargs="*", metavar="CHANNEL", help="device.channel, or a device (default: all)"
     )
-    parser.add_argument("--rig", required=True, metavar="RIG", help="rig file, or the name in it")
+    add_rig(parser)
     length = parser.add_mutually_exclusive_group()
     length.add_argument(
         "--for",
         dest="duration",
         metavar="TIME",
-        help="for how long, such as 5s (default: until Ctrl-C)",
+        help="duration, such as 5s (default: until Ctrl-C)",
     )
     length.add_argument("--once", action="store_true", help="show every channel once, then end")
-    parser.add_argument("--json", action="store_true", help="one JSON object per line")
+    add_json(parser, "one JSON object per line")
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Open what is asked for, show it, and leave it safe."""
+    """Open the requested devices, show them, and leave them safe."""
     from rigd.cli.readings_view import view_for
     from rigd.config.loader import load_rig
     from rigd.daemon.manual import Newest, chosen_channels, only, open_unarmed
@@ -70,12 +72,12 @@ def execute(args: argparse.Namespace) -> int:
         with view_for(as_json=args.json, refresh=not args.once) as view:
             every_s = TERMINAL_S if view.on_terminal else LINES_S
             for _ in _moments(look, 0.0 if args.once else seconds, every_s):
-                view.show(look.t_ns, list(newest.readings(look.t_ns)), look.standing())
+                view.show(look.t_ns, list(newest.readings(look.t_ns)), look.active_interlocks())
     return int(Exit.OK)
 
 
 def _moments(look: UnarmedSession, seconds: float | None, every_s: float) -> Iterator[None]:
-    """Yield at once, then every ``every_s`` until ``seconds`` are over, or a person wants out."""
+    """Yield at once, then every ``every_s`` until ``seconds`` are over or the user interrupts."""
     end_ns = None if seconds is None else look.t_ns + round(seconds * 1e9)
     look.rest(FIRST_LOOK_S)
     while not look.stopped:
@@ -87,10 +89,10 @@ def _moments(look: UnarmedSession, seconds: float | None, every_s: float) -> Ite
 
 
 def _seconds(text: str) -> float:
-    """Return a duration as a person writes it.
+    """Return a duration that the user has typed, in s.
 
     Raises:
-        ConfigError: it is none.
+        ConfigError: it is not a duration.
     """
     from rigd.model.errors import ConfigError
     from rigd.model.units import parse_quantity, parse_unit

@@ -1,4 +1,4 @@
-"""Prints readings: a table that refreshes at a terminal, lines or JSON elsewhere."""
+"""Prints readings: at a terminal a table that refreshes, elsewhere lines or JSON."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from datetime import UTC, datetime
-from types import TracebackType
 from typing import Self
 
 from rich.console import Console, Group
@@ -24,28 +23,23 @@ _COLOUR = {"ok": "green", "stale": "yellow", "NaN": "red", "no row": "red"}
 
 
 class ReadingsView(AbstractContextManager["ReadingsView"], ABC):
-    """Somewhere to show readings; ``on_terminal`` where a person watches them change."""
+    """The output for readings; ``on_terminal`` is true for a terminal."""
 
     on_terminal = False
 
     @abstractmethod
-    def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:
-        """Show how channels and interlocks stand at ``t_ns`` (Unix)."""
+    def show(self, t_ns: int, readings: Sequence[Reading], active: Sequence[Trip]) -> None:
+        """Show channels and interlocks at ``t_ns`` (Unix)."""
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Leave the screen in order."""
+    def __exit__(self, *_: object) -> None:
+        """Restore the screen."""
 
 
 def view_for(*, as_json: bool, refresh: bool) -> ReadingsView:
-    """Return the view for where standard output goes; ``refresh``: more than one is shown."""
+    """Return the view for the kind of standard output; ``refresh``: several tables are shown."""
     if as_json:
         return JsonView()
     console = Console(highlight=False)
@@ -60,13 +54,13 @@ class TableView(ReadingsView):
     def __init__(self, console: Console) -> None:
         self._console = console
 
-    def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:
-        """Print a table of now."""
-        self._console.print(picture(readings, standing))
+    def show(self, t_ns: int, readings: Sequence[Reading], active: Sequence[Trip]) -> None:
+        """Print the present table."""
+        self._console.print(picture(readings, active))
 
 
 class LiveView(ReadingsView):
-    """A table that is drawn over the one before."""
+    """A table that overwrites the previous one."""
 
     on_terminal = True
 
@@ -77,25 +71,20 @@ class LiveView(ReadingsView):
         self._live.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Leave the last table on the screen."""
         self._live.stop()
 
-    def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:
-        """Draw the table anew."""
-        self._live.update(picture(readings, standing), refresh=True)
+    def show(self, t_ns: int, readings: Sequence[Reading], active: Sequence[Trip]) -> None:
+        """Draw the table again."""
+        self._live.update(picture(readings, active), refresh=True)
 
 
 class LineView(ReadingsView):
-    """A line per channel, and per interlock that stands."""
+    """A line per channel, and per interlock that is tripped or latched."""
 
-    def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:
-        """Print the lines of now, each with its time."""
+    def show(self, t_ns: int, readings: Sequence[Reading], active: Sequence[Trip]) -> None:
+        """Print the present lines, each with its time."""
         now = iso_time(t_ns)
         for reading in readings:
             print(
@@ -106,16 +95,16 @@ class LineView(ReadingsView):
                 age(reading.age_s),
                 state(reading),
             )
-        for trip in standing:
+        for trip in active:
             print(now, interlock_line(trip))
         print(end="", flush=True)
 
 
 class JsonView(ReadingsView):
-    """An object per line."""
+    """Prints one JSON object per line."""
 
-    def show(self, t_ns: int, readings: Sequence[Reading], standing: Sequence[Trip]) -> None:
-        """Print the object of now; what is no number is null."""
+    def show(self, t_ns: int, readings: Sequence[Reading], active: Sequence[Trip]) -> None:
+        """Print the present object; a value that is not finite is null."""
         channels = {
             reading.channel: {
                 "value": reading.value if math.isfinite(reading.value) else None,
@@ -133,14 +122,14 @@ class JsonView(ReadingsView):
                 "reason": trip.reason,
                 "message": trip.message,
             }
-            for trip in standing
+            for trip in active
         ]
         line = {"time": iso_time(t_ns), "channels": channels, "interlocks": interlocks}
         print(json.dumps(line), flush=True)
 
 
-def picture(readings: Sequence[Reading], standing: Sequence[Trip]) -> Group:
-    """Return the table of all channels, and below it what stands violated."""
+def picture(readings: Sequence[Reading], active: Sequence[Trip]) -> Group:
+    """Return the table of all channels, and below it the active interlocks."""
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column("channel", overflow="fold")
     table.add_column("value", justify="right", no_wrap=True, min_width=13)
@@ -154,29 +143,29 @@ def picture(readings: Sequence[Reading], standing: Sequence[Trip]) -> Group:
         table.add_row(
             reading.channel, shown, unit, age(reading.age_s), Text(state(reading), style=colour)
         )
-    lines = [Text(interlock_line(trip), style="red") for trip in standing]
+    lines = [Text(interlock_line(trip), style="red") for trip in active]
     return Group(table, *lines)
 
 
 def number(value: float) -> str:
-    """Return a value with six digits; ``-`` where there is none."""
+    """Return a value with six digits, or ``-`` if there is no value."""
     return "-" if math.isnan(value) else f"{value + 0.0:.6g}"  # no -0
 
 
 def age(seconds: float) -> str:
-    """Return an age as ``3 ms`` or ``1.5 s``; ``-`` where there never was a row."""
+    """Return an age as ``3 ms`` or ``1.5 s``, or ``-`` if there is no row yet."""
     if math.isinf(seconds):
         return "-"
     return f"{seconds * 1e3:.0f} ms" if seconds < 1 else f"{seconds:.1f} s"
 
 
 def state(reading: Reading) -> str:
-    """Return the state, with the status word of the device where it has one."""
+    """Return the state, with the status word of the device if it has one."""
     return reading.state if reading.status is None else f"{reading.state} {reading.status:#06x}"
 
 
 def interlock_line(trip: Trip) -> str:
-    """Return what stands violated, and what that would do to a run."""
+    """Describe an active interlock and its action in a run."""
     action = trip.interlock.action.word.replace("_", " ")
     return f"interlock {trip.interlock.name} ({action}): {trip.reason}"
 

@@ -1,4 +1,4 @@
-"""``rigd recover``: repairs damaged recordings and completes those of killed runs."""
+"""``rigd recover``: repairs damaged recordings and completes recordings of interrupted runs."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ examples:
   rigd recover runs/*.mcap
   rigd recover          # complete the recordings of all runs that were killed
 
-  An intact file is left as it is. Of a damaged one, what is damaged is left out and all the rest
-  is kept; trials that lost rows are marked. The damaged file stays beside it as FILE.orig until
-  you remove it. Samples that a killed run left in memory are added first.
+  An intact file is not changed. In a damaged file the damaged parts are left out and all the rest
+  is kept; trials that lost rows are marked. The damaged file is kept as FILE.orig until you remove
+  it. Samples that a killed run left in memory are added first.
 """
 
 
@@ -27,22 +27,22 @@ def configure(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         type=Path,
         metavar="FILE",
-        help="recordings; without any, those of runs that were killed on this machine",
+        help="recordings; by default those of runs that were killed on this machine",
     )
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Repair every file; one that cannot be never keeps the others from being repaired."""
+    """Repair every file; a file that cannot be repaired does not stop the others."""
     from rigd.model.errors import Exit
     from rigd.record.access import require_writing
 
     require_writing()
-    went_well = [_recover(path) for path in args.files] if args.files else _recover_left()
+    went_well = [_recover(path) for path in args.files] if args.files else _recover_killed()
     return int(Exit.OK if all(went_well) else Exit.BAD_DATA)
 
 
-def _recover_left() -> list[bool]:
-    """Recover the recordings of all killed runs; return how each went."""
+def _recover_killed() -> list[bool]:
+    """Recover the recordings of all killed runs; return whether each is intact."""
     from rigd.engine.shared import leftovers
     from rigd.model.errors import RecordingError
 
@@ -54,17 +54,16 @@ def _recover_left() -> list[bool]:
             print(f"rigd: {error}", file=sys.stderr)
             went_well.append(False)
         else:
-            went_well.append(_recover(path, left=True))
+            went_well.append(_recover(path, killed=True))
     if not went_well:
-        print("no killed run has left anything behind")
+        print("there is no recording of a killed run to complete")
     return went_well
 
 
-def _recover(path: Path, *, left: bool = False) -> bool:
-    """Add what a killed run left in memory for a file, then repair it; return whether it is well.
+def _recover(path: Path, *, killed: bool = False) -> bool:
+    """Complete a file with a killed run's samples in memory, repair it; return if it is intact.
 
-    A run that is under way is left alone. ``left``: a killed run names the file, which it may not
-    have come to make.
+    A run in progress is not touched. ``killed``: a killed run names the file, which may not exist.
     """
     from rigd.engine.recorder import drain_into
     from rigd.model.errors import Blocked, RigdError
@@ -72,21 +71,21 @@ def _recover(path: Path, *, left: bool = False) -> bool:
     completed = True
     try:
         if drain_into(path, command="rigd recover"):
-            print(f"{path}: completed with what its killed run had left in memory")
+            print(f"{path}: completed with samples that its killed run left in memory")
     except Blocked as error:
         print(f"rigd: {path}: {'; '.join(error.reasons)}", file=sys.stderr)
         return False
     except RigdError as error:
         print(f"rigd: {error}", file=sys.stderr)
         completed = False
-    if left and completed and not path.exists():
+    if killed and completed and not path.exists():
         print(f"{path}: its run was killed before it recorded anything")
         return True
     return _repair(path) and completed
 
 
 def _repair(path: Path) -> bool:
-    """Repair one file and say what was done; return whether it is sound now."""
+    """Repair one file and print the result; return whether it is intact now."""
     from rigd.model.errors import RecordingError
     from rigd.record import recover, verify
 
@@ -99,7 +98,7 @@ def _repair(path: Path) -> bool:
         print(f"{path}: intact")
         return True
     rows = sum(report.rows_kept.values())
-    if report.original is None:  # nothing but the end was missing
+    if report.original is None:  # only the end was missing
         print(f"{path}: recovered {rows} messages; its end was missing ({report.problem})")
         return True
     damaged = sum(damage.end - damage.start for damage in report.damages)
@@ -108,8 +107,8 @@ def _repair(path: Path) -> bool:
         print(f"  {line}")
     if report.another is not None:
         print(
-            f"  two recordings stood in it, of which this is the first; the second stands in "
-            f"{report.original} from byte {report.another} on:\n    tail -c +{report.another + 1} "
+            "  it contained two recordings: this file is the first; the second begins in "
+            f"{report.original} at byte {report.another}:\n    tail -c +{report.another + 1} "
             f"{quote(str(report.original))} > second.mcap"
         )
     print(f"  the damaged file is kept as {report.original}; remove it when you no longer need it")

@@ -1,4 +1,4 @@
-"""``rigd report``: writes a page for any recording."""
+"""``rigd report``: writes an HTML page for any recording."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ HELP = "show recordings as pages: channels, steps, events, limits, parameters of
 EXAMPLES = """\
 examples:
   rigd report runs/20261121-080000-quick.mcap        writes runs/20261121-080000-quick-run.html
-  rigd report FILE --trials 7,12-15                  these trials drawn one by one
+  rigd report FILE --trials 7,12-15                  each of these trials drawn separately
   rigd report FILE --output page.html
 
-The page shows what was recorded. What follows from it stands in the report of `rigd identify`.
+The page shows the recorded data. The report of `rigd identify` shows the estimates.
 """
 
 
@@ -21,24 +21,27 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="recordings")
     parser.add_argument(
-        "--trials", metavar="LIST", help="trials to draw one by one, such as 1,4,7-9"
+        "--trials", metavar="LIST", help="trials to draw separately, such as 1,4,7-9"
     )
     parser.add_argument(
         "--output",
         type=Path,
         metavar="FILE",
-        help="page to write, of a single recording (default: RECORDING-run.html beside it)",
+        help="page to write, for a single recording (default: RECORDING-run.html beside it)",
     )
 
 
 def execute(args: argparse.Namespace) -> int:
     """Write a page for each recording."""
+    from rigd.model.extras import require
+
+    require("analysis", "rigd report")
     from rigd.analysis.run_page import parse_selection, run_report
     from rigd.model.errors import ConfigError, Exit, RecordingError
     from rigd.model.pages import page_of
 
     if args.output is not None and len(args.files) > 1:
-        raise ConfigError("--output is for one recording", hint="leave it out for several")
+        raise ConfigError("--output is for one recording", hint="remove it if there are several")
     if args.output is not None and args.output.suffix == ".mcap":
         raise ConfigError(f"--output {args.output} would overwrite a recording")
     selection = None if args.trials is None else parse_selection(args.trials)
@@ -47,7 +50,7 @@ def execute(args: argparse.Namespace) -> int:
         page = args.output or page_of(file)
         try:
             text = run_report(file, selection)
-        except RecordingError as error:  # the others are drawn all the same
+        except RecordingError as error:  # the other pages are still drawn
             print(f"rigd: {error}", file=sys.stderr)
             went_well = False
             continue

@@ -1,4 +1,4 @@
-"""``rigd run``: drives a rig through a procedure and records it."""
+"""``rigd run``: runs a procedure on a rig and records it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rigd.cli.about import add_about, read_about
+from rigd.cli import options
 
 if TYPE_CHECKING:
     from rigd.daemon.execute import RunRequest
@@ -24,9 +24,9 @@ examples:
   rigd run procedures/quick.yaml --rig lugre-1 --junit result.xml
                                     for continuous integration: a test case for each trial
   rigd run procedures/quick.yaml --rig lugre-1 --operator "A. Miller" --meta specimen=W7
-                                    kept in the recording, shown by info, runs and reports
+                                    written into the recording, shown by info, runs, reports
   rigd run --resume runs/interrupted.mcap
-                                    go on where it ended: only the trials that are missing
+                                    continue: only the missing trials
 
 while it runs:
   Ctrl-C    controlled stop, then `finish`; again: abort; a third time: drop power
@@ -38,15 +38,11 @@ A software stop is a request. The safety function is the hardware chain of the r
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("procedure", nargs="?", help="procedure file, or the name of a shipped one")
-    parser.add_argument("--rig", metavar="RIG", help="rig file, or the name in it (lugre-1)")
     parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="give a parameter of the procedure another value, with its unit",
+        "procedure", nargs="?", help=("procedure file, or the name of a shipped procedure")
     )
+    options.add_rig(parser, "rig file, or the rig's name (lugre-1)", required=False)
+    options.add_set(parser)
     parser.add_argument(
         "--dry-run", action="store_true", help="play it on the simulated plant, record nothing"
     )
@@ -54,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--resume",
         type=Path,
         metavar="RUN",
-        help="go on with an interrupted sweep, in its file; procedure and rig default to its own",
+        help=("continue an interrupted sweep, in its file; by default with its procedure and rig"),
     )
     asked = parser.add_mutually_exclusive_group()
     asked.add_argument(
@@ -70,14 +66,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--pace",
         type=_pace,
         metavar="X",
-        help="X times the wall clock instead of virtual time; 1 is real time",
+        help="run at X times real time instead of virtual time; 1 is real time",
     )
     parser.add_argument(
         "--output", type=Path, metavar="FILE", help="recording to write (default: a name in --runs)"
     )
-    parser.add_argument(
-        "--runs", type=Path, default=Path("runs"), metavar="FOLDER", help="folder of recordings"
-    )
+    options.add_runs(parser)
     parser.add_argument(
         "--start",
         metavar="TIME",
@@ -85,26 +79,35 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="UTC time of the first sample in virtual time, such as 2026-11-21T08:00:00",
     )
     parser.add_argument(
-        "--compression", choices=("zstd", "lz4", "none"), default="zstd", help="of the recording"
+        "--compression",
+        choices=("zstd", "lz4", "none"),
+        default="zstd",
+        help=("recording to write (default: a name in --runs)"),
     )
-    parser.add_argument("--operator", metavar="NAME", help="who runs it, kept in the recording")
-    add_about(parser)
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    parser.add_argument("--operator", metavar="NAME", help="operator of the run, for the recording")
+    options.add_about(parser)
+    options.add_json(parser)
     parser.add_argument(
-        "--junit", type=Path, metavar="FILE", help="write the result as JUnit XML, case by trial"
+        "--junit",
+        type=Path,
+        metavar="FILE",
+        help=("write the result as JUnit XML, a test case per trial"),
     )
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    options.add_quiet(parser)
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Run, or play a dry run; what goes wrong before also stands in the JUnit file."""
+    """Execute a run or a dry run; errors before the run also go into the JUnit file."""
     from rigd.cli.junit import check_writable, suite_of_error, write_junit
     from rigd.model.errors import ConfigError, RigdError
 
     if args.junit is None:
         return _execute(args)
     if args.dry_run:
-        raise ConfigError("--junit tells of a run, and a dry run is none", hint="leave one out")
+        raise ConfigError(
+            "--junit reports a run, and a dry run is not a run",
+            hint="remove one of the two options",
+        )
     check_writable(args.junit)
     try:
         return _execute(args)
@@ -116,7 +119,6 @@ def execute(args: argparse.Namespace) -> int:
 
 def _execute(args: argparse.Namespace) -> int:
     from rigd.analysis.plan import analysis_of
-    from rigd.cli.assignments import read_assignments
     from rigd.cli.junit import suite_of_complete, write_junit
     from rigd.cli.playing import play
     from rigd.config.loader import load_rig
@@ -127,12 +129,14 @@ def _execute(args: argparse.Namespace) -> int:
     from rigd.procedure.compile import compile_procedure
     from rigd.procedure.loader import load_procedure
 
-    about = read_about(args.operator, args.note, args.meta)
+    about = options.read_about(args.operator, args.note, args.meta)
     resume = None if args.resume is None else read_resume_point(args.resume)
-    overrides = read_assignments(args.set)
+    overrides = options.read_assignments(args.set)
     if resume is not None:
         if args.output is not None or overrides:
-            raise ConfigError("--resume goes on as the run began; leave --output and --set out")
+            raise ConfigError(
+                "--resume continues the run with its own values; remove --output and --set"
+            )
         overrides = dict(resume.overrides)
     procedure_name: str | None = args.procedure
     rig_name: str | None = args.rig
@@ -141,14 +145,14 @@ def _execute(args: argparse.Namespace) -> int:
         rig_name = rig_name or resume.rig
     if procedure_name is None or rig_name is None:
         raise ConfigError(
-            "which procedure, on which rig?",
+            "procedure or rig is missing",
             hint="rigd run procedures/quick.yaml --rig lugre-1",
         )
     rig = load_rig(rig_name)
     if rig.plant is None and (args.pace not in (None, 1.0) or args.start is not None):
         raise ConfigError(
-            f"rig {rig.name} is not simulated in process: its devices live by the wall clock",
-            hint="leave --pace and --start out",
+            f"rig {rig.name} is not simulated in process: its devices run in real time",
+            hint="remove --pace and --start",
         )
     source = load_procedure(procedure_name)
     done = frozenset[int]() if resume is None else resume.done
@@ -182,7 +186,7 @@ def _execute(args: argparse.Namespace) -> int:
         compression=args.compression,
         overrides=overrides,
         about=about,
-        procedure_whence=source.whence,
+        procedure_location=source.location,
     )
     if args.dry_run:
         unfit = unusable(rig, needed(procedure, rig), day_of(args.start))
@@ -192,7 +196,7 @@ def _execute(args: argparse.Namespace) -> int:
 
 
 def _dry_run(request: RunRequest, unfit: Sequence[str], *, as_json: bool) -> int:
-    """Rehearse and show it; ``unfit`` says why the calibration would not let the run begin."""
+    """Play and print the dry run; ``unfit`` is why the calibration would block the run."""
     from rigd.cli.dry_run_view import dry_run_json, print_dry_run
     from rigd.dry_run import dry_run
     from rigd.model.errors import Exit
@@ -211,7 +215,7 @@ def _dry_run(request: RunRequest, unfit: Sequence[str], *, as_json: bool) -> int
 def _seed(text: str) -> int:
     if text.isdecimal() and int(text) < 2**32:
         return int(text)
-    raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 to 4294967295")
+    raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to 4294967295")
 
 
 def _pace(text: str) -> float:
@@ -221,7 +225,7 @@ def _pace(text: str) -> float:
         value = 0.0
     if 0.01 <= value <= 100:
         return value
-    raise argparse.ArgumentTypeError(f"{text!r} is no number from 0.01 to 100, such as 0.5")
+    raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0.01 to 100, such as 0.5")
 
 
 def _time(text: str) -> int:
@@ -231,7 +235,7 @@ def _time(text: str) -> int:
         moment = datetime.fromisoformat(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(
-            f"{text!r} is no time such as 2026-11-21T08:00:00"
+            f"{text!r} is not a time such as 2026-11-21T08:00:00"
         ) from error
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=UTC)

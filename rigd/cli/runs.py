@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from rigd.cli.options import add_json, add_set, read_assignments
 
 if TYPE_CHECKING:
     from rigd.record import RunInfo
@@ -30,51 +31,46 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--procedure", metavar="NAME", help="only runs of this procedure")
     parser.add_argument("--rig", metavar="NAME", help="only runs on this rig")
     parser.add_argument(
-        "--state", metavar="STATE", help="only runs that ended so: complete, stopped, interrupted"
+        "--state",
+        metavar="STATE",
+        help=("only runs that ended in this state: complete, stopped, interrupted"),
     )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="only runs with this value of a parameter",
-    )
+    add_set(parser, "only runs with this value of a parameter")
     parser.add_argument(
         "--meta",
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="only runs of which this was said at their start, such as specimen=W7",
+        help="only runs started with this --meta value, such as specimen=W7",
     )
     parser.add_argument(
         "--since",
         type=_since,
         metavar="DATE",
-        help="only runs recorded since then: 2026-11-01 (UTC), or 7d for the last seven days",
+        help=(
+            "only runs recorded since this date: 2026-11-01 (UTC), or 7d for the last seven days"
+        ),
     )
-    parser.add_argument("--json", action="store_true", help="print as JSON")
+    add_json(parser, "print as JSON")
 
 
 def execute(args: argparse.Namespace) -> int:
     """Print one line per recording."""
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    from rigd.cli.assignments import read_assignments
-    from rigd.cli.screen import print_rows
+    from rigd.cli.screen import open_console, print_rows
     from rigd.model.about import plain
-    from rigd.record import Filters, info_json, list_runs
+    from rigd.record import RunFilter, info_json, list_runs
 
     wanted = read_assignments(args.set)
     meta = read_assignments(args.meta)
-    filters = Filters(args.procedure, args.rig, args.state, wanted, meta, args.since)
+    filters = RunFilter(args.procedure, args.rig, args.state, wanted, meta, args.since)
     catalogue = list_runs(args.folder, filters)
     if args.json:
         print(json.dumps([info_json(info) for info in catalogue.runs], indent=2))
         return 0
-    # Piped, a line is a line: nothing folds.
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
+    console = open_console()
     table = Table(box=None, pad_edge=False)
     for name in ("recording", "recorded (UTC)", "procedure", "rig", "state"):
         table.add_column(name, overflow="fold")
@@ -106,7 +102,7 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _date(info: RunInfo) -> str:
-    """Return when a run was recorded; ``~`` before it where the file alone says so."""
+    """Return when a run was recorded, with ``~`` in front if only the file's date is known."""
     from rigd.record.moment import recorded_at
 
     moment = recorded_at(info)

@@ -1,4 +1,4 @@
-"""``rigd schema``: prints the JSON Schema that editors use."""
+"""``rigd schema``: prints the JSON Schema with which an editor checks rigd's files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "kind",
         choices=("procedure", "rig", "calibration", "remote"),
-        help="which kind of file; remote: the messages of the remote protocol",
+        help="kind of file; remote: the messages of the remote protocol",
     )
 
 

@@ -1,7 +1,8 @@
-"""Tables and paragraphs that fit a narrow terminal."""
+"""Prints tables and paragraphs so that they fit a narrow terminal."""
 
 from __future__ import annotations
 
+import sys
 import textwrap
 from collections.abc import Sequence
 
@@ -14,10 +15,23 @@ from rich.table import Table
 _WIDEST = 10_000
 
 
-def print_rows(console: Console, table: Table) -> None:
-    """Print ``table``; in a terminal too narrow for it, its rows as paragraphs.
+def open_console() -> Console:
+    """Return the console of standard output; in a pipe each line stays one line."""
+    return Console(highlight=False, width=None if sys.stdout.isatty() else 400)
 
-    The first cell of each row has a line, and so may be long; the others follow, indented.
+
+def folding_table(*columns: str) -> Table:
+    """Return a table without a box whose cells fold; a heading stands if a column has one."""
+    table = Table(box=None, pad_edge=False, show_header=any(columns))
+    for column in columns:
+        table.add_column(column, overflow="fold")
+    return table
+
+
+def print_rows(console: Console, table: Table) -> None:
+    """Print ``table``; if the terminal is too narrow, print its rows as paragraphs.
+
+    The first cell of each row gets its own line, and so may be long; the others follow, indented.
     """
     least, _, gaps = _needs(console, table)
     if sum(least) + gaps <= console.width:
@@ -34,10 +48,10 @@ def print_rows(console: Console, table: Table) -> None:
 
 
 def print_table(console: Console, table: Table) -> None:
-    """Print ``table`` with every word whole; it has no box and no widths of its own.
+    """Print ``table`` without a box and without cutting words.
 
-    Columns get the room of their longest word, and what the terminal has left over. If the longest
-    words do not fit side by side, the terminal breaks the lines: no name is cut.
+    Each column gets the width of its longest word, and a share of the space that is left. If the
+    longest words do not fit side by side, the terminal wraps the lines: no name is cut.
     """
     least, most, gaps = _needs(console, table)
     for column, width in zip(table.columns, shared(console.width - gaps, least, most), strict=True):
@@ -48,7 +62,7 @@ def print_table(console: Console, table: Table) -> None:
 
 
 def _needs(console: Console, table: Table) -> tuple[list[int], list[int], int]:
-    """Return the least and most width of each column, and what all gaps between them take."""
+    """Return the least and most width of each column, and the width of all gaps together."""
     options = console.options.update_width(_WIDEST)
     needs = [
         [Measurement.get(console, options, cell) for cell in (column.header, *column.cells)]
@@ -60,9 +74,9 @@ def _needs(console: Console, table: Table) -> tuple[list[int], list[int], int]:
 
 
 def shared(room: int, least: Sequence[int], most: Sequence[int]) -> list[int]:
-    """Return a width for each column: at least ``least``, at most ``most``, within ``room``.
+    """Return a width for each column: at least ``least``, at most ``most``, together ``room``.
 
-    What is left over goes to the columns that lack least first; ``room`` may be too small.
+    Space that is left goes first to the columns that lack least; ``room`` may be too small.
     """
     widths = list(least)
     left = max(room - sum(least), 0)
@@ -75,7 +89,7 @@ def shared(room: int, least: Sequence[int], most: Sequence[int]) -> list[int]:
 
 
 def wrapped(text: str, columns: int) -> str:
-    """Return ``text`` broken between words; what goes on is indented further than its line."""
+    """Return ``text`` wrapped between words; continuation lines are indented further."""
     return "\n".join(_wrapped(line, columns) for line in text.split("\n"))
 
 

@@ -1,4 +1,4 @@
-"""``rigd serve``: the daemon of a rig."""
+"""``rigd serve``: runs the daemon of a rig, which supervises runs and serves clients."""
 
 from __future__ import annotations
 
@@ -9,46 +9,45 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigd.cli.options import add_rig, add_runs
+
 if TYPE_CHECKING:  # imported when it is needed: a command line that only prints help is quick
     from rigd.config.rig import RigConfig
 
-HELP = "serve a rig to those who steer it from elsewhere, and to the panel"
+HELP = "serve a rig to remote clients and to the panel"
 EXAMPLES = """\
 examples:
   rigd serve --rig configs/sim_lugre.yaml         prints the panel's address
   rigd serve --rig wire-1 --no-panel --foxglove
   rigd remote start procedures/quick.yaml --rig lugre-1 --watch       in another terminal
 
-It listens on this machine only, unless the rig file opens it up (`remote:`). Ctrl-C and SIGTERM
-stop the run under way, then `finish` plays, and the file is finished; once more aborts, a third
-time drops power. Recordings, the audit log and what has tripped are kept in --runs.
+The daemon listens on this machine only, unless `remote:` in the rig file adds addresses. Ctrl-C and
+SIGTERM stop the run in progress, then `finish` plays, and the file is completed; a second signal
+aborts, a third drops power. Recordings, the audit log and trips are kept in --runs.
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("--rig", required=True, metavar="RIG", help="rig file, or the name in it")
-    parser.add_argument(
-        "--runs", type=Path, default=Path("runs"), metavar="FOLDER", help="folder of recordings"
-    )
+    add_rig(parser)
+    add_runs(parser)
     parser.add_argument(
         "--procedures",
         type=Path,
         default=Path("procedures"),
         metavar="FOLDER",
-        help="folder of your own procedures, offered beside the shipped ones",
+        help="folder of your own procedures, offered together with the shipped ones",
     )
     parser.add_argument(
         "--panel",
         action=argparse.BooleanOptionalAction,
-        default=True,
-        help="start a panel for browsers of this machine (default: yes)",
+        help="start a panel for browsers of this machine (default: if its extra is installed)",
     )
     parser.add_argument(
         "--panel-port",
         type=int,
         metavar="PORT",
-        help="where the panel is found (default 8423, or another where that is taken)",
+        help="port of the panel (default 8423, or a free port if 8423 is in use)",
     )
     parser.add_argument(
         "--foxglove",
@@ -67,19 +66,23 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--log",
         choices=("auto", "text", "json"),
         default="auto",
-        help="lines for people, or JSON (auto: JSON where standard error is no terminal)",
+        help="lines for people, or JSON (auto: JSON if standard error is not a terminal)",
     )
 
 
 def execute(args: argparse.Namespace) -> int:
     """Serve until a signal."""
-    # A service manager ends a daemon that hangs by SIGABRT: then each thread says where it stood.
+    # A service manager ends a hanging daemon by SIGABRT: each thread then prints its stack.
     faulthandler.enable()
     from rigd.config.loader import load_rig
     from rigd.config.shipped import titled
     from rigd.daemon.serve import DaemonOptions, logging_to, serve
     from rigd.model.errors import Exit
+    from rigd.model.extras import is_installed, missing, require
 
+    if args.panel:
+        require("panel", "rigd serve --panel")
+    has_panel = args.panel is not False and is_installed("panel")
     rig = load_rig(args.rig)
     options = DaemonOptions(
         rig,
@@ -87,9 +90,11 @@ def execute(args: argparse.Namespace) -> int:
         args.procedures.absolute(),
         monitored=args.monitor,
         foxglove=args.foxglove,
-        panel=_panel_of(rig, args.runs.absolute(), args.panel_port) if args.panel else (),
+        panel=_panel_of(rig, args.runs.absolute(), args.panel_port) if has_panel else (),
     )
-    print(f"rig {titled(rig.name, rig.source.whence)}", flush=True)
+    print(f"rig {titled(rig.name, rig.source.location)}", flush=True)
+    if args.panel is None and not has_panel:
+        print(f"no panel: {missing('it', 'panel')}", flush=True)
     with logging_to(sys.stderr, as_json=None if args.log == "auto" else args.log == "json"):
         serve(options, lambda line: print(line, flush=True))
     return int(Exit.OK)
@@ -98,10 +103,10 @@ def execute(args: argparse.Namespace) -> int:
 def _panel_of(rig: RigConfig, runs: Path, page_port: int | None) -> Sequence[str]:
     """Return the command that starts a panel for browsers of this machine.
 
-    Where clients need certificates, the panel's own (``panel.crt``) lies beside the daemon's.
+    If clients need certificates, the panel's own (``panel.crt``) is in the folder of the daemon's.
 
     Raises:
-        ConfigError: it does not.
+        ConfigError: it is missing.
     """
     from rigd.cli.panel import IDENTITY
     from rigd.engine.child import module
@@ -121,9 +126,10 @@ def _panel_of(rig: RigConfig, runs: Path, page_port: int | None) -> Sequence[str
         files = files_of(rig.remote.tls.certificate.parent, IDENTITY)
         if not files.certificate.is_file():
             raise ConfigError(
-                f"the panel has no certificate: there is no {files.certificate}",
-                hint=f"make one for a client named {IDENTITY} by rigd remote setup-tls and give "
-                "it a role in the rig file, or start without: --no-panel",
+                f"the panel has no certificate: {files.certificate} does not exist",
+                hint=f"make a certificate for a client named {IDENTITY} with `rigd remote "
+                "setup-tls` and give it a role in the rig file, or start without a "
+                "panel: --no-panel",
             )
         command += ["--ca", str(rig.remote.tls.ca), "--certificate", str(files.certificate)]
         command += ["--key", str(files.key)]

@@ -1,4 +1,7 @@
-"""What commands print: text that is not rigd's own can neither steer a terminal nor turn a line."""
+"""Escapes control characters in output, so that foreign text cannot control the terminal.
+
+Foreign text is text that rigd did not write. Its characters cannot change the direction of a line.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +13,13 @@ from typing import Any, Final, TextIO, cast
 
 from rigd.model.about import visible
 
-#: What the progress bars and colours of rich write: colours, a line up, a line erased, the cursor.
+#: Control sequences that the progress bars and colours of rich write: colours, a line up, a line
+#: erased, the cursor.
 _OWN: Final = re.compile(r"(\x1b\[[0-9;]*[mAK]|\x1b\[\?25[hl]|\r)")
 
 
 class Screen:
-    """A stream that shows what would steer or turn as an escape."""
+    """A stream that shows control and direction characters as escapes."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -35,13 +39,13 @@ class Screen:
             self.write(line)
 
     def __getattr__(self, name: str) -> Any:
-        """Return the rest of the stream."""
+        """Return another attribute of the stream."""
         return getattr(self._stream, name)
 
 
 @contextmanager
 def screened() -> Iterator[None]:
-    """Let both standard streams be screens meanwhile."""
+    """Replace both standard streams by screens while the context is active."""
     before = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (cast(TextIO, Screen(stream)) for stream in before)
     try:

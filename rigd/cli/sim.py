@@ -1,4 +1,7 @@
-"""``rigd sim``: serves simulated devices at the wire for a rig file with a simulation."""
+"""``rigd sim``: simulates the devices of a rig at their connections (the wire).
+
+The rig file must have a simulation.
+"""
 
 from __future__ import annotations
 
@@ -13,22 +16,22 @@ EXAMPLES = """\
 examples:
   rigd sim configs/wire_lugre.yaml
   rigd sim wire-1 --faults my_faults.yaml
-                            my_faults.yaml says which device fails how, and when:
+                            my_faults.yaml lists which device fails, how and when:
                               faults:
                                 - {part: wheel_servo, fault: silent, at: 10 s, for: 1 s}
 
-  Serves until Ctrl-C. In another terminal: rigd run procedures/quick.yaml --rig wire-1
+  The command serves until Ctrl-C. In another terminal: rigd run procedures/quick.yaml --rig wire-1
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("rig", metavar="RIG", help="rig file, or the name in it (wire-1)")
-    parser.add_argument("--faults", type=Path, metavar="FILE", help="faults to show, and when")
+    parser.add_argument("--faults", type=Path, metavar="FILE", help="file of faults to simulate")
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Serve until a signal; a line per device once all can be reached."""
+    """Serve until a signal; print a line per device when all are reachable."""
     from rigd.config.loader import load_rig
     from rigd.engine.realtime import SIMULATED_PRIORITY, RealTime
     from rigd.model.errors import ConfigError, Exit
@@ -37,8 +40,8 @@ def execute(args: argparse.Namespace) -> int:
     if rig.simulation is None:
         raise ConfigError(
             f"rig {rig.name} has no simulation at the wire",
-            hint="configs/wire_lugre.yaml has one, under `simulation:`; a rig with a `plant:` is "
-            "simulated in process and needs no `rigd sim`",
+            hint="configs/wire_lugre.yaml has a simulation at the wire, under `simulation:`; "
+            "a rig with a `plant:` is simulated in process and needs no `rigd sim`",
         )
     stopped = False
 
@@ -48,13 +51,13 @@ def execute(args: argparse.Namespace) -> int:
 
     def started(lines: Sequence[str]) -> None:
         gc.collect()
-        gc.freeze()  # a collection of all that was imported would stall every device for 0.1 s
+        gc.freeze()  # collecting all imported objects would stall every device for 0.1 s
         print(*lines, f"rig {rig.name} is served; Ctrl-C ends it", sep="\n", flush=True)
 
-    # Signals are heeded from here on, also while the simulation starts.
+    # Signals are handled from here on, also while the simulation starts.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, stop)
-    # Before there are threads, so that they inherit it.
+    # Before any thread starts, so that threads inherit it.
     RealTime().schedule(SIMULATED_PRIORITY)
     simulation = rig.simulation.simulation_class(rig.simulation.config)
     simulation.serve(started, lambda: stopped, args.faults)

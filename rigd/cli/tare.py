@@ -1,32 +1,34 @@
-"""``rigd tare``: performs an action of one device, such as tare; nothing is armed."""
+"""``rigd tare``: performs an action of one device, such as tare; arms nothing."""
 
 from __future__ import annotations
 
 import argparse
 import json
 
-HELP = "tare or zero a device, or do another action it has; nothing moves"
+from rigd.cli.options import add_json, add_rig
+
+HELP = "tare or zero a device, or perform another of its actions; nothing moves"
 EXAMPLES = """\
 examples:
   rigd tare scale --rig wire-1
   rigd tare scale --action zero --rig wire-1
 
-Only this device is opened. Which devices have which actions: rigd drivers.
+The command opens only this device. `rigd drivers` lists the actions of each driver.
 """
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("device", metavar="DEVICE", help="the device, as the rig file names it")
-    parser.add_argument("--rig", required=True, metavar="RIG", help="rig file, or the name in it")
+    add_rig(parser)
     parser.add_argument(
-        "--action", default="tare", metavar="NAME", help="what it shall do (default tare)"
+        "--action", default="tare", metavar="NAME", help="the action (default tare)"
     )
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add_json(parser)
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Open the device, let it act, tell what it said and what it reads afterwards."""
+    """Open the device, perform the action, print the device's reply and its new reading."""
     from rigd.cli.readings_view import number
     from rigd.config.loader import load_rig
     from rigd.daemon.manual import Newest, check_action, only, open_unarmed
@@ -47,8 +49,8 @@ def execute(args: argparse.Namespace) -> int:
         if reasons:
             raise Blocked(reasons, f"{name} cannot be opened")
         look.first_rows()
-        said = look.act(name, action)
-        if said is None:
+        reply = look.act(name, action)
+        if reply is None:
             return int(Exit.STOPPED)
         look.next_row(name)
         readings = list(newest.readings(look.t_ns))
@@ -56,9 +58,9 @@ def execute(args: argparse.Namespace) -> int:
         values = {
             reading.channel: {"value": reading.value, "unit": reading.unit} for reading in readings
         }
-        print(json.dumps({"device": name, "action": action, "said": said, "channels": values}))
+        print(json.dumps({"device": name, "action": action, "reply": reply, "channels": values}))
     else:
-        print(f"{name}: {said}")
+        print(f"{name}: {reply}")
         for reading in readings:
             print(f"  {reading.channel} is now {number(reading.value)} {reading.unit}")
     return int(Exit.OK)

@@ -7,15 +7,17 @@ import json
 import sys
 from pathlib import Path
 
-HELP = "check every byte of recordings, and name the rows and trials that are lost"
+from rigd.cli.options import add_json
+
+HELP = "check every byte of recordings, and list lost rows and trials"
 EXAMPLES = """\
 examples:
   rigd verify runs/20261121-080000-constant_current-pvc.mcap
   rigd verify runs/*.mcap
   rigd verify FILE --json
 
-  The exit code is 0 where every byte of every file is as it was written, and 7 where one is not.
-  Nothing is changed: `rigd recover FILE` makes a repaired file and keeps the damaged one as
+  The exit code is 0 if every byte of every file is intact, and 7 otherwise.
+  Nothing is changed: `rigd recover FILE` makes a repaired file and keeps the damaged file as
   FILE.orig; a file that only lacks its end is completed in place.
 """
 
@@ -23,11 +25,11 @@ examples:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="recordings")
-    parser.add_argument("--json", action="store_true", help="print as JSON, a list")
+    add_json(parser, "print as JSON, a list")
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Check each file; one that cannot be read keeps no other from being checked."""
+    """Check each file; a file that cannot be read does not stop the others."""
     from rigd.model.errors import Exit, RecordingError
     from rigd.record import verification_json, verify
     from rigd.record.access import how_to_recover

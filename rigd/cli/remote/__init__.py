@@ -1,4 +1,4 @@
-"""``rigd remote``: commands rigs that a daemon serves, on this machine or another."""
+"""``rigd remote``: sends commands to rigs that a daemon serves, on this machine or another."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Final
 from rigd.cli.remote import lease, look, procedures, recordings, rigs, start, steer, tls
 from rigd.cli.remote.command import RemoteCommand, add_target
 
-HELP = "steer a rig that `rigd serve` serves, here or elsewhere"
+HELP = "send commands to a rig that `rigd serve` serves, here or on another machine"
 EXAMPLES = """\
 examples:
-  rigd remote list                                 rigs that this computer knows, alive or not
+  rigd remote list                                 known rigs, reachable or not
   rigd remote start procedures/quick.yaml --rig lugre-1 --watch
   rigd remote status
-  rigd remote stop --reason "wrong floor"          everybody who may connect may stop
-  rigd remote fetch RUN                            goes on where it broke off
+  rigd remote stop --reason "wrong floor"          every client may stop
+  rigd remote fetch RUN                            continues a broken transfer
 
-Commands take the control lease for as long as they need it; `rigd remote lease` says who has it.
+Commands hold the control lease for as long as they need it; `rigd remote lease` shows its holder.
 A stop is a request. The safety function is the hardware chain of the rig.
 
-exit codes: as those of rigd; 3 where the daemon refuses, 4 where nobody answers
+exit codes: like rigd; 3 if the daemon refuses, 4 if no daemon answers
 """
 
-#: In the order a newcomer needs them.
+#: In the order in which a new user needs them.
 COMMANDS: Final[dict[str, RemoteCommand]] = {
     **rigs.COMMANDS,
     **look.COMMANDS,
@@ -47,7 +47,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
             epilog=command.examples,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        # Given here or before the command; a default of its own would undo the latter.
+        # Given here or before the command; a default here would override the option before it.
         subparser.add_argument(
             "--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS
         )

@@ -1,4 +1,4 @@
-"""Options and helpers that the commands of ``rigd remote`` share."""
+"""Defines options and helper functions that the commands of ``rigd remote`` share."""
 
 from __future__ import annotations
 
@@ -24,41 +24,41 @@ class RemoteCommand:
     configure: Callable[[argparse.ArgumentParser], None] = lambda parser: None
     examples: str = ""
     connects: bool = True
-    """Whether it talks to one rig, and so has the options that say where that is."""
+    """Whether the command talks to one rig, and so has the options that find it."""
 
 
 def add_target(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say which rig, where, and as whom."""
+    """Add the options that find the rig, and give the client's identity."""
     rig = parser.add_argument_group("the rig")
     rig.add_argument(
         "--rig",
         metavar="NAME",
-        help="name of the rig, by ~/.config/rigd/remotes.yaml or else on this machine "
-        "(default: the only one)",
+        help="name of the rig, from ~/.config/rigd/remotes.yaml or else on this machine "
+        "(default: the only rig)",
     )
     rig.add_argument("--endpoint", metavar="ADDRESS", help="such as tls/rig.lab:7447")
-    rig.add_argument("--ca", type=Path, metavar="FILE", help="who signs the daemon's certificate")
+    rig.add_argument(
+        "--ca",
+        type=Path,
+        metavar="FILE",
+        help=("certificate authority of the daemon's certificate"),
+    )
     rig.add_argument("--certificate", type=Path, metavar="FILE", help="your own")
-    rig.add_argument("--key", type=Path, metavar="FILE", help="your certificate's key")
+    rig.add_argument("--key", type=Path, metavar="FILE", help="the key of your certificate")
     rig.add_argument(
         "--as",
         dest="identity",
         metavar="NAME",
-        help="who you are, where no certificate says so (default: your login)",
+        help="your name, if no certificate gives it (default: your login)",
     )
-
-
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add ``--json``."""
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def connect(args: argparse.Namespace) -> Client:
     """Return a client of the rig that the options name.
 
     Raises:
-        ConfigError: the options do not go together, or name none.
-        LinkError: it cannot be reached.
+        ConfigError: the options contradict each other, or name no rig.
+        LinkError: the rig cannot be reached.
     """
     from rigd.remote import Client
 
@@ -69,7 +69,7 @@ def connect_async(args: argparse.Namespace) -> AsyncClient:
     """Return a client of the rig that the options name; it is not connected yet.
 
     Raises:
-        ConfigError: the options do not go together, or name none.
+        ConfigError: the options contradict each other, or name no rig.
     """
     from rigd.remote import AsyncClient
 
@@ -85,12 +85,12 @@ def _tls(args: argparse.Namespace) -> TlsFiles | None:
     if not given:
         return None
     if len(given) < len(files):
-        raise ConfigError("--ca, --certificate and --key come together")
+        raise ConfigError("--ca, --certificate and --key must be given together")
     return TlsFiles(*given)
 
 
 def again(args: argparse.Namespace) -> str:
-    """Return the options by which the rig was found, to stand behind a command that is advised."""
+    """Return the options that found the rig, to append to a suggested command."""
     named = {
         "--rig": args.rig,
         "--endpoint": args.endpoint,

@@ -1,4 +1,4 @@
-"""``rigd remote lease``: shows, takes and releases the control lease."""
+"""``rigd remote lease``: shows, takes and releases the lease (the right to command a rig)."""
 
 from __future__ import annotations
 
@@ -7,27 +7,29 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from rigd.cli.remote.command import RemoteCommand, add_json, connect, print_json
+from rigd.cli.options import add_json
+from rigd.cli.remote.command import RemoteCommand, connect, print_json
 from rigd.model.errors import ConfigError, Exit
 
 if TYPE_CHECKING:
     from rigd.remote import Client
     from rigd.remote.protocol import LeaseView
 
-#: What can be done with it, and in which words.
+#: The actions on the lease, with their help.
 _DO = ("show", "take", "request", "give", "release", "seize")
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("do", nargs="?", choices=_DO, default="show", help="(default: show)")
-    parser.add_argument("to", nargs="?", metavar="NAME", help="whom to give it to")
+    parser.add_argument("to", nargs="?", metavar="NAME", help="identity that gets the lease")
     add_json(parser)
 
 
 def _execute(args: argparse.Namespace) -> int:
     if (args.do == "give") != (args.to is not None):
-        raise ConfigError("whom to give it to?" if args.do == "give" else f"{args.do} names nobody",
-                          hint="rigd remote lease give NAME")  # fmt: skip
+        missing = args.do == "give"
+        problem = "the new holder is missing" if missing else f"{args.do} takes no name"
+        raise ConfigError(problem, hint="rigd remote lease give NAME")
     with connect(args) as rig:
         match args.do:
             case "show":
@@ -52,38 +54,40 @@ def _execute(args: argparse.Namespace) -> int:
 
 
 def _await(rig: Client, view: LeaseView) -> int:
-    """Wait until the lease is handed over, and hold it; who is not there then would lose it."""
-    print(f"{view.holder} is asked, and shown it for a minute; Ctrl-C waits no longer", flush=True)
+    """Wait until the holder hands the lease over, then hold it."""
+    from rigd.remote.protocol import ClientUser
+
+    print(f"{view.holder} sees the request for a minute; Ctrl-C stops waiting", flush=True)
     asked = False
     try:
         for status in rig.watch():
             lease = status.lease
-            if lease.holder in (rig.identity, None):
+            if lease.holder is None or lease.is_held_by(rig.identity):
                 return _hold(rig, rig.lease_take)
-            if asked and rig.identity not in lease.asked_by:
+            was_asked, asked = asked, ClientUser.of(rig.identity) in lease.asked_by
+            if was_asked and not asked:
                 print(f"{lease.holder} has not handed it over")
                 return int(Exit.BLOCKED)
-            asked = rig.identity in lease.asked_by
     except KeyboardInterrupt:
         print("no longer waiting")
     return 0
 
 
 def _hold(rig: Client, take: Callable[[], LeaseView]) -> int:
-    """Hold the lease until Ctrl-C, or until it is another's; show who asks for it."""
-    told = ""
+    """Hold the lease until Ctrl-C, or until another client gets it; show requests for it."""
+    shown = ""
     view = take()
     print(f"{rig.identity} has control of {rig.rig} until Ctrl-C gives it back", flush=True)
     try:
         for status in rig.watch():
             view = status.lease
-            if view.holder not in (rig.identity, None):
+            if not (view.holder is None or view.is_held_by(rig.identity)):
                 print(f"{view.holder} has control now")
                 return 0
-            asking = ", ".join(view.asked_by)
-            if asking and asking != told:
-                print(f"{asking} asks for it: rigd remote lease give NAME", flush=True)
-            told = asking
+            asking = ", ".join(map(str, view.asked_by))
+            if asking and asking != shown:
+                print(f"{asking} requests it: rigd remote lease give NAME", flush=True)
+            shown = asking
     except KeyboardInterrupt:
         rig.lease_release()
         print("given back")
@@ -92,15 +96,15 @@ def _hold(rig: Client, take: Callable[[], LeaseView]) -> int:
 
 def _in_words(view: LeaseView) -> str:
     if view.holder is None:
-        return "nobody has control"
+        return "no client has control"
     left_s = max(view.until_ns - time.time_ns(), 0) * 1e-9
     lines = [f"{view.holder} has control, for another {left_s:.1f} s unless it is renewed"]
-    return "\n".join([*lines, *(f"  {name} asks for it" for name in view.asked_by)])
+    return "\n".join([*lines, *(f"  {item} requests it" for item in view.asked_by)])
 
 
 COMMANDS = {
     "lease": RemoteCommand(
-        "show who has control, take it, ask for it, or hand it over",
+        "show who has control, take it, request it, or hand it over",
         _execute,
         _configure,
         """\
@@ -111,9 +115,9 @@ examples:
   rigd remote lease take             hold it until Ctrl-C
   rigd remote lease seize            the same, taken from another; for maintainers
 
-Commands take it by themselves for as long as they need it; to hold it keeps others from
-commanding meanwhile. A lease that is not renewed for six seconds is lost, and the run under way
-does what its procedure says of a client that vanishes.
+Commands take the lease by themselves for as long as they need it. While you hold it, other clients
+cannot command the rig. A lease that is not renewed for six seconds is lost; the run in progress
+then follows `on_client_loss` of its procedure.
 """,
     )
 }

@@ -1,4 +1,4 @@
-"""``rigd remote status`` and ``events``: prints the state of a rig."""
+"""``rigd remote status`` and ``rigd remote events``: print the state and the events of a rig."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import argparse
 from datetime import datetime
 from typing import TYPE_CHECKING, Final
 
+from rigd.cli.options import add_json, add_quiet
 from rigd.cli.remote.command import (
     RemoteCommand,
-    add_json,
     again,
     connect,
     connect_async,
@@ -22,13 +22,15 @@ if TYPE_CHECKING:
 
     from rigd.remote.protocol import RigEvent, Status
 
-#: What says nothing about an event.
+#: Keys that are no details of an event.
 _EMPTY: Final[tuple[JsonValue, ...]] = (None, "", [], {})
 
 
 def _configure_status(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--watch", action="store_true", help="follow the run under way to its end")
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    parser.add_argument(
+        "--watch", action="store_true", help="follow the run in progress to its end"
+    )
+    add_quiet(parser)
     add_json(parser)
 
 
@@ -56,67 +58,72 @@ def _watch(args: argparse.Namespace) -> int:
         async with connect_async(args) as rig:
             status = await rig.status()
             if status.run is None:
-                raise ConfigError("nothing is running: there is no run to watch")
+                raise ConfigError("no run in progress: nothing to watch")
             return await watch(rig, status.run, args, steers=False)
 
     return asyncio.run(follow())
 
 
-def _print(status: Status, where: str) -> None:
+def _print(status: Status, target_options: str) -> None:
     from rich.console import Console
     from rich.markup import escape
 
-    from rigd.cli.console import invitation
-    from rigd.cli.remote.prompting import as_prompt
+    from rigd.cli.asking import invitation
+    from rigd.cli.remote.watching import as_prompt
 
     console = Console(highlight=False, soft_wrap=True)
 
-    def say(text: str, style: str = "") -> None:
+    def write(text: str, style: str = "") -> None:
         console.print(escape(text), style=style)
 
-    say(f"{status.rig}: {status.state.replace('_', ' ')}  ({status.title})", "bold")
+    write(f"{status.rig}: {status.state.replace('_', ' ')}  ({status.title})", "bold")
     if status.run is not None:
-        say(f"  {status.procedure}, recording {status.run}")
+        write(f"  {status.procedure}, recording {status.run}")
         left = "" if status.left_s is None else f", {_duration(status.left_s)} left"
         step = f", step {status.step}" if status.step else ""
-        say(
+        write(
             f"  {status.trials_done} of {status.trials_total} trials done in "
             f"{_duration(status.run_s)}{left}{step}"
         )
     if status.prompt is not None:
-        say(f"  waits for an answer: {status.prompt.text}", "yellow")
-        say(f"    rigd remote answer VALUE{where}  ({invitation(as_prompt(status.prompt))})")
+        write(f"  a prompt waits for an answer: {status.prompt.text}", "yellow")
+        write(
+            f"    rigd remote answer VALUE{target_options}  "
+            f"({invitation(as_prompt(status.prompt))})"
+        )
     if status.lease.holder is not None:
-        say(f"  control: {status.lease.holder}")
+        write(f"  control: {status.lease.holder}")
     for name in status.lease.asked_by:
-        say(f"    {name} asks for it")
+        write(f"    {name} requests control")
     for trip in status.trips:
-        ack = f"rigd remote ack {trip.interlock}{where}"
+        ack = f"rigd remote ack {trip.interlock}{target_options}"
         done = "acknowledged" if trip.acknowledged else ack
-        say(f"  {trip.interlock} acted ({trip.action}): {trip.message}; {done}", "red")
+        write(f"  {trip.interlock} acted ({trip.action}): {trip.message}; {done}", "red")
     for item in status.interrupted:
-        say(f"  interrupted: {item.run}, {item.trials_done} of {item.trials_total} trials")
-        say(f"    rigd remote resume-run {item.run}{where}")
+        write(f"  interrupted: {item.run}, {item.trials_done} of {item.trials_total} trials")
+        write(f"    rigd remote resume-run {item.run}{target_options}")
     if status.last is not None:
-        say(f"  last run: {status.last.run}, {status.last.ending}: {status.last.reason}")
+        write(f"  last run: {status.last.run}, {status.last.ending}: {status.last.reason}")
     daemon = status.daemon
     if daemon.accept_pauses or 2 * daemon.descriptors > daemon.descriptors_most > 0:
-        say(
+        write(
             f"  {daemon.descriptors} of {daemon.descriptors_most} descriptors in use; "
             f"{daemon.unauthenticated_ended} unauthenticated connections ended, "
             f"new ones refused for a while {daemon.accept_pauses} times",
             "yellow",
         )
     for notice in status.notices[-5:]:
-        say(f"  {_clock(notice.t_ns)} {notice.text}", "" if notice.level == "info" else "yellow")
+        write(f"  {_clock(notice.t_ns)} {notice.text}", "" if notice.level == "info" else "yellow")
 
 
 def _configure_events(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--since", type=int, default=0, metavar="N", help="only those numbered from N"
+        "--since", type=int, default=0, metavar="N", help="only events with a number from N on"
     )
-    parser.add_argument("--follow", action="store_true", help="go on with those to come")
-    parser.add_argument("--json", action="store_true", help="print a line of JSON for each")
+    parser.add_argument(
+        "--follow", action="store_true", help="also print new events as they happen"
+    )
+    add_json(parser, "print a line of JSON for each event")
 
 
 def _events(args: argparse.Namespace) -> int:
@@ -127,20 +134,20 @@ def _events(args: argparse.Namespace) -> int:
                 print(event.model_dump_json() if args.json else _line(event), flush=True)
         except KeyboardInterrupt:
             if not args.follow:
-                raise  # following ends in no other way
+                raise  # following ends only in this way
     return 0
 
 
 def _line(event: RigEvent) -> str:
     trial = "" if event.trial < 0 else f"trial {event.trial}"
-    told = _told(event.data)
-    line = f"{event.seq:6d}  {_clock(event.t_ns)}  {event.kind:12s} {trial:9s} {told}".rstrip()
-    # What a client has said is in it: it begins no line of its own, and steers no terminal.
+    details = _details(event.data)
+    line = f"{event.seq:6d}  {_clock(event.t_ns)}  {event.kind:12s} {trial:9s} {details}".rstrip()
+    # An event contains text of a client: it must not begin a line or control the terminal.
     return "".join(item if item.isprintable() else " " for item in line)
 
 
-def _told(data: Mapping[str, JsonValue]) -> str:
-    """Return what belongs to an event: its name first, without what is empty."""
+def _details(data: Mapping[str, JsonValue]) -> str:
+    """Return the details of an event: its name first, without empty values."""
     if data.keys() == {"who", "verb", "args"}:
         return f"{data['who']}: {data['verb']} {_plain(data['args'])}".rstrip()
     units = data.get("units")
@@ -183,7 +190,7 @@ def _duration(seconds: float) -> str:
 
 COMMANDS = {
     "status": RemoteCommand(
-        "show what a rig does",
+        "show the state of a rig",
         _status,
         _configure_status,
         """\
@@ -193,7 +200,7 @@ examples:
 """,
     ),
     "events": RemoteCommand(
-        "show what happened on a rig, the newest last",
+        "show the events of a rig, the newest last",
         _events,
         _configure_events,
         """\

@@ -1,14 +1,14 @@
-"""``rigd remote procedures`` and ``dry-run``: lists procedures and plays them dry."""
+"""``rigd remote procedures`` and ``dry-run``: list a rig's procedures, play one on its model."""
 
 from __future__ import annotations
 
 import argparse
 import math
-import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rigd.cli.remote.command import RemoteCommand, add_json, connect, print_json
+from rigd.cli.options import add_json, add_set, read_assignments
+from rigd.cli.remote.command import RemoteCommand, connect, print_json
 
 if TYPE_CHECKING:
     from rigd.dry_run import PredictedPeak, StepRow
@@ -16,21 +16,17 @@ if TYPE_CHECKING:
 
 
 def _procedures(args: argparse.Namespace) -> int:
-    from rich.console import Console
     from rich.markup import escape
-    from rich.table import Table
 
-    from rigd.cli.screen import print_table
+    from rigd.cli.screen import folding_table, open_console, print_table
 
     with connect(args) as rig:
         found = rig.procedures()
     if args.json:
         print_json(found.model_dump(mode="json"))
         return 0
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
-    table = Table(box=None, pad_edge=False)
-    for name in ("procedure", "title", "cannot run here because"):
-        table.add_column(name, overflow="fold")
+    console = open_console()
+    table = folding_table("procedure", "title", "cannot run here because")
     for procedure in found.procedures:
         table.add_row(*map(escape, (procedure.name, procedure.title, procedure.problem or "")))
     print_table(console, table)
@@ -38,23 +34,15 @@ def _procedures(args: argparse.Namespace) -> int:
 
 
 def add_procedure(parser: argparse.ArgumentParser) -> None:
-    """Add a procedure and the values it is to have."""
+    """Add a procedure and values for its parameters."""
     parser.add_argument(
-        "procedure", help="a file of this computer, or the name of a procedure the daemon has"
+        "procedure", help="a file on this computer, or the name of a procedure of the daemon"
     )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="give a parameter of the procedure another value, with its unit",
-    )
+    add_set(parser)
 
 
 def values_of(args: argparse.Namespace) -> dict[str, str]:
-    """Return what ``--set`` gives, by name."""
-    from rigd.cli.assignments import read_assignments
-
+    """Return the values of ``--set``, by name."""
     return read_assignments(args.set)
 
 
@@ -78,7 +66,7 @@ def _dry_run(args: argparse.Namespace) -> int:
 
 @dataclass(frozen=True)
 class _PlayedElsewhere:
-    """A dry run that was played elsewhere, as one played here is shown."""
+    """Shows a dry run of a daemon in the same form as a local one."""
 
     duration_s: float
     steps: tuple[StepRow, ...]
@@ -120,7 +108,7 @@ COMMANDS = {
         """\
 examples:
   rigd remote dry-run procedures/quick.yaml --rig lugre-1
-  rigd remote dry-run constant_current --set floor=pvc      one that the daemon has
+  rigd remote dry-run constant_current --set floor=pvc      a procedure of the daemon
 """,
     ),
 }

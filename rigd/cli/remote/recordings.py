@@ -1,4 +1,4 @@
-"""``rigd remote runs``, ``fetch`` and ``report``: recordings of a daemon."""
+"""``rigd remote runs``, ``fetch`` and ``report``: list, copy and report recordings of a daemon."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rigd.cli.remote.command import RemoteCommand, add_json, again, connect, print_json
+from rigd.cli.options import add_json, add_quiet
+from rigd.cli.remote.command import RemoteCommand, again, connect, print_json
 
 if TYPE_CHECKING:
     from rigd.remote.protocol.results import RunList
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 def _configure_runs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--limit", type=_count, default=20, metavar="N", help="how many (20)")
-    parser.add_argument("--before", metavar="RUN", help="only older ones than this")
+    parser.add_argument("--before", metavar="RUN", help="only recordings older than this")
     add_json(parser)
 
 
@@ -33,13 +34,12 @@ def _runs(args: argparse.Namespace) -> int:
 
 
 def _print(found: RunList, where: str) -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    from rigd.cli.screen import print_table
+    from rigd.cli.screen import open_console, print_table
 
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
+    console = open_console()
     if not found.runs:
         console.print("no recordings yet")
         return
@@ -65,7 +65,7 @@ def _print(found: RunList, where: str) -> None:
     print_table(console, table)
     if found.more:
         console.print(
-            escape(f"older ones:  rigd remote runs --before {found.runs[-1].run}{where}"),
+            escape(f"for older recordings:  rigd remote runs --before {found.runs[-1].run}{where}"),
             soft_wrap=True,
         )
 
@@ -73,16 +73,20 @@ def _print(found: RunList, where: str) -> None:
 def _configure_fetch(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", metavar="RUN", help="name of a recording, as `runs` lists it")
     parser.add_argument(
-        "--to", type=Path, default=Path(), metavar="FOLDER", help="where to put it (here)"
+        "--to",
+        type=Path,
+        default=Path(),
+        metavar="FOLDER",
+        help="folder for the file (default: here)",
     )
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_quiet(parser)
     add_json(parser)
 
 
 def _fetch(args: argparse.Namespace) -> int:
     with connect(args) as rig, _progress(args) as progress:
         path = rig.fetch(args.run, args.to, progress)
-    _tell(args, path)
+    _print_path(args, path)
     return 0
 
 
@@ -92,7 +96,9 @@ def _configure_report(parser: argparse.ArgumentParser) -> None:
         "--identification", action="store_true", help="the report of the last identification"
     )
     parser.add_argument(
-        "--make", action="store_true", help="identify first, then fetch that; may take minutes"
+        "--make",
+        action="store_true",
+        help=("identify first, then fetch the new report; may take minutes"),
     )
 
 
@@ -105,26 +111,26 @@ def _report(args: argparse.Namespace) -> int:
                 with rig.control(brief=True):
                     rig.identify(args.run)
             else:
-                note = f"{args.run} does not say what to identify: this is the page of the run"
+                note = f"{args.run} has no analysis in its procedure: this is the page of the run"
                 print(note, file=sys.stderr)
         if identified:
             path = rig.report(args.run, args.to, progress, page="identification")
         else:
             rig.draw(args.run)
             path = rig.report(args.run, args.to, progress, page="run")
-    _tell(args, path)
+    _print_path(args, path)
     return 0
 
 
 def _count(text: str) -> int:
     if text.isdecimal() and int(text) > 0:
         return int(text)
-    raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 on")
+    raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
 
 
 @contextmanager
 def _progress(args: argparse.Namespace) -> Iterator[Callable[[int, int], None]]:
-    """Show a bar while something comes, on a terminal."""
+    """Show a progress bar during a transfer, on a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, DownloadColumn, Progress, TransferSpeedColumn
 
@@ -136,7 +142,7 @@ def _progress(args: argparse.Namespace) -> Iterator[Callable[[int, int], None]]:
         yield lambda done, size: bar.update(task, completed=done, total=size)
 
 
-def _tell(args: argparse.Namespace, path: Path) -> None:
+def _print_path(args: argparse.Namespace, path: Path) -> None:
     if args.json:
         print_json({"path": str(path), "size": path.stat().st_size})
     else:
@@ -155,18 +161,18 @@ COMMANDS = {
 examples:
   rigd remote fetch lugre-1_quick_20261121T080000.mcap --to data/
 
-One that breaks off goes on where it was. What has arrived is checked against its SHA-256 before
-it gets its name.
+A broken transfer continues at the same byte. The complete file is checked against its SHA-256
+before it gets its name.
 """,
     ),
     "report": RemoteCommand(
-        "fetch a recording as a page, or the report of its identification",
+        "fetch a recording as a page, or the report of its analysis",
         _report,
         _configure_report,
         """\
 examples:
-  rigd remote report RUN             what was recorded, drawn on the daemon's machine
-  rigd remote report RUN --make      identify on the daemon's machine, then fetch that report
+  rigd remote report RUN             the recording as a page, drawn by the daemon
+  rigd remote report RUN --make      the daemon identifies, then the report is fetched
 """,
     ),
 }

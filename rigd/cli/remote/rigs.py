@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
-from rigd.cli.remote.command import RemoteCommand, add_json, print_json
+from rigd.cli.options import add_json
+from rigd.cli.remote.command import RemoteCommand, print_json
 
 if TYPE_CHECKING:
     from rigd.remote.client.discovery import DiscoveredRig
@@ -26,24 +26,20 @@ def _execute(args: argparse.Namespace) -> int:
 
 
 def _print(found: list[DiscoveredRig]) -> None:
-    from rich.console import Console
     from rich.markup import escape
-    from rich.table import Table
 
-    from rigd.cli.screen import print_table
+    from rigd.cli.screen import folding_table, open_console, print_table
     from rigd.remote.client.remotes import list_path
 
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 400)
+    console = open_console()
     if not found:
         console.print(
-            f"no rig on this machine, and none in {escape(str(list_path()))}\n"
-            "  rigd serve --rig RIG serves one",
+            f"no rig on this machine, and no entry in {escape(str(list_path()))}\n  rigd "
+            "serve --rig RIG serves a rig",
             soft_wrap=True,
         )
         return
-    table = Table(box=None, pad_edge=False)
-    for name in ("rig", "address", "state", "procedure", "trials", "control", "title"):
-        table.add_column(name, overflow="fold")
+    table = folding_table("rig", "address", "state", "procedure", "trials", "control", "title")
     for item in found:
         status = item.status
         if status is None:
@@ -58,7 +54,7 @@ def _print(found: list[DiscoveredRig]) -> None:
             status.state,
             status.procedure or "",
             trials,
-            status.lease.holder or "",
+            str(status.lease.holder or ""),
             status.title,
         )
         table.add_row(*map(escape, texts))
@@ -80,11 +76,11 @@ def _as_json(seen: DiscoveredRig) -> dict[str, object]:
 
 COMMANDS = {
     "list": RemoteCommand(
-        "list the rigs that this computer knows, alive or not",
+        "list the known rigs, reachable or not",
         _execute,
         add_json,
         """\
-Asked are the addresses in ~/.config/rigd/remotes.yaml and this machine; nothing else is searched.
+The command asks the addresses in ~/.config/rigd/remotes.yaml and this machine, nothing else.
 
   remotes:
     lugre-1: {endpoint: tcp/127.0.0.1:7447}

@@ -1,4 +1,4 @@
-"""``rigd remote start`` and ``resume-run``."""
+"""``rigd remote start`` and ``resume-run``: start a run on a rig, or continue one."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rigd.cli.about import add_about, read_about
-from rigd.cli.remote.command import RemoteCommand, add_json, again, connect_async, print_json
+from rigd.cli.options import add_about, add_json, add_quiet, read_about
+from rigd.cli.remote.command import RemoteCommand, again, connect_async, print_json
 from rigd.cli.remote.procedures import add_procedure, values_of
 
 if TYPE_CHECKING:
@@ -26,15 +26,17 @@ def _configure_start(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--on-client-loss",
         choices=("continue", "finish_trial", "stop"),
-        help="what the run does when this command vanishes while it watches (default: what the "
-        "procedure says)",
+        help="what the run does if this command vanishes while it watches (default: as the "
+        "procedure specifies)",
     )
     add_about(parser)
     _configure_watch(parser)
 
 
 def _configure_resume(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("run", metavar="RUN", help="an interrupted run, as the status shows it")
+    parser.add_argument(
+        "run", metavar="RUN", help=("an interrupted run, as `rigd remote status` shows it")
+    )
     _configure_watch(parser)
 
 
@@ -42,7 +44,7 @@ def _configure_watch(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--watch", action="store_true", help="show progress to the end, and ask prompts here"
     )
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_quiet(parser)
     add_json(parser)
 
 
@@ -54,7 +56,7 @@ def _start(args: argparse.Namespace) -> int:
 
     async def begin(rig: AsyncClient) -> Started:
         if not is_path(args.procedure):
-            await _tell_apart(rig, args.procedure)
+            await _warn_if_different(rig, args.procedure)
         return await rig.start(
             args.procedure,
             values_of(args),
@@ -66,15 +68,15 @@ def _start(args: argparse.Namespace) -> int:
         )
 
     if is_path(args.procedure):
-        load_procedure(args.procedure)  # what is wrong in it is told before anybody is asked
+        load_procedure(args.procedure)  # reports errors in the file before the daemon is asked
     return _begin(args, begin)
 
 
-async def _tell_apart(rig: AsyncClient, name: str) -> None:
-    """Say so where a file of that name is here too, and is not what the daemon has.
+async def _warn_if_different(rig: AsyncClient, name: str) -> None:
+    """Print a notice if a local file of that name differs from the daemon's.
 
     Raises:
-        Refusal: the daemon has none of that name.
+        Refusal: the daemon has no procedure of that name.
     """
     from rigd.remote.protocol import Code, Refusal
 
@@ -87,10 +89,10 @@ async def _tell_apart(rig: AsyncClient, name: str) -> None:
     except Refusal as error:
         if error.code is not Code.NOT_FOUND:
             raise
-        hint = f"there is one here; to start that, give its path: {own}"
+        hint = f"there is a local file of that name; to start it, give its path: {own}"
         raise Refusal(error.code, error.message, hint=hint) from error
     if own.read_bytes() != theirs.text.encode():
-        note = f"starting {name} as the daemon has it; to start yours, give its path: {own}"
+        note = f"starting {name} as the daemon has it; to start your own file, give its path: {own}"
         print(note, file=sys.stderr)
 
 
@@ -102,7 +104,7 @@ def _resume(args: argparse.Namespace) -> int:
 
 
 def _begin(args: argparse.Namespace, begin: Callable[[AsyncClient], Awaitable[Started]]) -> int:
-    """Begin a run; watched, with the lease held all the while, else without anybody's."""
+    """Start a run; a watched run keeps the lease to its end, another run keeps no lease."""
     import asyncio
 
     from rigd.cli.remote.watching import watch
@@ -118,13 +120,13 @@ def _begin(args: argparse.Namespace, begin: Callable[[AsyncClient], Awaitable[St
                         code = await watch(rig, name, args, steers=True)
             except LinkError:
                 if code is None:
-                    raise  # else the daemon left with its run: nobody takes control back
+                    raise  # else the daemon ended with its run: nothing to release
         if code is not None:
             return code
         if args.json:
             print_json({"run": name})
         else:
-            print(_what_next(name, again(args)))
+            print(_advice(name, again(args)))
         return 0
 
     return asyncio.run(run())
@@ -134,17 +136,17 @@ def _name(started: Started) -> str:
     from rigd.model.errors import ProtocolError
 
     if started.run is None:
-        raise ProtocolError("the daemon began a run, and does not say which")
+        raise ProtocolError("the daemon started a run, but its reply does not name it")
     return started.run
 
 
-def _what_next(run: str, where: str) -> str:
+def _advice(run: str, target_options: str) -> str:
     return f"""\
 {run}
-It goes on by itself and needs nobody; prompts wait for an answer.
-  rigd remote status --watch{where}
-  rigd remote answer VALUE{where}
-  rigd remote stop{where}"""
+The run needs no client; prompts wait for an answer.
+  rigd remote status --watch{target_options}
+  rigd remote answer VALUE{target_options}
+  rigd remote stop{target_options}"""
 
 
 COMMANDS = {
@@ -158,13 +160,13 @@ examples:
   rigd remote start constant_current --set floor=pvc        one that the daemon has
   rigd remote start procedures/quick.yaml --yes --watch --json
 
-With --watch this command has control to the end and exits as the run did; should it vanish, the
-run does what the procedure says (`on_client_loss`). Ctrl-C then asks whether to stop the run or
-only the watching. Without --watch the run needs nobody, and prompts wait for whoever answers.
+With --watch this command has control to the end and exits with the run's exit code; if it vanishes,
+the run follows `on_client_loss` of the procedure. Ctrl-C asks whether to stop the run or only the
+watching. Without --watch the run needs no client, and prompts wait for an answer.
 """,
     ),
     "resume-run": RemoteCommand(
-        "go on with an interrupted run: only the trials that are missing",
+        "continue an interrupted run: only the missing trials",
         _resume,
         _configure_resume,
     ),

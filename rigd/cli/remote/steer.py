@@ -1,4 +1,4 @@
-"""``rigd remote pause``, ``stop`` and other commands to the run under way."""
+"""``rigd remote pause``, ``stop`` and others: send a command to the run in progress."""
 
 from __future__ import annotations
 
@@ -6,26 +6,27 @@ import argparse
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from rigd.cli.remote.command import RemoteCommand, add_json, connect, print_json
+from rigd.cli.options import add_json
+from rigd.cli.remote.command import RemoteCommand, connect, print_json
 
 if TYPE_CHECKING:
     from rigd.remote import Client
 
 
 def _commanding(do: Callable[[Client, argparse.Namespace], str]) -> Callable[..., int]:
-    """Return the command that does ``do`` with the lease, and says what it returns."""
+    """Return the command that executes ``do`` with the lease, and prints its result."""
 
     def execute(args: argparse.Namespace) -> int:
         with connect(args) as rig, rig.control(brief=True):
-            said = do(rig, args)
-        _say(args, said)
+            result = do(rig, args)
+        _print_result(args, result)
         return 0
 
     return execute
 
 
 def _stopping(do: Callable[[Client, str], bool], verb: str) -> Callable[..., int]:
-    """Return the command that stops; no lease, so that nothing stands in its way."""
+    """Return the command that stops; it needs no lease, so that nothing can block it."""
 
     def execute(args: argparse.Namespace) -> int:
         with connect(args) as rig:
@@ -35,7 +36,7 @@ def _stopping(do: Callable[[Client, str], bool], verb: str) -> Callable[..., int
         if args.json:
             print_json({"acted": acted} | ({} if last is None else last.model_dump(mode="json")))
             return 0
-        idle = "nothing is running" if run is None else f"{run} has been told so already"
+        idle = "no run in progress" if run is None else f"{run} already has this request"
         print(f"{verb}: asked for" if acted else f"{verb}: {idle}")
         if last is not None:
             print(f"{last.run}: {last.ending}: {last.reason}")
@@ -44,16 +45,16 @@ def _stopping(do: Callable[[Client, str], bool], verb: str) -> Callable[..., int
     return execute
 
 
-def _say(args: argparse.Namespace, said: str) -> None:
+def _print_result(args: argparse.Namespace, result: str) -> None:
     if args.json:
-        print_json({"done": said})
+        print_json({"done": result})
     else:
-        print(said)
+        print(result)
 
 
 def _pause(rig: Client, args: argparse.Namespace) -> str:
     rig.pause()
-    return "pauses after the trial under way"
+    return "the run pauses after the present trial"
 
 
 def _resume(rig: Client, args: argparse.Namespace) -> str:
@@ -71,7 +72,7 @@ def _act(rig: Client, args: argparse.Namespace) -> str:
 
 
 def _answer(rig: Client, args: argparse.Namespace) -> str:
-    from rigd.cli.remote.prompting import as_prompt
+    from rigd.cli.remote.watching import as_prompt
     from rigd.engine.answers import read_answer
     from rigd.model.errors import ConfigError
     from rigd.remote.protocol import Code, Refusal
@@ -89,12 +90,12 @@ def _answer(rig: Client, args: argparse.Namespace) -> str:
 
 def _configure_answer(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("value", help="such as '1.2 kg', pvc, or yes")
-    parser.add_argument("--id", type=int, metavar="N", help="only if it is this prompt that waits")
+    parser.add_argument("--id", type=int, metavar="N", help="only if this prompt waits")
     add_json(parser)
 
 
 def _configure_interlock(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("interlock", help="its name, as the status shows it")
+    parser.add_argument("interlock", help="its name, as `rigd remote status` shows it")
     add_json(parser)
 
 
@@ -106,19 +107,18 @@ def _configure_act(parser: argparse.ArgumentParser) -> None:
 
 def _configure_stop(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reason", default="", metavar="TEXT", help="shown, and recorded")
-    parser.add_argument("--wait", action="store_true", help="return once the run has ended")
+    parser.add_argument("--wait", action="store_true", help="return after the run has ended")
     add_json(parser)
 
 
 _STOP_NOTE = """\
-Everybody who may connect may do so; it needs no lease. Each ends the run more firmly than the one
-before: stop, abort, estop. A software stop is a request: the safety function is the hardware chain
-of the rig.
+Every client may stop a run; no lease is needed. In order of severity: stop, abort, estop.
+A software stop is a request: the safety function is the hardware chain of the rig.
 """
 
 COMMANDS = {
-    "pause": RemoteCommand("pause after the trial under way", _commanding(_pause), add_json),
-    "resume": RemoteCommand("go on after a pause", _commanding(_resume), add_json),
+    "pause": RemoteCommand("pause after the present trial", _commanding(_pause), add_json),
+    "resume": RemoteCommand("continue after a pause", _commanding(_resume), add_json),
     "answer": RemoteCommand(
         "answer the prompt that waits",
         _commanding(_answer),
@@ -130,12 +130,12 @@ examples:
 """,
     ),
     "ack": RemoteCommand(
-        "acknowledge an interlock that has acted: you have looked at the rig",
+        "acknowledge an interlock that has tripped: you have looked at the rig",
         _commanding(_acknowledge),
         _configure_interlock,
     ),
     "act": RemoteCommand(
-        "let a device do one of its actions, such as a tare; for maintainers",
+        "perform an action of a device, such as a tare; for maintainers",
         _commanding(_act),
         _configure_act,
     ),
@@ -152,7 +152,7 @@ examples:
         _STOP_NOTE,
     ),
     "estop": RemoteCommand(
-        "ask for power to be dropped",
+        "request the devices to drop power",
         _stopping(lambda rig, reason: rig.estop(reason), "estop"),
         _configure_stop,
         _STOP_NOTE,

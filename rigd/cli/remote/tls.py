@@ -1,4 +1,4 @@
-"""``rigd remote setup-tls``: creates certificates for a lab."""
+"""``rigd remote setup-tls``: creates the certificates for the daemons and clients of a lab."""
 
 from __future__ import annotations
 
@@ -6,24 +6,25 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from rigd.cli.remote.command import RemoteCommand, add_json, print_json
+from rigd.cli.options import add_json
+from rigd.cli.remote.command import RemoteCommand, print_json
 
 
 def _configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=Path, help="where the files go; made if missing")
+    parser.add_argument("folder", type=Path, help="folder for the files; created if missing")
     parser.add_argument(
         "--host",
         action="append",
         default=[],
         metavar="NAME",
-        help="name or address by which clients reach the rig; once for each",
+        help="name or address by which clients reach the rig; may be repeated",
     )
     parser.add_argument(
         "--client",
         action="append",
         default=[],
         metavar="NAME",
-        help="who gets a certificate; once for each",
+        help="name of a client that gets a certificate; may be repeated",
     )
     add_json(parser)
 
@@ -33,9 +34,7 @@ def _execute(args: argparse.Namespace) -> int:
     from rigd.remote.tls import setup_tls
 
     if not args.host and not (args.folder / "rigd.crt").exists():
-        raise ConfigError(
-            "by which name or address do clients reach the rig?", hint="--host rig.lab"
-        )
+        raise ConfigError("the name or address of the rig is missing", hint="--host rig.lab")
     made = setup_tls(args.folder, args.host, args.client)
     if args.json:
         kinds = {"made": made.files, "kept": made.kept}
@@ -60,24 +59,24 @@ in the rig file, on the machine of the rig:
     tls: {{ca: {folder}/ca.crt, certificate: {folder}/rigd.crt, key: {folder}/rigd.key}}
     roles: {{{roles}}}          # observer, operator or maintainer
 
-with each client, in ~/.config/rigd/remotes.yaml, beside ca.crt and the client's own two files:
+for each client, in ~/.config/rigd/remotes.yaml, beside ca.crt and the client's own two files:
   remotes:
     RIG:
       endpoint: tls/{host}:7447
       tls: {{ca: ca.crt, certificate: {name}.crt, key: {name}.key}}
 
-Give nobody ca.key, nor another's key; keep ca.key off the network."""
+Keep ca.key secret and off the network; give each client only its own key."""
 
 
 COMMANDS = {
     "setup-tls": RemoteCommand(
-        "make certificates for a lab: an authority, the rig's, and one for each client",
+        "make certificates for a lab: an authority, one for the rig, and one for each client",
         _execute,
         _configure,
         """\
 examples:
   rigd remote setup-tls certs --host rig.lab --host 192.168.0.7 --client alice --client panel
-  rigd remote setup-tls certs --client bob        another client, later; what is there is kept
+  rigd remote setup-tls certs --client bob        another client, later; existing files are kept
 """,
         connects=False,
     )

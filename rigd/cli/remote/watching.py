@@ -1,36 +1,46 @@
-"""Follows a remote run to its end: progress, prompts, Ctrl-C."""
+"""Follows a remote run to its end: shows progress, asks the user prompts, handles Ctrl-C."""
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import shlex
 import signal
 import sys
-from collections.abc import AsyncGenerator, Coroutine
-from contextlib import aclosing
+import threading
+from collections.abc import AsyncGenerator, Awaitable, Callable
+from contextlib import aclosing, suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from rigd.cli.asking import is_terminal
-from rigd.cli.remote.command import again, print_json
-from rigd.cli.remote.display import RemoteDisplay, conclude
-from rigd.cli.remote.prompting import LEAVING, Lines, as_prompt, ask
+from rigd.cli.asking import ask, ask_prompt, is_terminal
+from rigd.cli.remote.command import again
+from rigd.cli.run_display import Conclusion, RunDisplay, RunPosition
+from rigd.daemon.signals import ESCALATION
+from rigd.engine.control import Control
 from rigd.model.errors import Exit, LinkError, RigdError
-from rigd.model.severity import STOPS
+from rigd.procedure.program import AnswerKind, Prompt
 from rigd.remote.client.watching import RunWatch
 from rigd.remote.protocol import Status
+from rigd.remote.protocol.results import RunView
 from rigd.remote.protocol.status import LastRun, PromptView
 
 if TYPE_CHECKING:
     from rigd.remote import AsyncClient
+    from rigd.remote.protocol import ClientUser
 
-#: A daemon that is started anew needs some seconds; after so many it is given up, in s.
+#: A daemon that restarts needs some seconds; watching gives up after this time, in s.
 PATIENCE_S: Final = 30.0
-#: A silence as long is shown, in s; the daemon speaks twice a second.
+#: A silence of this length is shown, in s; the daemon publishes twice a second.
 SILENCE_S: Final = 2.0
 _LOOK_S: Final = 0.5
-#: The two questions that may stand at the terminal.
-_PROMPT: Final = "prompt"
-_LEAVE: Final = "leave"
+#: The question of the first Ctrl-C: unlike a run at this terminal, a remote run needs no client.
+_LEAVING: Final = """
+Ctrl-C: the run continues meanwhile.
+  s      stop it, then `finish` (so does Ctrl-C again)
+  w      only stop watching: the run continues, no client has control
+  Enter  neither
+"""
 
 
 async def watch(
@@ -40,75 +50,119 @@ async def watch(
     *,
     steers: bool,
 ) -> int:
-    """Show ``run`` until it ends, or a person leaves it; return the exit code.
+    """Show ``run`` until it ends or the user leaves it; return the exit code.
 
-    Prompts are asked at this terminal while this client has control. ``steers``: whether the run
-    is this command's own, so that Ctrl-C stops it where nobody can be asked what is meant.
+    The user at this terminal answers prompts while this client has control. ``steers``: the run is
+    this command's own, so that Ctrl-C stops it if there is no terminal to ask at.
     """
-    where = again(args)
-    with RemoteDisplay(quiet=args.quiet or args.json) as display:
-        last = await Watch(rig, run, display, where, steers=steers).follow()
+    target_options = again(args)
+    with RunDisplay(
+        quiet=args.quiet or args.json, paused=f"rigd remote resume{target_options} continues it"
+    ) as display:
+        last = await Watch(rig, run, display, target_options, steers=steers).follow()
     if last is None:
-        print(f"{run} goes on:  rigd remote status --watch{where}", file=sys.stderr)
+        print(f"{run} continues:  rigd remote status --watch{target_options}", file=sys.stderr)
         return int(Exit.OK)
-    try:
-        line = (await rig.run(run)).line if last.recorded else None
-    except LinkError:  # the daemon left with its run, and has said how that ended
-        line = None
+    recorded = None
+    with suppress(LinkError):  # the daemon may end with its run; it has reported the end
+        recorded = await rig.run(run) if last.recorded else None
+    conclusion = _conclusion(last, recorded, target_options)
     if args.json:
-        print_json(
-            {
-                "recording": last.run,
-                "state": last.ending,
-                "reason": last.reason,
-                "exit_code": last.exit_code,
-                "trials_done": line and line.trials_done,
-                "trials_total": line and line.trials_total,
-                "run_s": line and line.duration_s,
-            }
-        )
+        conclusion.print_json()
     else:
-        conclude(last, line, where)
-    return last.exit_code
+        conclusion.print()
+    return conclusion.exit_code
+
+
+def _conclusion(last: LastRun, recorded: RunView | None, target_options: str) -> Conclusion:
+    """Return how a run ended; ``target_options`` are the options that find the rig."""
+    if recorded is None:
+        unknown = "the daemon has ended too" if last.recorded else "nothing was recorded"
+        return Conclusion(last.run, last.ending, last.reason, last.exit_code, unknown=unknown)
+    line, name = recorded.line, shlex.quote(last.run)
+    advice = {"fetch it": f"rigd remote fetch {name}{target_options}"}
+    if line.trials_done < line.trials_total:
+        advice = {"continue with": f"rigd remote resume-run {name}{target_options}"} | advice
+    return Conclusion(
+        recording=last.run,
+        ending=last.ending,
+        reason=last.reason,
+        exit_code=last.exit_code,
+        trials_done=line.trials_done,
+        trials_total=line.trials_total,
+        run_s=line.duration_s,
+        advice=advice,
+    )
+
+
+def as_prompt(view: PromptView) -> Prompt:
+    """Return the prompt of a status, with the fields that its answer needs."""
+    return Prompt(
+        view.name,
+        view.text,
+        AnswerKind(view.kind),
+        unit=view.unit,
+        choices=view.choices,
+        low=view.low,
+        high=view.high,
+        answer=view.answer,
+    )
+
+
+@dataclass(frozen=True)
+class _Question:
+    """The open question at the terminal: a prompt of the run, or the question after Ctrl-C."""
+
+    is_prompt: bool
+    withdrawn: threading.Event
+    task: asyncio.Task[None]
 
 
 class Watch:
     """Follows one run at a terminal; :meth:`follow` is called once."""
 
     def __init__(
-        self, rig: AsyncClient, run: str, display: RemoteDisplay, where: str, *, steers: bool
+        self, rig: AsyncClient, run: str, display: RunDisplay, target_options: str, *, steers: bool
     ) -> None:
         self._rig = rig
         self._run = run
         self._display = display
-        self._where = where
+        self._target_options = target_options
         self._steers = steers
-        self._lines = Lines(sys.stdin)
-        self._question: asyncio.Task[None] | None = None  # the one that stands at the terminal
+        self._question: _Question | None = None
         self._prompt: PromptView | None = None  # the prompt that was shown last
-        self._answering = False  # an answer is on its way: its prompt may be gone before the reply
-        self._firmer = [stop.word for stop in STOPS]  # what Ctrl-C asks for next, the mildest first
-        self._stops: list[asyncio.Task[None]] = []
+        self._is_answering = (
+            False  # an answer was sent; the prompt may disappear before the reply arrives
+        )
+        self._control = Control()  # requests by Ctrl-C and Ctrl-Z at this terminal
+        self._state = ""
+        self._requests: set[asyncio.Task[None]] = set()
         self._left = False
-        self._told_asking: tuple[str, ...] = ()
+        self._asked_by: tuple[ClientUser, ...] = ()
 
     async def follow(self) -> LastRun | None:
-        """Return how the run ended, or None where a person has left it.
+        """Return how the run ended, or None if the user left it.
 
         Raises:
-            LinkError: the daemon is gone.
+            LinkError: the daemon does not respond.
         """
         loop = asyncio.get_running_loop()
-        loop.add_signal_handler(signal.SIGINT, self._press)
+        keys = {signal.SIGINT: self._press}
+        if self._steers:
+            keys |= dict.fromkeys((signal.SIGTSTP, signal.SIGUSR1), self._toggle_pause)
+        for key, handler in keys.items():
+            loop.add_signal_handler(key, handler)
         self._display.announce(f"{self._rig.rig} records {self._run}")
         if is_terminal():
-            self._display.announce("Ctrl-C asks what to do")
+            pauses = ", Ctrl-Z pauses after this trial" if self._steers else ""
+            self._display.announce(f"Ctrl-C asks what to do{pauses}")
         try:
             return await self._follow()
         finally:
-            loop.remove_signal_handler(signal.SIGINT)
-            self._withdraw()
-            await asyncio.gather(*self._stops)
+            for key in keys:
+                loop.remove_signal_handler(key)
+            await self._withdraw()
+            await asyncio.gather(*self._requests)
 
     async def _follow(self) -> LastRun | None:
         run = RunWatch(self._run)
@@ -117,143 +171,178 @@ class Watch:
             try:
                 while not self._left:
                     if not (await asyncio.wait([coming], timeout=_LOOK_S))[0]:
-                        self._see_silence()
+                        self._show_silence()
                         continue
                     status = coming.result()
                     ended = run.ended(status)
                     if ended is not None:
                         return ended
-                    self._display.show(status)
-                    self._see_lease(status)
-                    self._see_prompt(status)
+                    self._show(status)
+                    await self._show_prompt(status)
                     coming = asyncio.create_task(_next(statuses))
             finally:
                 coming.cancel()
                 await asyncio.wait([coming])
         return None
 
-    def _see_silence(self) -> None:
+    def _show(self, status: Status) -> None:
+        trial = status.trial
+        self._display.show(
+            RunPosition(
+                state=status.state,
+                trial=None if trial is None else trial.number,
+                label="" if trial is None else trial.label,
+                step=status.step or "",
+                trials_done=status.trials_done,
+                trials_total=status.trials_total,
+                left_s=status.left_s,
+            )
+        )
+        if status.state != self._state and status.state in ("pausing", "stopping"):
+            self._display.report(status.state)
+        self._state = status.state
+        asked_by = status.lease.asked_by
+        if self._holds(status) and asked_by != self._asked_by:
+            for item in asked_by:
+                self._display.report(
+                    f"{item} requests control: "
+                    f"rigd remote lease give {item.identity}{self._target_options}"
+                )
+        self._asked_by = asked_by
+
+    def _show_silence(self) -> None:
         silent_s = self._rig.connection.silent_s
         if silent_s > PATIENCE_S:
             raise LinkError(
-                f"{self._rig.rig} has said nothing for {silent_s:.0f} s",
-                hint="look at the rig itself; is its daemon running, and the network there?",
+                f"{self._rig.rig} has sent nothing for {silent_s:.0f} s",
+                hint="look at the rig itself; check that its daemon and the network run",
             )
         if silent_s > SILENCE_S:
             self._display.show_silence(silent_s)
 
-    def _see_lease(self, status: Status) -> None:
-        asked_by = status.lease.asked_by
-        if self._holds(status) and asked_by != self._told_asking:
-            for name in asked_by:
-                self._display.tell(
-                    f"{name} asks for control: rigd remote lease give {name}{self._where}"
-                )
-        self._told_asking = asked_by
-
-    def _see_prompt(self, status: Status) -> None:
-        """Ask the prompt that waits, and take one off the terminal that waits no more."""
+    async def _show_prompt(self, status: Status) -> None:
+        """Ask the prompt that waits; remove a prompt that no longer waits from the terminal."""
         prompt, before = status.prompt, self._prompt
         if before is not None and (prompt is None or prompt.id != before.id):
-            if self._asks_prompt and not self._answering:
-                self._withdraw()
-                self._display.tell("answered elsewhere, or withdrawn")
+            question = self._question
+            if question is not None and question.is_prompt and not self._is_answering:
+                await self._withdraw()
+                self._display.report("answered elsewhere, or withdrawn")
             self._prompt = None
         if prompt is None or self._prompt is not None or self._question is not None:
             return
         self._prompt = prompt
         if is_terminal() and self._holds(status):
-            self._ask(self._answer(prompt), _PROMPT)
+            self._put(lambda withdrawn: self._answer(prompt, withdrawn), is_prompt=True)
         else:
-            self._display.tell(f"waits for an answer: {prompt.text}  ({self._how_to_answer})")
+            self._display.report(
+                f"a prompt waits for an answer: {prompt.text}  ({self._how_to_answer})"
+            )
 
-    async def _answer(self, prompt: PromptView) -> None:
-        given = await ask(as_prompt(prompt), prompt.objection, self._lines, sys.stderr)
+    async def _answer(self, prompt: PromptView, withdrawn: threading.Event) -> None:
+        given = await asyncio.to_thread(
+            ask_prompt, as_prompt(prompt), prompt.objection, sys.stdin, sys.stderr, withdrawn.is_set
+        )
         if given is None:
-            self._display.tell(f"this terminal is gone: {self._how_to_answer}")
+            if not withdrawn.is_set():
+                self._display.report(f"this terminal has closed: {self._how_to_answer}")
             return
-        self._answering = True
+        self._is_answering = True
         try:
             await self._rig.answer(given, prompt.id)
         except RigdError as error:
-            self._display.tell(error.told)
-            self._prompt = None  # where it still waits, it is asked again
+            self._display.report(error.one_line)
+            self._prompt = None  # if the prompt still waits, it is asked again
         finally:
-            self._answering = False
+            self._is_answering = False
 
     def _press(self) -> None:
-        """Ctrl-C: ask what is meant by it; once more, stop.
+        """Handle Ctrl-C: first ask what to do; then request stop, abort and estop in turn.
 
-        Where nobody can be asked, it ends what this command is about: the run, or the watching.
+        Without a terminal it ends what this command is for: the run, or the watching.
         """
         if not is_terminal() and not self._steers:
             self._left = True
             return
-        asked = self._question is not None and self._question.get_name() == _LEAVE
-        if not is_terminal() or asked or len(self._firmer) < len(STOPS):
-            self._withdraw()
+        question = self._question
+        is_asked = question is not None and not question.is_prompt
+        if question is not None:
+            question.withdrawn.set()
+        if is_terminal() and not is_asked and self._control.asked is None:
+            self._prompt = None  # the prompt is asked again afterwards
+            self._put(self._leave, is_prompt=False)
+        else:
             self._stop()
-            return
-        self._withdraw()
-        self._prompt = None  # it is asked again once this is settled
-        self._ask(self._leave(), _LEAVE)
 
-    async def _leave(self) -> None:
-        match (await self._lines.ask(LEAVING, sys.stderr)).strip().lower():
+    async def _leave(self, withdrawn: threading.Event) -> None:
+        line = await asyncio.to_thread(ask, _LEAVING, sys.stdin, sys.stderr, withdrawn.is_set)
+        if withdrawn.is_set():
+            return
+        match line.strip().lower():
             case "s" | "stop":
                 self._stop()
             case "w" | "watch":
                 self._left = True
             case _:
-                self._display.tell("the run goes on, and so does the watching")
+                self._display.report("the run and the watching continue")
 
     def _stop(self) -> None:
-        """Ask for the next firmer way to stop, at once."""
-        if self._firmer:
-            verb = self._firmer.pop(0)
-            self._stops.append(asyncio.create_task(self._request(verb)))
+        """Request the next more severe stop, at once."""
+        stop = self._control.escalate("Ctrl-C")
+        do = getattr(self._rig, stop.word)
+        self._request(do("Ctrl-C where it is watched"), f"Ctrl-C: {ESCALATION[stop]}")
 
-    async def _request(self, verb: str) -> None:
-        do = {"stop": self._rig.stop, "abort": self._rig.abort, "estop": self._rig.estop}[verb]
-        firmer = f"; Ctrl-C: {self._firmer[0]}" if self._firmer else ""
-        try:
-            await do("Ctrl-C where it is watched")
-        except RigdError as error:
-            self._display.tell(f"{verb}: {error.told}")
+    def _toggle_pause(self) -> None:
+        """Handle Ctrl-Z: pause after this trial, or resume; refused without control."""
+        if self._state in ("pausing", "paused"):
+            self._request(self._rig.resume(), "resuming")
         else:
-            self._display.tell(f"{verb} asked for{firmer}")
+            self._request(self._rig.pause(), "pausing after this trial; Ctrl-Z resumes")
 
-    def _ask(self, question: Coroutine[None, None, None], name: str) -> None:
-        """Put a question at the terminal; there is one at a time."""
+    def _request(self, request: Awaitable[object], done: str) -> None:
+        """Send a request, and report ``done`` once the daemon has carried it out."""
+
+        async def sending() -> None:
+            try:
+                await request
+            except RigdError as error:
+                self._display.report(error.one_line)
+            else:
+                self._display.report(done)
+
+        task = asyncio.create_task(sending())
+        self._requests.add(task)
+        task.add_done_callback(self._requests.discard)
+
+    def _put(
+        self, question: Callable[[threading.Event], Awaitable[None]], *, is_prompt: bool
+    ) -> None:
+        """Ask a question at the terminal, after the previous one is closed."""
+        before, withdrawn = self._question, threading.Event()
 
         async def asking() -> None:
-            with self._display.quiet():
-                await question
+            if before is not None:
+                await before.task
+            with self._display.hidden():
+                await question(withdrawn)
+            if self._question is put:
+                self._question = None
 
-        self._question = asyncio.create_task(asking(), name=name)
-        self._question.add_done_callback(self._settled)
+        put = self._question = _Question(is_prompt, withdrawn, asyncio.create_task(asking()))
 
-    def _settled(self, question: asyncio.Task[None]) -> None:
-        if self._question is question:
-            self._question = None
-        if not question.cancelled():
-            question.result()
-
-    def _withdraw(self) -> None:
+    async def _withdraw(self) -> None:
+        """Remove the open question from the terminal."""
         question, self._question = self._question, None
         if question is not None:
-            question.cancel()
+            question.withdrawn.set()
+            await question.task
+
+    def _holds(self, status: Status) -> bool:
+        return status.lease.is_held_by(self._rig.identity)
 
     @property
     def _how_to_answer(self) -> str:
-        return f"rigd remote answer VALUE{self._where}"
-
-    @property
-    def _asks_prompt(self) -> bool:
-        return self._question is not None and self._question.get_name() == _PROMPT
-
-    def _holds(self, status: Status) -> bool:
-        return status.lease.holder == self._rig.identity
+        return f"rigd remote answer VALUE{self._target_options}"
 
 
 async def _next(statuses: AsyncGenerator[Status, None]) -> Status:

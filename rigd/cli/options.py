@@ -1,0 +1,104 @@
+"""Defines command-line options that several commands share, and reads their values."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rigd.model.about import About
+
+
+def add_rig(
+    parser: argparse.ArgumentParser,
+    help: str = "rig file, or the rig's name",
+    *,
+    required: bool = True,
+) -> None:
+    """Add ``--rig``."""
+    parser.add_argument("--rig", required=required, metavar="RIG", help=help)
+
+
+def add_set(
+    parser: argparse.ArgumentParser,
+    help: str = "set a parameter of the procedure to another value, with its unit",
+) -> None:
+    """Add ``--set``, for :func:`read_assignments`."""
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=help)
+
+
+def add_runs(parser: argparse.ArgumentParser) -> None:
+    """Add ``--runs``."""
+    parser.add_argument(
+        "--runs", type=Path, default=Path("runs"), metavar="FOLDER", help="folder of recordings"
+    )
+
+
+def add_json(parser: argparse.ArgumentParser, help: str = "print the result as JSON") -> None:
+    """Add ``--json``."""
+    parser.add_argument("--json", action="store_true", help=help)
+
+
+def add_quiet(parser: argparse.ArgumentParser) -> None:
+    """Add ``--quiet``."""
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+
+
+def add_about(parser: argparse.ArgumentParser) -> None:
+    """Add ``--note`` and ``--meta``, for :func:`read_about`."""
+    parser.add_argument(
+        "--note", default="", metavar="TEXT", help="a note, written into the recording"
+    )
+    parser.add_argument(
+        "--meta",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a name and a value, written into the recording, such as specimen=W7",
+    )
+
+
+def read_assignments(texts: Iterable[str], shape: str = "NAME=VALUE") -> dict[str, str]:
+    """Return the values by name; for a repeated name the last value counts.
+
+    Raises:
+        ConfigError: an assignment has no ``=``, or no name before it.
+    """
+    from rigd.model.errors import ConfigError
+
+    values = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip():
+            raise ConfigError(f"{text!r} is not {shape}", hint="write 'floor=pvc', without spaces")
+        values[name.strip()] = value.strip()
+    return values
+
+
+def read_about(operator: str | None, note: str, meta: Sequence[str]) -> About:
+    """Return operator, ``--note`` and ``--meta`` of a run.
+
+    Raises:
+        ConfigError: an entry is too long, is not NAME=VALUE, contains control characters, or a name
+            has two values.
+    """
+    from rigd.model.about import About
+    from rigd.model.errors import ConfigError
+
+    values = read_assignments(meta)
+    if len(values) < len(meta):
+        names = [text.partition("=")[0].strip() for text in meta]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ConfigError(
+            f"--meta gives {twice} two values",
+            hint=f"a name has one value: write --meta '{twice}=A, B'",
+        )
+    try:
+        return About((operator or "").strip(), note.strip(), values)
+    except ValueError as error:
+        raise ConfigError(
+            str(error),
+            hint=("--operator, --note and --meta are written into the recording as text"),
+        ) from error
