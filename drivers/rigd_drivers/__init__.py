@@ -1,1 +1,1 @@
-"""Drivers for real devices."""
+"""Contains the drivers of real devices."""

@@ -1,9 +1,13 @@
-"""Base of drives on a card: set value in volts, current monitor, enable line."""
+"""Provides the base class of drivers for motor drives that are wired to a data acquisition card.
+
+The card gives the set value in volts and switches the enable line. It reads the monitor, a voltage
+that shows a quantity such as the current.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal, TypeVar
 
 from annotated_types import Ge, Le
 
@@ -46,8 +50,25 @@ class AnalogDriveConfig(DriverConfig):
     """Whether the one-shot of the card gates the enable line. Without it nothing stops the drive
     when this computer dies, and it can be armed with a waiver only."""
 
+    def signed(self, monitor_scale: float) -> float:
+        """Return the value per volt of the monitor with its sign."""
+        return -monitor_scale if self.monitor_inverted else monitor_scale
 
-class AnalogDrive(Driver):
+    def monitor_channels(self, setpoint: Channel, monitor_scale: float) -> tuple[Channel, Channel]:
+        """Return what the monitor gives: the quantity of ``setpoint``, and its volts."""
+        scale = self.signed(monitor_scale)
+        ends = [(volts - self.monitor_zero) * scale for volts in (-10.0, 10.0)]
+        name, doc = setpoint.name, f"{setpoint.doc}, by the monitor"
+        return (
+            Channel(name, setpoint.unit, doc, min(ends), max(ends)),
+            Channel(f"{name}_raw", "V", "monitor at the card", -10, 10, raw_of=name),
+        )
+
+
+AnalogConfigT = TypeVar("AnalogConfigT", bound=AnalogDriveConfig)
+
+
+class AnalogDrive(Driver[AnalogConfigT, Card]):
     """A drive that takes its set value in volts and shows one monitor in volts.
 
     Subclasses name the setpoint and the monitored quantity. Safe means 0 V and not enabled, at
@@ -56,46 +77,31 @@ class AnalogDrive(Driver):
     """
 
     link_kind: ClassVar[str] = "card"
-    has_status = True
     second_link: ClassVar[bool] = True
-    config: AnalogDriveConfig
-    link: Card
 
     def __init__(
-        self,
-        config: AnalogDriveConfig,
-        link: Card | None,
-        *,
-        setpoint: Channel,
-        set_scale: float,
-        monitor_scale: float,
+        self, config: AnalogConfigT, link: Card, *, set_scale: float, monitor_scale: float
     ) -> None:
         super().__init__(config, link)
-        self._setpoint = setpoint
+        self._setpoint = self.declaration.setpoints[0]
         self._volts_per_unit = (-1.0 if config.set_inverted else 1.0) / set_scale
-        scale = -monitor_scale if config.monitor_inverted else monitor_scale
-        self._units_per_volt = scale
-        ends = [(volts - config.monitor_zero) * scale for volts in (-10.0, 10.0)]
-        name, doc = setpoint.name, f"{setpoint.doc}, by the monitor"
-        #: What the monitor gives: the quantity of the setpoint, and the volts it comes from.
-        self.monitor_channels = (
-            Channel(name, setpoint.unit, doc, min(ends), max(ends)),
-            Channel(f"{name}_raw", "V", "monitor at the card", -10, 10, raw_of=name),
-        )
+        self._units_per_volt = config.signed(monitor_scale)
         self._owns_outputs = False  # those of another device are never touched
         self._armed = False
         self._enabled = False  # ready, once, since it was armed
         self._limited = False
-        if link is not None and config.behind_one_shot:
-            self.watchdog_s = link.one_shot_s
+
+    @property
+    def watchdog_s(self) -> float | None:
+        """The one-shot of the card, if it protects the drive."""
+        return self.link.one_shot_s if self.config.behind_one_shot else None
 
     def open(self) -> None:
-        """Take the outputs and inputs on the card; they stand at rest.
+        """Take the outputs and inputs on the card; the outputs are at rest.
 
         Raises:
             LinkError: the card does not have them, another device drives them, or the enable line
                 would be active at rest.
-
         """
         config, card = self.config, self.link
         if card.rests_high(config.enable_output) == (config.enable_active == "high"):
@@ -106,7 +112,7 @@ class AnalogDrive(Driver):
             )
         if config.behind_one_shot and card.one_shot_s is None:
             raise LinkError(
-                "the drive is said to stand behind a one-shot, but its card declares none",
+                "'behind_one_shot' is set, but the card has no 'one_shot'",
                 hint="add 'one_shot' to the options of the link, or remove 'behind_one_shot'",
             )
         card.take_outputs(analog=(config.set_output,), lines=(config.enable_output,))
@@ -234,7 +240,7 @@ def accepted(setpoint: Channel, value: float) -> float:
     if value != value:
         raise DeviceError(
             f"setpoint '{setpoint.name}' is NaN; expected {low:g} to {high:g} {setpoint.unit}",
-            hint="a profile or a limit made a number of nothing; the setpoint before it holds",
+            hint="a profile or a limit computed NaN; the previous setpoint holds",
         )
     return min(max(value, low), high)
 

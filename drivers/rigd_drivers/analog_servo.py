@@ -1,4 +1,7 @@
-"""A servo amplifier in current mode with analogue set value and monitor, such as Maxon's ADS."""
+"""Controls a servo amplifier in current mode, such as Maxon's ADS, by an analogue set value.
+
+The amplifier returns the motor current as an analogue monitor voltage.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,13 @@ from typing import Annotated, ClassVar, Self
 from annotated_types import Gt, Le
 from pydantic import model_validator
 
-from rigd.sdk import Channel, DriverConfig, In
+from rigd.sdk import Channel, Declaration, DriverConfig, In, Row
 from rigd_drivers.analog_drive import AnalogDrive, AnalogDriveConfig, check_reach
 from rigd_drivers.card import Card
 
 
 class AnalogServoConfig(AnalogDriveConfig):
-    """How amperes and volts belong together, and what the amplifier may be asked for."""
+    """How currents are converted to volts and back, and the largest current that rigd may set."""
 
     current_range: Annotated[float, In("A"), Gt(0), Le(100)]
     """Largest setpoint of either sign."""
@@ -31,34 +34,45 @@ class AnalogServoConfig(AnalogDriveConfig):
         return self
 
 
-class AnalogServo(AnalogDrive):
+class CurrentRow(Row):
+    """Current and the monitor's volts; the status word of :mod:`rigd_drivers.analog_drive`."""
+
+    current: float
+    current_raw: float
+    status: int
+
+
+class AnalogServo(AnalogDrive[AnalogServoConfig]):
     """Sets the motor current; safe means 0 V and disabled: the wheel coasts."""
 
     Config: ClassVar[type[DriverConfig]] = AnalogServoConfig
     title: ClassVar[str] = "analogue servo amplifier in current mode, on a card"
-    config: AnalogServoConfig
 
-    def __init__(self, config: AnalogServoConfig, link: Card | None) -> None:
+    def __init__(self, config: AnalogServoConfig, link: Card) -> None:
+        super().__init__(
+            config, link, set_scale=config.set_scale, monitor_scale=config.monitor_scale
+        )
+
+    @classmethod
+    def declare(cls, config: AnalogServoConfig) -> Declaration:
+        """Return the monitor's channels and the current as setpoint."""
         largest = config.current_range
         setpoint = Channel("current", "A", "motor current", -largest, largest)
-        super().__init__(
-            config,
-            link,
-            setpoint=setpoint,
-            set_scale=config.set_scale,
-            monitor_scale=config.monitor_scale,
+        return Declaration(
+            channels=config.monitor_channels(setpoint, config.monitor_scale),
+            row=CurrentRow,
+            setpoints=(setpoint,),
         )
-        self.setpoints = (setpoint,)
-        self.channels = self.monitor_channels
 
-    def read(self, t_ns: int) -> Sequence[float]:
-        """Return current, monitor volts, status (:mod:`rigd_drivers.analog_drive`).
+    def read(self, t_ns: int) -> CurrentRow:
+        """Return current, monitor volts and status.
 
         Raises:
             DeviceError: the amplifier was enabled, and is not any more.
 
         """
-        return self._monitor()
+        current, volts, status = self._monitor()
+        return CurrentRow.of(current=current, current_raw=volts, status=status)
 
     def write(self, setpoints: Sequence[float]) -> None:
         """Demand a current in A.

@@ -1,4 +1,4 @@
-"""A drive in speed mode with analogue set value, for a linear axis behind a clutch."""
+"""Moves a linear axis behind a clutch, through a drive in speed mode with an analogue set value."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Annotated, ClassVar, Self
 from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
-from rigd.sdk import Channel, DriverConfig, In
+from rigd.sdk import Channel, Declaration, DriverConfig, In, Row
 from rigd_drivers.analog_drive import AnalogDrive, AnalogDriveConfig, accepted, check_reach
 from rigd_drivers.card import Card
 from rigd_drivers.card_counter import EncoderCounter
 
 
 class AnalogSpeedServoConfig(AnalogDriveConfig):
-    """How speeds, volts and counts belong together, and how fast the axis may be asked to run."""
+    """How speeds and counts are converted, and the largest speed that rigd may set."""
 
     speed_range: Annotated[float, In("m/s"), Gt(0), Le(10)]
     """Largest setpoint of either sign."""
@@ -43,38 +43,49 @@ class AnalogSpeedServoConfig(AnalogDriveConfig):
         return self
 
 
-class AnalogSpeedServo(AnalogDrive):
+class AxisRow(Row):
+    """Axis and monitor; the status word of :mod:`rigd_drivers.analog_drive`."""
+
+    position: float
+    counts: float
+    speed: float
+    speed_raw: float
+    status: int
+
+
+class AnalogSpeedServo(AnalogDrive[AnalogSpeedServoConfig]):
     """Sets the speed of a linear axis.
 
-    Safe means 0 V, disabled, the clutch engaged: its spring does that without power. The drive's
-    own holding brake must take over where the axis could coast too far.
+    Safe means 0 V, disabled, the clutch engaged: its spring engages it without power. If the axis
+    could coast too far, the drive's own holding brake must stop it.
     """
 
     Config: ClassVar[type[DriverConfig]] = AnalogSpeedServoConfig
     title: ClassVar[str] = "analogue servo drive in speed mode, on a card"
-    config: AnalogSpeedServoConfig
 
-    def __init__(self, config: AnalogSpeedServoConfig, link: Card | None) -> None:
-        largest = config.speed_range
-        setpoint = Channel("speed", "m/s", "speed of the axis", -largest, largest)
+    def __init__(self, config: AnalogSpeedServoConfig, link: Card) -> None:
         super().__init__(
-            config,
-            link,
-            setpoint=setpoint,
-            set_scale=config.set_scale,
-            monitor_scale=config.monitor_scale,
-        )
-        clutch = Channel("engaged", "1", "clutch: 1 engaged, 0 released (no force)", 0.0, 1.0)
-        self._clutched = config.clutch_output is not None
-        self.setpoints = (setpoint, clutch) if self._clutched else (setpoint,)
-        self.channels = (
-            Channel("position", "m", "position of the axis since it was opened"),
-            Channel("counts", "count", "encoder counts", raw_of="position"),
-            *self.monitor_channels,
+            config, link, set_scale=config.set_scale, monitor_scale=config.monitor_scale
         )
         self._counter = EncoderCounter(config.encoder, config.fastest)
         distance = config.distance_per_count
         self._distance = -distance if config.encoder_inverted else distance
+
+    @classmethod
+    def declare(cls, config: AnalogSpeedServoConfig) -> Declaration:
+        """Return axis and monitor as channels, speed and clutch as setpoints."""
+        largest = config.speed_range
+        speed = Channel("speed", "m/s", "speed of the axis", -largest, largest)
+        clutch = Channel("engaged", "1", "clutch: 1 engaged, 0 released (no force)", 0.0, 1.0)
+        return Declaration(
+            channels=(
+                Channel("position", "m", "position of the axis since it was opened"),
+                Channel("counts", "count", "encoder counts", raw_of="position"),
+                *config.monitor_channels(speed, config.monitor_scale),
+            ),
+            row=AxisRow,
+            setpoints=(speed,) if config.clutch_output is None else (speed, clutch),
+        )
 
     def open(self) -> None:
         """Take the outputs and inputs on the card; the position starts at zero."""
@@ -84,15 +95,22 @@ class AnalogSpeedServo(AnalogDrive):
             card.take_outputs(lines=(config.clutch_output,))
         self._counter.open(card, at_zero=True)
 
-    def read(self, t_ns: int) -> Sequence[float]:
-        """Return position, counts, speed, monitor volts, status (:mod:`rigd_drivers.analog_drive`).
+    def read(self, t_ns: int) -> AxisRow:
+        """Return position, counts, speed, monitor volts and status.
 
         Raises:
             DeviceError: the drive was enabled, and is not any more; or the count jumped.
 
         """
         counts = self._counter.take(self.link)
-        return counts * self._distance, float(counts), *self._monitor()
+        speed, volts, status = self._monitor()
+        return AxisRow.of(
+            position=counts * self._distance,
+            counts=float(counts),
+            speed=speed,
+            speed_raw=volts,
+            status=status,
+        )
 
     def write(self, setpoints: Sequence[float]) -> None:
         """Demand a speed in m/s and set the clutch (above one half: engaged).
@@ -101,7 +119,8 @@ class AnalogSpeedServo(AnalogDrive):
             DeviceError: a setpoint is NaN; those before it hold.
 
         """
-        engaged = not self._clutched or accepted(self.setpoints[1], setpoints[1]) > 0.5
+        clutch = self.declaration.setpoints[1:]
+        engaged = not clutch or accepted(clutch[0], setpoints[1]) > 0.5
         self._demand(setpoints[0])
         if self._armed:
             self._set_clutch(engaged=engaged)

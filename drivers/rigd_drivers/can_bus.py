@@ -1,8 +1,10 @@
-"""A CAN bus with CANopen devices; rigd is its only master.
+"""Operates a CAN bus with CANopen devices; rigd is the only master of the bus.
 
-In every cycle it hands what has come to the device that it is for, then sends what the devices
-queued, one SYNC, and the heartbeat when it is due. The heartbeat comes from here and from nowhere
-else: a cycle that hangs falls silent, and the drives switch themselves off.
+The class :class:`CanBus` is a link (a connection that several devices of a rig share). In every
+cycle (one turn of the control loop) the link hands each received frame to the device that expects
+it. Then the link sends the frames that the devices have queued, one SYNC (unless a device on the
+bus sends SYNC), and the heartbeat when it is due. No other part of rigd sends heartbeats. If the
+cycle hangs, no heartbeat is sent, and the drives switch themselves off.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ _SHORTEST_LISTENING_S: Final = 0.1
 
 
 class CanBusConfig(LinkConfig):
-    """How the bus is reached, and who we are on it."""
+    """How the bus is reached, and which node the master is."""
 
     interface: Annotated[str, MinLen(1)]
     """`hub` (simulated), `socketcan`, or any interface of python-can: pcan, slcan, kvaser, ..."""
@@ -48,7 +50,7 @@ class CanBusConfig(LinkConfig):
     heartbeat: Annotated[float, In("s"), Ge(0.001), Le(1)] = 0.02
     """Time between two heartbeats of rigd."""
     sync: bool = True
-    """Whether rigd sends SYNC; false where a device on the bus does."""
+    """Whether rigd sends SYNC; false if a device on the bus sends it."""
 
 
 class CanBus(Link):
@@ -70,7 +72,6 @@ class CanBus(Link):
         self.now_ns = time.monotonic_ns()  #: CLOCK_MONOTONIC of the cycle under way
         self.beating = False  #: whether heartbeats are sent while set-up waits
         self.beat_ns = 0  #: when the last heartbeat was sent
-        self.unsent = 0  #: frames that found the queue full
         self.foreign = 0  #: frames that no device of this rig expects
         self.heard: set[int] = set()  #: nodes that gave a sign of life: heartbeats, SDO replies
         self._handlers: dict[int, Callable[[bytes], None]] = {}
@@ -110,11 +111,10 @@ class CanBus(Link):
     # -- opening and closing -------------------------------------------------------------------
 
     def open(self) -> None:
-        """Open the bus and listen for a while: nobody else may be master on it.
+        """Open the bus and listen for a while: no other master may be on it.
 
         Raises:
             LinkError: it cannot be opened, another master drives it, or it carries only errors.
-
         """
         self.open_second()
         self._handlers[frames.NMT] = self._rival_orders
@@ -251,11 +251,10 @@ class CanBus(Link):
     # -- set-up: before the first cycle, may wait ----------------------------------------------
 
     def send(self, identifier: int, data: bytes) -> None:
-        """Send a frame now, waiting a little where the queue is full.
+        """Send a frame now; wait a little if the queue is full.
 
         Raises:
-            LinkError: the bus is lost, or takes no frames.
-
+            LinkError: the bus is lost, or accepts no frames.
         """
         try:
             self._opened().press(identifier, data)
@@ -310,11 +309,10 @@ class CanBus(Link):
             self.beat()
 
     def _send(self, identifier: int, data: bytes) -> None:
-        """Send a frame; one that finds the queue full is lost and counted, if not for long."""
+        """Send a frame; one that finds the queue full is lost, if that does not last."""
         try:
             self._opened().send(identifier, data)
         except Full as error:
-            self.unsent += 1
             now = time.monotonic_ns()
             if not self._full_since:
                 self._full_since = now
@@ -394,7 +392,7 @@ class CanBus(Link):
         )
 
     def broken(self, what: str) -> LinkError:
-        """Return the error that tells of frames destroyed on the wire."""
+        """Return the error that reports frames destroyed on the wire."""
         return LinkError(
             f"{self.name}: {what}",
             hint=f"check that all nodes and the adapter use the same bitrate ({self._rate()} in "

@@ -1,4 +1,4 @@
-"""The load of a CAN bus."""
+"""Measures the load of a CAN bus: the share of time in which frames occupy the bus."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class LoadMeter:
         self._begun_ns = now_ns
 
     def look(self, now_ns: int) -> None:
-        """Begin a new window where the one under way is over."""
+        """Begin a new window if the present window is over."""
         took_ns = now_ns - self._begun_ns
         if took_ns >= WINDOW_NS:
             self.load = self.bits / (self._bitrate * took_ns * 1e-9)

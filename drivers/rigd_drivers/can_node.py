@@ -1,4 +1,4 @@
-"""The master's side of one CANopen node: set up by SDO, supervised in the cycle."""
+"""Sets up one CANopen node by SDO and supervises the node in every cycle; rigd is the master."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ HEARTBEAT_MS: Final = 100
 _HEARTBEAT_LOST_NS: Final = 5 * HEARTBEAT_MS * 1_000_000
 #: One may have been under way when the node was ordered back to operational.
 _HALTED_HEARTBEATS: Final = 2
-#: A node is operational within this after the order, told by its heartbeat, in s.
+#: A node is operational within this after the order, by its heartbeat, in s.
 _START_S: Final = 1.0
 
 
 class Node:
-    """Node ``node_id`` on ``bus``; with a ``sheet`` nothing is sent that this forbids."""
+    """Controls node ``node_id`` on ``bus``, and sends nothing that ``sheet`` forbids."""
 
     def __init__(self, bus: CanBus, node_id: int, sheet: Sheet | None = None) -> None:
         self.bus = bus
@@ -53,7 +53,7 @@ class Node:
         self._restarted = False
         self._garbled = ""
         self._heard_ns = 0
-        self._halted = 0  #: heartbeats in a row that told of another state than operational
+        self._halted = 0  #: heartbeats in a row that report another state than operational
 
     def __str__(self) -> str:
         return f"node {self.node_id} on {self.bus.name}"
@@ -67,15 +67,14 @@ class Node:
         self.bus.subscribe(frames.HEARTBEAT + self.node_id, self._on_heartbeat)
 
     def open(self, owner: str, profile: int, serial: int | None) -> None:
-        """Bring the node to pre-operational and make sure that it is the one expected.
+        """Bring the node to pre-operational and make sure that it is the expected node.
 
-        ``profile`` is the CiA profile in its device type, ``serial`` its serial number where the
-        rig file gives one.
+        ``profile`` is the CiA profile in its device type, ``serial`` its serial number if the rig
+        file gives it.
 
         Raises:
             LinkError: it does not answer.
-            ProtocolError: it is another kind of device or another exemplar, or two share the id.
-
+            ProtocolError: it is another device or kind of device, or two devices share the id.
         """
         self.bus.claim(self.node_id, owner)
         self._claimed = True
@@ -126,7 +125,7 @@ class Node:
                 self._order(nmt.Command.PRE_OPERATIONAL)
 
     def called(self, entry: Entry) -> str:
-        """Return ``entry`` as messages give it: by the name in the EDS, where there is one."""
+        """Return the name of ``entry`` for messages: its name in the EDS, if it has one."""
         if self._sheet is None:
             return str(entry)
         return self._sheet.called(entry.index, entry.sub)
@@ -149,11 +148,10 @@ class Node:
             raise ProtocolError(f"{self}: {error}") from error
 
     def read_optional(self, entry: Entry) -> int | None:
-        """Return the value of ``entry``, of whatever length; None where the node has no such one.
+        """Return the value of ``entry``, of whatever length; None if the node has no such entry.
 
         Raises:
             LinkError, ProtocolError: see :meth:`read`.
-
         """
         try:
             data = self._upload(entry.index, entry.sub)
@@ -197,7 +195,7 @@ class Node:
             )
 
     def ensure_optional(self, entry: Entry, value: int) -> bool:
-        """Do as :meth:`ensure` where the node has ``entry``; return whether it has."""
+        """Call :meth:`ensure` if the node has ``entry``; return whether it has."""
         if self.read_optional(entry) is None:
             return False
         self.ensure(entry, value)
@@ -365,7 +363,7 @@ class Node:
         return ", ".join([text, *numbers])
 
     def _heed(self, problem: str | None) -> None:
-        """Raise ProtocolError where the sheet has a ``problem`` with what is about to be sent."""
+        """Raise ProtocolError if the sheet has a ``problem`` with the value to send."""
         if problem is not None:
             raise ProtocolError(f"{self}: {problem}", hint=WRONG_EDS)
 

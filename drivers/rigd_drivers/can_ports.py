@@ -1,7 +1,7 @@
-"""Ports for CAN frames: the simulated bus, SocketCAN, python-can's adapters.
+"""Sends and receives CAN frames through the simulated bus, SocketCAN or an adapter of python-can.
 
-A port never waits unless asked to, and turns whatever goes wrong into a :class:`LinkError` that
-says what to look at.
+A port never waits unless the caller asks for it. A port turns every failure into a
+:class:`LinkError` that names what to check.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SOCKETCAN: Final = "socketcan"
 _ERROR_FILTER: Final = 2
 #: ``CAN_ERR_MASK``: every class of error frame, linux/can.h.
 _ALL_ERRORS: Final = 0x1FFF_FFFF
-#: A queue of 10 frames, which is what SocketCAN has unless told otherwise, is sent within this at
+#: A queue of 10 frames, which is what SocketCAN has by default, is sent within this at
 #: 250 kbit/s; there is no way to wait for that but to try again, in s.
 PATIENCE_S: Final = 0.01
 _PAUSE_S: Final = 0.0002

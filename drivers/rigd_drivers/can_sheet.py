@@ -1,4 +1,4 @@
-"""Compares a CANopen device of the rig file with its EDS."""
+"""Compares a CANopen device of the rig file with its electronic data sheet (EDS)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class NodeConfig(DriverConfig):
     @field_validator("eds")
     @classmethod
     def _is_read(cls, name: str | None, info: ValidationInfo) -> str | None:
-        """Find and read the file; ``folder`` in the context is where the rig file stands."""
+        """Find and read the file; ``folder`` in the context is the folder of the rig file."""
         if name is None:
             return None
         beside = Path((info.context or {}).get("folder") or Path.cwd()) / name
@@ -49,13 +49,13 @@ class NodeConfig(DriverConfig):
         return str(found.resolve())
 
     def sheet(self) -> Sheet | None:
-        """Return what the EDS says; None where there is none."""
+        """Return the content of the EDS; None without an EDS."""
         return None if self.eds is None else read_sheet(Path(self.eds))
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What a driver does by SDO before the first cycle, without what it does if there is one."""
+    """SDO transfers of a driver before the first cycle, except those of optional objects."""
 
     profile: int
     reads: Sequence[Entry]
@@ -72,10 +72,10 @@ def contradictions(config: NodeConfig, link: LinkConfig | None, plan: Plan) -> l
             *_of_profile(sheet, plan.profile), *_of_objects(sheet, plan)]  # fmt: skip
 
 
-def refuse(who: object, problems: Sequence[str]) -> None:
-    """Raise ProtocolError where there are ``problems``; nothing is sent then."""
+def refuse(device: object, problems: Sequence[str]) -> None:
+    """Raise ProtocolError if there are ``problems``; nothing is sent then."""
     if problems:
-        raise ProtocolError(f"{who}: {'; '.join(problems)}", hint=WRONG_EDS)
+        raise ProtocolError(f"{device}: {'; '.join(problems)}", hint=WRONG_EDS)
 
 
 def _of_connection(sheet: Sheet, node: int, bitrate: float | None) -> Iterator[str]:
@@ -101,13 +101,13 @@ def _of_profile(sheet: Sheet, profile: int) -> Iterator[str]:
 
 
 def _of_objects(sheet: Sheet, plan: Plan) -> Iterator[str]:
-    told: dict[str, None] = {}
+    reported: dict[str, None] = {}
     for entry in (objects.DEVICE_TYPE, *plan.reads):
         if problem := sheet.unreadable(entry):
-            told[problem] = None
+            reported[problem] = None
     for entry, value in plan.writes:
         if problem := sheet.unwritable(entry, value):
-            told[problem] = None
+            reported[problem] = None
     for pdo in plan.pdos:
-        told |= dict.fromkeys(sheet.unmappable(pdo))
-    yield from told
+        reported |= dict.fromkeys(sheet.unmappable(pdo))
+    yield from reported

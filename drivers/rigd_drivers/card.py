@@ -1,4 +1,7 @@
-"""The interface of a data acquisition card to the drivers on it: volts, counts and lines."""
+"""Defines the interface between a data acquisition card and the drivers that use the card.
+
+The interface carries volts, encoder counts and digital lines.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +65,7 @@ class Card(Link):
 
     @abstractmethod
     def rests_high(self, line: int) -> bool:
-        """Return whether a digital output stands high while nothing is driven."""
+        """Return whether a digital output is high at rest."""
 
     @abstractmethod
     def set_volts(self, output: int, volts: float) -> None:

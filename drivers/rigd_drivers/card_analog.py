@@ -1,4 +1,4 @@
-"""Analogue inputs of a card, each with a name, a unit, a scale and a zero."""
+"""Reads the analogue inputs of a card, each with its own name, unit, scale and zero."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from annotated_types import Ge, MinLen
 from pydantic import StringConstraints, field_validator, model_validator
 
 from rigd.model.units import parse_quantity, parse_unit
-from rigd.sdk import Channel, Documented, Driver, DriverConfig, In
+from rigd.sdk import Channel, Declaration, Documented, Driver, DriverConfig, In
 from rigd_drivers.card import Card
 
 
@@ -77,20 +77,22 @@ class CardAnalogConfig(DriverConfig):
         return inputs
 
 
-class CardAnalog(Driver):
+class CardAnalog(Driver[CardAnalogConfig, Card]):
     """Analogue sensors on a card; they only measure, and are safe at all times."""
 
     Config: ClassVar[type[DriverConfig]] = CardAnalogConfig
     title: ClassVar[str] = "analogue sensors on a card"
     link_kind: ClassVar[str] = "card"
-    has_status = True
-    config: CardAnalogConfig
-    link: Card
 
-    def __init__(self, config: CardAnalogConfig, link: Card | None) -> None:
+    def __init__(self, config: CardAnalogConfig, link: Card) -> None:
         super().__init__(config, link)
-        self.channels = tuple(channel for item in config.inputs for channel in item.channels())
         self._inputs = tuple((item.input, item.per_volt, item.zero) for item in config.inputs)
+
+    @classmethod
+    def declare(cls, config: CardAnalogConfig) -> Declaration:
+        """Return the channels of every input."""
+        channels = tuple(channel for item in config.inputs for channel in item.channels())
+        return Declaration(channels=channels, plain_rows=True, has_status=True)
 
     def open(self) -> None:
         """Take the inputs in from now on."""

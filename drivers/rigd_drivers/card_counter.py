@@ -1,4 +1,7 @@
-"""Encoder counts from a counter of a card: unwrapped, and checked to be motion."""
+"""Reads encoder counts from a counter of a card.
+
+The module corrects overflows of the counter, and refuses jumps that cannot be motion.
+"""
 
 from __future__ import annotations
 

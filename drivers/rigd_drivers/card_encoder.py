@@ -1,17 +1,17 @@
-"""An incremental encoder on a counter of a card, as an angle or a position."""
+"""Reads an incremental encoder on a counter of a card as an angle or a position."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Annotated, ClassVar, Final, Literal, Self
 
 from annotated_types import Ge, Gt
 from pydantic import model_validator
 
-from rigd.sdk import Channel, Driver, DriverConfig, In
+from rigd.sdk import Channel, Declaration, Driver, DriverConfig, In, Row
 from rigd_drivers.card import Card
 from rigd_drivers.card_counter import EncoderCounter
+from rigd_drivers.encoder_rows import AngleRow, PositionRow
 
 #: Bit of the status word: the index signal of the encoder is active.
 INDEX: Final = 1
@@ -39,7 +39,7 @@ class CardEncoderConfig(DriverConfig):
     inverted: bool = False
     """Whether the count falls as the quantity grows."""
     zero_at_open: bool = True
-    """Whether the quantity is zero where the rig was opened; otherwise where the counter is."""
+    """Whether the quantity is zero at the opening of the rig; otherwise the counter decides."""
     fastest: Annotated[float, In("count/s"), Gt(0)] = 1e6
     """Count rate that the rig cannot reach. More between two cycles is no motion: the counter was
     reset, or lost its signal."""
@@ -55,38 +55,43 @@ class CardEncoderConfig(DriverConfig):
         return self
 
 
-class CardEncoder(Driver):
+class CardEncoder(Driver[CardEncoderConfig, Card]):
     """An incremental encoder; it only measures, and is safe at all times."""
 
     Config: ClassVar[type[DriverConfig]] = CardEncoderConfig
     title: ClassVar[str] = "incremental encoder on a card"
     link_kind: ClassVar[str] = "card"
-    has_status = True
-    config: CardEncoderConfig
-    link: Card
 
-    def __init__(self, config: CardEncoderConfig, link: Card | None) -> None:
+    def __init__(self, config: CardEncoderConfig, link: Card) -> None:
         super().__init__(config, link)
-        if config.quantity == "angle":
+        self._is_angle = config.quantity == "angle"
+        if self._is_angle:
             scale = 1.0 / (config.counts_per_revolution * config.gear_ratio)
-            converted = Channel("angle", "rad", "angle of the shaft")
         else:
             scale = config.distance_per_count or math.nan
-            converted = Channel("position", "m", "position along the travel")
         self._scale = -scale if config.inverted else scale
-        counts = Channel("counts", "count", "encoder counts", raw_of=converted.name)
-        self.channels = (converted, counts)
         self._counter = EncoderCounter(config.encoder, config.fastest)
 
+    @classmethod
+    def declare(cls, config: CardEncoderConfig) -> Declaration:
+        """Return the angle or the position, and the counts."""
+        row: type[Row]
+        if config.quantity == "angle":
+            row, converted = AngleRow, Channel("angle", "rad", "angle of the shaft")
+        else:
+            row, converted = PositionRow, Channel("position", "m", "position along the travel")
+        counts = Channel("counts", "count", "encoder counts", raw_of=converted.name)
+        return Declaration(channels=(converted, counts), row=row)
+
     def open(self) -> None:
-        """Begin to count, from zero or from where the counter stands."""
+        """Begin to count, from zero or from the present value of the counter."""
         self._counter.open(self.link, at_zero=self.config.zero_at_open)
         self.identity = self.link.identity
 
     def arm(self) -> None:
         """Do nothing: it only measures."""
 
-    def read(self, t_ns: int) -> Sequence[float]:
+    def read(self, t_ns: int) -> AngleRow | PositionRow:
         """Return the angle in rad or position in m, the counts, and the status (index 1).
 
         Raises:
@@ -95,7 +100,10 @@ class CardEncoder(Driver):
         """
         counts = self._counter.take(self.link)
         index = self.link.indexes >> self.config.encoder & INDEX
-        return counts * self._scale, float(counts), index
+        value = counts * self._scale
+        if self._is_angle:
+            return AngleRow.of(angle=value, counts=float(counts), status=index)
+        return PositionRow.of(position=value, counts=float(counts), status=index)
 
     def make_safe(self) -> None:
         """Do nothing: it only measures."""

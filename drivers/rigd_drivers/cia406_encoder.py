@@ -1,4 +1,4 @@
-"""A CiA 406 encoder over CAN: rotary, or linear as by a measuring wheel."""
+"""Reads a CiA 406 encoder over CAN, either rotary or linear (such as a measuring wheel)."""
 
 from __future__ import annotations
 
@@ -9,13 +9,24 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 from annotated_types import Ge, Gt, Le
 from pydantic import model_validator
 
-from rigd.sdk import Channel, Driver, DriverConfig, In, LinkConfig, LinkError, ProtocolError
+from rigd.sdk import (
+    Channel,
+    Declaration,
+    Driver,
+    DriverConfig,
+    In,
+    LinkConfig,
+    LinkError,
+    ProtocolError,
+    Row,
+)
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import HEARTBEAT_MS, Node
 from rigd_drivers.can_sheet import NodeConfig, Plan, contradictions, refuse
 from rigd_drivers.canopen import frames, objects, pdo
 from rigd_drivers.canopen.counter import Unwrap
 from rigd_drivers.canopen.inbox import Inbox
+from rigd_drivers.encoder_rows import AngleRow, PositionRow
 
 #: Low word of 1000h.
 _PROFILE: Final = 406
@@ -57,32 +68,17 @@ class EncoderConfig(NodeConfig):
         return self
 
 
-class Cia406Encoder(Driver):
+class Cia406Encoder(Driver[EncoderConfig, CanBus]):
     """An encoder that gives its position at every SYNC; it only measures, so it is always safe."""
 
     Config: ClassVar[type[DriverConfig]] = EncoderConfig
     title = "CiA 406 encoder on CAN"
     link_kind = "can"
-    has_status = True
-    config: EncoderConfig
-    link: CanBus
 
-    def __init__(self, config: EncoderConfig, link: CanBus | None) -> None:
+    def __init__(self, config: EncoderConfig, link: CanBus) -> None:
         super().__init__(config, link)
-        converted = (
-            Channel("angle", "rad", "angle of what the encoder measures")
-            if config.kind == "rotary"
-            else Channel("position", "m", "position")
-        )
-        counts = Channel("counts", "count", "encoder counts, unwrapped", raw_of=converted.name)
-        self.channels = (converted, counts)
-        self._tpdo = pdo.Pdo(
-            1,
-            True,
-            frames.TPDO[0] + config.node,
-            pdo.SYNCHRONOUS,
-            (objects.ENCODER_POSITION,),
-        )
+        self._is_angle = config.kind == "rotary"
+        self._tpdo = _position_pdo(config.node)
         self._inbox = Inbox(self._tpdo, config.node)
         self._unwrap = Unwrap(_WHOLE_OBJECT)
         self._zero = 0.0
@@ -90,11 +86,24 @@ class Cia406Encoder(Driver):
         self._watched = False
         self._node: Node | None = None
 
-    def contradictions(self, link: LinkConfig | None) -> Sequence[str]:
+    @classmethod
+    def declare(cls, config: EncoderConfig) -> Declaration:
+        """Return the angle or the position, and the counts."""
+        row: type[Row]
+        if config.kind == "rotary":
+            row, converted = AngleRow, Channel("angle", "rad", "angle of what the encoder measures")
+        else:
+            row, converted = PositionRow, Channel("position", "m", "position")
+        counts = Channel("counts", "count", "encoder counts, unwrapped", raw_of=converted.name)
+        return Declaration(channels=(converted, counts), row=row)
+
+    @classmethod
+    def contradictions(cls, config: EncoderConfig, link: LinkConfig | None) -> Sequence[str]:
         """Return what the EDS says against this encoder on ``link``."""
         writes = [(objects.HEARTBEAT_PRODUCER, HEARTBEAT_MS)]
-        plan = Plan(_PROFILE, [objects.ENCODER_POSITION], writes, [self._tpdo])
-        return contradictions(self.config, link, plan)
+        tpdos = [_position_pdo(config.node)]
+        plan = Plan(_PROFILE, [objects.ENCODER_POSITION], writes, tpdos)
+        return contradictions(config, link, plan)
 
     def open(self) -> None:
         """Set the encoder up by SDO, reading everything back.
@@ -106,7 +115,7 @@ class Cia406Encoder(Driver):
         """
         config, link = self.config, self.link
         self.close()
-        refuse(self.title, self.contradictions(link.config))
+        refuse(self.title, self.contradictions(config, link.config))
         node = self._node = Node(link, config.node, config.sheet())
         node.open(self.title, _PROFILE, config.serial)
         self.identity = node.identity
@@ -129,7 +138,7 @@ class Cia406Encoder(Driver):
         """From now on take a silent or stopped node for failed; there is nothing to enable."""
         self._watched = True
 
-    def read(self, t_ns: int) -> Sequence[float] | None:
+    def read(self, t_ns: int) -> AngleRow | PositionRow | None:
         """Return angle in rad or position in m, counts, and the node's NMT state (5: operational).
 
         None where nothing answered the SYNC of the cycle before.
@@ -148,7 +157,10 @@ class Cia406Encoder(Driver):
             return None
         counts = self._unwrap.follow(self._within_span(values[0]))
         state = 0 if node.state is None else int(node.state)
-        return (counts - self._zero) * self._scale, counts, state
+        value = (counts - self._zero) * self._scale
+        if self._is_angle:
+            return AngleRow.of(angle=value, counts=counts, status=state)
+        return PositionRow.of(position=value, counts=counts, status=state)
 
     def make_safe(self) -> None:
         """Do nothing: it only measures."""
@@ -178,30 +190,35 @@ class Cia406Encoder(Driver):
         turns = node.read_optional(objects.REVOLUTIONS)
         if not steps or not turns:
             return _WHOLE_OBJECT if bits is None else 1 << bits
-        told = steps * turns
-        if bits is not None and told != 1 << bits:
+        reported = steps * turns
+        if bits is not None and reported != 1 << bits:
             raise ProtocolError(
                 f"{node} counts {steps} steps (object 6501) x {turns} revolutions (6502), that is "
-                f"{math.log2(told):.6g} bits; the rig file says {bits}",
+                f"{math.log2(reported):.6g} bits; the rig file says {bits}",
                 hint="leave `bits` out, or correct it",
             )
-        return told
+        return reported
 
     def _counts_per_radian(self, node: Node) -> float:
         given = self.config.counts_per_revolution
-        told = node.read_optional(objects.STEPS_PER_REVOLUTION)
-        if not told:
+        reported = node.read_optional(objects.STEPS_PER_REVOLUTION)
+        if not reported:
             if given is None:
                 raise ProtocolError(
                     f"{node} does not tell its resolution (object 6501)",
                     hint="give `counts_per_revolution`, from its data sheet",
                 )
             return given
-        found = told / (2 * math.pi)
+        found = reported / (2 * math.pi)
         if given is not None and abs(found / given - 1) > 1e-6:
             raise ProtocolError(
-                f"{node} has {told} counts per revolution (object 6501), the rig file says "
+                f"{node} has {reported} counts per revolution (object 6501), the rig file says "
                 f"{given * 2 * math.pi:.6g}",
                 hint="correct `counts_per_revolution`, or the encoder's setting",
             )
         return found
+
+
+def _position_pdo(node: int) -> pdo.Pdo:
+    entries = (objects.ENCODER_POSITION,)
+    return pdo.Pdo(1, True, frames.TPDO[0] + node, pdo.SYNCHRONOUS, entries)

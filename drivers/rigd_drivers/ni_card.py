@@ -1,8 +1,8 @@
-"""One card through NI-DAQmx, on this machine or behind NI's gRPC Device Server.
+"""Connects a driver to one NI card through NI-DAQmx, on this machine or behind NI's gRPC server.
 
-What the drivers of its inputs and of its lines have in common: finding the card, tasks by name,
-and NI's errors as errors of rigd's own. ``nidaqmx`` (the extra ``rigd[ni]``) is imported when a
-card is opened and not before. It ships no types: tasks are ``Any``.
+The drivers of analogue inputs and of digital lines share this module. It finds the card, names the
+tasks, and turns NI's errors into rigd's own errors. The module imports ``nidaqmx`` (the extra
+``rigd[ni]``) only when a driver opens a card. ``nidaqmx`` ships no types, so tasks are ``Any``.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Annotated, Any, Final
 from pydantic import Field
 
 from rigd.model.errors import RigdError
+from rigd.model.extras import is_installed, missing
 from rigd.sdk import DeviceError, DriverConfig, LinkError, ProtocolError
 
 #: How long a device server may take to accept a connection,
@@ -32,7 +33,7 @@ _REMOVED: Final = frozenset({-201003, -88705, -88709, -88710, -50405})
 
 
 class NiCardConfig(DriverConfig):
-    """Which card, and where it hangs."""
+    """Which card is used, and how it is connected."""
 
     device: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] = "Dev1"
     """Name of the card in NI MAX."""
@@ -47,7 +48,7 @@ class NiCardConfig(DriverConfig):
 
 
 class NiCard:
-    """One card through NI-DAQmx; what NI raises comes out as an error of rigd's own.
+    """One card through NI-DAQmx; errors of NI are raised as rigd's own errors.
 
     Args:
         config: which card.
@@ -113,7 +114,7 @@ class NiCard:
     def left_over(self, name: str) -> Any | None:
         """Return the task ``name`` that a server keeps, of a client that may have been killed.
 
-        None where there is none; NI-DAQmx on this machine clears the tasks of a process itself.
+        None if there is none; NI-DAQmx on this machine clears the tasks of a process itself.
         """
         if self._server is None:
             return None
@@ -201,29 +202,26 @@ class NiCard:
                 hint="see that ni_grpc_device_server runs there and can be reached",
             )
         code: int = getattr(error, "error_code", 0)
-        told = f"NI-DAQmx {code}: {str(error).splitlines()[0]}"
+        text = f"NI-DAQmx {code}: {str(error).splitlines()[0]}"
         if code in _REMOVED:
             return DeviceError(
-                f"{self} is gone ({told})", hint="plug it in again; look at cable and hub"
+                f"{self} is gone ({text})", hint="plug it in again; look at cable and hub"
             )
         if code == _INVALID_DEVICE_ID or code in _RESERVED:
             return LinkError(
-                f"cannot {doing} {self} ({told})",
+                f"cannot {doing} {self} ({text})",
                 hint="correct `device`"
                 if code == _INVALID_DEVICE_ID
                 else "end the other program that uses the card",
             )
-        return DeviceError(f"cannot {doing} {self} ({told})", hint=self._refused.get(code))
+        return DeviceError(f"cannot {doing} {self} ({text})", hint=self._refused.get(code))
 
 
 def _import_nidaqmx() -> Any:
-    try:
-        import nidaqmx
-    except ImportError as error:
-        raise LinkError(
-            f"the Python package nidaqmx cannot be imported: {error}",
-            hint="install it: pip install 'rigd[ni]'",
-        ) from error
+    if not is_installed("ni"):
+        raise LinkError(missing("an NI card", "ni"))
+    import nidaqmx
+
     return nidaqmx
 
 

@@ -1,4 +1,4 @@
-"""The states of a CiA 402 drive, and the controlwords between them.
+"""Defines the states of a CiA 402 drive, and the controlwords that change the state.
 
 Source: CiA 402-2, sections "Statusword" and "Finite state automaton" (table of the bits by state,
 table of the commands).
@@ -67,7 +67,7 @@ _TOWARDS_ENABLED: Final = {
 
 
 def state_of(statusword: int) -> DriveState:
-    """Return the state that a statusword tells."""
+    """Return the state in a statusword."""
     for mask, bits, state in _STATES:
         if statusword & mask == bits:
             return state

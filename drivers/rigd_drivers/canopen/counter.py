@@ -1,4 +1,4 @@
-"""Unwraps a counter that rolls over."""
+"""Converts the readings of a counter that overflows to a position without jumps."""
 
 from __future__ import annotations
 

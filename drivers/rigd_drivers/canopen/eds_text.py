@@ -1,8 +1,10 @@
-"""Parses the text of an EDS or DCF with line numbers, and checks its values.
+"""Parses an electronic data sheet (EDS or DCF) with line numbers, and checks its values.
 
-Source: CiA 306-1, electronic data sheets. :mod:`sheet` has the library ``canopen`` make objects of
-it. That library gives no lines, passes over limits and values that are no numbers, and stops at
-files of makers that it could read; so what it gets is checked here first, and written in one way.
+Source: CiA 306-1, electronic data sheets.
+
+:mod:`sheet` makes objects of the text with the library ``canopen``. That library reports no line
+numbers, ignores limits and values that are no numbers, and stops at some makers' files that are
+readable. So this module checks the text first, and writes it in one uniform way for the library.
 """
 
 from __future__ import annotations
@@ -58,7 +60,7 @@ class Section:
     lines: dict[str, int] = field(default_factory=dict)
 
     def number(self, key: str, default: int = 0) -> int:
-        """Return the whole number at ``key``; ``default`` where it is missing or wrong."""
+        """Return the whole number at ``key``; ``default`` if it is missing or wrong."""
         return parse_number(self.values.get(key, "")) or default
 
 
@@ -123,7 +125,7 @@ def object_name(index: int, sub: int | None = None) -> str:
 
 
 def parse_number(text: str) -> int | None:
-    """Return the number as CiA 306 writes it, None where it is none."""
+    """Return a number in the notation of CiA 306, None if it is not a number."""
     try:
         return int(text, 0)
     except ValueError:
@@ -236,7 +238,7 @@ def _check_numbers(text: EdsText, section: Section) -> None:
 
 
 def _check_lists(text: EdsText) -> None:
-    """Look whether every object that the file says it describes stands in it."""
+    """Check that the file contains every object that its lists name."""
     for name in _LISTS:
         section = text.section(name)
         for key, value in {} if section is None else dict(section.values).items():
@@ -277,5 +279,5 @@ def _check_object(text: EdsText, index: int, sub: int | None, section: Section) 
 
 
 def device_number(values: Mapping[str, str], key: str) -> int | None:
-    """Return a number that tells devices apart; None where the file leaves it open (0)."""
+    """Return a number that differs between devices; None if the file leaves it open (0)."""
     return parse_number(values.get(key, "")) or None

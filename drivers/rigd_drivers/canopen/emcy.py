@@ -1,4 +1,4 @@
-"""Decodes emergency messages to text.
+"""Decodes the emergency messages of CANopen devices to text.
 
 Sources: CiA 301 (4.2.0), sections 7.2.7 and 7.5.2.2 (error register); CiA 402-2, table of error
 codes; the maxon EPOS4 Firmware Specification names 0x7305 and others the same way.
@@ -82,7 +82,7 @@ class Emergency:
 
     @property
     def is_reset(self) -> bool:
-        """Whether it tells that errors are gone."""
+        """Whether it reports that errors are gone."""
         return self.code & 0xFF00 == 0
 
     def __str__(self) -> str:
@@ -96,7 +96,7 @@ class Emergency:
 
 
 def decode(data: bytes) -> Emergency | None:
-    """Return the emergency in a frame; None where it does not have the 8 bytes of one."""
+    """Return the emergency in a frame; None if the frame does not have 8 bytes."""
     if len(data) != _EMCY.size:
         return None
     return Emergency(*_EMCY.unpack(data))

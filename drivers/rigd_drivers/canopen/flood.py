@@ -1,4 +1,4 @@
-"""Detects a flood on the bus, and the identifier that causes it."""
+"""Detects a flood of frames on the CAN bus, and finds the identifier that causes it."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Final
 from rigd_drivers.canopen import frames
 
 #: A bus flooded for so long is a failure, in ns. Less than it takes a device to be missed, so that
-#: the cause is told and not its effect.
+#: the cause is reported and not its effect.
 WINDOW_NS: Final = 50_000_000
 #: No node sends the same identifier so often in 1 ms: the bus itself carries some 20 frames.
 _BABBLE_PER_MS: Final = 5
 
 
 class FloodWatch:
-    """Counts frames that no device expects; and all of them, once more came than was taken in."""
+    """Counts unexpected frames, or all frames while more arrive than a cycle takes in."""
 
     def __init__(self, now_ns: int) -> None:
         self.crowded = False  #: frames were left when the last cycle stopped to take them in

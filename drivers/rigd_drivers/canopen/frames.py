@@ -1,4 +1,4 @@
-"""CAN frames in Linux's layout, and the CANopen service of an identifier.
+"""Describes CAN frames in Linux's layout, and finds the CANopen service of an identifier.
 
 Sources: linux/can.h and linux/can/error.h; CiA 301 (4.2.0), section 7.3.3, the predefined
 connection set.
@@ -84,7 +84,7 @@ def is_bus_off(identifier: int) -> bool:
 
 
 def is_only_news(identifier: int) -> bool:
-    """Return whether an error frame tells of no error: the controller is back on the bus."""
+    """Return whether an error frame reports no error: the controller is back on the bus."""
     return not identifier & (_BUS_OFF | _NO_ACK | _CONTROLLER | _PROTOCOL)
 
 

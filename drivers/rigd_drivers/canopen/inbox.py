@@ -1,4 +1,4 @@
-"""Checks that the mapped PDOs of a node arrive once after every SYNC."""
+"""Checks that the process data (PDOs) of a CANopen node arrive once after every SYNC."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Network management: the commands of the master, the states of a node, the heartbeat.
+"""Encodes CANopen network management: commands of the master, states of a node, the heartbeat.
 
 Source: CiA 301 (4.2.0), sections 7.2.8 and 7.3.2.
 """
@@ -9,7 +9,7 @@ from enum import IntEnum
 
 
 class Command(IntEnum):
-    """What the master orders."""
+    """Commands that the master sends to a node."""
 
     START = 0x01
     STOP = 0x02
@@ -19,7 +19,7 @@ class Command(IntEnum):
 
 
 class State(IntEnum):
-    """What a node says in its heartbeat."""
+    """States that a node reports in its heartbeat."""
 
     BOOT_UP = 0x00
     STOPPED = 0x04
@@ -38,7 +38,7 @@ def heartbeat(state: State = State.OPERATIONAL) -> bytes:
 
 
 def read_heartbeat(data: bytes) -> State | None:
-    """Return the state in a heartbeat; None where it is not one (bit 7 is reserved)."""
+    """Return the state in a heartbeat; None if the frame is not one (bit 7 is reserved)."""
     if len(data) != 1:
         return None
     try:

@@ -1,4 +1,4 @@
-"""Entries of an object dictionary: index, type and packing.
+"""Defines entries of a CANopen object dictionary: index, type, and how a value is packed.
 
 Sources: CiA 301, section 7.5 (1000h range); CiA 402-2 and -3 (6000h range of drives); CiA 406
 (6000h range of encoders); maxon EPOS4 Firmware Specification (3001h).

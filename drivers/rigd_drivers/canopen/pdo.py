@@ -1,4 +1,4 @@
-"""Process data objects: packs mapped entries, and configures the mapping of a node.
+"""Packs entries into process data objects (PDOs), and configures the PDO mapping of a node.
 
 Source: CiA 301 (4.2.0), sections 7.5.2.35 to 7.5.2.38.
 """

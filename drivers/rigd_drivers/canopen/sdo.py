@@ -1,8 +1,8 @@
-"""The client's side of an SDO transfer, as a state machine on frames of 8 bytes.
+"""Runs the client's side of a CANopen SDO transfer, as a state machine on frames of 8 bytes.
 
 Source: CiA 301 (4.2.0), section 7.2.4.3: expedited and segmented transfer; block transfer is not
-used. A transfer is made, :attr:`request` is sent, every reply is handed to :meth:`feed`, and
-whatever that returns is sent next, until :attr:`done`.
+used. The caller creates a transfer and sends :attr:`request`. The caller then gives every reply to
+:meth:`feed` and sends the frame that :meth:`feed` returns, until :attr:`done` is true.
 """
 
 from __future__ import annotations
@@ -70,11 +70,11 @@ class Aborted(Exception):
 
 
 class Garbled(Exception):
-    """The server broke the protocol; :attr:`Transfer.abort` is then due to it."""
+    """The server broke the protocol; the client must then send :attr:`Transfer.abort`."""
 
 
 class Transfer(ABC):
-    """One transfer to or from the entry ``index``:``sub``; see the module on how to drive it."""
+    """One transfer to or from the entry ``index``:``sub``; see the module for its use."""
 
     def __init__(self, index: int, sub: int, request: bytes) -> None:
         self.index = index

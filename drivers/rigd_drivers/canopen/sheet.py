@@ -1,8 +1,13 @@
-"""The objects of a device according to its EDS or DCF, by the library ``canopen``.
+"""Reads the objects of a CANopen device from its EDS or DCF, with the library ``canopen``.
 
-A sheet answers before anything is sent: is there such an object, may it be written, is the value
-within its limits, may it be mapped. Its answers are texts for a person, None where all is well,
-and begin with the line of the file that says so.
+Before the driver sends anything, a sheet answers these questions:
+
+* does the object exist;
+* may the driver write the object;
+* is the value within its limits;
+* may the object be mapped to a PDO.
+
+An answer is None if all is well, else a text for a person that begins with the line of the file.
 """
 
 from __future__ import annotations
@@ -34,7 +39,7 @@ _NOT_RECEIVED: Final = ("ro", "const", "rwr")
 
 
 class Sheet:
-    """What the file at ``path`` says; ``od`` holds its objects."""
+    """The contents of the file at ``path``; ``od`` holds its objects."""
 
     def __init__(self, text: EdsText, od: ObjectDictionary) -> None:
         self.path = text.path
@@ -63,7 +68,7 @@ class Sheet:
 
     @property
     def profile(self) -> int | None:
-        """Number of the CiA profile that the device follows; None where the file leaves it open."""
+        """Number of the CiA profile that the device follows; None if the file does not state it."""
         found = self.find(DEVICE_TYPE.index)
         kind = None if found is None else found.default
         return kind & 0xFFFF if isinstance(kind, int) and kind else None
@@ -71,9 +76,9 @@ class Sheet:
     # -- objects -------------------------------------------------------------------------------
 
     def find(self, index: int, sub: int = 0) -> ODVariable | None:
-        """Return what stands at ``index``:``sub``.
+        """Return the object at ``index``:``sub``.
 
-        The library gives an array, and what has no parts, any sub-index that it is asked for.
+        For an array or an object without parts, the library returns any requested sub-index.
         """
         whole = self._text.object(index)
         compact = 0 if whole is None else whole.number("CompactSubObj")
@@ -109,7 +114,7 @@ class Sheet:
         return f"{where} {name}".rstrip()
 
     def at(self, index: int, sub: int = 0, key: str = "") -> str:
-        """Return file and line of an object, of ``key`` of it where it has that."""
+        """Return file and line of an object, or of its ``key`` if it has the key."""
         section = self._text.object(index, sub) or self._text.object(index)
         line = 1 if section is None else section.lines.get(key, section.line)
         return f"{self.path.name}:{line}"
@@ -150,11 +155,11 @@ class Sheet:
 
     def unmappable(self, pdo: Pdo) -> Iterator[str]:
         """Yield why ``pdo`` cannot be set up."""
-        told = set()
+        reported = set()
         for entry, value in pdo.setup():
             problem = self.unwritable(entry, value)
-            if problem and entry not in told:
-                told.add(entry)
+            if problem and entry not in reported:
+                reported.add(entry)
                 yield problem
         for entry in pdo.entries:
             found = self.find(entry.index, entry.sub)
@@ -174,14 +179,14 @@ class Sheet:
 
         The lower half of a revision may differ: it changes nothing on CANopen (CiA 301, 1018h:3).
         """
-        for what, told, given in zip(
+        for what, reported, given in zip(
             ("vendor", "product", "major revision"), found, self.identity, strict=True
         ):
-            if told is None or given is None:
+            if reported is None or given is None:
                 continue
             shift = 16 if what == "major revision" else 0
-            if told >> shift != given >> shift:
-                return f"its {what} is 0x{told >> shift:X}, {self.path.name} is of one with " \
+            if reported >> shift != given >> shift:
+                return f"its {what} is 0x{reported >> shift:X}, {self.path.name} is of one with " \
                     f"0x{given >> shift:X} ({self.vendor_name} {self.product_name})"  # fmt: skip
         return None
 
@@ -227,7 +232,7 @@ def read_sheet(path: Path) -> Sheet:
     try:
         stamp = path.stat().st_mtime_ns
     except OSError:
-        stamp = 0  # told by what reads it
+        stamp = 0  # reported by what reads it
     return _read(path, stamp)
 
 

@@ -1,4 +1,4 @@
-"""Prints an EDS: identity, and a row per object."""
+"""Describes an electronic data sheet (EDS) for printing: identity, and a row for each object."""
 
 from __future__ import annotations
 

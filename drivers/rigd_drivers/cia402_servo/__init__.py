@@ -1,1 +1,1 @@
-"""Servo drives of CiA 402 over CAN: in current mode, and in speed mode for belt axes."""
+"""Controls CiA 402 servo drives over CAN: in current mode, and in speed mode for belt axes."""

@@ -1,4 +1,4 @@
-"""Configures a drive and changes its states by SDO, before the cycle starts."""
+"""Configures a CiA 402 drive and changes its state by SDO, before the cycle starts."""
 
 from __future__ import annotations
 
@@ -92,12 +92,11 @@ def set_mode(node: Node, mode: Mode) -> None:
 
 
 def switch_off(node: Node) -> None:
-    """Switch the drive off, and reset the fault that it may stand in.
+    """Switch the drive off, and reset its fault if it has one.
 
     Raises:
         LinkError, ProtocolError: it does not answer, or refuses.
         DeviceError: the fault stays.
-
     """
     node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
     if state(node) is DriveState.SWITCH_ON_DISABLED:
@@ -105,7 +104,7 @@ def switch_off(node: Node) -> None:
     node.write(objects.CONTROLWORD, cia402.FAULT_RESET)
     off = reached(node, (DriveState.SWITCH_ON_DISABLED,), _STEP_S)
     node.write(objects.CONTROLWORD, cia402.DISABLE_VOLTAGE)
-    node.emergency = None  # told of a fault that is reset by now, or is told below
+    node.emergency = None  # of a fault that is reset by now, or is reported below
     if not off:
         last = node.read_optional(objects.LAST_ERROR)
         cause = f"; last error: {emcy.describe(last & 0xFFFF)}" if last else ""

@@ -1,4 +1,7 @@
-"""Base of CiA 402 drives: set-up, watchdog, enabling, supervision, making safe."""
+"""Provides the base class of drivers for CiA 402 drives.
+
+The class sets up the drive and its watchdog, enables the drive, supervises it and makes it safe.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,11 @@ import time
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final, TypeVar
 
 from annotated_types import Ge, Gt, Le
 
-from rigd.sdk import Channel, DeviceError, Driver, In, LinkConfig, LinkError, ProtocolError
+from rigd.sdk import Channel, DeviceError, Driver, In, LinkConfig, LinkError, ProtocolError, Row
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import HEARTBEAT_MS, RESCUE_TIMEOUT_S, Node
 from rigd_drivers.can_sheet import NodeConfig, Plan, contradictions, refuse
@@ -40,7 +43,7 @@ _RATING_TOLERANCE: Final = 0.01
 
 
 class ServoConfig(NodeConfig):
-    """Which drive it is, and what its units stand for."""
+    """The options of the drive: its identity, and the scaling of its units."""
 
     counts_per_revolution: Annotated[float, In("count/rad"), Gt(0)]
     """Counts of the position (object 6064) per revolution of the motor, as in `4096 count/rev`."""
@@ -53,8 +56,16 @@ class ServoConfig(NodeConfig):
     watchdog: Annotated[float, In("s"), Ge(0.01), Le(5)] = 0.1
     """The drive switches itself off after so long without a heartbeat of rigd."""
 
+    @property
+    def watchdog_s(self) -> float:
+        """Until it is off: half as long again, for its own tick, and 50 ms for the news."""
+        return 1.5 * self.watchdog + 0.05
 
-class Servo(Driver):
+
+ServoConfigT = TypeVar("ServoConfigT", bound=ServoConfig)
+
+
+class Servo(Driver[ServoConfigT, CanBus]):
     """A drive on a CAN bus.
 
     Safe means *switched off*: target zero and voltage disabled (controlword 0), so that the motor
@@ -62,7 +73,6 @@ class Servo(Driver):
     """
 
     link_kind = "can"
-    has_status = True
     second_link = True
     #: Mode of operation, and the object that holds its target.
     mode: ClassVar[Mode]
@@ -71,22 +81,12 @@ class Servo(Driver):
     range_option: ClassVar[str]
     #: What the drive sends at every SYNC, one tuple of entries per TPDO.
     feedback: ClassVar[tuple[tuple[Entry, ...], ...]]
-    config: ServoConfig
-    link: CanBus
 
-    def __init__(self, config: ServoConfig, link: CanBus | None) -> None:
+    def __init__(self, config: ServoConfigT, link: CanBus) -> None:
         super().__init__(config, link)
-        # Half as long again, for the drive's own tick, and 50 ms for the news to get here.
-        self.watchdog_s = 1.5 * config.watchdog + 0.05
-        node = config.node
         self._sign = -1 if config.inverted else 1
-        self._command = pdo.Pdo(
-            1, False, frames.RPDO[0] + node, pdo.SYNCHRONOUS, (objects.CONTROLWORD, self.target)
-        )
-        self._tpdos = tuple(
-            pdo.Pdo(number + 1, True, frames.TPDO[number] + node, pdo.SYNCHRONOUS, entries)
-            for number, entries in enumerate(self.feedback)
-        )
+        self._command = self._command_pdo(config.node)
+        self._tpdos = self._feedback_pdos(config.node)
         self._command_layout = self._command.layout()
         self._inboxes: tuple[Inbox, ...] = ()
         self._unwrap = Unwrap(1 << 32)
@@ -102,10 +102,12 @@ class Servo(Driver):
 
     # -- before the first cycle ----------------------------------------------------------------
 
-    def contradictions(self, link: LinkConfig | None) -> Sequence[str]:
+    @classmethod
+    def contradictions(cls, config: ServoConfigT, link: LinkConfig | None) -> Sequence[str]:
         """Return what the EDS says against this drive on ``link``."""
-        plan = Plan(_PROFILE, _READ, self._writes(link), self._pdos())
-        return [*contradictions(self.config, link, plan), *self._beyond_range()]
+        plan = Plan(_PROFILE, _READ, cls._writes(config, link), cls._pdos(config))
+        beyond = cls._beyond_range(config, cls._declared_target(config))
+        return [*contradictions(config, link, plan), *beyond]
 
     def open(self) -> None:
         """Set the drive up by SDO, reading everything back, and leave it switched off.
@@ -113,16 +115,15 @@ class Servo(Driver):
         Raises:
             LinkError: it does not answer.
             ProtocolError: it is another device, or refuses the set-up.
-            DeviceError: it stands in a fault that cannot be reset.
-
+            DeviceError: it has a fault that cannot be reset.
         """
         self.close()
-        refuse(self.title, self.contradictions(self.link.config))
+        refuse(self.title, self.contradictions(self.config, self.link.config))
         node = self._node = Node(self.link, self.config.node, self.config.sheet())
         node.open(self.title, _PROFILE, self.config.serial)
         self.identity = node.identity
         self._check_ratings(node)
-        refuse(node, self._beyond_range())
+        refuse(node, self._beyond_range(self.config, self._largest_target()))
         by_sdo.watch_heartbeat(node, self.config.watchdog)
         by_sdo.switch_off(node)
         node.ensure(self.target, 0)
@@ -192,7 +193,7 @@ class Servo(Driver):
         """Return whether the drive is enabled and follows the target."""
         return self._enabled
 
-    def read(self, t_ns: int) -> Sequence[float] | None:
+    def read(self, t_ns: int) -> Row | None:
         """Return the row that answers the SYNC of the cycle before, or None where none came.
 
         Raises:
@@ -220,12 +221,11 @@ class Servo(Driver):
     def make_safe(self) -> None:
         """Switch the drive off: target zero and voltage disabled, twice, each with a SYNC.
 
-        Does nothing where the bus is not open: the drive's watchdog then has acted, or the drive
-        was never enabled.
+        Does nothing if the bus is not open: the drive's watchdog then has acted, or the drive was
+        never enabled.
 
         Raises:
             LinkError: the bus takes no frames; the watchdog switches the drive off.
-
         """
         self._armed = self._enabled = False
         if not self._reachable():
@@ -236,12 +236,11 @@ class Servo(Driver):
             self.link.flush()
 
     def rescue(self) -> None:
-        """Switch the drive off over a bus opened anew, and see that it is off.
+        """Switch the drive off over a new connection, and check that it is off.
 
         Raises:
             LinkError: the bus cannot be opened, or the drive does not answer.
             DeviceError: it is still enabled.
-
         """
         bus = self.link
         bus.open_second()
@@ -266,23 +265,29 @@ class Servo(Driver):
     # -- for the modes -------------------------------------------------------------------------
 
     @abstractmethod
-    def _row(self, values: Sequence[int]) -> Sequence[float]:
+    def _row(self, values: Sequence[int]) -> Row:
         """Return the row of the values of all TPDOs, in the order of ``feedback``."""
 
-    def _largest_target(self) -> int | None:
-        """Return the largest target of either sign that the rig file allows, once it is known."""
-        return None
+    @classmethod
+    @abstractmethod
+    def _declared_target(cls, config: ServoConfigT) -> int | None:
+        """Return the largest target of either sign that ``config`` allows; None: not known yet."""
 
-    def _beyond_range(self) -> list[str]:
-        """Return which limit in the EDS a target can pass that the rig file allows."""
-        sheet, largest = self.config.sheet(), self._largest_target()
+    @abstractmethod
+    def _largest_target(self) -> int:
+        """Return the same for the opened drive."""
+
+    @classmethod
+    def _beyond_range(cls, config: ServoConfigT, largest: int | None) -> list[str]:
+        """Return which limit in the EDS a target up to ``largest`` passes."""
+        sheet = config.sheet()
         if sheet is None or largest is None:
             return []
-        problems = (sheet.beyond(self.target, target) for target in (-largest, largest))
-        return [f"{each}, which `{self.range_option}` allows" for each in problems if each]
+        problems = (sheet.beyond(cls.target, target) for target in (-largest, largest))
+        return [f"{each}, which `{cls.range_option}` allows" for each in problems if each]
 
     def _check_ratings(self, node: Node) -> None:
-        """Read from the drive what its units stand for, and check it against the rig file."""
+        """Read the scaling of its units from the drive, and check it against the rig file."""
         self._rated_torque = node.read(objects.RATED_TORQUE) * 1e-6  # in µN m
         self.agree(node, "rated torque", "6076", self._rated_torque, self.config.rated_torque)
 
@@ -326,7 +331,7 @@ class Servo(Driver):
             raise DeviceError(
                 f"setpoint '{channel.name}' is NaN; expected "
                 f"{channel.low:g} to {channel.high:g} {channel.unit}",
-                hint="a profile or a limit made a number of nothing",
+                hint="a profile or a limit computed NaN",
             )
         return min(max(value, channel.low), channel.high)
 
@@ -338,30 +343,44 @@ class Servo(Driver):
         return self._node
 
     def _reachable(self) -> bool:
-        link: CanBus | None = self.link  # None while a rig file is checked
-        return link is not None and link.is_open
+        return self.link.is_open
 
     def _map(self, node: Node) -> None:
-        for item in self._pdos():
+        pdos = self._pdos(self.config)
+        for item in pdos:
             node.configure(item)
-        used = sum(1 for item in self._pdos() if not item.transmit)
+        used = sum(1 for item in pdos if not item.transmit)
         node.switch_off_rest(used, len(self._tpdos))
         # A second watchdog, where the drive has it: targets must keep coming, not only heartbeats.
         node.ensure_optional(self._command.event_timer(), round(self.config.watchdog * 1e3))
 
-    def _writes(self, link: LinkConfig | None) -> list[tuple[Entry, int]]:
+    @classmethod
+    def _writes(cls, config: ServoConfigT, link: LinkConfig | None) -> list[tuple[Entry, int]]:
         """Return what set-up and proof of the watchdog write by SDO, beside the PDOs."""
         master = getattr(link, "master_node", 127)
         return [
             (objects.HEARTBEAT_PRODUCER, HEARTBEAT_MS),
-            *by_sdo.watch_writes(master, self.config.watchdog),
+            *by_sdo.watch_writes(master, config.watchdog),
             *((objects.CONTROLWORD, word) for word in cia402.WORDS),
-            (self.target, 0),
-            (objects.MODE, self.mode),
+            (cls.target, 0),
+            (objects.MODE, cls.mode),
         ]
 
-    def _pdos(self) -> tuple[pdo.Pdo, ...]:
-        return (self._command, *self._tpdos)
+    @classmethod
+    def _pdos(cls, config: ServoConfigT) -> tuple[pdo.Pdo, ...]:
+        return (cls._command_pdo(config.node), *cls._feedback_pdos(config.node))
+
+    @classmethod
+    def _command_pdo(cls, node: int) -> pdo.Pdo:
+        entries = (objects.CONTROLWORD, cls.target)
+        return pdo.Pdo(1, False, frames.RPDO[0] + node, pdo.SYNCHRONOUS, entries)
+
+    @classmethod
+    def _feedback_pdos(cls, node: int) -> tuple[pdo.Pdo, ...]:
+        return tuple(
+            pdo.Pdo(number + 1, True, frames.TPDO[number] + node, pdo.SYNCHRONOUS, entries)
+            for number, entries in enumerate(cls.feedback)
+        )
 
     def _fall_silent(self, node: Node, limit_s: float) -> float:
         """Enable the drive, fall silent, and return when it was off; beyond the limit: not yet.

@@ -1,4 +1,4 @@
-"""A CiA 402 drive in cyclic velocity mode, moving a linear axis by a belt or a spindle."""
+"""Moves a linear axis, with a belt or a spindle, by a CiA 402 drive in cyclic velocity mode."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Final
 
 from annotated_types import Ge, Gt, Le
 
-from rigd.sdk import Channel, DriverConfig, In, LinkConfig, ProtocolError
+from rigd.sdk import Channel, Declaration, DriverConfig, In, LinkConfig, ProtocolError, Row
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.can_node import Node
 from rigd_drivers.canopen import frames, objects, pdo
@@ -18,7 +18,7 @@ from rigd_drivers.cia402_servo.servo import Servo, ServoConfig
 
 #: 606Ch and 60FFh have 32 bits with sign.
 _LARGEST: Final = (1 << 31) - 1
-#: Bit of the status of a row, above the drive's statusword: the clutch is told to hold.
+#: Bit of the status of a row, above the drive's statusword: the clutch is commanded to hold.
 CLUTCH_ENGAGED: Final = 1 << 16
 #: 60A9h: numerator revolutions, and what they are divided by (CiA 303-2, table of SI units).
 _REVOLUTION: Final = 0xB4
@@ -41,7 +41,16 @@ class SpeedServoConfig(ServoConfig):
     """Bit of object 60FE:1 that releases the clutch: 1 is released, 0 is held by its spring."""
 
 
-class SpeedServo(Servo):
+class AxisRow(Row):
+    """The axis; status: the drive's statusword (object 6041) and :data:`CLUTCH_ENGAGED`."""
+
+    position: float
+    speed: float
+    force: float
+    status: int
+
+
+class SpeedServo(Servo[SpeedServoConfig]):
     """Sets the speed of an axis; measures its travel, speed and force at the motor.
 
     Safe means *switched off with the clutch engaged*: the motor has no torque, and the axis is
@@ -58,26 +67,31 @@ class SpeedServo(Servo):
         (objects.STATUSWORD, objects.TORQUE, objects.POSITION),
         (objects.VELOCITY,),
     )
-    config: SpeedServoConfig
 
-    def __init__(self, config: SpeedServoConfig, link: CanBus | None) -> None:
+    def __init__(self, config: SpeedServoConfig, link: CanBus) -> None:
         super().__init__(config, link)
-        limit = config.speed_range
-        speed = Channel("speed", "m/s", "speed of the axis", -limit, limit)
-        clutch = Channel("engaged", "1", "clutch: 1 engaged, 0 released (no force)", 0.0, 1.0)
-        self.setpoints = (speed, clutch) if config.clutch else (speed,)
-        self.channels = (
-            Channel("position", "m", "travel of the axis, by the motor"),
-            Channel("speed", "m/s", "speed of the axis, by the motor"),
-            Channel("force", "N", "force of the motor on the axis, by its torque"),
-        )
-        self._outputs = pdo.Pdo(
-            2, False, frames.RPDO[1] + config.node, pdo.EVENT_DRIVEN, (objects.OUTPUTS,)
-        )
+        self._outputs = self._outputs_pdo(config.node)
         self._released = False
         self._metres = self._sign * config.travel / config.counts_per_revolution
         self._metres_per_s = self._sign * config.travel * config.velocity_unit
         self._newtons = float("nan")
+
+    @classmethod
+    def declare(cls, config: SpeedServoConfig) -> Declaration:
+        """Return the axis as channels, speed and clutch as setpoints."""
+        limit = config.speed_range
+        speed = Channel("speed", "m/s", "speed of the axis", -limit, limit)
+        clutch = Channel("engaged", "1", "clutch: 1 engaged, 0 released (no force)", 0.0, 1.0)
+        return Declaration(
+            channels=(
+                Channel("position", "m", "travel of the axis, by the motor"),
+                Channel("speed", "m/s", "speed of the axis, by the motor"),
+                Channel("force", "N", "force of the motor on the axis, by its torque"),
+            ),
+            row=AxisRow,
+            setpoints=(speed, clutch) if config.clutch else (speed,),
+            watchdog_s=config.watchdog_s,
+        )
 
     def arm(self) -> None:
         """Begin to enable the drive at standstill, with the clutch engaged."""
@@ -91,26 +105,32 @@ class SpeedServo(Servo):
             DeviceError: a setpoint is NaN; those before it hold.
 
         """
-        speed = self.accepted(self.setpoints[0], setpoints[0])
+        declared = self.declaration.setpoints
+        speed = self.accepted(declared[0], setpoints[0])
         if self.config.clutch:
-            engaged = self.accepted(self.setpoints[1], setpoints[1]) > 0.5
+            engaged = self.accepted(declared[1], setpoints[1]) > 0.5
             released = self._enabled and not engaged
             if released is not self._released:
                 self._release(released)
         self._send_target(round(speed / self._metres_per_s))
 
-    def _row(self, values: Sequence[int]) -> Sequence[float]:
+    def _row(self, values: Sequence[int]) -> AxisRow:
         status, torque, position, velocity = values
-        return (
-            (self._unwrap.follow(position) - self._zero) * self._metres,
-            velocity * self._metres_per_s,
-            torque * self._newtons,
-            status if self._released else status | CLUTCH_ENGAGED,
+        return AxisRow.of(
+            position=(self._unwrap.follow(position) - self._zero) * self._metres,
+            speed=velocity * self._metres_per_s,
+            force=torque * self._newtons,
+            status=status if self._released else status | CLUTCH_ENGAGED,
         )
 
-    def _pdos(self) -> tuple[pdo.Pdo, ...]:
-        pdos = super()._pdos()
-        return (*pdos, self._outputs) if self.config.clutch else pdos
+    @classmethod
+    def _outputs_pdo(cls, node: int) -> pdo.Pdo:
+        return pdo.Pdo(2, False, frames.RPDO[1] + node, pdo.EVENT_DRIVEN, (objects.OUTPUTS,))
+
+    @classmethod
+    def _pdos(cls, config: SpeedServoConfig) -> tuple[pdo.Pdo, ...]:
+        pdos = super()._pdos(config)
+        return (*pdos, cls._outputs_pdo(config.node)) if config.clutch else pdos
 
     def _map(self, node: Node) -> None:
         super()._map(node)
@@ -119,12 +139,17 @@ class SpeedServo(Servo):
             node.ensure(objects.OUTPUTS, 0)
             self._released = False
 
-    def _writes(self, link: LinkConfig | None) -> list[tuple[Entry, int]]:
-        writes = super()._writes(link)
-        return [*writes, (objects.OUTPUTS, 0)] if self.config.clutch else writes
+    @classmethod
+    def _writes(cls, config: SpeedServoConfig, link: LinkConfig | None) -> list[tuple[Entry, int]]:
+        writes = super()._writes(config, link)
+        return [*writes, (objects.OUTPUTS, 0)] if config.clutch else writes
 
-    def _largest_target(self) -> int | None:
-        return round(self.config.speed_range / abs(self._metres_per_s))
+    @classmethod
+    def _declared_target(cls, config: SpeedServoConfig) -> int:
+        return round(config.speed_range / (config.travel * config.velocity_unit))
+
+    def _largest_target(self) -> int:
+        return self._declared_target(self.config)
 
     def _check_ratings(self, node: Node) -> None:
         super()._check_ratings(node)
@@ -139,14 +164,14 @@ class SpeedServo(Servo):
             )
 
     def _check_velocity_unit(self, node: Node) -> None:
-        told = node.read_optional(objects.VELOCITY_UNIT)
-        if not told:
+        code = node.read_optional(objects.VELOCITY_UNIT)
+        if not code:
             return  # older drives have one unit only, that of their manual
-        unit = velocity_unit(told)
+        unit = velocity_unit(code)
         if unit is None or abs(unit / self.config.velocity_unit - 1) > _UNIT_TOLERANCE:
             found = "unknown" if unit is None else f"{unit * 60 / (2 * math.pi):g} rpm"
             raise ProtocolError(
-                f"{node} gives velocities in units of {found} (object 60A9 is 0x{told:08X}), the "
+                f"{node} gives velocities in units of {found} (object 60A9 is 0x{code:08X}), the "
                 f"rig file says {self.config.velocity_unit * 60 / (2 * math.pi):g} rpm",
                 hint="correct `velocity_unit`, or object 60A9 with the maker's tool",
             )
@@ -161,13 +186,13 @@ class SpeedServo(Servo):
         self.link.put(self._outputs.identifier, objects.OUTPUTS.pack(word))
 
 
-def velocity_unit(told: int) -> float | None:
+def velocity_unit(code: int) -> float | None:
     """Return the velocity, in rad/s, that object 60A9 gives as unit; None if not revolutions.
 
     Bytes from the top: prefix as a power of ten (FDh is 10^-3), numerator, denominator, reserved
     (CiA 402-2, object 60A9h; codes in CiA 303-2).
     """
-    exponent, numerator, denominator, _ = told.to_bytes(4, "big")
+    exponent, numerator, denominator, _ = code.to_bytes(4, "big")
     if numerator != _REVOLUTION or denominator not in _PER:
         return None
     power = exponent - 256 if exponent > 127 else exponent

@@ -1,1 +1,1 @@
-"""Humusoft MF624, a PCI data acquisition card reached by its registers."""
+"""Operates the Humusoft MF624, a PCI data acquisition card, through its registers."""

@@ -1,9 +1,9 @@
-"""Access to the registers: mapped into memory by UIO, or through an emulator's socket.
+"""Reads and writes the registers of the MF624: mapped by UIO, or through an emulator's socket.
 
-Every access is exactly one access of exactly its width. On this card a read pops a FIFO or starts
-a conversion and a write has another meaning at the same address, so an access too many is an
-error. ``memoryview.cast("H")`` and ``cast("I")`` keep to that in CPython; ctypes reads before it
-writes, and struct with ``<`` goes byte by byte.
+Every access is exactly one bus access of exactly the register's width. On this card a read can
+take a value from a FIFO or start a conversion, and a write has another meaning at the same address.
+So one access too many is an error. In CPython ``memoryview.cast("H")`` and ``cast("I")`` make
+exactly one access. ctypes reads before it writes, and struct with ``<`` goes byte by byte.
 """
 
 from __future__ import annotations
@@ -53,11 +53,10 @@ def open_registers(interface: str, resource: str, *, alone: bool) -> RegIO:
     Args:
         interface: ``uio``, ``emulator``, or the name of an entry point in :data:`PLUGINS`.
         resource: device file, socket, or whatever the entry point takes.
-        alone: whether another process that has the card open keeps us out (where it can be told).
+        alone: whether another process that has the card open prevents opening (if that is known).
 
     Raises:
-        LinkError: there is no such card, it is another one, or somebody else has it.
-
+        LinkError: the card is missing, is another card, or another program uses it.
     """
     if interface == "uio":
         return MappedRegisters.of_uio(Path(resource), alone=alone)
@@ -70,7 +69,7 @@ def open_registers(interface: str, resource: str, *, alone: bool) -> RegIO:
 
 
 class MappedRegisters:
-    """Registers in memory that the kernel maps for us.
+    """Registers that the kernel maps into memory.
 
     Args:
         file: an open device, or a plain file to measure and test this layer with.
@@ -83,15 +82,15 @@ class MappedRegisters:
         self._file = file
         self._views: list[memoryview] = []
         self._maps: list[mmap.mmap] = []
-        half: list[memoryview | None] = [None] * (max(BARS) + 1)
-        word: list[memoryview | None] = [None] * (max(BARS) + 1)
+        half = [memoryview(b"")] * (max(BARS) + 1)
+        word = half.copy()
         for index, (bar, offset) in enumerate(zip(BARS, offsets, strict=True)):
             mapped = mmap.mmap(file, page, offset=index * page)
             whole = memoryview(mapped)
             part = whole[offset:]
             half[bar], word[bar] = part.cast("H"), part.cast("I")
             self._maps.append(mapped)
-            self._views += [view for view in (half[bar], word[bar], part, whole) if view]
+            self._views += [view for view in (half[bar], word[bar], part, whole)]
         self._half = half
         self._word = word
 
@@ -128,19 +127,19 @@ class MappedRegisters:
 
     def r16(self, register: Register) -> int:
         """Read a 16-bit register."""
-        return self._half[register[0]][register[1] >> 1]  # type: ignore[index]
+        return self._half[register[0]][register[1] >> 1]
 
     def w16(self, register: Register, value: int) -> None:
         """Write a 16-bit register."""
-        self._half[register[0]][register[1] >> 1] = value  # type: ignore[index]
+        self._half[register[0]][register[1] >> 1] = value
 
     def r32(self, register: Register) -> int:
         """Read a 32-bit register."""
-        return self._word[register[0]][register[1] >> 2]  # type: ignore[index]
+        return self._word[register[0]][register[1] >> 2]
 
     def w32(self, register: Register, value: int) -> None:
         """Write a 32-bit register."""
-        self._word[register[0]][register[1] >> 2] = value  # type: ignore[index]
+        self._word[register[0]][register[1] >> 2] = value
 
     def close(self) -> None:
         """Unmap and close; closing twice is silent."""

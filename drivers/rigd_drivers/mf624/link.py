@@ -1,4 +1,7 @@
-"""The Humusoft MF624 as a link: one scan at the start of a cycle, all outputs at its end."""
+"""Operates the Humusoft MF624 as a link, an opened connection that devices share.
+
+The link reads all inputs in one scan at the start of a cycle and sets all outputs at its end.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +53,7 @@ class OneShotOptions(Documented):
 
 
 class Mf624Config(LinkConfig):
-    """Where the card is, and what is wired to it beside the devices."""
+    """The options of the card, and the wiring beyond the devices."""
 
     interface: str = "uio"
     """`uio` for a card in this computer, `emulator` for one of `rigd sim`, or the name of an
@@ -200,7 +203,7 @@ class Mf624(Card):
         self._own_lines |= mf.mask_of(lines)
 
     def rests_high(self, line: int) -> bool:
-        """Return whether a digital output stands high while nothing is driven."""
+        """Return whether a digital output is high at rest."""
         return bool(self._rest >> line & 1)
 
     def set_volts(self, output: int, volts: float) -> None:
@@ -291,8 +294,8 @@ class Mf624(Card):
     def prove_one_shot(self) -> float:
         """Raise the one-shot, let it drop; see :class:`Card`.
 
-        A stall of this machine makes the returned time longer, never the verdict wrong: the
-        one-shot fails only where it was seen up at a moment later than its time.
+        A stall of this machine makes the returned time longer, but never the verdict wrong: the
+        one-shot fails only if it was seen up later than its time.
         """
         one_shot = self.config.one_shot
         if one_shot is None:

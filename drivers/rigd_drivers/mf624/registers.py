@@ -1,8 +1,8 @@
-"""The registers of the Humusoft MF624: addresses, bits and codes, free of I/O.
+"""Lists the registers of the Humusoft MF624: addresses, bits and codes; the module does no I/O.
 
 Sources: MF 624 User's Manual (Humusoft), register tables; hudaqlib 2007 of the same maker; the
-Linux drivers ``uio_mf624`` and ``mf6x4``. The manual numbers the memory regions 0, 1, 2: in the
-hardware they are BAR0, BAR2 and BAR4, and these are the numbers used here.
+Linux drivers ``uio_mf624`` and ``mf6x4``. The manual numbers the memory regions 0, 1, 2. In the
+hardware these regions are BAR0, BAR2 and BAR4, and this module uses the hardware's numbers.
 """
 
 from __future__ import annotations

@@ -1,7 +1,13 @@
-"""Modbus devices over TCP and RTU: a load-cell transmitter and a speed servo.
+"""Operates Modbus devices over TCP and RTU: a load-cell transmitter and a speed servo.
 
-From the wire up: ``pdu`` (requests and their right answers), ``framing`` (TCP and RTU frames),
-``exchange`` (one request at a time, every reply that is not its answer refused and counted; no
-I/O up to here), ``transport`` (a socket, a serial port), ``client`` (the two together, waiting or
-not). ``registers`` and ``maps`` say what stands where in a device.
+The modules, from the lowest level to the highest:
+
+* ``pdu`` encodes requests and checks their answers;
+* ``framing`` makes TCP and RTU frames;
+* ``exchange`` sends one request at a time, and refuses and counts every other reply;
+* ``transport`` connects to a socket or a serial port;
+* ``client`` combines exchange and transport, waiting or not.
+
+``pdu``, ``framing`` and ``exchange`` do no I/O. ``registers`` and ``maps`` describe which value is
+at which address of a device.
 """

@@ -1,4 +1,4 @@
-"""Modbus client: polled by the cycle without waiting, or awaited with a time limit."""
+"""Sends Modbus requests: the cycle polls without waiting, other callers wait with a time limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Options of a driver for the connection to a Modbus device."""
+"""Defines the options of a driver for its connection to a Modbus device."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ class ConnectionConfig(DriverConfig):
     parity: Literal["none", "even", "odd"] = "even"
     """Parity (with ``serial_port``), as set in the device."""
     stop_bits: Literal[1, 2] = 1
-    """Stop bits (with ``serial_port``); the standard asks for 2 where there is no parity."""
+    """Stop bits (with ``serial_port``); the standard requires 2 without parity."""
     unit: Annotated[int, Ge(0), Le(255)] = 1
     """Unit (slave) address of the device."""
     timeout: Annotated[float, In("s"), Gt(0), Le(1)] = 0.05
     """The device answers within; a request that takes longer is given up and counted."""
     longest_reply: Annotated[float, In("s"), Gt(0), Le(5)] = 0.2
     """The device answers within this or never (with ``serial_port``): after a failure the line
-    is left alone for so long, as a late reply cannot be told from the answer to another request."""
+    is left alone for so long, as a late reply looks like the answer to another request."""
 
     @model_validator(mode="after")
     def _one_connection(self) -> Self:

@@ -1,11 +1,14 @@
-"""Base of Modbus drivers: open, read register blocks in turn, keep the poll rate."""
+"""Provides the base class of Modbus drivers, which opens a device and polls its register blocks.
+
+The driver reads the blocks in turn and keeps the poll rate.
+"""
 
 from __future__ import annotations
 
 import time
 from abc import abstractmethod
 from collections.abc import Iterable
-from typing import Final
+from typing import Final, TypeVar
 
 from rigd.sdk import Driver, LinkError, ProtocolError
 from rigd_drivers.modbus.client import Client, refusal
@@ -19,8 +22,16 @@ from rigd_drivers.modbus.registers import Access, Expect, Read
 _LOST_ROWS: Final = 3
 
 
-class ModbusDevice(Driver):
-    """A device behind one connection of its own, asked at its own rate without ever waiting.
+def silent_s(config: ConnectionConfig, rate_hz: float) -> float:
+    """Return after how long without a row, in s, a device asked at ``rate_hz`` has failed."""
+    return _LOST_ROWS * (1.0 / rate_hz + config.lost_reply_s())
+
+
+ConnectionConfigT = TypeVar("ConnectionConfigT", bound=ConnectionConfig)
+
+
+class ModbusDevice(Driver[ConnectionConfigT, None]):
+    """A device with its own connection, which the driver polls at a given rate without waiting.
 
     A reply is seen in the cycle after it arrived; the row belongs to that cycle. What the device
     measured is older by its own reply time, which Modbus does not tell.
@@ -29,12 +40,10 @@ class ModbusDevice(Driver):
     23 count it, modulo 256; bits 0 to 7 are the device's.
     """
 
-    has_status = True
-    config: ConnectionConfig
-
-    def __init__(self, config: ConnectionConfig, link: object, access: Access, rate_hz: float):
+    def __init__(
+        self, config: ConnectionConfigT, link: None, access: Access, rate_hz: float
+    ) -> None:
         super().__init__(config, link)
-        self.silent_s = _LOST_ROWS * (1.0 / rate_hz + config.lost_reply_s())
         self._access = access
         self._period_ns = round(1e9 / rate_hz)
         self._client: Client | None = None
@@ -136,7 +145,7 @@ class ModbusDevice(Driver):
         """Heed a request that got no answer; called by :meth:`take`."""
 
     def refused(self, failure: Failure) -> bool:
-        """Heed a refusal; return False where the device then is of no use (the default)."""
+        """Handle a refusal; return False if the device is then unusable (the default)."""
         return False
 
     def due(self) -> bool:

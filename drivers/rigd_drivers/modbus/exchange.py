@@ -1,9 +1,9 @@
-"""One request at a time, matched with its own reply; no I/O.
+"""Sends one Modbus request at a time and accepts only the reply to it; the module does no I/O.
 
-On a serial line a reply carries no number. One that comes after its request was given up would be
-taken for the answer to the next (measured: a read of register 6 got the value of register 5). So
-after any failure the line is left alone until the device's longest reply time is over, and what
-comes meanwhile is thrown away and counted.
+On a serial line a reply has no number. If a reply arrives after rigd has given up the request, the
+reply could be taken for the answer to the next request (measured: a read of register 6 got the
+value of register 5). So after any failure rigd sends nothing until the device's longest reply time
+is over. Bytes that arrive during this time are discarded and counted.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ COUNT_BIT: Final = 16
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """How long things take on the wire, in ns."""
+    """Times of a request and its reply on the wire, in ns."""
 
     timeout_ns: int  #: the device answers within, once it has the whole request
     settle_ns: int = 0  #: after a failure: from the request until no reply can come any more
@@ -39,7 +39,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """``request`` is over without an answer; ``code`` is the exception's where it was refused."""
+    """``request`` ended without an answer; ``code`` is the exception code if it was refused."""
 
     request: Request
     trouble: Trouble
@@ -47,7 +47,7 @@ class Failure:
 
 
 class Exchange:
-    """The state of one connection: idle, waiting for an answer, or letting the line settle."""
+    """The state of one connection: idle, waiting for an answer, or waiting for silence."""
 
     def __init__(self, framing: Framing, unit: int, timing: Timing) -> None:
         self.timing = timing
@@ -163,7 +163,7 @@ class Exchange:
         self._free_ns = max(now_ns + self.timing.gap_ns, self._late_until_ns)
 
     def _ignore(self, now_ns: int) -> None:
-        """Throw away what nobody asked for, and wait until it is over."""
+        """Discard unsolicited bytes, and wait until they end."""
         if not self.timing.settle_ns:
             return  # on TCP it stays in the buffer, where its number will tell what it is
         self._buffer.clear()

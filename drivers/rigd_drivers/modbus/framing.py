@@ -1,8 +1,8 @@
-"""Frames around requests and replies, by pymodbus's framers; no I/O.
+"""Packs Modbus requests into frames and unpacks replies, with pymodbus's framers; it does no I/O.
 
-The framers alone would not do: that of TCP waits for ever behind a header that is not Modbus, that
-of RTU searches noise for a frame and drops what stands before and behind it. What rigd adds is
-which frame counts, and a name for each that does not.
+The framers alone are not sufficient. The TCP framer waits for ever after a header that is not
+Modbus. The RTU framer searches noise for a frame and drops the bytes before and behind the frame.
+So this module decides which frame is the answer, and names the reason if a frame is not.
 
 Sources: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, section 3.1.3 (MBAP header);
 MODBUS over Serial Line V1.02, sections 2.5.1 (RTU frame) and 6.2.2 (CRC).
@@ -20,7 +20,7 @@ from rigd_drivers.modbus.pdu import DECODER, Request
 
 
 class Trouble(IntEnum):
-    """Why something received, or nothing received, was not the answer; bits of a status word."""
+    """Reasons why received bytes, or silence, are not the answer; bits of a status word."""
 
     TIMEOUT = 0  #: nothing came in time
     LATE = 1  #: something came when nothing was asked, or for a request given up
@@ -49,7 +49,7 @@ class Framing(Protocol):
         """
 
     def leftover(self, buffer: bytearray, unit: int, request: Request) -> Trouble:
-        """Name what stands in ``buffer`` once the time for an answer is over."""
+        """Describe the bytes in ``buffer`` when the time for an answer is over."""
 
 
 class TcpFraming:
@@ -98,7 +98,7 @@ class TcpFraming:
 
 
 class RtuFraming:
-    """Frames on a serial line: unit, PDU, CRC; where one ends, only silence or its length tells.
+    """Frames on a serial line: unit, PDU, CRC; its end shows by silence or by its length.
 
     A reply is taken only when everything since the request is exactly one whole frame, from the
     unit, of the length asked for or that of a refusal, with a right check sum.

@@ -1,11 +1,12 @@
-"""Requests and replies for registers, encoded and decoded by pymodbus; no I/O.
+"""Encodes Modbus requests for registers and decodes the replies, with pymodbus; it does no I/O.
 
 Source of the numbers: MODBUS Application Protocol Specification V1.1b3, sections 6.3 (read holding
 registers), 6.4 (read input registers), 6.6 (write single register), 6.12 (write multiple
 registers) and 7 (exceptions).
 
-pymodbus reads a reply leniently: it skips bytes behind the ones it needs, and takes a byte count
-that is too small. Here only a reply of the size asked for counts, with as many registers.
+pymodbus is not strict with replies: it ignores surplus bytes at the end of a reply, and accepts a
+byte count that is too small. This module accepts a reply only if the reply has the expected size
+and the requested number of registers.
 """
 
 from __future__ import annotations

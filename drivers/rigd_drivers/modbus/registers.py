@@ -1,4 +1,4 @@
-"""Values in the registers of a device: numbers, conditions, commands."""
+"""Defines the parts of a Modbus register map: numbers, conditions, writes and settings."""
 
 from __future__ import annotations
 
@@ -46,11 +46,10 @@ class Register(Described):
         return decode(self.type, [words[address] for address in self.addresses], order)
 
     def encode(self, value: float, order: WordOrder) -> tuple[int, ...]:
-        """Return the words to write, rounded where the register is an integer.
+        """Return the words to write, rounded if the register is an integer.
 
         Raises:
-            ValueError: it does not fit.
-
+            ValueError: the value does not fit.
         """
         number = value if self.type == "float32" else round(value)
         try:
@@ -105,7 +104,7 @@ class Expect(Described):
     address: Address
     """Address on the wire, counted from 0."""
     value: Word
-    """What must stand there."""
+    """The required value."""
     mask: Word = 0xFFFF
     """Bits that count."""
     name: str
@@ -113,7 +112,7 @@ class Expect(Described):
 
 
 class Access(Described):
-    """What a device understands: functions, sizes, order of words, silence."""
+    """How rigd accesses a device: functions, sizes, order of words, silence."""
 
     title: str
     """What the device is."""
@@ -128,7 +127,7 @@ class Access(Described):
     bridge: Annotated[int, Ge(0), Le(pdu.MAX_READ)] = 0
     """Registers of no interest that may be read along, to save a request."""
     word_order: WordOrder = "high-first"
-    """Which word of a 32-bit number stands at the lower address."""
+    """The word of a 32-bit number at the lower address."""
     silence: Annotated[float, In("s"), Ge(0)] = 0.0
     """Silence that the device asks for between frames, beyond the standard's."""
 
@@ -160,7 +159,7 @@ class Access(Described):
 
 
 class Read(NamedTuple):
-    """A read, and the address its first word stands at."""
+    """A read request, and the address of its first word."""
 
     first: int
     request: Request

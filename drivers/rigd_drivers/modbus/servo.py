@@ -1,4 +1,4 @@
-"""A speed servo drive on Modbus, for slow axes: up to 100 setpoints per second."""
+"""Controls a speed servo drive over Modbus, for slow axes: up to 100 setpoints per second."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from annotated_types import Gt, Le
 from pydantic import Field, model_validator
 from pydantic.functional_validators import BeforeValidator
 
-from rigd.sdk import Channel, DeviceError, DriverConfig, In
+from rigd.sdk import Channel, Declaration, DeviceError, DriverConfig, In, Row
 from rigd_drivers.modbus.connection import ConnectionConfig
-from rigd_drivers.modbus.device import ModbusDevice
+from rigd_drivers.modbus.device import ModbusDevice, silent_s
 from rigd_drivers.modbus.exchange import Answer, Failure
 from rigd_drivers.modbus.pdu import Request
 from rigd_drivers.modbus.registers import Condition, all_hold
@@ -38,7 +38,7 @@ def _shipped(value: Any) -> Any:
 
 
 class ServoConfig(ConnectionConfig):
-    """Where the drive is, what stands in its registers, and how fast it may turn."""
+    """The connection of the drive, its register map, and its largest speed."""
 
     map: Annotated[ServoMap, BeforeValidator(_shipped)] = Field(
         json_schema_extra={"anyOf": [{"type": "string"}, {"type": "object"}]}
@@ -47,7 +47,9 @@ class ServoConfig(ConnectionConfig):
     max_speed: Annotated[float, In("rad/s"), Gt(0)]
     """Largest speed of the motor, of either sign."""
     travel: Annotated[float, In("m/rad")] | None = None
-    """Travel per angle of the motor, for an axis in m/s; negative where it runs the other way."""
+    """Travel per angle of the motor, for an axis in m/s; negative if it runs in the other
+    direction.
+    """
     watchdog: Annotated[float, In("s"), Gt(0)]
     """The drive stops by itself when it has heard nothing for so long."""
     rate: Annotated[float, In("Hz"), Gt(0), Le(100)] = 50.0
@@ -71,8 +73,16 @@ class ServoConfig(ConnectionConfig):
         return self
 
 
-class ModbusServo(ModbusDevice):
-    """A speed drive with a communication watchdog, which rigd sets, reads back and proves.
+class SpeedRow(Row):
+    """Speed, the number in its register, and the status bits of :class:`ModbusServo`."""
+
+    speed: float
+    speed_raw: float
+    status: int
+
+
+class ModbusServo(ModbusDevice[ServoConfig]):
+    """A speed drive with a communication watchdog, which rigd sets, reads back and tests.
 
     Safe means without torque, by what the map writes to disable it. Status bits: enabled 1,
     tripped while nobody talked to it 2, and the line's (see :class:`ModbusDevice`).
@@ -82,9 +92,8 @@ class ModbusServo(ModbusDevice):
     title: ClassVar[str] = "speed servo drive, Modbus TCP or RTU"
     #: A TCP drive takes another connection; a serial port is free once its process is dead.
     second_link = True
-    config: ServoConfig
 
-    def __init__(self, config: ServoConfig, link: object) -> None:
+    def __init__(self, config: ServoConfig, link: None) -> None:
         super().__init__(config, link, config.map, config.rate)
         self._map = config.map
         self._reads = config.map.reads(config.map.polled())
@@ -100,19 +109,34 @@ class ModbusServo(ModbusDevice):
         self._faulted = False  # it was in the last row
         self._setpoint = 0.0
         self._unfit: list[str] = []
+        self._has_watchdog = False  # it is set, and read back
+
+    @classmethod
+    def declare(cls, config: ServoConfig) -> Declaration:
+        """Return the speed of the motor, or of the axis that ``travel`` makes of it."""
         unit = "rad/s" if config.travel is None else "m/s"
         limit = config.max_speed * abs(config.travel or 1.0)
         what = "speed of the motor" if config.travel is None else "speed of the axis"
-        self.setpoints = (Channel("speed", unit, what, -limit, limit),)
-        self.channels = (
-            Channel("speed", unit, what, -1.5 * limit, 1.5 * limit),
-            Channel("speed_raw", "count", "number in the register", raw_of="speed"),
+        return Declaration(
+            channels=(
+                Channel("speed", unit, what, -1.5 * limit, 1.5 * limit),
+                Channel("speed_raw", "count", "number in the register", raw_of="speed"),
+            ),
+            row=SpeedRow,
+            setpoints=(Channel("speed", unit, what, -limit, limit),),
+            silent_s=silent_s(config, config.rate),
+            watchdog_s=config.watchdog + config.map.watchdog.reaction,
         )
+
+    @property
+    def watchdog_s(self) -> float | None:
+        """As declared; None while the drive has not kept it."""
+        return self.declaration.watchdog_s if self._has_watchdog else None
 
     def prove(self) -> None:
         """Check the drive's settings, leave a fault of before, set the watchdog.
 
-        A watchdog that cannot be set is told by :meth:`preflight`.
+        :meth:`preflight` reports a watchdog that cannot be set.
 
         Raises:
             DeviceError: the drive has a fault that does not go away.
@@ -185,7 +209,7 @@ class ModbusServo(ModbusDevice):
             raise DeviceError(f"the speed setpoint is {speed}, not a number; the last one holds")
         self._setpoint = speed
 
-    def read(self, t_ns: int) -> Sequence[float] | None:
+    def read(self, t_ns: int) -> SpeedRow | None:
         """Return speed, counts and status once all of a row has come, else None.
 
         Raises:
@@ -214,7 +238,7 @@ class ModbusServo(ModbusDevice):
                 self.client.insist(request, SAFE_S / len(self._map.disable))
 
     def rescue(self) -> None:
-        """See :class:`~rigd.sdk.Driver`: disable over a connection opened anew."""
+        """Disable over a new connection; see :class:`~rigd.sdk.Driver`."""
         client = self.config.client(self._map.silence)
         client.open(_RESCUE_OPEN_S)
         try:
@@ -224,7 +248,7 @@ class ModbusServo(ModbusDevice):
             client.close()
 
     def failed(self, failure: Failure) -> None:
-        """Begin the row anew when it is due: with the newest setpoint, or the same step."""
+        """Send again when it is due: with the newest setpoint, or the same step."""
         self._plan.clear()
 
     def _ask(self) -> None:
@@ -250,7 +274,7 @@ class ModbusServo(ModbusDevice):
         words = self._map.setpoint.encode(speed / self._scale, self._map.word_order)
         return self._map.write(self._map.setpoint.address, words)
 
-    def _took(self, answer: Answer) -> Sequence[float] | None:
+    def _took(self, answer: Answer) -> SpeedRow | None:
         if not self._plan or answer.request is not self._plan[0]:
             return None  # of a row that was given up
         left = len(self._plan)
@@ -267,13 +291,13 @@ class ModbusServo(ModbusDevice):
             self._until = self._steps.popleft().until
         self._at_rest = True
 
-    def _row(self) -> Sequence[float] | None:
+    def _row(self) -> SpeedRow | None:
         known = self._asked is self._all_reads
         self._faulted = all_hold(self._map.fault, self._words)
         if self._faulted and not self._may_be_faulted():
             raise self._fault()
         if self._faulted and not known:
-            return None  # the next row tells whether it was its watchdog
+            return None  # the next row shows whether it was its watchdog
         tripped = self._faulted and all_hold(self._map.watchdog.tripped, self._words)
         if self._faulted and not tripped:
             raise self._fault()
@@ -286,7 +310,8 @@ class ModbusServo(ModbusDevice):
         self._enabled = enabled
         count = self._map.speed.decode(self._words, self._map.word_order)
         flags = (ENABLED if enabled else 0) | (TRIPPED if tripped else 0)
-        return count * self._scale, count, flags | self.client.status()
+        status = flags | self.client.status()
+        return SpeedRow.of(speed=count * self._scale, speed_raw=count, status=status)
 
     def _may_be_faulted(self) -> bool:
         """Return whether it is not armed yet, or is being reset."""
@@ -329,7 +354,7 @@ class ModbusServo(ModbusDevice):
         """Write the watchdog's time and read it back; return what is wrong with it, if anything."""
         watchdog, order = self._map.watchdog, self._map.word_order
         register, counts = watchdog.time, self.config.watchdog / watchdog.scale
-        self.watchdog_s = None
+        self._has_watchdog = False
         self.client.ask(self._map.write(register.address, register.encode(counts, order)))
         kept = register.decode(self.fetch(self._map.reads([register.addresses])), order)
         if kept != round(counts):
@@ -337,5 +362,5 @@ class ModbusServo(ModbusDevice):
                 f"its watchdog was set to {self.config.watchdog:g} s and reads back as "
                 f"{kept * watchdog.scale:g} s: it would not stop when rigd falls silent"
             ]
-        self.watchdog_s = self.config.watchdog + watchdog.reaction
+        self._has_watchdog = True
         return []

@@ -1,4 +1,4 @@
-"""The register map of a speed drive (:class:`ModbusServo`)."""
+"""Defines the register map of a speed drive, for the driver :class:`ModbusServo`."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ class WatchdogMap(Described):
     """All hold once it has acted, until the drive is reset."""
 
     def spans(self) -> list[range]:
-        """Return the registers that tell whether it has acted."""
+        """Return the registers that show whether the watchdog has acted."""
         return [range(c.address, c.address + 1) for c in self.tripped]
 
 
 class ServoMap(Access):
-    """What stands where in a speed drive, and what enables, disables and resets it."""
+    """Registers of a speed drive, and the writes that enable, disable and reset it."""
 
     setpoint: Register
     """Speed that the motor shall have."""

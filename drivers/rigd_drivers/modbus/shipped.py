@@ -1,4 +1,4 @@
-"""Register maps that come with rigd, by name."""
+"""Finds the register maps of Modbus devices that are shipped with rigd, by name."""
 
 from __future__ import annotations
 

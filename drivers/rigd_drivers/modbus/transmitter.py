@@ -1,19 +1,19 @@
-"""A strain-gauge or load-cell transmitter on Modbus, polled at its highest rate."""
+"""Polls a strain-gauge or load-cell transmitter over Modbus, at its highest rate."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from annotated_types import Gt, Le, MinLen
 from pydantic import Field, model_validator
 from pydantic.functional_validators import BeforeValidator
 
-from rigd.sdk import Channel, DeviceError, DriverConfig, In, ProtocolError
+from rigd.sdk import Channel, Declaration, DeviceError, DriverConfig, In, ProtocolError, Row
 from rigd_drivers.modbus.connection import ConnectionConfig
-from rigd_drivers.modbus.device import ModbusDevice
+from rigd_drivers.modbus.device import ModbusDevice, silent_s
 from rigd_drivers.modbus.exchange import Answer, Failure
 from rigd_drivers.modbus.pdu import EXCEPTIONS, Request
 from rigd_drivers.modbus.registers import (
@@ -31,7 +31,7 @@ from rigd_drivers.modbus.shipped import shipped_map
 #: Bits of the status word that the device's own flags take.
 FLAGS: Final = {"stable": 1, "overload": 2, "underload": 4, "fault": 8}
 #: Readings taken at opening to judge range and order (an unloaded cell flickers about zero, which
-#: tells no order), and how often an action is tried.
+#: shows no order), and how often an action is tried.
 _PROBES: Final = 20
 _TRIES: Final = 3
 #: So many readings in a row must make sense with their words swapped, and none as they are, before
@@ -43,7 +43,7 @@ _LEAST_FLOAT: Final = 1e-30
 
 
 class Action(Described):
-    """Something that a person may ask of the device."""
+    """An action that a person may request of the device."""
 
     doc: str
     """What it does, in a line."""
@@ -52,7 +52,7 @@ class Action(Described):
 
 
 class TransmitterMap(Access):
-    """What stands where in a transmitter."""
+    """Registers of a transmitter, its flags, and the settings that it must have."""
 
     force: Register
     """The reading."""
@@ -91,7 +91,7 @@ def _shipped(value: Any) -> Any:
 
 
 class TransmitterConfig(ConnectionConfig):
-    """Where the transmitter is, what stands in its registers, and what it may read."""
+    """The connection of the transmitter, its register map, and the forces it may read."""
 
     map: Annotated[TransmitterMap, BeforeValidator(_shipped)] = Field(
         json_schema_extra={"anyOf": [{"type": "string"}, {"type": "object"}]}
@@ -125,8 +125,21 @@ class TransmitterConfig(ConnectionConfig):
         """Return the scale in N per count: given here, or the map's."""
         return self.map.scale if self.scale is None else self.scale
 
+    @property
+    def newtons_per_count(self) -> float:
+        """The scale, known to be there and not zero once the options are read."""
+        return self.force_per_count() or 1.0
 
-class ModbusTransmitter(ModbusDevice):
+
+class ForceRow(Row):
+    """Force, the number in its register, and the status bits of :class:`ModbusTransmitter`."""
+
+    force: float
+    force_raw: float
+    status: int
+
+
+class ModbusTransmitter(ModbusDevice[TransmitterConfig]):
     """A load-cell or strain-gauge transmitter; it takes no setpoints.
 
     Status bits: stable 1, overload 2, underload 4, and the line's (see :class:`ModbusDevice`).
@@ -134,14 +147,12 @@ class ModbusTransmitter(ModbusDevice):
 
     Config: ClassVar[type[DriverConfig]] = TransmitterConfig
     title: ClassVar[str] = "strain-gauge or load-cell transmitter, Modbus TCP or RTU"
-    every_cycle = False  # it has a pace of its own
-    config: TransmitterConfig
 
-    def __init__(self, config: TransmitterConfig, link: object) -> None:
+    def __init__(self, config: TransmitterConfig, link: None) -> None:
         super().__init__(config, link, config.map, config.rate)
         self._map = config.map
         self._order: WordOrder = config.word_order or config.map.word_order
-        self._scale = config.force_per_count() or 1.0  # validated: neither None nor zero
+        self._scale = config.newtons_per_count
         self._reads = config.map.reads(config.map.polled())
         self._turn = 0
         self._words: dict[int, int] = {}
@@ -150,11 +161,18 @@ class ModbusTransmitter(ModbusDevice):
         self._tries = 0
         self._refused: str | None = None
         self._suspects = 0
-        self.actions = {name: action.doc for name, action in config.map.actions.items()}
-        least, most = sorted((config.low / self._scale, config.high / self._scale))
-        self.channels = (
-            Channel("force", "N", "force on the cell", config.low, config.high),
-            Channel("force_raw", "count", "number in the register", least, most, raw_of="force"),
+
+    @classmethod
+    def declare(cls, config: TransmitterConfig) -> Declaration:
+        """Return the force, and the actions that the map has; rows come at its own pace."""
+        least, most = sorted(end / config.newtons_per_count for end in (config.low, config.high))
+        raw = Channel("force_raw", "count", "number in the register", least, most, raw_of="force")
+        return Declaration(
+            channels=(Channel("force", "N", "force on the cell", config.low, config.high), raw),
+            row=ForceRow,
+            actions={name: action.doc for name, action in config.map.actions.items()},
+            every_cycle=False,
+            silent_s=silent_s(config, config.rate),
         )
 
     def prove(self) -> None:
@@ -177,10 +195,9 @@ class ModbusTransmitter(ModbusDevice):
         for _ in range(_PROBES):
             self._words = self.fetch(self._reads)
             row = self._row()
-            if row is not None and not self._possible(row[0]):
-                force = row[0]
+            if row is not None and not self._possible(row.force):
                 raise ProtocolError(
-                    f"{self.client.where} reads {force:g} N, beyond {self.config.low:g} N to "
+                    f"{self.client.where} reads {row.force:g} N, beyond {self.config.low:g} N to "
                     f"{self.config.high:g} N",
                     hint="unload the cell, or correct 'scale', 'low' and 'high'",
                 )
@@ -192,7 +209,7 @@ class ModbusTransmitter(ModbusDevice):
     def arm(self) -> None:
         """Do nothing: it only measures."""
 
-    def read(self, t_ns: int) -> Sequence[float] | None:
+    def read(self, t_ns: int) -> ForceRow | None:
         """Return force in N, counts and status once all of a row has come, else None.
 
         Raises:
@@ -208,9 +225,9 @@ class ModbusTransmitter(ModbusDevice):
         return row
 
     def act(self, action: str) -> None:
-        """Begin tare, zero or what else the map has; see :attr:`actions`."""
+        """Begin tare, zero or what else the map has; see :class:`TransmitterMap`."""
         if action not in self._map.actions:
-            known = ", ".join(self.actions) or "none"
+            known = ", ".join(self._map.actions) or "none"
             raise ValueError(f"there is no action {action!r}; known: {known}")
         if self._acting is not None:
             raise DeviceError(f"{self._acting} is still under way")
@@ -259,7 +276,7 @@ class ModbusTransmitter(ModbusDevice):
         elif self._turn > 0 or self.due():
             self.client.start(self._reads[self._turn].request)
 
-    def _took(self, answer: Answer) -> Sequence[float] | None:
+    def _took(self, answer: Answer) -> ForceRow | None:
         if self._to_write and answer.request is self._to_write[0]:
             self._to_write.popleft()
             return None
@@ -267,8 +284,8 @@ class ModbusTransmitter(ModbusDevice):
         self._turn = (self._turn + 1) % len(self._reads)
         return self._row() if self._turn == 0 else None
 
-    def _row(self) -> Sequence[float] | None:
-        """Return the row; None where it may be of words in the wrong order."""
+    def _row(self) -> ForceRow | None:
+        """Return the row; None if its words may be in the wrong order."""
         flags = 0
         for name, condition in self._map.status.items():
             if condition.holds(self._words):
@@ -285,7 +302,7 @@ class ModbusTransmitter(ModbusDevice):
             return None
         if self._tells_order():
             self._suspects = 0
-        return force, count, flags | self.client.status()
+        return ForceRow.of(force=force, force_raw=count, status=flags | self.client.status())
 
     def _tells_order(self) -> bool:
         """Return whether the reading depends on the order of its words: that of zero does not."""

@@ -1,4 +1,4 @@
-"""Byte streams of an exchange: a TCP socket or a serial port, both non-blocking."""
+"""Sends and receives bytes for Modbus over a TCP socket or a serial port, without blocking."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Analogue inputs of an NI card, sampled by the card's own clock through NI-DAQmx."""
+"""Reads analogue inputs of an NI card through NI-DAQmx; the card samples by its own clock."""
 
 from rigd_drivers.ni_daq.driver import NiDaq
 

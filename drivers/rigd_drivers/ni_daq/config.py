@@ -1,4 +1,4 @@
-"""Options of an NI card and its analogue inputs."""
+"""Defines the options of an NI card and of its analogue inputs."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Input(DriverConfig):
     unit: str = "V"
     """SI unit of the channel, such as m/s^2."""
     scale: str = "1 V/V"
-    """What a volt means, such as 9.8 m/s^2/V; negative where the sensor is mounted reversed."""
+    """The quantity per volt, such as 9.8 m/s^2/V; negative if the sensor is mounted reversed."""
     zero: Annotated[float, In("V")] = 0.0
     """Voltage that means 0."""
 
@@ -89,7 +89,7 @@ class NiDaqConfig(NiCardConfig):
     """Interlocks and end conditions see the median of so many of a block's last samples, so that
     a single noisy one stops nothing; 1 is the last sample. All are recorded as they are."""
     buffer: Annotated[float, In("s"), Ge(0.1), Le(60)] = 5.0
-    """How long NI-DAQmx keeps samples that nobody has fetched yet."""
+    """How long NI-DAQmx keeps samples that have not been fetched."""
 
     @property
     def buffer_samples(self) -> int:

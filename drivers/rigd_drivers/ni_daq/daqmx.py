@@ -1,4 +1,4 @@
-"""One NI-DAQmx task of analogue inputs, local or behind a gRPC server."""
+"""Runs one NI-DAQmx task that samples analogue inputs, on this machine or behind a gRPC server."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _REFUSED: Final = {
 
 
 class Daqmx:
-    """One card through NI-DAQmx; what NI raises comes out as an error of rigd's own."""
+    """One card through NI-DAQmx; errors of NI are raised as rigd's own errors."""
 
     def __init__(self, config: NiDaqConfig) -> None:
         self._config = config
@@ -51,7 +51,7 @@ class Daqmx:
         """Find the card, make the task, and return what the card says it is.
 
         Raises:
-            LinkError: NI-DAQmx, its server or the card is not there, or somebody else has it.
+            LinkError: NI-DAQmx, its server or the card is not there, or another program uses it.
             ProtocolError: it is another card than the rig file names.
             DeviceError: the card cannot do what the rig file asks.
         """
@@ -96,7 +96,7 @@ class Daqmx:
         left_over.close()
 
     def _is_read(self, task: Any) -> bool:
-        """Return whether somebody fetches samples of ``task``: its client then lives."""
+        """Return whether a client fetches samples of ``task``, and so still runs."""
         blocks_s = _MISSED_BLOCKS * self._config.block / self._config.rate
         deadline = time.monotonic() + max(ABANDONED_S, blocks_s)
         try:
@@ -151,10 +151,10 @@ class Daqmx:
         return volts
 
     def _overrun(self, error: Exception) -> DeviceError:
-        told = str(error).splitlines()[0]
+        text = str(error).splitlines()[0]
         return DeviceError(
             f"{self._card} overran: samples were lost because they were not fetched within "
-            f"{self._config.buffer:g} s (NI-DAQmx {_SAMPLES_NO_LONGER_AVAILABLE}: {told})",
+            f"{self._config.buffer:g} s (NI-DAQmx {_SAMPLES_NO_LONGER_AVAILABLE}: {text})",
             hint="make `buffer` or `block` larger, or `rate` smaller; a network that stalls "
             "this long is not fit for it",
         )
@@ -162,7 +162,7 @@ class Daqmx:
     def close(self) -> None:
         """Stop and forget the task; closing twice is silent, and so is closing what is lost.
 
-        :meth:`read` has told of the loss. A task that a server keeps is cleared by the next
+        :meth:`read` has reported the loss. A task that a server keeps is cleared by the next
         :meth:`open`.
         """
         task, self._task, self._reader = self._task, None, None

@@ -1,4 +1,4 @@
-"""Block driver of an NI card: converts volts to quantities and times the samples."""
+"""Reads blocks of samples from an NI card, converts volts to quantities, and times the samples."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.sdk import Block, BlockDriver, Channel, DriverConfig
+from rigd.sdk import Block, BlockDriver, Channel, Declaration, DriverConfig
 from rigd_drivers.ni_daq.config import NiDaqConfig
 from rigd_drivers.ni_daq.daqmx import Daqmx
 from rigd_drivers.ni_daq.sample_clock import SampleClock
@@ -20,7 +20,7 @@ RAIL: Final = 0.999
 SILENT_S: Final = 1.5
 
 
-class NiDaq(BlockDriver):
+class NiDaq(BlockDriver[NiDaqConfig, None]):
     """Analogue inputs of an NI card, buffered continuously; it measures only.
 
     A row is, for every input, its quantity and its volts; then the card's own time (sample number
@@ -31,19 +31,9 @@ class NiDaq(BlockDriver):
 
     Config: ClassVar[type[DriverConfig]] = NiDaqConfig
     title: ClassVar[str] = "analogue inputs of an NI card"
-    has_status: bool = True
-    config: NiDaqConfig
 
     def __init__(self, config: NiDaqConfig, link: None = None) -> None:
         super().__init__(config, link)
-        self.rate_hz = config.rate
-        self.silent_s = SILENT_S + 5 * config.block / config.rate
-        self.oldest_s = config.block / config.rate  # and what the way to here takes: not known
-        self.channels = (
-            *(channel for item in config.inputs for channel in item.channels),
-            Channel("device_time", "s", "sample number over nominal rate: the card's own clock"),
-            Channel("clock_rate", "Hz", "rate of the card's clock by this machine's, estimated"),
-        )
         self._daqmx = Daqmx(config)
         self._volts = np.zeros((len(config.inputs), config.block))
         self._scale = np.array([item.gain for item in config.inputs])[:, np.newaxis]
@@ -52,11 +42,31 @@ class NiDaq(BlockDriver):
         self._rails = np.zeros((len(config.inputs), 2))
         self._clock: SampleClock | None = None
 
+    @classmethod
+    def declare(cls, config: NiDaqConfig) -> Declaration:
+        """Return the channels of every input, and the two of the card's clock."""
+        block_s = config.block / config.rate
+        return Declaration(
+            channels=(
+                *(channel for item in config.inputs for channel in item.channels),
+                Channel(
+                    "device_time", "s", "sample number over nominal rate: the card's own clock"
+                ),
+                Channel(
+                    "clock_rate", "Hz", "rate of the card's clock by this machine's, estimated"
+                ),
+            ),
+            has_status=True,
+            silent_s=SILENT_S + 5 * block_s,
+            rate_hz=config.rate,
+            oldest_s=block_s,  # and what the way to here takes: not known
+        )
+
     def open(self) -> None:
         """Open the card and make its task; nothing is sampled yet.
 
         Raises:
-            LinkError: NI-DAQmx, its server or the card is not there, or somebody else has it.
+            LinkError: NI-DAQmx, its server or the card is not there, or another program uses it.
             ProtocolError: it is another card than the rig file names.
             DeviceError: the card cannot do what the rig file asks.
         """
@@ -70,7 +80,7 @@ class NiDaq(BlockDriver):
         self._daqmx.start()
 
     def read_block(self, timeout_s: float) -> Block | None:
-        """Return the next block of rows, a shorter one at the time-out, None where there is none.
+        """Return the next block of rows, a shorter block at the time-out, None without rows.
 
         Raises:
             DeviceError: samples were lost, or the card is gone.

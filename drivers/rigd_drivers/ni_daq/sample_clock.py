@@ -1,4 +1,7 @@
-"""Estimates the times of samples: the card's clock against CLOCK_MONOTONIC."""
+"""Estimates when the card took each sample, in the time of CLOCK_MONOTONIC.
+
+The card samples by its own clock. The module compares this clock with CLOCK_MONOTONIC.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ Point = tuple[float, float]
 
 
 class SampleClock:
-    """Gives every sample its time, from its number and from when its block arrived.
+    """Computes the time of every sample from its number and the arrival time of its block.
 
     A block arrives after its last sample was taken, late by what the bus, the driver, the network
     and the scheduler need: at least a little, at times much. So the true line of time over sample

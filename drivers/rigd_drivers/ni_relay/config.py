@@ -1,4 +1,4 @@
-"""Options of a relay on a digital line of an NI card."""
+"""Defines the options of a relay on a digital line of an NI card."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class WatchdogOptions(DriverConfig):
 
 
 class NiRelayConfig(NiCardConfig):
-    """Which line closes the relay, and what opens it when this computer dies."""
+    """Which line closes the relay, and what opens the relay if this computer fails."""
 
     line: LineName = "port0/line0"
     """Output that the relay hangs on."""

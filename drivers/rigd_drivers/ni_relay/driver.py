@@ -1,12 +1,12 @@
-"""Driver of the relay: open or closed, retriggered as long as the cycle runs."""
+"""Opens and closes the relay, and retriggers its one-shot as long as the cycle runs."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import ClassVar, Final
 
-from rigd.sdk import Channel, DeviceError, Driver, DriverConfig, LinkError
+from rigd.sdk import Channel, Declaration, DeviceError, Driver, DriverConfig, LinkError, Row
 from rigd_drivers.ni_relay.config import NiRelayConfig, WatchdogOptions
 from rigd_drivers.ni_relay.keeper import CYCLE_SILENCE_S, Keeper
 from rigd_drivers.ni_relay.lines import CALL_S, RelayLines
@@ -27,10 +27,18 @@ _SAFE_S: Final = 2 * CALL_S
 _LOOK_S: Final = 0.002
 
 
-class NiRelay(Driver):
-    """Closes and opens a relay. Safe means open, told to the card, and the one-shot not fed.
+class RelayRow(Row):
+    """What the card has confirmed; the status bits above."""
 
-    What the card is told goes through a thread of its own, which takes the newest setpoint, so
+    closed: float
+    latency: float
+    status: int
+
+
+class NiRelay(Driver[NiRelayConfig, None]):
+    """Closes and opens a relay. Safe means open, and no pulses for the one-shot.
+
+    Commands to the card go through a thread of its own, which takes the newest setpoint, so
     that no cycle waits. A row says what the card has confirmed last, and how long the confirmation
     of the last change took; the contact follows some ms later, as the relay's data sheet says.
 
@@ -42,24 +50,12 @@ class NiRelay(Driver):
     Config: ClassVar[type[DriverConfig]] = NiRelayConfig
     title: ClassVar[str] = "relay on a digital line of an NI card"
     second_link: ClassVar[bool] = True
-    has_status: bool = True
-    status_bits: Mapping[str, int] = {
-        "armed": ARMED, "one_shot": ONE_SHOT, "pending": PENDING, "limited": LIMITED,
-    }  # fmt: skip
-    silent_s: float = 2 * CALL_S
-    setpoints = (Channel("closed", "1", "1 closes the relay, 0 opens it", 0, 1),)
-    channels = (
-        Channel("closed", "1", "whether the relay is closed, as the card confirmed it", 0, 1),
-        Channel("latency", "s", "from the last change of the setpoint to its confirmation"),
-    )
-    config: NiRelayConfig
 
     def __init__(self, config: NiRelayConfig, link: None = None) -> None:
         super().__init__(config, link)
         watchdog = config.watchdog
         self._period_s = PERIOD_S
         if watchdog is not None:
-            self.watchdog_s = CYCLE_SILENCE_S + watchdog.time
             self._period_s = min(PERIOD_S, watchdog.time / _PULSES_PER_TIME)
         self._lines = RelayLines(config)
         self._keeper: Keeper | None = None
@@ -67,12 +63,32 @@ class NiRelay(Driver):
         self._ready = False
         self._limited = False
 
+    @classmethod
+    def declare(cls, config: NiRelayConfig) -> Declaration:
+        """Return the contact as channel and setpoint, and how long the card takes."""
+        watchdog = config.watchdog
+        return Declaration(
+            channels=(
+                Channel(
+                    "closed", "1", "whether the relay is closed, as the card confirmed it", 0, 1
+                ),
+                Channel("latency", "s", "from the last change of the setpoint to its confirmation"),
+            ),
+            row=RelayRow,
+            status_bits={
+                "armed": ARMED, "one_shot": ONE_SHOT, "pending": PENDING, "limited": LIMITED,
+            },
+            setpoints=(Channel("closed", "1", "1 closes the relay, 0 opens it", 0, 1),),
+            silent_s=2 * CALL_S,
+            watchdog_s=None if watchdog is None else CYCLE_SILENCE_S + watchdog.time,
+        )  # fmt: skip
+
     def open(self) -> None:
         """Take the lines and open the relay.
 
         Raises:
-            LinkError: NI-DAQmx, its server or the card is not there, or somebody else has the
-                lines.
+            LinkError: NI-DAQmx, its server or the card is not there, or another program uses
+                the lines.
             ProtocolError: it is another card than the rig file names.
             DeviceError: the card does not have these lines.
         """
@@ -83,10 +99,10 @@ class NiRelay(Driver):
         self._keeper.start()
 
     def prove_watchdog(self) -> float:
-        """Feed the one-shot, fall silent as a dead cycle does, and see it drop.
+        """Retrigger the one-shot, then stop like a dead cycle, and check that it drops.
 
-        The relay stays open. A stall of this machine makes the returned time longer, never the
-        verdict wrong: the one-shot fails only where it was seen up later than its time allows.
+        The relay stays open. A stall of this machine makes the returned time longer, but never the
+        verdict wrong: the one-shot fails only if it was seen up later than its time allows.
 
         Raises:
             DeviceError: it does not come up, or does not drop in time.
@@ -110,10 +126,10 @@ class NiRelay(Driver):
         """Return whether the one-shot lets the relay close."""
         return self._ready
 
-    def read(self, t_ns: int) -> Sequence[float] | None:
+    def read(self, t_ns: int) -> RelayRow | None:
         """Return what the card has confirmed: closed, latency, status word.
 
-        None where it has said nothing lately.
+        None without a recent confirmation.
 
         Raises:
             LinkError: the device server does not answer.
@@ -133,7 +149,7 @@ class NiRelay(Driver):
         if self._armed_ns:
             status |= ARMED
             self._check_one_shot(keeper, up=up)
-        return float(known.closed), known.latency_s, status
+        return RelayRow.of(closed=float(known.closed), latency=known.latency_s, status=status)
 
     def write(self, setpoints: Sequence[float]) -> None:
         """Close the relay from 0.5 on, open it below; ignored until it is armed.
@@ -145,7 +161,7 @@ class NiRelay(Driver):
         if value != value:
             raise DeviceError(
                 "setpoint 'closed' is NaN; expected 0 or 1",
-                hint="a profile or a limit made a number of nothing; the setpoint before it holds",
+                hint="a profile or a limit computed NaN; the previous setpoint holds",
             )
         self._limited = not 0.0 <= value <= 1.0
         if self._armed_ns:

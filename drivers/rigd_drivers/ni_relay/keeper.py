@@ -1,4 +1,8 @@
-"""The thread that accesses the card, so that the cycle never waits for it."""
+"""Switches the relay in a thread of its own, so that the cycle never waits for the NI card.
+
+The thread also sends the pulses that keep the one-shot (a retriggerable monostable) of the relay
+up. It stops them when the cycle has made no call for ``CYCLE_SILENCE_S``.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +36,7 @@ class Known:
 
 @dataclass(frozen=True)
 class Failed:
-    """The last talk to the card, which failed."""
+    """The last command or read of the card, which failed."""
 
     wish: int  #: number of the wish that it was about
     why: Exception
@@ -40,7 +44,7 @@ class Failed:
 
 @dataclass(frozen=True)
 class Seen:
-    """What the one-shot's line showed."""
+    """The level that the one-shot's line had."""
 
     up: bool
     looked_ns: int  #: not later than it showed that
@@ -49,7 +53,7 @@ class Seen:
 
 
 class Keeper:
-    """Keeps the lines as the cycle wants them, and the one-shot fed while the cycle calls.
+    """Sets the lines as the cycle requests, and retriggers the one-shot while the cycle calls.
 
     Every method but :meth:`start` and :meth:`end` returns at once. What the thread learns is
     handed over whole, in one assignment, so that nobody holds a lock.
@@ -80,9 +84,9 @@ class Keeper:
         self._thread.start()
 
     def want(self, *, closed: bool, anew: bool = False) -> int:
-        """Wish the relay closed or open from now on; return the number of the wish.
+        """Request the relay closed or open from now on; return the number of the request.
 
-        ``anew`` has it told to the card at once, whatever the wish was before.
+        ``anew`` sends it to the card at once, even if the request is the same.
         """
         number, before, _ = self._wish
         if anew or closed != before:
@@ -118,7 +122,7 @@ class Keeper:
             number, closed, wished_ns = self._wish
             try:
                 self._put(number, wished_ns, closed=closed)
-                if not rung:  # who has rung has no time for it
+                if not rung:  # a caller in the cycle has no time for it
                     self._look()
                 self.failed = None
             except Exception as error:  # noqa: BLE001 - boundary: the next read() raises it

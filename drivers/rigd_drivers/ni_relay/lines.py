@@ -1,6 +1,7 @@
-"""Digital lines of the card: writes relay and trigger, reads the one-shot.
+"""Switches the relay and triggers its one-shot through digital lines of an NI card.
 
-``nidaqmx`` ships no types; what comes from it is ``Any``.
+The module also reads the output of the one-shot. ``nidaqmx`` ships no types, so its values are
+``Any``.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ class RelayLines:
         """Take the lines, open the relay, and return what the card says it is.
 
         Raises:
-            LinkError: NI-DAQmx, its server or the card is not there, or somebody else has the
-                lines.
+            LinkError: NI-DAQmx, its server or the card is not there, or another program uses
+                the lines.
             ProtocolError: it is another card than the rig file names.
             DeviceError: the card does not have these lines.
         """
@@ -82,7 +83,7 @@ class RelayLines:
             self._writer.write_one_sample_multi_line(self._levels)
 
     def one_shot_up(self) -> bool:
-        """Return whether the one-shot is up; see :meth:`put`. True where there is none."""
+        """Return whether the one-shot is up; see :meth:`put`. True without a one-shot."""
         watchdog = self._config.watchdog
         if watchdog is None:
             return True
@@ -91,7 +92,7 @@ class RelayLines:
         return bool(self._level[0]) == (watchdog.active == "high")
 
     def rescue(self) -> None:
-        """Open the relay over a connection of its own, whoever has left it closed.
+        """Open the relay over a connection of its own, even if another process left it closed.
 
         Raises:
             LinkError: the card cannot be reached, or another program has the line.
@@ -165,7 +166,7 @@ class RelayLines:
             task.close()
 
     def _is_fed(self, task: Any) -> bool:
-        """Return whether somebody keeps the one-shot up for longer than it does by itself."""
+        """Return whether another program keeps the one-shot up for longer than its time."""
         watchdog = self._config.watchdog
         if watchdog is None:
             return False

@@ -1,1 +1,1 @@
-"""Scales on a serial port: MT-SICS, KERN KCP and A&D."""
+"""Reads scales on a serial port, with the protocols MT-SICS, KERN KCP and A&D."""

@@ -38,7 +38,7 @@ _ERRORS: Final = {
 
 
 def parse_reading(line: bytes) -> Reading | Refusal | None:
-    """Return what ``line`` says of the weight; None where it is no weight reply, or a damaged one.
+    """Return the weight in ``line``; None if it is not a weight reply, or is damaged.
 
     ``ST,+00123.45  g`` is 123.45 g, stable; ``OL,+9999999E+19`` an overload.
     """
@@ -51,7 +51,7 @@ def parse_reading(line: bytes) -> Reading | Refusal | None:
 
 
 def parse_error(line: bytes) -> Refusal | None:
-    """Return the refusal that ``line`` is: ``EC,E02``; None where it is none."""
+    """Return the refusal in ``line``: ``EC,E02``; None if it is not a refusal."""
     if match := _ERROR.fullmatch(line.rstrip()):
         code = match["code"].decode()
         return Refusal(f"EC,{code}", _ERRORS.get(code, "an error its list of codes explains"))

@@ -1,4 +1,4 @@
-"""Commands and time limits of each protocol of scales, as tables."""
+"""Lists the commands and time limits of each protocol that scales use."""
 
 from __future__ import annotations
 

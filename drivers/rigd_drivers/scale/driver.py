@@ -1,11 +1,11 @@
-"""The driver of a scale on a serial port."""
+"""Reads the weight from a scale on a serial port."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from enum import IntFlag
 from typing import Annotated, ClassVar, Final, Literal, TypeVar
 
@@ -14,12 +14,14 @@ from pydantic import BeforeValidator, model_validator
 
 from rigd.sdk import (
     Channel,
+    Declaration,
     DeviceError,
     DriverConfig,
     EmitRow,
     In,
     LinkError,
     ProtocolError,
+    Row,
     SlowDriver,
 )
 from rigd_drivers.scale import and_d, identity
@@ -42,6 +44,11 @@ ACTION_S: Final = 3.0
 #: A line that carries no byte for so long has fallen silent, in s: a stream of 5 lines a second
 #: (A&D, the slowest) has not.
 QUIET_S: Final = 0.3
+#: What a person may ask of a scale.
+ACTIONS: Final[Mapping[str, str]] = {
+    "tare": "takes the load that rests on it as tare: it then shows zero",
+    "zero": "sets the zero of the empty scale",
+}
 #: Lines in a row in another unit that are a change of unit and no damaged line.
 UNIT_LINES: Final = 2
 
@@ -63,15 +70,17 @@ _STATUS: Final = {
 
 
 def _whole(value: object) -> object:
-    """Return a whole number that stands in a file as text; a choice of numbers takes no text."""
+    """Return a whole number that is text in a file; a choice of numbers accepts no text."""
     return int(value) if isinstance(value, str) and value.isdecimal() else value
 
 
 class ScaleConfig(DriverConfig):
-    """Where the scale is plugged in, what it speaks, and the unit it must show."""
+    """The serial port of the scale, its protocol, and the unit it must show."""
 
     port: str
-    """Serial port; best its path below /dev/serial/by-id, which stays when it is plugged anew."""
+    """Serial port; best its path below /dev/serial/by-id, which stays the same after
+    reconnection.
+    """
     dialect: DialectName
     """Protocol that is set in the menu of the scale."""
     unit: UnitName = "kg"
@@ -97,31 +106,32 @@ class ScaleConfig(DriverConfig):
         return self
 
 
-class SerialScale(SlowDriver):
-    """A scale, asked for its weight again and again; safe as it is, for it moves nothing.
+class MassRow(Row):
+    """The mass, and :class:`ScaleStatus`."""
 
-    A row is the mass in kg (``force`` in N where the scale shows newtons) and a status word:
-    stable 1, overload 2, underload 4. Beyond its range the value is NaN, so that interlocks trip.
+    mass: float
+    status: int
+
+
+class ForceRow(Row):
+    """The force, of a scale that shows newtons, and :class:`ScaleStatus`."""
+
+    force: float
+    status: int
+
+
+class SerialScale(SlowDriver[ScaleConfig, None]):
+    """Polls a scale for its weight; always safe, because a scale moves nothing.
+
+    A row is the mass in kg (``force`` in N if the scale shows newtons) and a status word: stable 1,
+    overload 2, underload 4. Beyond its range the value is NaN, so that interlocks trip.
     """
 
     Config: ClassVar[type[DriverConfig]] = ScaleConfig
     title: ClassVar[str] = "scale on a serial port (MT-SICS, KERN KCP, A&D)"
-    actions: Mapping[str, str] = {
-        "tare": "takes the load that rests on it as tare: it then shows zero",
-        "zero": "sets the zero of the empty scale",
-    }
-    has_status = True
-    status_bits: Mapping[str, int] = {(bit.name or "").lower(): bit.value for bit in ScaleStatus}
-    silent_s = 5.0  # an action keeps the scale from answering for up to ACTION_S
-    config: ScaleConfig
 
     def __init__(self, config: ScaleConfig, link: None) -> None:
         super().__init__(config, link)
-        self.channels = (
-            Channel("force", "N", "force shown by the scale")
-            if config.unit == "N"
-            else Channel("mass", "kg", "net mass shown by the scale"),
-        )
         self._dialect = DIALECTS[config.dialect]
         self._port = LinePort(config.port)
         self._one_at_a_time = asyncio.Lock()  # run and act share the line
@@ -129,8 +139,24 @@ class SerialScale(SlowDriver):
         self._unusual: bytes | None = None  # last line that was no answer
         self._wrong_unit = 0  # lines in a row in another unit
 
+    @classmethod
+    def declare(cls, config: ScaleConfig) -> Declaration:
+        """Return the mass or the force that the scale shows, tare and zero as actions."""
+        row: type[Row]
+        if config.unit == "N":
+            row, shown = ForceRow, Channel("force", "N", "force shown by the scale")
+        else:
+            row, shown = MassRow, Channel("mass", "kg", "net mass shown by the scale")
+        return Declaration(
+            channels=(shown,),
+            row=row,
+            status_bits={(bit.name or "").lower(): bit.value for bit in ScaleStatus},
+            actions=ACTIONS,
+            silent_s=5.0,  # an action keeps the scale from answering for up to ACTION_S
+        )
+
     async def open(self) -> None:
-        """Open the port, end a stream left on, read who answers and that it shows our unit.
+        """Open the port, end a stream left on, check the kind of the device and its unit.
 
         Raises:
             LinkError: the port cannot be opened, or nothing answers.
@@ -175,8 +201,8 @@ class SerialScale(SlowDriver):
             ValueError: there is no such action.
 
         """
-        if action not in self.actions:
-            raise ValueError(f"a scale has no action {action!r}; it has {', '.join(self.actions)}")
+        if action not in ACTIONS:
+            raise ValueError(f"a scale has no action {action!r}; it has {', '.join(ACTIONS)}")
         await self._rest(action)
         command, parse = self._dialect.actions[action]
         if parse is None:
@@ -263,8 +289,8 @@ class SerialScale(SlowDriver):
             hint="is the scale on, its cable in, and its interface set to this baud rate?",
         )
 
-    def _converted(self, reading: Reading) -> Sequence[float] | None:
-        """Return the row; None where the unit is another, which may be a damaged line."""
+    def _converted(self, reading: Reading) -> MassRow | ForceRow | None:
+        """Return the row; None if the unit differs, because the line may be damaged."""
         if reading.unit and reading.unit != self.config.unit:
             self._wrong_unit += 1
             if self._wrong_unit < UNIT_LINES:
@@ -278,8 +304,11 @@ class SerialScale(SlowDriver):
             )
             raise DeviceError(f"the scale shows {shown}, the rig expects {wanted}", hint=change)
         self._wrong_unit = 0
-        factor = UNITS[self.config.unit]
-        return (reading.value * factor, int(_STATUS[reading.load]))
+        value = reading.value * UNITS[self.config.unit]
+        status = int(_STATUS[reading.load])
+        if self.config.unit == "N":
+            return ForceRow.of(force=value, status=status)
+        return MassRow.of(mass=value, status=status)
 
     async def _rest(self, action: str) -> Reading:
         """Return the first stable reading; rows go on being taken meanwhile."""

@@ -1,4 +1,4 @@
-"""Type, software and serial number of a scale, as far as it reports them."""
+"""Asks a scale for its type, software and serial number, as far as the scale reports them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Line = Callable[[], Awaitable[bytes | None]]
 
 
 async def ask(dialect: DialectName, send: Send, line: Line) -> str:
-    """Return a line for a person; what the scale does not tell is left out.
+    """Return a line for a person, without values that the scale does not report.
 
-    ``line`` gives the next line, or None after a while without one.
+    ``line`` returns the next line, or None after a while without a line.
     """
     if dialect == "and-d":
         questions = {b"?TN": "type", b"?SN": "serial number"}
@@ -27,8 +27,8 @@ async def ask(dialect: DialectName, send: Send, line: Line) -> str:
     else:
         questions = {b"I2": "type", b"I3": "software", b"I4": "serial number"}
         answers = {what: await _ask_sics(name, send, line) for name, what in questions.items()}
-    told = [f"{what} {text}" for what, text in answers.items() if text]
-    return ", ".join([DIALECTS[dialect].title, *told])
+    parts = [f"{what} {text}" for what, text in answers.items() if text]
+    return ", ".join([DIALECTS[dialect].title, *parts])
 
 
 async def _ask_sics(name: bytes, send: Send, line: Line) -> str:

@@ -1,4 +1,4 @@
-"""Splits bytes of a serial port into lines, also on a disturbed connection."""
+"""Splits the bytes from a serial port into lines, even if the connection is disturbed."""
 
 from __future__ import annotations
 
@@ -13,14 +13,12 @@ class LineBuffer:
 
     A line ends with CR, LF or both, so that one of them may be missing. NUL bytes, as a break
     condition makes them, are dropped. Of a line without end nothing is kept: everything up to the
-    next end is thrown away and counted in :attr:`discarded`.
+    next end is thrown away.
     """
 
     def __init__(self) -> None:
         self._line = bytearray()
         self._too_long = False
-        #: Bytes thrown away since the start.
-        self.discarded = 0
 
     def feed(self, data: bytes) -> list[bytes]:
         """Take ``data`` in and return the lines that it completes; empty lines are left out."""
@@ -41,7 +39,6 @@ class LineBuffer:
 
     def _append(self, piece: bytes) -> None:
         if self._too_long or len(self._line) + len(piece) > MAX_LINE:
-            self.discarded += len(self._line) + len(piece)
             self._line.clear()
             self._too_long = True
         else:

@@ -1,4 +1,4 @@
-"""A serial port on the event loop: lines in, commands out."""
+"""Receives lines from a serial port and sends commands to it, on an asyncio event loop."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MAX_LINES: Final = 256
 
 
 class LinePort:
-    """A port opened for us alone (``flock``), read whenever bytes arrive, never blocking."""
+    """A port that only this process uses (``flock``), read when bytes arrive, never blocking."""
 
     def __init__(self, path: str) -> None:
         self.path = path

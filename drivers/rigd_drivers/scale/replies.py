@@ -1,4 +1,4 @@
-"""The replies of a scale, independent of its protocol."""
+"""Defines the replies of a scale in one form for all protocols."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final, Literal
 
-#: Units a scale may be told to show.
+#: Units that a scale may show.
 UnitName = Literal["g", "kg", "lb", "oz", "N"]
 
 #: Factor to SI (kg, or N for newtons). Pound and ounce: international avoirdupois pound,
@@ -18,7 +18,7 @@ UNITS: Final[dict[str, float]] = {
 
 
 class Load(Enum):
-    """What a weight reply says of the load beside its value."""
+    """What a weight reply reports about the load besides its value."""
 
     STABLE = "stable"
     DYNAMIC = "not yet stable"
@@ -37,7 +37,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Refusal:
-    """The scale understood that it was asked, and did not do it; ``reason`` is for a person."""
+    """The scale understood the command but did not carry it out; ``reason`` is for a person."""
 
     code: str
     reason: str
