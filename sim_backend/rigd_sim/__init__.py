@@ -1,1 +1,1 @@
-"""The simulated rig: plants (physics) and simulated devices."""
+"""Simulates rigs: the physics (plants) and the devices."""

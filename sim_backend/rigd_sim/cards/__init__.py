@@ -1,1 +1,1 @@
-"""Simulated cards at register level, and their wiring."""
+"""Simulates data acquisition cards at register level, and the wiring between card and rig."""

@@ -1,4 +1,7 @@
-"""Analogue drives, and the one-shot that gates their enable lines."""
+"""Simulates analogue motor drives, and the one-shot that gates their enable lines.
+
+A one-shot is a retriggerable monostable: each edge on its input keeps its output up for a time.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Wiring of the simulated LuGre rig to an MF624, as in ``configs/card_lugre.yaml``.
+"""Connects the simulated LuGre rig to a simulated MF624 card, as in ``configs/card_lugre.yaml``.
 
 | pin | wired to |
 |---|---|
@@ -41,7 +41,7 @@ _STILL_NS: Final = 50_000
 
 
 class LugreWiring:
-    """The rig at the other end of the card's wires.
+    """The LuGre rig as it is wired to the card.
 
     The plant is brought to ``clock_ns`` before the card looks. Whoever serves the card calls
     :meth:`advance` too, so that the one-shot acts when no master looks.

@@ -1,9 +1,13 @@
-"""The registers of the Humusoft MF624, with their side effects on read.
+"""Simulates the registers of the Humusoft MF624, including the side effects of a read.
 
-Written from the MF 624 User's Manual and the description of the registers in the Linux drivers of
-the card. What the sources leave open is modelled the unkind way: a FIFO keeps what nobody read,
-an empty one reads as all ones, and the outputs wake at full scale (tied to ground until DACEN).
-The card has no watchdog: its outputs hold whatever becomes of the master.
+Sources: the MF 624 User's Manual, and the description of the registers in the Linux drivers of the
+card. If the sources leave a behaviour open, the simulation takes the worst case for the driver:
+
+* a FIFO keeps the values that no read has taken;
+* an empty FIFO reads as all ones;
+* the outputs start at full scale (tied to ground until DACEN).
+
+The card has no watchdog: its outputs keep their values when the master stops or crashes.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Devices simulated in process: drivers whose link is the plant itself."""
+"""Simulates devices without a wire: drivers that read and command the plant in the same process."""

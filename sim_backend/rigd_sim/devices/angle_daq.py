@@ -1,4 +1,4 @@
-"""The data acquisition card of the simulated approach-angle rig."""
+"""Simulates the data acquisition card of the approach-angle rig."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Self
 from annotated_types import Ge, Le
 from pydantic import model_validator
 
-from rigd.sdk import Block, BlockDriver, Channel, DeviceError, DriverConfig, In
+from rigd.sdk import Block, BlockDriver, Channel, Declaration, DeviceError, DriverConfig, In
 from rigd_sim.plants.angle import layout
 from rigd_sim.plants.angle.layout import LATEST_JITTER
 from rigd_sim.plants.angle.plant import AnglePlant
@@ -49,6 +49,11 @@ class DaqConfig(DriverConfig):
     jitter: Annotated[float, In("s"), Ge(0), Le(0.1)] = 3e-3
     """Mean of the exponential part of it, which ends at ten times its mean."""
 
+    @property
+    def inputs(self) -> int:
+        """How many inputs are in use."""
+        return len(_INPUTS) if self.load_cell else len(_INPUTS) - 1
+
     @model_validator(mode="after")
     def _possible(self) -> Self:
         if self.median > self.block:
@@ -63,7 +68,7 @@ class DaqConfig(DriverConfig):
         return self
 
 
-class AngleDaq(BlockDriver):
+class AngleDaq(BlockDriver[DaqConfig, AnglePlant]):
     """Gauges, potentiometers and, where wanted, the load cell; it measures only.
 
     A row is, for every input, its quantity and its volts (NAME_raw); then the card's own time
@@ -75,40 +80,44 @@ class AngleDaq(BlockDriver):
     Config: ClassVar[type[DriverConfig]] = DaqConfig
     title: ClassVar[str] = "data acquisition card of the simulated approach-angle rig"
     on_plant: ClassVar[bool] = True
-    has_status = True
-    config: DaqConfig
-    link: AnglePlant
 
-    def __init__(self, config: DaqConfig, link: AnglePlant | None) -> None:
+    def __init__(self, config: DaqConfig, link: AnglePlant) -> None:
         super().__init__(config, link)
-        self.rate_hz = config.rate
-        self.silent_s = 0.1 + 5 * config.block / config.rate + 5 * config.latency
-        latest_s = config.latency + (LATEST_JITTER - 1.0) * config.jitter
-        self.oldest_s = (config.block + 1) / config.rate + latest_s
-        self._inputs = len(_INPUTS) if config.load_cell else len(_INPUTS) - 1
-        self.status_bits = {
-            f"{name}_at_rail": 1 << k for k, name in enumerate(layout.SIGNALS[: self._inputs])
-        }
-        self.channels = (
-            *(
-                channel
-                for name, (unit, doc) in zip(layout.SIGNALS, _INPUTS[: self._inputs], strict=False)
-                for channel in (
-                    Channel(name, unit, doc),
-                    Channel(f"{name}_raw", "V", "at the card", -10.0, 10.0, raw_of=name),
-                )
-            ),
-            Channel("device_time", "s", "sample number over rate: the card's own clock"),
-            Channel("clock_rate", "Hz", "rate of the card's clock"),
-        )
+        self._inputs = config.inputs
         self._card: Acquisition | None = None
         self._scale: NDArray[np.float64]
         self._zero: NDArray[np.float64]
+
+    @classmethod
+    def declare(cls, config: DaqConfig) -> Declaration:
+        """Return the channels of every input, and the two of the card's clock."""
+        names = layout.SIGNALS[: config.inputs]
+        latest_s = config.latency + (LATEST_JITTER - 1.0) * config.jitter
+        return Declaration(
+            channels=(
+                *(
+                    channel
+                    for name, (unit, doc) in zip(names, _INPUTS, strict=False)
+                    for channel in (
+                        Channel(name, unit, doc),
+                        Channel(f"{name}_raw", "V", "at the card", -10.0, 10.0, raw_of=name),
+                    )
+                ),
+                Channel("device_time", "s", "sample number over rate: the card's own clock"),
+                Channel("clock_rate", "Hz", "rate of the card's clock"),
+            ),
+            has_status=True,
+            status_bits={f"{name}_at_rail": 1 << k for k, name in enumerate(names)},
+            silent_s=0.1 + 5 * config.block / config.rate + 5 * config.latency,
+            rate_hz=config.rate,
+            oldest_s=(config.block + 1) / config.rate + latest_s,
+        )
 
     def open(self) -> None:
         """Take the nominal scales from the rig's drawing; nothing is sampled yet."""
         import numpy as np
 
+        self.rate_hz = self.config.rate
         p = self.link.parameters
         gauge, slope = 1 / p.gauges.sensitivity, 1 / p.potentiometers.volts_per_rad
         pulley = p.potentiometers.pulley

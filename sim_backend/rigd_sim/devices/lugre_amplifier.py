@@ -1,4 +1,4 @@
-"""The amplifier of the wheel in current mode, with its analogue current monitor."""
+"""Simulates the amplifier of the LuGre rig's wheel: current mode, analogue current monitor."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Annotated, ClassVar
 
 from annotated_types import Gt, Le
 
-from rigd.sdk import Channel, Driver, DriverConfig, In, accepted
+from rigd.sdk import Channel, Declaration, Driver, DriverConfig, In, Row, accepted
 from rigd_sim.plants.lugre import layout
 from rigd_sim.plants.lugre.plant import LugrePlant
 
 
 class AmplifierConfig(DriverConfig):
-    """How the monitor's volts become amperes, and what the amplifier may be asked for."""
+    """How monitor volts are converted to amperes, and the largest current."""
 
     current_range: Annotated[float, In("A"), Gt(0), Le(10)] = 2.0
     """Largest setpoint of either sign."""
@@ -25,28 +25,40 @@ class AmplifierConfig(DriverConfig):
     """Voltage of the monitor at no current."""
 
 
-class LugreAmplifier(Driver):
+class CurrentRow(Row):
+    """The monitor; status: enabled 1, limited 2, saturated 4."""
+
+    current: float
+    current_raw: float
+    status: int
+
+
+class LugreAmplifier(Driver[AmplifierConfig, LugrePlant]):
     """Sets the motor current; safe means disabled, without current: the wheel coasts."""
 
     Config: ClassVar[type[DriverConfig]] = AmplifierConfig
     title: ClassVar[str] = "wheel servo of the simulated LuGre rig, current mode"
-    has_status = True
-    config: AmplifierConfig
-    link: LugrePlant
 
-    def __init__(self, config: AmplifierConfig, link: LugrePlant | None) -> None:
+    def __init__(self, config: AmplifierConfig, link: LugrePlant) -> None:
         super().__init__(config, link)
-        limit = config.current_range
-        self.setpoints = (Channel("current", "A", "motor current", -limit, limit),)
         scale = config.monitor_scale
-        volts = 10.0  # range of the data acquisition card
-        self.channels = (
-            Channel("current", "A", "motor current by the monitor", -volts * scale, volts * scale),
-            Channel(
-                "current_raw", "V", "monitor output at the card", -volts, volts, raw_of="current"
-            ),
-        )
         self._scale = -scale if config.monitor_inverted else scale
+
+    @classmethod
+    def declare(cls, config: AmplifierConfig) -> Declaration:
+        """Return the monitor's current and volts, and the current as setpoint."""
+        limit = config.current_range
+        volts = 10.0  # range of the data acquisition card
+        most = volts * config.monitor_scale
+        raw = "monitor output at the card"
+        return Declaration(
+            channels=(
+                Channel("current", "A", "motor current by the monitor", -most, most),
+                Channel("current_raw", "V", raw, -volts, volts, raw_of="current"),
+            ),
+            row=CurrentRow,
+            setpoints=(Channel("current", "A", "motor current", -limit, limit),),
+        )
 
     def open(self) -> None:
         """Do nothing: the plant stands as soon as the rig does."""
@@ -55,14 +67,14 @@ class LugreAmplifier(Driver):
         """Enable the output at zero current."""
         self._demand(0.0, enabled=True)
 
-    def read(self, t_ns: int) -> Sequence[float]:
-        """Return current, monitor volts, status (enabled 1, limited 2, saturated 4)."""
+    def read(self, t_ns: int) -> CurrentRow:
+        """Return current, monitor volts and status."""
         readings = self.link.readings_at(t_ns)
         volts = readings[layout.CURRENT_VOLTS]
-        return (
-            (volts - self.config.monitor_zero) * self._scale,
-            volts,
-            int(readings[layout.AMPLIFIER_STATUS]),
+        return CurrentRow.of(
+            current=(volts - self.config.monitor_zero) * self._scale,
+            current_raw=volts,
+            status=int(readings[layout.AMPLIFIER_STATUS]),
         )
 
     def write(self, setpoints: Sequence[float]) -> None:
@@ -72,13 +84,13 @@ class LugreAmplifier(Driver):
             DeviceError: the setpoint is NaN; the one before it holds.
 
         """
-        self.link.commands[layout.WHEEL_CURRENT] = accepted(self.setpoints[0], setpoints[0])
+        current = accepted(self.declaration.setpoints[0], setpoints[0])
+        self.link.commands[layout.WHEEL_CURRENT] = current
 
     def make_safe(self) -> None:
         """Switch the output off."""
         self._demand(0.0, enabled=False)
 
     def _demand(self, current: float, *, enabled: bool) -> None:
-        if self.link is not None:
-            self.link.commands[layout.WHEEL_CURRENT] = current
-            self.link.commands[layout.WHEEL_ENABLED] = float(enabled)
+        self.link.commands[layout.WHEEL_CURRENT] = current
+        self.link.commands[layout.WHEEL_ENABLED] = float(enabled)

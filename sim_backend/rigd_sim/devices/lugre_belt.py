@@ -1,4 +1,4 @@
-"""The two belt drives of the rig: speed servos along and across the guide."""
+"""Simulates the two belt drives of the LuGre rig: speed servos along and across the guide."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Gt, Le
 
-from rigd.sdk import Channel, Driver, DriverConfig, In, accepted
+from rigd.sdk import Channel, Declaration, Driver, DriverConfig, In, Row, accepted
 from rigd_sim.plants.lugre import layout
 from rigd_sim.plants.lugre.plant import LugrePlant
 
 
 class BeltConfig(DriverConfig):
-    """Which belt, and how fast it may be asked to run."""
+    """Which belt it is, and the largest speed that rigd may set."""
 
     axis: Literal["longitudinal", "lateral"]
     """Along the guide (brakes and returns the carriage) or across it (moves the bridge)."""
@@ -21,7 +21,16 @@ class BeltConfig(DriverConfig):
     """Largest setpoint of either sign; by default 2.5 m/s along and 0.8 m/s across."""
 
 
-class LugreBelt(Driver):
+class BeltRow(Row):
+    """The belt; status: enabled 1, clutched 2, limited 4, at the end stop 8."""
+
+    position: float
+    speed: float
+    force: float
+    status: int
+
+
+class LugreBelt(Driver[BeltConfig, LugrePlant]):
     """A belt drive behind a clutch; the belt and its encoder always move with the carriage.
 
     Safe means *braked*: speed zero with the clutch engaged. The clutch is spring-applied, so that
@@ -31,29 +40,32 @@ class LugreBelt(Driver):
 
     Config: ClassVar[type[DriverConfig]] = BeltConfig
     title: ClassVar[str] = "belt drive of the simulated LuGre rig, speed servo"
-    has_status = True
-    config: BeltConfig
-    link: LugrePlant
 
-    def __init__(self, config: BeltConfig, link: LugrePlant | None) -> None:
+    def __init__(self, config: BeltConfig, link: LugrePlant) -> None:
         super().__init__(config, link)
         along = config.axis == "longitudinal"
-        limit = config.speed_range or (2.5 if along else 0.8)
-        way = "along" if along else "across"
-        self.setpoints = (
-            Channel("speed", "m/s", f"speed {way} the guide", -limit, limit),
-            Channel("engaged", "1", "clutch: 1 engaged, 0 released (no force)", 0.0, 1.0),
-        )
-        self.channels = (
-            Channel("position", "m", f"position {way} the guide", -0.1, 1.8)
-            if along
-            else Channel("position", "m", "position across the guide", -0.1, 0.7),
-            Channel("speed", "m/s", f"speed {way} the guide", -5.0, 5.0),
-            Channel("force", "N", "force of the drive on the carriage", -200.0, 200.0),
-        )
         self._readings = layout.BELT_READINGS if along else layout.BRIDGE_READINGS
         self._command = layout.BELT_COMMANDS if along else layout.LATERAL_COMMANDS
         self._enabled = False
+
+    @classmethod
+    def declare(cls, config: BeltConfig) -> Declaration:
+        """Return the belt as channels, speed and clutch as setpoints."""
+        along = config.axis == "longitudinal"
+        limit = config.speed_range or (2.5 if along else 0.8)
+        way, end = ("along", 1.8) if along else ("across", 0.7)
+        return Declaration(
+            channels=(
+                Channel("position", "m", f"position {way} the guide", -0.1, end),
+                Channel("speed", "m/s", f"speed {way} the guide", -5.0, 5.0),
+                Channel("force", "N", "force of the drive on the carriage", -200.0, 200.0),
+            ),
+            row=BeltRow,
+            setpoints=(
+                Channel("speed", "m/s", f"speed {way} the guide", -limit, limit),
+                Channel("engaged", "1", "clutch: 1 engaged, 0 released (no force)", 0.0, 1.0),
+            ),
+        )
 
     def open(self) -> None:
         """Do nothing: the plant stands as soon as the rig does."""
@@ -63,11 +75,12 @@ class LugreBelt(Driver):
         self._brake()
         self._enabled = True
 
-    def read(self, t_ns: int) -> Sequence[float]:
-        """Return position, speed, force, status (enabled 1, clutched 2, limited 4, stop 8)."""
+    def read(self, t_ns: int) -> BeltRow:
+        """Return position, speed, force and status."""
         first = self._readings
         position, speed, force, status = self.link.readings_at(t_ns)[first : first + 4]
-        return position, speed, force, int(status) | self._enabled
+        word = int(status) | self._enabled
+        return BeltRow.of(position=position, speed=speed, force=force, status=word)
 
     def write(self, setpoints: Sequence[float]) -> None:
         """Set the speed in m/s and the clutch (above one half: engaged).
@@ -76,8 +89,9 @@ class LugreBelt(Driver):
             DeviceError: a setpoint is NaN; those before it hold.
 
         """
-        speed = accepted(self.setpoints[0], setpoints[0])
-        engaged = accepted(self.setpoints[1], setpoints[1]) > 0.5
+        declared = self.declaration.setpoints
+        speed = accepted(declared[0], setpoints[0])
+        engaged = accepted(declared[1], setpoints[1]) > 0.5
         if self._enabled:
             commands = self.link.commands
             commands[self._command] = speed
@@ -89,6 +103,5 @@ class LugreBelt(Driver):
         self._enabled = False
 
     def _brake(self) -> None:
-        if self.link is not None:
-            self.link.commands[self._command] = 0.0
-            self.link.commands[self._command + 1] = 1.0
+        self.link.commands[self._command] = 0.0
+        self.link.commands[self._command + 1] = 1.0

@@ -1,4 +1,4 @@
-"""Simulated sensors of the LuGre rig: encoders, accelerometer, true states for comparison."""
+"""Simulates the encoders and the accelerometer of the LuGre rig, and gives its true states."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Final, Literal, Self
 from annotated_types import Gt
 from pydantic import model_validator
 
-from rigd.sdk import Channel, DriverConfig, In, PlantSensor
+from rigd.sdk import Channel, Declaration, DriverConfig, In, PlantSensor, Row
 from rigd_sim.plants.lugre import layout
 from rigd_sim.plants.lugre.plant import LugrePlant
 
@@ -41,30 +41,54 @@ class EncoderConfig(DriverConfig):
         return self
 
 
-class LugreEncoder(PlantSensor):
+class AngleRow(Row):
+    """The wheel."""
+
+    angle: float
+    counts: float
+
+
+class PositionRow(Row):
+    """The carriage along the guide."""
+
+    position: float
+    counts: float
+
+
+class LugreEncoder(PlantSensor[EncoderConfig, LugrePlant]):
     """An incremental encoder that starts at zero where the rig was switched on."""
 
     Config: ClassVar[type[DriverConfig]] = EncoderConfig
-    link: LugrePlant
     title: ClassVar[str] = "encoder of the simulated LuGre rig"
 
-    def __init__(self, config: EncoderConfig, link: LugrePlant | None) -> None:
+    def __init__(self, config: EncoderConfig, link: LugrePlant) -> None:
         super().__init__(config, link)
-        if config.axis == "wheel":
+        self._is_angle = config.axis == "wheel"
+        if self._is_angle:
             self._reading = layout.MOTOR_COUNTS
             self._scale = 1.0 / (config.counts_per_revolution * config.gear_ratio)
-            converted = Channel("angle", "rad", "angle of the wheel")
         else:
             self._reading = layout.GUIDE_COUNTS
             self._scale = config.distance_per_count
-            converted = Channel("position", "m", "position of the carriage", -0.1, 1.8)
-        counts = Channel("counts", "count", "encoder counts", raw_of=converted.name)
-        self.channels = (converted, counts)
 
-    def read(self, t_ns: int) -> Sequence[float]:
+    @classmethod
+    def declare(cls, config: EncoderConfig) -> Declaration:
+        """Return the angle (wheel) or the position (carriage), and the counts."""
+        row: type[Row]
+        if config.axis == "wheel":
+            row, converted = AngleRow, Channel("angle", "rad", "angle of the wheel")
+        else:
+            converted = Channel("position", "m", "position of the carriage", -0.1, 1.8)
+            row = PositionRow
+        counts = Channel("counts", "count", "encoder counts", raw_of=converted.name)
+        return Declaration(channels=(converted, counts), row=row)
+
+    def read(self, t_ns: int) -> AngleRow | PositionRow:
         """Return the angle in rad (wheel) or position in m (carriage), and the counts."""
         counts = self.link.readings_at(t_ns)[self._reading]
-        return counts * self._scale, counts
+        if self._is_angle:
+            return AngleRow.of(angle=counts * self._scale, counts=counts)
+        return PositionRow.of(position=counts * self._scale, counts=counts)
 
 
 class AccelerometerConfig(DriverConfig):
@@ -76,35 +100,50 @@ class AccelerometerConfig(DriverConfig):
     """Voltage at rest; its error is a bias that identification takes out from the rest phase."""
 
 
-class LugreAccelerometer(PlantSensor):
+class AccelerationRow(Row):
+    """The carriage along the guide, and the volts at the card."""
+
+    acceleration: float
+    acceleration_raw: float
+
+
+class LugreAccelerometer(PlantSensor[AccelerometerConfig, LugrePlant]):
     """An accelerometer on the carriage, along the guide, on a 14-bit card of ±10 V."""
 
     Config: ClassVar[type[DriverConfig]] = AccelerometerConfig
-    link: LugrePlant
     title: ClassVar[str] = "accelerometer of the simulated LuGre rig"
-    config: AccelerometerConfig
 
-    def __init__(self, config: AccelerometerConfig, link: LugrePlant | None) -> None:
-        super().__init__(config, link)
+    @classmethod
+    def declare(cls, config: AccelerometerConfig) -> Declaration:
+        """Return the acceleration and the volts."""
         span = 10.0 * config.scale
-        self.channels = (
-            Channel("acceleration", "m/s^2", "acceleration of the carriage", -span, span),
-            Channel("acceleration_raw", "V", "output at the card", -10, 10, raw_of="acceleration"),
+        raw = Channel("acceleration_raw", "V", "output at the card", -10, 10, raw_of="acceleration")
+        return Declaration(
+            channels=(
+                Channel("acceleration", "m/s^2", "acceleration of the carriage", -span, span),
+                raw,
+            ),
+            row=AccelerationRow,
         )
 
-    def read(self, t_ns: int) -> Sequence[float]:
+    def read(self, t_ns: int) -> AccelerationRow:
         """Return the acceleration in m/s^2 and the volts."""
         volts = self.link.readings_at(t_ns)[layout.ACCELERATION_VOLTS]
-        return (volts - self.config.zero) * self.config.scale, volts
+        acceleration = (volts - self.config.zero) * self.config.scale
+        return AccelerationRow.of(acceleration=acceleration, acceleration_raw=volts)
 
 
-class LugreTruth(PlantSensor):
+class LugreTruth(PlantSensor[DriverConfig, LugrePlant]):
     """The hidden state of the plant, for verification; no real rig has it."""
 
-    link: LugrePlant
     title: ClassVar[str] = "hidden state of the simulated LuGre rig"
-    channels = tuple(Channel(name, unit, doc) for name, unit, doc in layout.TRUTH)
+
+    @classmethod
+    def declare(cls, config: DriverConfig) -> Declaration:
+        """Return the hidden state that the plant lists."""
+        channels = tuple(Channel(name, unit, doc) for name, unit, doc in layout.TRUTH)
+        return Declaration(channels=channels, plain_rows=True)
 
     def read(self, t_ns: int) -> Sequence[float]:
-        """Return the hidden state in the order of ``channels``."""
+        """Return the hidden state in the order of ``layout.TRUTH``."""
         return self.link.readings_at(t_ns)[layout.TRUTH_READINGS :]

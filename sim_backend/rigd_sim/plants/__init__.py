@@ -1,1 +1,1 @@
-"""Physics of the simulated rigs, one folder for each rig."""
+"""Contains the physics of the simulated rigs, one folder for each rig."""

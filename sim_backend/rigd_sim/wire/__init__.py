@@ -1,1 +1,1 @@
-"""Devices simulated at the wire: their own protocol servers, connected to a plant."""
+"""Simulates devices at the wire: each serves its own protocol and is connected to a plant."""

@@ -1,10 +1,9 @@
-"""The approach-angle rig at the wire: an NI card, a relay on its lines and a scale."""
+"""Serves the simulated approach-angle rig over real protocols: NI card, relay and scale."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 import numpy as np
@@ -12,7 +11,7 @@ from annotated_types import Gt, Le
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from rigd.sdk import In, Setting, SimulationConfig
+from rigd.sdk import In, SimulationConfig
 from rigd_sim.plants.angle import layout
 from rigd_sim.plants.angle.acquisition import Acquisition
 from rigd_sim.plants.angle.plant import AngleConfig, AnglePlant
@@ -98,7 +97,7 @@ class ScaleOptions(SimulationConfig):
 
 
 class WireAngleConfig(WireConfig):
-    """Where the simulated devices are reached, what they stand on, and each of them."""
+    """The addresses of the simulated devices, their plant, and the options of each device."""
 
     plant: AngleConfig = AngleConfig()
     """The physics."""
@@ -116,18 +115,6 @@ class WireAngle(WireSimulation):
     Config: ClassVar[type[SimulationConfig]] = WireAngleConfig
     title: ClassVar[str] = "the approach-angle rig at the wire: NI card, relay and scale"
     config: WireAngleConfig
-
-    @classmethod
-    def files(cls, config: Any) -> Mapping[Path, str]:
-        """Return the file of physical parameters; see :meth:`PlantConfig.files`."""
-        files: Mapping[Path, str] = config.plant.files()
-        return files
-
-    @classmethod
-    def settings(cls, config: Any) -> Mapping[str, Setting]:
-        """Return the settings of the plant; see :meth:`PlantConfig.settings`."""
-        settings: Mapping[str, Setting] = config.plant.settings()
-        return settings
 
     def build(self, folder: Folder) -> tuple[World, Sequence[Part]]:
         """Return the plant in real time and every device; see :class:`WireSimulation`."""

@@ -1,4 +1,9 @@
-"""Simulates the approach-angle rig in real time: plant, relay, and the one-shot of the relay."""
+"""Simulates the approach-angle rig in real time: the plant, its relay, and the relay's one-shot.
+
+A one-shot is a retriggerable monostable: each edge on its input keeps its output up for a fixed
+time. If the rig has one, the coil of the relay has current only while the one-shot is up and the
+line of the relay asks for it.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +20,7 @@ from rigd_sim.wire.part import State
 
 @dataclass(frozen=True)
 class Opened:
-    """What stood where when the relay was last commanded to open."""
+    """State of the platform at the last command to open the relay."""
 
     at_ns: int = 0  #: CLOCK_MONOTONIC
     position: float = math.nan  #: of the platform, m
@@ -24,7 +29,7 @@ class Opened:
 
 
 class AngleWorld:
-    """What the devices of the bench share; for one thread.
+    """The simulated rig that all devices of the bench share; for one thread.
 
     The coil of the relay has current while its line asks for it and the one-shot is up; ``welded``
     and ``broken`` are faults of the relay.

@@ -1,14 +1,13 @@
-"""The LuGre rig at the wire: every device in one process, on one plant, in real time."""
+"""Serves all devices of the simulated LuGre rig in one process, on one plant, in real time."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any, ClassVar, Self
+from collections.abc import Sequence
+from typing import ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from rigd.sdk import Setting, SimulationConfig
+from rigd.sdk import SimulationConfig
 from rigd_sim.plants.lugre.plant import LugreConfig, LugrePlant
 from rigd_sim.wire.folder import Folder
 from rigd_sim.wire.hub import CanHub
@@ -19,7 +18,7 @@ from rigd_sim.wire.world import World
 
 
 class WireLugreConfig(WireConfig, DeviceOptions):
-    """Where the simulated devices are reached, what they stand on, and each of them."""
+    """The addresses of the simulated devices, their plant, and the options of each device."""
 
     plant: LugreConfig = LugreConfig()
     """The physics."""
@@ -43,18 +42,6 @@ class WireLugre(WireSimulation):
     Config: ClassVar[type[SimulationConfig]] = WireLugreConfig
     title: ClassVar[str] = "the LuGre rig at the wire: CAN servos and encoders in real time"
     config: WireLugreConfig
-
-    @classmethod
-    def files(cls, config: Any) -> Mapping[Path, str]:
-        """Return the file of physical parameters; see :meth:`PlantConfig.files`."""
-        files: Mapping[Path, str] = config.plant.files()
-        return files
-
-    @classmethod
-    def settings(cls, config: Any) -> Mapping[str, Setting]:
-        """Return the settings of the plant; see :meth:`PlantConfig.settings`."""
-        settings: Mapping[str, Setting] = config.plant.settings()
-        return settings
 
     def build(self, folder: Folder) -> tuple[World, Sequence[Part]]:
         """Return the plant in real time and every device; see :class:`WireSimulation`."""

@@ -1,4 +1,7 @@
-"""The control socket of a simulation: one JSON object per line, request and reply."""
+"""Serves the control socket of a simulation, and sends requests to it.
+
+Each request and each reply is one line with one JSON object.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ LONGEST: Final = 1 << 20
 #: A simulation that does not answer for so long is stopped or hangs, in s.
 TIMEOUT_S: Final = 5.0
 
-#: Answers one request; a ValueError is told to who asked.
+#: Answers one request; a ValueError is returned to the client.
 Answer = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 
 

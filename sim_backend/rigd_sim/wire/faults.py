@@ -1,4 +1,8 @@
-"""Faults as data: part, kind, start, duration, probability or condition."""
+"""Reads the planned faults of a simulation, and injects and clears them while it runs.
+
+An entry names the part, the kind of fault, and its start, probability or condition. An entry can
+also give a duration.
+"""
 
 from __future__ import annotations
 
@@ -108,7 +112,7 @@ class Condition:
 
 @dataclass
 class _Planned:
-    """An entry with its place in time; times in s of the schedule's clock."""
+    """An entry with its planned times, in s of the schedule's clock."""
 
     entry: FaultEntry
     due: float
@@ -119,7 +123,7 @@ class _Planned:
 
 @dataclass
 class Schedule:
-    """Injects and clears what is planned, as time goes on."""
+    """Injects and clears the planned faults as time advances."""
 
     parts: Mapping[str, Part]
     states: States
@@ -128,6 +132,11 @@ class Schedule:
 
     def __post_init__(self) -> None:
         self._random = random.Random(self.seed)
+
+    @property
+    def planned(self) -> bool:
+        """Whether there is anything to come."""
+        return bool(self._planned)
 
     def add(self, entry: FaultEntry, now: float) -> None:
         """Plan ``entry``; what is due at once is shown at once.
@@ -142,7 +151,7 @@ class Schedule:
             raise ValueError(f"{part.name} has no fault {entry.fault!r}; it knows {known}")
         condition = None if entry.when is None else Condition.read(entry.when)
         if condition is not None:
-            condition.holds(self.states)  # names that are wrong are told now, not later
+            condition.holds(self.states)  # wrong names are reported now, not later
         planned = _Planned(entry, now + entry.at, condition=condition, looked=now + entry.at)
         if self._act(planned, now):
             self._planned.append(planned)

@@ -1,4 +1,4 @@
-"""The folder of a simulation; one simulation at a time uses it."""
+"""Locks the folder of a simulation, so that only one simulation at a time uses the folder."""
 
 from __future__ import annotations
 

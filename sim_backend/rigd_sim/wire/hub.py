@@ -1,9 +1,9 @@
-"""A CAN bus between processes, for kernels without CAN.
+"""Simulates a CAN bus between processes, for kernels without CAN.
 
 Clients connect to an AF_UNIX SEQPACKET socket; each packet is one ``struct can_frame`` of Linux
-(16 bytes, linux/can.h). Nodes of this process attach without a socket. Every frame goes to
-everybody but its sender, in one order for all; a client that does not read loses frames, which are
-counted, and hinders nobody.
+(16 bytes, linux/can.h). Nodes of this process connect without a socket. The bus delivers every
+frame to all clients and nodes except the sender, in the same order for all. A client that does not
+read loses frames, which are counted, and does not delay the others.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Port:
 
 
 class _Client:
-    """A process on the bus."""
+    """A process that is connected to the bus."""
 
     def __init__(self, connection: socket.socket) -> None:
         self.connection = connection
@@ -70,7 +70,7 @@ class _Client:
 
 
 class CanHub(Part):
-    """A CAN bus at the socket ``path``; with ``bitrate`` (bit/s) frames take their time."""
+    """A CAN bus at the socket ``path``; with ``bitrate`` (bit/s) each frame takes time."""
 
     faults: ClassVar = disturbance.FAULTS
 

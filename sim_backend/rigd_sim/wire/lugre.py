@@ -1,4 +1,4 @@
-"""The devices of the LuGre rig at the wire: options, and connection to the plant."""
+"""Builds the simulated devices of the LuGre rig from options, and connects them to the plant."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class BusOptions(SimulationConfig):
 
 
 class NodeOptions(SimulationConfig):
-    """Where a CANopen node stands."""
+    """The bus, node id and serial number of a CANopen node."""
 
     bus: str
     """The bus of `buses` that it is on."""
@@ -71,7 +71,7 @@ class EncoderOptions(NodeOptions):
     """An absolute encoder; how many counts a turn has, the plant's sensors say."""
 
     turns: Annotated[int, Ge(1), Le(0xFFFF)] = 4096
-    """Turns that it tells apart; its position then starts anew."""
+    """Turns that it counts; its position then starts anew."""
     start: Annotated[int, Ge(0)] = 1000
     """Counts that it shows where the rig was switched on."""
 
@@ -134,7 +134,7 @@ class RegisterCardOptions(SimulationConfig):
 
 @dataclass(frozen=True)
 class Bench:
-    """What parts are built from."""
+    """The shared objects from which the parts are built."""
 
     world: World
     buses: Mapping[str, CanHub]
@@ -254,7 +254,7 @@ Builder = Callable[..., Part]
 GUIDE_COUNTS_PER_TURN: Final = 4096
 WHEEL_SPEED: Final = layout.READINGS.index("wheel_speed")
 
-#: Every device that the bench can show: the key of its options, and who builds it.
+#: Every device that the bench can show: the key of its options, and what builds it.
 BUILDERS: Final[Mapping[str, Builder]] = {
     "wheel_servo": _wheel_servo,
     "longitudinal_belt": _belt(

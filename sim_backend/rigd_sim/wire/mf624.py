@@ -1,9 +1,9 @@
-"""A simulated MF624 behind a socket: one packet per register access.
+"""Serves a simulated MF624 card on a socket: one packet per register access.
 
-The socket is AF_UNIX, SEQPACKET. A request is eight bytes in the machine's order: what to do
+The socket is AF_UNIX, SEQPACKET. A request is eight bytes in the machine's order: the operation
 (uint8: 0 read 16 bits, 1 write 16, 2 read 32, 3 write 32), BAR (uint8), offset (uint16), value
-(uint32, 0 for a read). A read is answered by a uint32; a write by nothing, as PCI posts writes.
-Several masters may connect, as a UIO device may be opened more than once.
+(uint32, 0 for a read). The card answers a read with a uint32 and does not answer a write, because
+PCI posts writes. Several masters may connect, as a UIO device may be opened more than once.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A simulated NI card behind NI's gRPC Device Server, for the unmodified ``nidaqmx`` package."""
+"""Simulates an NI card behind NI's gRPC Device Server, for the unmodified ``nidaqmx`` package."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import fields
 from functools import partial
 from typing import Any, ClassVar, Final
 
+from rigd.model.extras import require
 from rigd_sim.wire.ni_card import INPUTS, Faults, Following, Sampling
 from rigd_sim.wire.ni_lines import Lines
 from rigd_sim.wire.ni_server import PRODUCT, DeviceServer
@@ -15,6 +16,8 @@ from rigd_sim.wire.part import Part, State
 
 #: The card converts what is due this often, in s.
 STEP_S: Final = 0.002
+#: While no task runs, it looks for one this often, in s.
+IDLE_S: Final = 0.02
 
 
 class SimNi(Part):
@@ -75,7 +78,12 @@ class SimNi(Part):
         self._pump: asyncio.Task[None] | None = None
 
     async def start(self) -> str:
-        """Serve at the address; see :meth:`Part.start`."""
+        """Serve at the address; see :meth:`Part.start`.
+
+        Raises:
+            MissingExtra: ``rigd[ni]``, which has the stubs of NI's server, is not installed.
+        """
+        require("ni", "a simulated NI card")
         import grpc
         import grpc.aio
 
@@ -164,5 +172,5 @@ class SimNi(Part):
 
     async def _run(self) -> None:
         while True:
-            await asyncio.sleep(STEP_S)
+            await asyncio.sleep(STEP_S if self._card.running else IDLE_S)
             await self._card.advance()

@@ -1,9 +1,10 @@
-"""A simulated NI USB-6009: its ranges, codes, sample clock, buffer and faults; no gRPC.
+"""Simulates an NI USB-6009: ranges, codes, sample clock, buffer and faults; no gRPC.
 
-One converter behind a multiplexer and an amplifier of gain 1 to 20: eight single-ended inputs of
-±10 V, or four differential ones, ai0 to ai3, of ±20 V to ±1 V (NI USB-6008/6009 User Guide and
-Specifications, 371303, "Analog Input"). 14 bits differential, 13 single-ended, 48 kS/s in all,
-sample clock divided from 24 MHz ("Specifications").
+The card has one converter behind a multiplexer and an amplifier of gain 1 to 20. The inputs are
+eight single-ended inputs of ±10 V, or four differential inputs, ai0 to ai3, of ±20 V to ±1 V (NI
+USB-6008/6009 User Guide and Specifications, 371303, "Analog Input"). The resolution is 14 bits
+differential and 13 bits single-ended. The rate is 48 kS/s for all inputs together, with a sample
+clock that is divided from 24 MHz ("Specifications").
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class DaqFault(Exception):
 
 @dataclass(frozen=True)
 class Span:
-    """What the converter makes of one input: ±``range_v`` in so many ``codes``."""
+    """The range of the converter for one input: ±``range_v`` in so many ``codes``."""
 
     range_v: float
     codes: int
@@ -90,7 +91,7 @@ def rate_for(asked_hz: float, inputs: int) -> float:
 
 @dataclass
 class Faults:
-    """What the card and its server show at present; the fields are the names of the faults."""
+    """The faults that the card and its server have now; the fields are their names."""
 
     saturation: dict[str, float] = field(default_factory=dict)  #: input -> side, +1 or -1
     stuck_code: set[str] = field(default_factory=set)  #: inputs
@@ -120,7 +121,7 @@ Sampling = Callable[[Mapping[str, Span], float, int], Sampler]
 
 
 class Following:
-    """Samples voltages that are known now and then: in between they move on a line.
+    """Samples voltages that are known at some times, and interpolates linearly between them.
 
     Args:
         inputs: their names and spans, in the order of conversion.

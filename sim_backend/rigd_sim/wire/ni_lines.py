@@ -1,8 +1,8 @@
-"""Digital lines of a simulated NI USB-6009 and the circuits on them; no gRPC.
+"""Simulates the digital lines of an NI USB-6009 and the circuits on them; no gRPC.
 
-Twelve static lines, port 0 with eight and port 1 with four, each an input or an output. A line
-that nobody has driven since the card got its power is an input, pulled up to 5 V by 4.7 kohm; one
-that was driven keeps its level, also when its task is gone: the card has no watchdog (NI
+The card has twelve static lines, eight in port 0 and four in port 1, each an input or an output. A
+line that no task has driven since the card got its power is an input, pulled up to 5 V by 4.7 kohm.
+A line that was driven keeps its level, also when its task is gone: the card has no watchdog (NI
 USB-6008/6009 User Guide and Specifications, 371303, "Digital I/O", "Power-On States").
 """
 
@@ -26,7 +26,7 @@ class Lines:
 
     Args:
         inputs: what drives a line from outside, such as ``{"port0/line2": one_shot_is_up}``.
-        outputs: who is told the level of a line whenever it changes, and once at the beginning.
+        outputs: called with the level of a line whenever it changes, and once at the beginning.
     """
 
     def __init__(

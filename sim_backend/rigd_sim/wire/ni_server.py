@@ -1,9 +1,10 @@
-"""NI's gRPC Device Server for a simulated card.
+"""Simulates NI's gRPC Device Server with one simulated card.
 
-The published protocol (nidaqmx.proto of ni/grpc-device, as compiled in nidaqmx's own stubs), of
-which the calls in :attr:`DeviceServer.calls` are served; all others are UNIMPLEMENTED. Errors go
-as the server sends them: status UNKNOWN with the code in the trailing metadata ``ni-error``, but a
-partial read as the status of an answer that carries data.
+The server uses the published protocol (nidaqmx.proto of ni/grpc-device, as compiled in nidaqmx's
+own stubs). It serves the calls in :attr:`DeviceServer.calls`; all other calls are UNIMPLEMENTED.
+It sends errors as NI's server does: status UNKNOWN with the code in the trailing metadata
+``ni-error``. Only a partial read is different: it sends the error as the status of an answer that
+carries data.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ class _Task:
 
 
 class _Refused(Exception):
-    """A request that the server itself turns down."""
+    """A request that the server itself refuses."""
 
 
 class DeviceServer:
@@ -136,7 +137,7 @@ class DeviceServer:
         return next((task.running for task in self._tasks.values() if task.running), None)
 
     async def advance(self) -> None:
-        """Convert what is due, and wake those who wait for samples."""
+        """Convert what is due, and wake the calls that wait for samples."""
         if self.running is not None and not self._shown.removal:
             ppm = self._drift_ppm if self._shown.drift is None else self._shown.drift
             self.running.advance(time.monotonic_ns(), ppm * 1e-6, self._shown)

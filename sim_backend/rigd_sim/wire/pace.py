@@ -1,4 +1,4 @@
-"""Scheduling of simulated devices, so that they reply in time on a busy machine."""
+"""Gives simulated devices real-time priority, so that they reply in time on a busy machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A part of a simulation at the wire: one device behind a real connection."""
+"""Defines the base class of a simulated device that is reached over a real connection."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Part(ABC):
 
     #: Name of the rig's device that it stands for.
     name: str
-    #: Faults it can be told to show, and what each does, in a line.
+    #: Faults it can show, and what each does, in a line.
     faults: ClassVar[Mapping[str, str]] = {}
 
     @abstractmethod

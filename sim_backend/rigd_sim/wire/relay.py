@@ -1,4 +1,4 @@
-"""The simulated relay of the approach-angle rig: state of its contact, and its faults."""
+"""Simulates the relay of the approach-angle rig: the state of its contact, and its faults."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scale on a pty: the serial port of the simulated bench."""
+"""Simulates a scale on a serial port; a pseudo-terminal (pty) takes the place of the port."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _WIRE: Final = ("garbage", "nul", "partial", "merged", "no_cr", "echo", "late", 
 
 
 class SimScale(Part):
-    """A scale that speaks one of three dialects on a pty, under a name that stays.
+    """A scale with one of three protocols on a pty, which keeps the same name.
 
     ``mass()`` is the load on the pan in kg, ``rests()`` whether it keeps still. The pty stands
     behind the symbolic link ``path``. A client that opens it at another baud rate than ``baud``

@@ -1,7 +1,7 @@
-"""Replies of a simulated scale: MT-SICS, KERN KCP, A&D.
+"""Makes the replies of a simulated scale in the protocols MT-SICS, KERN KCP and A&D.
 
-Written from the manuals (Mettler-Toledo 11780711, KERN KCP-ZB-e-19137, A&D FX-i/FX-iN), without
-the driver in view.
+The module is written from the manuals (Mettler-Toledo 11780711, KERN KCP-ZB-e-19137, A&D
+FX-i/FX-iN), independently of rigd's driver.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Trouble(Enum):
 
 @dataclass(frozen=True)
 class Nameplate:
-    """What the scale says of itself."""
+    """The type, software and serial number that a scale reports."""
 
     model: str
     serial: str
@@ -38,7 +38,7 @@ class Nameplate:
 
 @dataclass
 class _Waiting:
-    """A command that is answered once the weight rests."""
+    """A command that the scale answers when the weight is stable."""
 
     until_s: float
     at_rest: Callable[[], bytes]
@@ -97,7 +97,7 @@ class Language(ABC):
 
 
 class Sics(Language):
-    """MT-SICS level 0 and 1, and KERN KCP, which has the same letters."""
+    """MT-SICS level 0 and 1, and KERN KCP, which has the same commands."""
 
     def answer(self, command: bytes, now_s: float) -> list[bytes]:
         """Answer one command; letters count as written."""

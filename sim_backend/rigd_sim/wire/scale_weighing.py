@@ -1,4 +1,4 @@
-"""The inside of a scale: load cell that settles, rounding display, tare and zero."""
+"""Simulates the inside of a scale: load cell that settles, display that rounds, tare and zero."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Serves a simulation at the wire: its parts, their faults, and questions about them.
+"""Serves the devices of a simulated rig, injects their faults, and answers requests about them.
 
-All devices of a rig live in one process, on one asyncio loop, and look at one world in real time.
+All devices of a rig run in one process, on one asyncio loop, and share one plant in real time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any, Final, Protocol
 from pydantic import ValidationError
 
 from rigd.model.errors import ConfigError
-from rigd.sdk import LinkError, Simulation, SimulationConfig
+from rigd.sdk import LinkError, PlantConfig, Setting, Simulation, SimulationConfig
 from rigd_sim.wire.control import ControlServer, ask
 from rigd_sim.wire.faults import FaultEntry, Schedule, read_fault_file
 from rigd_sim.wire.folder import Folder
@@ -26,11 +26,13 @@ from rigd_sim.wire.part import Part, State
 
 #: How often faults that are planned are looked at, in s; the plant moves on whenever it is asked.
 TICK_S: Final = 0.005
+#: The same while none is planned, so that a bench that is not used takes no time of the machine.
+IDLE_S: Final = 0.02
 CONTROL: Final = "control"
 WITHOUT_PRIORITY: Final = (
     "no real-time priority (RLIMIT_RTPRIO or CAP_SYS_NICE): on a busy machine devices answer late"
 )
-#: A plant in real time has no cycle of its own; this is what it is told.
+#: A plant in real time has no cycle of its own; this is the period that it is given.
 PLANT_PERIOD_NS: Final = 1_000_000
 
 
@@ -47,8 +49,10 @@ class World(Protocol):
 
 
 class WireConfig(SimulationConfig):
-    """Where simulated devices are reached, and how they fail."""
+    """The folder of the simulated devices' sockets and ports, and their faults."""
 
+    plant: PlantConfig
+    """The physics."""
     folder: Path
     """Where their sockets and serial ports stand; short, since names of sockets are."""
     seed: int = 1
@@ -62,9 +66,19 @@ class WireSimulation(Simulation):
 
     config: WireConfig
 
+    @classmethod
+    def files(cls, config: WireConfig) -> Mapping[Path, str]:
+        """Return the file of physical parameters; see :meth:`PlantConfig.files`."""
+        return config.plant.files()
+
+    @classmethod
+    def settings(cls, config: WireConfig) -> Mapping[str, Setting]:
+        """Return the settings of the plant; see :meth:`PlantConfig.settings`."""
+        return config.plant.settings()
+
     @abstractmethod
     def build(self, folder: Folder) -> tuple[World, Sequence[Part]]:
-        """Return the world and its parts, in the order in which they are told of."""
+        """Return the world and its parts, in the order in which they are listed."""
 
     def ask(self, request: Mapping[str, Any]) -> Mapping[str, Any]:
         """Ask the process that serves; see :meth:`rigd.sdk.Simulation.ask`.
@@ -140,7 +154,7 @@ class _Service:
                 if refused and planned:
                     raise ConfigError("; ".join(refused))
                 self._problems += refused
-                await asyncio.wait([failed], timeout=TICK_S)
+                await asyncio.wait([failed], timeout=TICK_S if self._schedule.planned else IDLE_S)
                 if failed.done():
                     failed.result()
 
@@ -170,7 +184,7 @@ class _Service:
             raise ConfigError(f"fault {entry.fault!r} of {entry.part!r}: {error}") from error
 
     def _answer(self, request: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Answer one request; raises ValueError where it cannot be met."""
+        """Answer one request; raise ValueError if it cannot be met."""
         given, t_ns = dict(request), time.monotonic_ns()
         match given.pop("do", None):
             case "state":

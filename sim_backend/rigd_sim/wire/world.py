@@ -1,4 +1,4 @@
-"""The plant in real time: advanced to CLOCK_MONOTONIC whenever a device reads it."""
+"""Advances the plant of the LuGre rig to CLOCK_MONOTONIC whenever a device reads the plant."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigd_sim.wire.part import State
 
 
 class World:
-    """What the devices of the bench share; for one thread."""
+    """The simulated rig that all devices of the bench share; for one thread."""
 
     def __init__(self, plant: LugrePlant) -> None:
         self.plant = plant

@@ -1,1 +1,4 @@
-"""The approach-angle rig: motor, shaft, omni-wheel, contact, platform and their sensors."""
+"""Simulates the approach-angle rig.
+
+The rig has a motor, a shaft, an omni-wheel, its contact, a platform, and their sensors.
+"""

@@ -1,4 +1,4 @@
-"""Blocks of samples from the history of the plant, as a card returns them."""
+"""Samples the signals of the approach-angle plant, and returns blocks of samples as a card does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Random draws that differ between rigs, loads and runs."""
+"""Draws the random differences between approach-angle rigs, between loads, and between runs."""
 
 from __future__ import annotations
 

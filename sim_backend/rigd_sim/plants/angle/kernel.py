@@ -1,11 +1,12 @@
-"""The physics of the approach-angle rig, compiled: steps of 1/19200 s by Runge-Kutta (4th order).
+"""Computes the physics of the approach-angle rig, in compiled code (numba).
 
-Everything compiled with the integrator stands in this file, because numba's cache follows changes
-of the file of the entry point alone; only the noise, which does not change, is shared.
+The integrator takes steps of 1/19200 s by Runge-Kutta (4th order). All code that is compiled with
+the integrator is in this file, because numba's cache notices changes only in the file of the entry
+point. Only the noise is shared with other files, and the noise code does not change.
 
-The sign of a speed in a dry friction is tanh(speed / small): a body at rest creeps by the small
+In a dry friction the sign of a speed is tanh(speed / small). So a body at rest creeps by the small
 speed times its load over its friction. Directions: e_r is the rolling direction of the wheel, at
-alpha to the travel x of the platform; e_a is its axle. The free rollers turn about e_r.
+alpha to the travel x of the platform; e_a is the wheel's axle. The free rollers turn about e_r.
 """
 
 from __future__ import annotations
@@ -175,6 +176,64 @@ def rates(c: Row, closed: bool, relaxed: float, m: Moving) -> Moving:
 
 
 @kernel
+def pressed(low: float, high: float, position: float) -> float:
+    """Return by how much ``position`` lies beyond ``low`` or ``high``."""
+    return position - min(max(position, low), high)
+
+
+@kernel
+def powers(c: Row, closed: bool, relaxed: float, m: Moving) -> tuple[float, float]:
+    """Return the power in W that comes from the supply, and that which is dissipated.
+
+    The wheel's profile lifts the platform without a reaction on the wheel: it supplies, too. The
+    energy of the bristles does not follow a change of the normal force.
+    """
+    i, rotor, rotor_speed, wheel, w, z, slid, x, v, y, vy = m
+    mu, dz, sliding, _ = friction(c, w, v, z, slid)
+    n, vibrating = normal_force(c, relaxed, wheel, w, x, y, vy, mu)
+    height, slope = profile(c, wheel)
+    rolling = mu * n
+    given = vibrating * slope * w
+    lost = rolling * sliding - n * c.bristle_stiffness * z * dz
+    lost += (rolling * c.cosine - platform_force(c, x, v, rolling, n)) * v
+    lost -= c.bumper_stiffness * pressed(c.back, c.bumper, x) * v
+    if c.load != 0.0:
+        lost += (vibrating - c.vertical_stiffness * (height - y)) * (slope * w - vy)
+    if closed:
+        given += c.voltage * i
+        lost += c.circuit_resistance * i * i
+    else:
+        lost += c.resistance * i * i
+    if c.clamped > 0.5:
+        return given, lost
+    twist, rate = rotor - wheel, rotor_speed - w
+    lost += (c.back_emf - c.torque_per_current) * i * rotor_speed
+    lost += c.gearbox_drag * math.tanh(rotor_speed / TURNING) * rotor_speed + drag(c, w, n) * w
+    bent = pressed(-c.backlash, c.backlash, twist)
+    lost += (shaft_torque(c, twist, rate) - c.shaft_stiffness * bent) * rate
+    return given, lost
+
+
+@kernel
+def stored(constants: Rows, state: Rows) -> float:
+    """Return the energy in J in winding, motion, shaft, bristles, tyre and bumpers."""
+    c, s = constants[0], state[0]
+    mu, _, _, _ = friction(c, s.w, s.v, s.z, s.slid)
+    n, _ = normal_force(c, s.relaxed, s.wheel, s.w, s.x, s.y, s.vy, mu)
+    height, _ = profile(c, s.wheel)
+    twice = c.inductance * s.i**2 + c.rotor_inertia * s.rotor_speed**2 + c.inertia * s.w**2
+    twice += c.mass * (s.v**2 + s.vy**2)
+    if c.clamped < 0.5:
+        twice += c.shaft_stiffness * pressed(-c.backlash, c.backlash, s.rotor - s.wheel) ** 2
+    twice += n * c.bristle_stiffness * s.z**2
+    twice += c.bumper_stiffness * pressed(c.back, c.bumper, s.x) ** 2
+    if c.load != 0.0:
+        twice += c.vertical_stiffness * (height - s.y) ** 2
+    energy: float = 0.5 * twice
+    return energy
+
+
+@kernel
 def moved(m: Moving, r: Moving, h: float) -> Moving:
     """Return ``m`` + ``h`` ``r``."""
     return (
@@ -309,7 +368,13 @@ def advance(
         if closed:
             s.started = 1.0
         if awake:
+            before = m
             m = stepped(c, closed, s.relaxed, m, step_s)
+            if s.counting > 0.5:
+                given, lost = powers(c, closed, s.relaxed, before)
+                given_then, lost_then = powers(c, closed, s.relaxed, m)
+                s.supplied += 0.5 * step_s * (given + given_then)
+                s.dissipated += 0.5 * step_s * (lost + lost_then)
             if not closed and c.brake < 0.5 and m[0] < 0.0:
                 m = (0.0, m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8], m[9], m[10])
             s.spike = 0.0 if abs(s.spike) < 1e-3 * c.spike else s.spike * keep_spike

@@ -1,4 +1,4 @@
-"""Layout of inputs and outputs of the approach-angle plant; imports no physics."""
+"""Lists the inputs and outputs of the approach-angle plant; imports no physics."""
 
 from __future__ import annotations
 

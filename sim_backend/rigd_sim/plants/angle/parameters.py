@@ -1,7 +1,7 @@
-"""Physical parameters of the approach-angle rig with unit, bounds and meaning.
+"""Defines the physical parameters of the approach-angle rig with unit, bounds and meaning.
 
-All values are held in SI. A *spread* is a standard deviation: between individual rigs, or where
-it says so, from run to run.
+All values are held in SI. A *spread* is a standard deviation: between individual rigs, or, if the
+parameter's text says so, from run to run.
 """
 
 from __future__ import annotations

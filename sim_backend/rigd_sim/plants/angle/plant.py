@@ -1,4 +1,4 @@
-"""The plant of the approach-angle rig: set-up, state, history of signals."""
+"""Simulates the approach-angle rig: sets it up, advances its state, and keeps its past signals."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
 from annotated_types import Ge, Gt, Le
 from pydantic import field_validator
 
-from rigd.sdk import In, ParametersConfig, Plant, PlantConfig, Setting, shipped_configs
+from rigd.sdk import Energy, In, ParametersConfig, Plant, PlantConfig, Setting, shipped_configs
 from rigd_sim.plants.angle import layout
 
 if TYPE_CHECKING:  # the physics (numpy, numba) loads when a plant is built, not when checked
@@ -52,7 +52,7 @@ _MOVING: Final = (
 
 
 class AngleConfig(ParametersConfig):
-    """Which rig is simulated, how it is set up at the start, and how honest its sensors are."""
+    """Which rig is simulated, its set-up at the start, and the errors of its sensors."""
 
     shipped_folder: ClassVar[Path] = shipped_configs() / "plants"
 
@@ -93,7 +93,7 @@ class AngleConfig(ParametersConfig):
 
 
 class AnglePlant(Plant):
-    """Physics of the approach-angle rig, and the history of what its sensors are given.
+    """Physics of the approach-angle rig, and the history of its sensors' inputs.
 
     Time goes in steps of 1/19200 s from the first call of :meth:`advance`; how it is divided into
     calls changes nothing, bit for bit. While everything rests and the relay is open, waiting costs
@@ -182,6 +182,13 @@ class AnglePlant(Plant):
         state["command"] = float(closed)
         state["command_at"] = (self.now_ns - self.origin_ns) * 1e-9
         state["was_closed"] = state["closed"]
+
+    def energy(self) -> Energy:
+        """Return where the energy is; it is counted from the first call on."""
+        state = self._state[0]
+        state["counting"] = 1.0
+        stored = self._kernel.stored(self._constants, self._state)
+        return Energy(stored, float(state["supplied"]), float(state["dissipated"]))
 
     @property
     def closed(self) -> bool:
@@ -342,8 +349,8 @@ class AnglePlant(Plant):
 
     # What follows from it.
 
-    def _set(self, **changed: float | str) -> None:
-        self._bench = replace(self._bench, **changed)  # type: ignore[arg-type] # by name
+    def _set(self, **changed: Any) -> None:
+        self._bench = replace(self._bench, **changed)
         self._constants = self._records.constants(
             self.parameters, self.individual, self._run, self._bench,
             noise=self.noise, drag=self.config.drag,

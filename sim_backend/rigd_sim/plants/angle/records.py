@@ -1,6 +1,7 @@
-"""Memory of the kernel: constants and state, one row each, float64.
+"""Defines the memory of the compiled kernel: one row of constants and one of state, in float64.
 
-The field names are part of the kernel's compiled signature: changing them recompiles it.
+The field names are part of the kernel's compiled signature. If a name changes, numba compiles the
+kernel again.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ STATE: Final = _doubles(
     # whether the motor ran since the start, how far the surface has relaxed, whether it moves
     "started relaxed awake "
     # scale: what its filter shows (N), readings taken
-    "shown_load readings"
+    "shown_load readings "
+    # whether energy is counted, and that supplied and dissipated since then (J)
+    "counting supplied dissipated"
 )
 
 CONSTANTS: Final = _doubles(

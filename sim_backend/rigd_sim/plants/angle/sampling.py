@@ -1,6 +1,7 @@
-"""The card: samples of the plant's voltages with noise, skew and quantisation.
+"""Samples the plant's voltages as a data acquisition card does: noise, skew and quantisation.
 
-A sample is a function of the history, the seed and its number alone, whenever it is taken.
+A sample depends only on the history of the plant, the seed and the number of the sample. It does
+not depend on the time at which the sample is computed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Parameters of the sensors of the approach-angle rig with unit and bounds."""
+"""Defines the parameters of the approach-angle rig's sensors with unit and bounds."""
 
 from __future__ import annotations
 

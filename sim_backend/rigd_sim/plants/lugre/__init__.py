@@ -1,1 +1,1 @@
-"""The friction rig of the omni-wheel: carriage, wheel, drive, floor, belts and sensors."""
+"""Simulates the LuGre rig for omni-wheels: carriage, wheel, drive, floor, belts and sensors."""

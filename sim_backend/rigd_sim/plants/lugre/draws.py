@@ -1,4 +1,4 @@
-"""Random draws that differ between LuGre rigs and between starts."""
+"""Draws the random differences between LuGre rigs, and between starts of one rig."""
 
 from __future__ import annotations
 

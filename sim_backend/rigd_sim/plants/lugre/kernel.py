@@ -1,20 +1,21 @@
-"""The physics of the LuGre rig, compiled: one call integrates a cycle.
+"""Computes the physics of the LuGre rig, in compiled code (numba): one call integrates one cycle.
 
 Equation numbers are the paper's ("Investigation of longitudinal friction characteristics of an
-omnidirectional wheel via LuGre model"); sgn(u) is regularised as S(u) = tanh(u / v_eps) with
-v_eps = 1 mm/s (``smooth``), so that a body at rest creeps by v_eps times its load over its
-friction.
+omnidirectional wheel via LuGre model"). sgn(u) is regularised as S(u) = tanh(u / v_eps) with
+v_eps = 1 mm/s (``smooth``). So a body at rest creeps by v_eps times its load over its friction.
 
 Each step of 125 us is a Strang splitting, of second order:
 
-* *drift*: with the speeds frozen, current and bristles relax exactly, positions and integrals
-  move on;
-* *kick*: with those frozen, the speeds take one linearly implicit midpoint step (A-stable) with
-  the analytic Jacobian. The lateral speed does not depend on the others and is stepped first.
+* *drift*: the speeds are constant; current and bristles relax exactly, positions and integrals
+  advance;
+* *kick*: current, bristles, positions and integrals are constant; the speeds take one linearly
+  implicit midpoint step (A-stable) with the analytic Jacobian. The lateral speed does not depend on
+  the other speeds and is computed first.
 
-The second half drift of a step and the first of the next share their speeds and are taken as one.
-Everything compiled with the integrator stands in this file, because numba's cache follows
-changes of the file of the entry point alone; only the noise, which does not change, is shared.
+The second half drift of a step and the first half drift of the next step have the same speeds, so
+the kernel takes both as one drift. All code that is compiled with the integrator is in this file,
+because numba's cache notices changes only in the file of the entry point. Only the noise is shared
+with other files, and the noise code does not change.
 """
 
 from __future__ import annotations
@@ -230,6 +231,64 @@ def winding(gain: float, integral: float, limit: float, error: float, error_sum:
 
 
 @kernel
+def buffer_loss(
+    low: float, high: float, stiffness: float, damping: float, position: float, speed: float
+) -> float:
+    """Return the power in W that a buffer takes, beyond what its spring stores."""
+    force, _ = end_stop(low, high, stiffness, damping, position, speed)
+    pressed = position - min(max(position, low), high)
+    return -(force + stiffness * pressed) * speed
+
+
+@kernel
+def powers(
+    c: Row, s: Row, v: float, w: float, lateral: float, belt: float, on: bool, vz: float,
+    across: float, lateral_on: bool,
+) -> tuple[float, float]:  # fmt: skip
+    """Return the power in W that comes from motor and belts, and that which is dissipated.
+
+    What gearbox and winding lose before the shaft is not supplied; the push of the rollers'
+    transitions, which has no reaction on the wheel, is. ``vz`` is the bridge's speed.
+    """
+    slip = c.r * w - v
+    g, _ = stribeck(c, slip)
+    bending = slip - c.sigma_0 * abs(slip) * s.p / g  # dp/dt of Eq. 5
+    lost = c.weight * (
+        c.sigma_0 * s.p * (slip - bending) + (c.sigma_1 * bending + c.sigma_2 * slip) * slip
+    )
+    guide_load, bearing_load = loads(c, lateral)
+    guide, rolling, _ = resistances(c, v, guide_load)
+    motor = c.torque_constant * s.i * c.ratio_efficiency
+    lost += (guide + rolling) * v + (motor - shaft(c, w, s.i, bearing_load)[0]) * w
+    lost += buffer_loss(c.x_low, c.x_high, c.x_stiffness, c.x_damping, s.x, v)
+    lost += buffer_loss(c.z_low, c.z_high, c.z_stiffness, c.z_damping, s.z, vz)
+    sign = math.tanh(vz / c.smooth)
+    lost += (c.rail_dry * sign + c.rail_viscous * vz + lateral_force(c, vz)[0]) * vz
+    given = motor * w
+    if on:
+        given += servo(c.belt_kp, c.belt_ki, c.belt_limit, belt - v, s.belt_sum)[0] * v
+    if lateral_on:
+        error = across - vz
+        given += servo(c.lateral_kp, c.lateral_ki, c.lateral_limit, error, s.lateral_sum)[0] * vz
+    if c.ripple > 0.0:
+        given += c.mass * c.ripple * math.sin(c.transitions * s.theta) * v * v
+    return given, lost
+
+
+@kernel
+def stored(constants: Rows, state: Rows) -> float:
+    """Return the energy in J in motion, bristles and buffers."""
+    c, s = constants[0], state[0]
+    pressed = s.x - min(max(s.x, c.x_low), c.x_high)
+    aside = s.z - min(max(s.z, c.z_low), c.z_high)
+    twice = c.mass * s.v**2 + c.inertia * s.w**2 + c.lateral_mass * s.vz**2
+    twice += c.weight * c.sigma_0 * s.p**2
+    twice += c.x_stiffness * pressed**2 + c.z_stiffness * aside**2
+    energy: float = 0.5 * twice
+    return energy
+
+
+@kernel
 def integrate(constants: Rows, state: Rows, commands: Rows, step: float, steps: int) -> None:
     """Advance ``state`` by ``steps`` of ``step`` s with ``commands`` held."""
     if steps < 1:
@@ -272,7 +331,7 @@ def integrate(constants: Rows, state: Rows, commands: Rows, step: float, steps: 
                 s.lateral_sum += error * duration
         if n == steps:
             break
-        lateral = 0.0
+        lateral, vz = 0.0, s.vz
         if bridge:
             rate, slope = lateral_rate(c, s, s.vz, across, lateral_on)
             rate /= 1.0 - half * slope
@@ -281,8 +340,16 @@ def integrate(constants: Rows, state: Rows, commands: Rows, step: float, steps: 
         fv, fw, vv, vw, wv, ww = speed_rates(c, s, v, w, g, bend, lateral, belt, belt_on)
         a, b = 1.0 - half * vv, 1.0 - half * ww
         scale = step / (a * b - half * half * vw * wv)
-        v += scale * (b * fv + half * vw * fw)
-        w += scale * (a * fw + half * wv * fv)
+        dv, dw = scale * (b * fv + half * vw * fw), scale * (a * fw + half * wv * fv)
+        if s.counting > 0.5:
+            given, lost = powers(
+                c, s, v + 0.5 * dv, w + 0.5 * dw, lateral, belt, belt_on, 0.5 * (vz + s.vz),
+                across, lateral_on,
+            )  # fmt: skip
+            s.supplied += step * given
+            s.dissipated += step * lost
+        v += dv
+        w += dw
         slip = c.r * w - v
         g, bend = stribeck(c, slip)
         if n == steps - 1:

@@ -1,6 +1,6 @@
-"""Layout of commands and readings that the plant shares with its devices.
+"""Defines the order of commands and readings that the LuGre plant shares with its devices.
 
-Plain integers, so that a rig file can be checked without loading the physics.
+The indices are plain integers, so that rigd can check a rig file without loading the physics.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The physical parameters of the LuGre rig: every quantity with unit, bounds and meaning.
+"""Defines the physical parameters of the LuGre rig, each with unit, bounds and meaning.
 
 Numbers of equations are those of "Investigation of longitudinal friction characteristics of an
 omnidirectional wheel via LuGre model". All values are held in SI.

@@ -1,4 +1,4 @@
-"""The plant of the LuGre rig: holds the state, advances it, and keeps the sensors' readings."""
+"""Simulates the LuGre rig: holds its state, advances the state, and keeps the sensors' readings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
 from annotated_types import Ge, Le
 
-from rigd.sdk import In, ParametersConfig, Plant, PlantConfig, Setting, shipped_configs
+from rigd.sdk import Energy, In, ParametersConfig, Plant, PlantConfig, Setting, shipped_configs
 from rigd_sim.plants.lugre import layout
 
 if TYPE_CHECKING:  # the physics (numpy, numba) loads when a plant is built, not when checked
@@ -32,7 +32,7 @@ SETTINGS: Final = {
 
 
 class LugreConfig(ParametersConfig):
-    """Which rig is simulated, on which floor, and how honest its sensors are."""
+    """Which rig is simulated, on which floor, and the errors of its sensors."""
 
     shipped_folder: ClassVar[Path] = shipped_configs() / "plants"
 
@@ -92,6 +92,7 @@ class LugrePlant(Plant):
 
         self.parameters, start = draws.individual(config.read_parameters(), config.individual)
         self._advance = kernel.advance
+        self._stored = kernel.stored
         self._pack = records.constants
         self._floor: str = config.floor
         self._mass = self.parameters.carriage.mass if config.mass is None else config.mass
@@ -123,6 +124,13 @@ class LugrePlant(Plant):
             elapsed_ns,
         )
         self.readings = self._shown.tolist()
+
+    def energy(self) -> Energy:
+        """Return where the energy is; it is counted from the first call on."""
+        state = self._state[0]
+        state["counting"] = 1.0
+        stored = self._stored(self._constants, self._state)
+        return Energy(stored, float(state["supplied"]), float(state["dissipated"]))
 
     @property
     def mass(self) -> float:

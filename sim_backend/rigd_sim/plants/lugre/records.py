@@ -1,7 +1,8 @@
-"""Memory of the kernel: constants, state, commands and readings, one row each.
+"""Defines the memory of the compiled kernel: constants, state, commands and readings, one row each.
 
 All fields are float64 without padding, so that a C struct of doubles has the same layout. The
-field names are part of the kernel's compiled signature: changing them recompiles it.
+field names are part of the kernel's compiled signature. If a name changes, numba compiles the
+kernel again.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ def _doubles(names: str) -> np.dtype[np.void]:
 STATE: Final = _doubles(
     # carriage position and speed, wheel angle and speed, bristles, motor current,
     # bridge position and speed, the two servos' integrals of the speed error (m)
-    "x v theta w p i z vz belt_sum lateral_sum"
+    "x v theta w p i z vz belt_sum lateral_sum "
+    # whether energy is counted, and that supplied and dissipated since then, in J
+    "counting supplied dissipated"
 )
 
 CONSTANTS: Final = _doubles(

@@ -1,1 +1,1 @@
-"""CAN devices at the wire: a bus between processes, and CANopen nodes on it."""
+"""Simulates CAN devices: a bus that several processes can join, and CANopen nodes on the bus."""

@@ -1,4 +1,7 @@
-"""The object dictionary of a CANopen node (CiA 301, 7.4): typed entries and their rules."""
+"""Holds the object dictionary of a simulated CANopen node: typed entries and their rules.
+
+Source: CiA 301, 7.4.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +57,7 @@ class Kind(Enum):
 
 #: ``check(value)`` may refuse with :class:`Abort`, before the value is stored.
 Check = Callable[[int], None]
-#: ``changed(value)`` is told after the value was stored by SDO.
+#: ``changed(value)`` is called after the value was stored by SDO.
 Changed = Callable[[int], None]
 
 

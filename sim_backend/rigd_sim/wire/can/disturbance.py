@@ -1,4 +1,7 @@
-"""Injects faults into a simulated CAN bus, whatever its nodes do."""
+"""Injects faults into a simulated CAN bus: lost, late or repeated frames, bus-off and others.
+
+The faults act on the frames of the bus and do not depend on what its nodes do.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ FAULTS: Final[Mapping[str, str]] = {
 
 
 class Disturbance:
-    """The faults that a bus shows now: frames go through :meth:`submit` on their way to it.
+    """The faults that a bus has now: every frame passes through :meth:`submit`.
 
     ``forward`` takes a frame on to the bus, ``report`` an error frame to the clients.
     """

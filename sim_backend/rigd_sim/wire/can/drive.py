@@ -1,7 +1,8 @@
-"""A CiA 402 servo drive: cyclic torque (CST) or cyclic velocity (CSV), modelled on the EPOS4.
+"""Simulates a CiA 402 servo drive in cyclic torque (CST) or cyclic velocity mode (CSV).
 
-Torque is in thousandths of the rated torque (object 6076, in µN m), velocity in thousandths of a
-turn per minute of the motor, position in counts of the encoder on the motor.
+The drive is modelled on the EPOS4. Torque is in thousandths of the rated torque (object 6076, in
+µN m), velocity in thousandths of a turn per minute of the motor, position in counts of the encoder
+on the motor.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Emergency messages and the error objects of a node (CiA 301, 7.2.7 and 7.5.2.2 to 7.5.2.4)."""
+"""Makes the emergency messages of a simulated CANopen node, and keeps its error objects.
+
+Source: CiA 301, 7.2.7 and 7.5.2.2 to 7.5.2.4.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ CLASSES: Final = {0x2: 0x02, 0x3: 0x04, 0x4: 0x08, 0x8: 0x10, 0xF: 0x80}
 
 
 class Errors:
-    """Error register 1001, history 1003, and the messages that tell of them."""
+    """Error register 1001, history 1003, and the messages that report errors."""
 
     def __init__(self, dictionary: Dictionary) -> None:
         self._register = dictionary.add(Entry(0x1001, 0, Kind.U8, 0, mappable=True))
@@ -32,7 +35,7 @@ class Errors:
         self._count.changed = self._forget
 
     def report(self, code: int) -> bytes:
-        """Note an error; return the emergency message that tells of it."""
+        """Note an error; return the emergency message that reports it."""
         self._register.value |= GENERIC | CLASSES.get(code >> 12, 0)
         for newer, older in zip(self._history[-2::-1], self._history[:0:-1], strict=True):
             older.value = newer.value

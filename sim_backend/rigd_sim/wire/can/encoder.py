@@ -1,4 +1,4 @@
-"""A CiA 406 absolute encoder: position, speed, resolution."""
+"""Simulates a CiA 406 absolute encoder: position, speed, resolution."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DEVICE_TYPE: Final = 0x00000196
 
 @dataclass(frozen=True)
 class Scale:
-    """What an encoder can tell apart; position starts anew after all its turns."""
+    """Resolution and range of an encoder; after the last turn the position starts again."""
 
     counts_per_turn: int
     turns: int
@@ -36,7 +36,7 @@ class Scale:
 
 
 class Cia406Encoder(CanopenNode):
-    """An encoder on ``hub``; ``counts(t_ns)`` tells how far it was turned, without end."""
+    """An encoder on ``hub``; ``counts(t_ns)`` returns how far it was turned, without end."""
 
     faults: ClassVar = {
         **misbehaviour.FAULTS,

@@ -1,4 +1,7 @@
-"""Timeouts, and heartbeats that a node sends and expects (CiA 301, 7.2.8.3.2)."""
+"""Sends the heartbeats of a simulated CANopen node, and detects missing heartbeats of other nodes.
+
+The module also has the timeout on which this detection is built. Source: CiA 301, 7.2.8.3.2.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from typing import Final
 
 from rigd_sim.wire.can.dictionary import Dictionary, Entry, Kind
 
-#: A timer that comes later than this, in s, tells of a stall of this process, not of the master:
+#: A timer that comes later than this, in s, shows a stall of this process, not of the master:
 #: what was sent meanwhile waits to be read, and is given this time to be.
 STALL_S: Final = 0.005
 GRACE_S: Final = 0.02
@@ -18,7 +21,7 @@ WATCHED: Final = 4
 
 
 class Watch:
-    """Calls ``expired`` once nothing has fed it for its time; it then rests until fed again.
+    """Calls ``expired`` if :meth:`feed` was not called in time, then waits for the next call.
 
     A device does not stall as this process may: see :data:`STALL_S`.
     """

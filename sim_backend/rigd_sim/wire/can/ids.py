@@ -1,4 +1,4 @@
-"""Constants of CiA 301 that nodes share, and the identity of a node."""
+"""Defines the constants of CiA 301 that simulated nodes share, and the identity of a node."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Nmt(IntEnum):
 
 @dataclass(frozen=True)
 class Identity:
-    """What a node says that it is: objects 1000, 1008, 1018."""
+    """The identity that a node reports: objects 1000, 1008, 1018."""
 
     device_type: int
     name: str

@@ -1,4 +1,4 @@
-"""Faults of a node and the options of each."""
+"""Simulates the faults of a CANopen node, and checks the options of each fault."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def read_options(fault: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Misbehaviour:
-    """The faults a node shows now, and what they make of its frames."""
+    """The faults that a node has now, and their effect on its frames."""
 
     def __init__(self, seed: int) -> None:
         #: Options by fault.

@@ -1,4 +1,4 @@
-"""A CANopen node (CiA 301): NMT, SDO, PDO, SYNC, heartbeats, emergencies."""
+"""Simulates a CANopen node (CiA 301): NMT, SDO, PDO, SYNC, heartbeats, emergencies."""
 
 from __future__ import annotations
 

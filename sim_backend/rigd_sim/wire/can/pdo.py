@@ -1,7 +1,8 @@
-"""PDOs of a node: communication and mapping objects with their rules, and fast packers.
+"""Simulates the process data objects (PDOs) of a node, and packs their values fast.
 
-CiA 301, 7.5.2.35 to 7.5.2.38. The mapping can change only while the PDO is disabled (bit 31 of
-its COB-ID) and empty (sub-index 0 of the mapping is 0); anything else aborts with 0x08000022.
+The rules for the communication and mapping objects are those of CiA 301, 7.5.2.35 to 7.5.2.38. A
+master can change the mapping only while the PDO is disabled (bit 31 of its COB-ID) and empty
+(sub-index 0 of the mapping is 0). The node aborts any other change with 0x08000022.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from typing import Final
 from rigd_sim.wire.can.dictionary import Abort, AbortCode, Dictionary, Entry, Kind
 
 INVALID: Final = 1 << 31
-NO_RTR: Final = 1 << 30
 COB_MASK: Final = 0x1FFFFFFF
 #: Transmission types up to here happen at SYNC; 241 to 253 are reserved or for RTR.
 LAST_SYNCHRONOUS: Final = 240
@@ -23,7 +23,7 @@ PLACES: Final = 8
 
 
 class Pdo:
-    """One PDO with its objects in the dictionary; ``changed`` is told of a new configuration."""
+    """One PDO with its objects in the dictionary; ``changed`` gets a new configuration."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""The SDO server of a node: expedited and segmented transfers (CiA 301, 7.2.4.3)."""
+"""Simulates the SDO server of a node: expedited and segmented transfers (CiA 301, 7.2.4.3)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The state machine of a CiA 402 drive (CiA 402-2, 6; IEC 61800-7-201, 6.3); free of I/O."""
+"""Simulates the state machine of a CiA 402 drive; the module does no I/O.
+
+Sources: CiA 402-2, 6; IEC 61800-7-201, 6.3.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ LIMITED: Final = 1 << 11
 FOLLOWS: Final = 1 << 12
 
 _S = DriveState
-#: States in which the power stage may be told to switch off, and those that quick stop leaves.
+#: States in which the power stage may be commanded off, and those that quick stop leaves.
 _ON: Final = (_S.READY_TO_SWITCH_ON, _S.SWITCHED_ON, _S.OPERATION_ENABLED, _S.QUICK_STOP_ACTIVE)
 _SHUTDOWN: Final = (_S.SWITCH_ON_DISABLED, _S.SWITCHED_ON, _S.OPERATION_ENABLED)
 _SWITCH_ON: Final = (_S.READY_TO_SWITCH_ON, _S.OPERATION_ENABLED)

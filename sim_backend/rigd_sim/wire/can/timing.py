@@ -1,4 +1,4 @@
-"""Duration of frames on a bus, and arbitration between waiting frames."""
+"""Computes how long frames occupy a CAN bus, and decides which waiting frame is sent next."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Arbiter:
     def take(self, t_ns: int) -> Frame | None:
         """Return the frame whose last bit has passed by ``t_ns``, or None.
 
-        The bus then waits for :meth:`resume`, so that all who answer that frame compete.
+        The bus then waits for :meth:`resume`, so that all nodes that answer that frame compete.
         """
         return self._on_wire if self._on_wire is not None and self._free_ns <= t_ns else None
 

@@ -1,7 +1,7 @@
-"""Modbus devices at the wire: servers on TCP and on a paced serial line.
+"""Simulates Modbus devices: servers on TCP, and on a serial line with realistic timing.
 
-``frames`` and ``bank`` know the protocol, ``line`` serves it, ``part`` shows faults in it;
-``transmitter`` and ``servo`` are the devices.
+``frames`` and ``bank`` implement the protocol, ``line`` connects it to TCP or a serial line, and
+``part`` simulates faults in it. ``transmitter`` and ``servo`` are the devices.
 """
 
 from rigd_sim.wire.modbus.line import SerialLine, TcpLine

@@ -1,4 +1,4 @@
-"""The registers of a simulated Modbus device and its replies."""
+"""Holds the registers of a simulated Modbus device and makes its replies."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ class Ask:
 
 
 class NotModbus(Exception):
-    """The stream cannot be made sense of any more."""
+    """The received bytes can no longer be decoded as Modbus."""
 
 
 def take_tcp(buffer: bytearray) -> Ask | None:

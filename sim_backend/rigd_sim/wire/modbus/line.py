@@ -1,4 +1,4 @@
-"""Connection of a simulated device: a TCP port, or a pty paced like a serial line."""
+"""Connects a simulated Modbus device: by TCP, or by a pty with the timing of a serial line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A simulated Modbus device: registers, connection and its faults."""
+"""Simulates a Modbus device: its registers, its connection and its faults."""
 
 from __future__ import annotations
 

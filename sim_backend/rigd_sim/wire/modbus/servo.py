@@ -1,10 +1,12 @@
-"""A simulated speed drive with a communication watchdog, and its registers."""
+"""Simulates a speed drive on Modbus with its registers and a communication watchdog."""
 
 from __future__ import annotations
 
 import math
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from typing import ClassVar
 
 from rigd_sim.wire.modbus.bank import ILLEGAL_VALUE, Bank, Refused
 from rigd_sim.wire.modbus.line import Line
@@ -16,16 +18,16 @@ _RPM = 2 * math.pi / 60
 _TICK_S = 2e-3
 
 
-class Drive:
-    """What a drive does whatever its registers: enable, trip, reset, watch its line.
+class Drive(ABC):
+    """The behaviour that all drives share: enable, trip, reset, communication watchdog.
 
-    ``command`` is told the speed in rad/s that the motor shall turn at, whenever it changes;
+    ``command`` is called with the speed in rad/s that the motor shall turn at, whenever it changes;
     ``speed`` says how fast it does.
     """
 
     #: Fault codes of the drive for a silent line and for too much current.
-    silence_code = 0
-    overcurrent_code = 0
+    silence_code: ClassVar[int]
+    overcurrent_code: ClassVar[int]
 
     def __init__(
         self,
@@ -83,9 +85,9 @@ class Drive:
         """Return the actual speed in rev/min."""
         return self.speed() / _RPM
 
+    @abstractmethod
     def bank(self) -> Bank:
         """Return its registers."""
-        raise NotImplementedError
 
 
 class Altivar(Drive):

@@ -1,4 +1,4 @@
-"""A simulated load-cell transmitter: a converter with noise and a filter, and its registers."""
+"""Simulates a load-cell transmitter on Modbus: a converter with noise, a filter, and registers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STABLE_DEVIATIONS = 6.0
 
 
 class LoadCell:
-    """What the transmitter makes of the force: noise, a first-order filter, tare, zero.
+    """Converts the force to a reading: noise, a first-order filter, tare, zero.
 
     Forces in N. ``resolution`` is one count.
     """
