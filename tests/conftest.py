@@ -3,14 +3,17 @@
 The systems to solve are small. Threads that wait for one another cost many times what one alone
 does, and the cores that other tests need. Commands that tests start inherit it.
 
-A folder named in none of the lists below runs alone, in real time, and not in `make quick`.
+A folder named in none of the lists below has its rigs in real time, of which `make test` runs two
+at once, and is not in `make quick`.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sys
+import tempfile
 from collections.abc import Generator
 from contextlib import suppress
 from functools import cache
@@ -38,7 +41,14 @@ for number, action in (
 
 pytest_plugins = ["support.cpu"]
 
-warm.wanted = True
+# Rigs of one name that several workers run at once would find one another in use.
+MEMORY = "/dev/shm" if os.access("/dev/shm", os.W_OK) else tempfile.gettempdir()
+WHERE = Path(os.environ.get("RIGD_STATE", MEMORY))
+WHERE.mkdir(mode=0o700, parents=True, exist_ok=True)
+STATE = Path(tempfile.mkdtemp(prefix="rigd-tests-", dir=WHERE))
+os.environ["RIGD_STATE"] = str(STATE)
+
+warm.offer()
 HERE = Path(__file__).parent
 
 
@@ -48,17 +58,24 @@ def places(*names: str) -> tuple[Path, ...]:
 
 
 #: Tests that compute, or wait for answers and not by the clock. All others run rigs or watchdogs
-#: in real time, and want the machine for themselves.
+#: in real time: two of them share the machine, with nothing that computes beside them.
 SIDE_BY_SIDE = places(
-    "analyses", "analysis", "cli", "config", "daemon/live", "daemon/serve", "daemon/test_forms.py",
+    "analyses", "analysis", "cli", "config", "daemon/doctor/test_statistics.py",
+    "daemon/doctor/test_storage.py", "daemon/doctor/test_survey.py", "daemon/live", "daemon/serve",
+    "daemon/test_forms.py",
     "daemon/manual", "daemon/test_resume_point.py", "daemon/test_virtual_time.py", "docs",
-    "drivers", "engine/test_cycle.py", "engine/test_interlocks.py", "engine/test_limiter.py",
-    "engine/test_player.py", "engine/test_run.py", "engine/test_windows.py",
-    "model", "packaging", "panel", "procedure", "record", "remote", "sdk", "sim",
+    "drivers", "engine/recorder/test_exactly_once.py", "engine/shared",
+    "engine/slow/test_latest.py", "engine/test_asking.py", "engine/test_cycle.py",
+    "engine/test_faults.py", "engine/test_interlocks.py", "engine/test_limiter.py",
+    "engine/test_plant_blocks.py", "engine/test_player.py", "engine/test_run.py",
+    "engine/test_run_pause.py",
+    "engine/test_windows.py", "model", "packaging", "panel", "procedure", "record", "remote",
+    "sdk", "sim",
     "system/test_approach_angle.py", "system/test_bad_input.py", "system/test_calibrate.py",
+    "system/test_friction_laws.py",
     "system/test_identify_campaign.py", "system/test_identify_command.py",
     "system/test_replay.py", "system/test_run_command.py", "system/test_seeds.py",
-    "system/test_third_family.py",
+    "system/test_third_family.py", "system/test_validate_command.py",
 )  # fmt: skip
 #: Of these, tests whose driver or simulated device lives by the clock in the process of the test.
 #: rigd and `rigd sim` give both real-time priority; so does the suite, on a machine that allows it.
@@ -78,6 +95,7 @@ QUICK = places(
     "drivers/test_analog_speed_servo.py", "drivers/test_card_analog.py",
     "drivers/test_card_encoder.py", "engine/test_cycle.py", "engine/test_interlocks.py",
     "engine/test_limiter.py", "engine/test_player.py", "engine/test_run.py",
+    "engine/test_run_pause.py",
     "engine/test_windows.py",
     "model", "procedure", "record/test_events.py", "record/test_values.py", "record/test_writer.py",
     "remote/protocol", "remote/test_access.py", "remote/test_certificates.py",
@@ -87,24 +105,32 @@ QUICK = places(
 DATES = places(
     "config/test_calibration.py", "daemon/serve/test_audit.py",
     "daemon/serve/test_logs.py", "daemon/test_forms.py", "remote/test_certificates.py",
-    "remote/test_strangers.py", "remote/test_tls.py", "system/test_calibrate.py",
+    "remote/test_strangers.py", "remote/test_tls.py",
 )  # fmt: skip
-#: The same, of documents.
+#: Documents of which some do, by the ends of their names, and files that mark those that do.
 DATED_DOCUMENTS = ("[calibration.md]",)
+DATED_IN_PART = places("docs", "system/test_calibrate.py")
 MARKED = {"side_by_side": SIDE_BY_SIDE, "quick": QUICK, "dates": DATES}
 
 
 @cache
 def is_in(path: Path, listed: tuple[Path, ...]) -> bool:
     """Return whether a file stands in one of these folders, or is one of these files."""
-    return any(path.is_relative_to(place) for place in listed)
+    return not {path, *path.parents}.isdisjoint(listed)
 
 
 def pytest_sessionstart() -> None:
     """Refuse lists that name what is not there."""
-    listed = {place for those in (*MARKED.values(), WITH_PRIORITY) for place in those}
+    listed = {
+        place for those in (*MARKED.values(), WITH_PRIORITY, DATED_IN_PART) for place in those
+    }
     if missing := sorted(str(place) for place in listed if not place.exists()):
         raise pytest.UsageError(f"tests/conftest.py lists what is not there: {missing}")
+
+
+def pytest_sessionfinish() -> None:
+    """Remove the state of the runs of this process."""
+    shutil.rmtree(STATE, ignore_errors=True)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -116,7 +142,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
         return is_in(collection_path, SIDE_BY_SIDE) or None
     if asked not in MARKED:
         return None
-    wanted = MARKED[asked] + (places("docs") if asked == "dates" else ())
+    wanted = MARKED[asked] + (DATED_IN_PART if asked == "dates" else ())
     return None if is_in(collection_path, wanted) else True
 
 

@@ -33,7 +33,7 @@ def test_a_linear_model_takes_the_least_squares_solution(line: Callable[..., Mod
     np.testing.assert_allclose(fit(line(noisy, T)).theta, expected, rtol=1e-6)
 
 
-def test_the_box_holds_and_the_rest_goes_on(decay: Callable[..., Model]) -> None:
+def test_fit_at_a_bound_continues_with_other_parameters(decay: Callable[..., Model]) -> None:
     model = decay(CLEAN, T)
     held = replace(
         model, parameters=(model.parameters[0], FitParameter("k", "1/s", 1e-3, 2.0, 1.0))
@@ -64,16 +64,13 @@ def test_more_starts_are_repeatable_and_sorted(decay: Callable[..., Model]) -> N
     )
 
 
-@pytest.mark.parametrize("loss", [Loss.HUBER, Loss.SOFT_L1])
-def test_a_robust_loss_beats_squares_under_outliers(
-    decay: Callable[..., Model], loss: Loss
-) -> None:
+def test_a_robust_loss_beats_squares_under_outliers(decay: Callable[..., Model]) -> None:
     rng = np.random.default_rng(11)
     spoiled = CLEAN + 0.02 * rng.standard_normal(len(T))
     spoiled[rng.choice(len(T), 20, replace=False)] += 3.0
     model = decay(spoiled, T)
     plain = fit(model)
-    robust = robust_fit(model, plain, loss)
+    robust = robust_fit(model, plain, Loss.HUBER)
     plain_error = float(np.max(np.abs(plain.theta / TRUTH - 1.0)))
     robust_error = float(np.max(np.abs(robust.theta / TRUTH - 1.0)))
     assert robust_error < 0.02

@@ -55,12 +55,12 @@ def test_run_on_devices_gives_its_own_date(tmp_path: Path) -> None:
         ("20261399-080910-quick.mcap", "2026-10-05 08:00 UTC (date of the file)"),
     ],
 )
-def test_virtual_time_is_never_the_date_of_a_run(tmp_path: Path, name: str, said: str) -> None:
+def test_virtual_time_is_never_date_of_run(tmp_path: Path, name: str, said: str) -> None:
     entries = dict(heading([info_of(tmp_path / name, VIRTUAL)], MADE).entries)
     assert entries["Recorded"] == f"{said}; virtual time from 2020-01-02"
 
 
-def test_what_people_said_stands_under_the_title(tmp_path: Path) -> None:
+def test_note_and_operator_are_under_the_title(tmp_path: Path) -> None:
     first = {**REAL, "rig": "bench", "procedure": "quick", "operator": "A. Miller", "note": "dry"}
     item = info_of(tmp_path / "a.mcap", first, meta={"specimen": "W7"})
     two = info_of(

@@ -34,7 +34,7 @@ def test_a_biased_method_never_reads_as_known() -> None:
     assert sentence == "Smeared."
 
 
-def test_the_sentence_says_which_side_is_open() -> None:
+def test_sentence_names_the_open_side() -> None:
     assert "at least 0.9 m/s" in judge(Evidence(1.0, 0.9, None, "m/s"))[1]
     assert "at most 1.1 m/s" in judge(Evidence(1.0, None, 1.1, "m/s"))[1]
 
@@ -68,7 +68,7 @@ def test_more_data_shrink_chance_but_not_the_method() -> None:
     assert repeats.remaining(np.inf, 0.0) == np.inf
 
 
-def test_an_end_beyond_the_allowed_range_is_open_and_never_printed() -> None:
+def test_interval_end_beyond_allowed_range_is_not_printed() -> None:
     evidence = Evidence(0.0189, 1.1e-5, 34.9, "m/s", allowed=(1e-4, 10.0), wider="(Why.)")
     verdict, sentence = judge(evidence)
     assert verdict is Verdict.UNIDENTIFIABLE
@@ -79,7 +79,7 @@ def test_an_end_beyond_the_allowed_range_is_open_and_never_printed() -> None:
     assert judge(half)[1] == "The data do not limit it: not upwards (at least 0.001 m/s)."
 
 
-def test_the_method_is_blamed_for_what_it_moves() -> None:
+def test_parameter_moved_by_the_method_is_reported() -> None:
     """The data alone close it; only the choice of the filter window leaves it open or wide."""
     for low, high in ((0.4, 2.5), (None, 1.1)):
         by_method, sentence = judge(Evidence(1.0, low, high, "m/s", data_log_sd=0.05))
@@ -92,7 +92,7 @@ def test_the_method_is_blamed_for_what_it_moves() -> None:
 
 
 @pytest.mark.parametrize("bound", [None, 2.0])
-def test_what_no_refit_moves_is_not_known(bound: float | None) -> None:
+def test_parameter_at_bound_in_all_refits_is_unidentifiable(bound: float | None) -> None:
     """As where a parameter sits on its bound whichever trial is left out."""
     stuck = Evidence(2.0, 2.0, 2.0, "1/m", bound)
     assert judge(stuck)[0] is Verdict.UNIDENTIFIABLE

@@ -27,7 +27,7 @@ PLAN = IdentifyPlan(
 )
 
 
-def test_the_approach_angle_plan_may_have_the_fast_load_cell() -> None:
+def test_approach_angle_plan_may_have_fast_load_cell() -> None:
     assert "normal_force_scale" not in analysis_of(PLAN).needs.calibration(PLAN.signals)
     loaded = replace(PLAN, signals={**SIGNALS, "normal_force": "daq.normal_force_raw"})
     assert {"torque_scale", "normal_force_scale"} <= set(
@@ -56,7 +56,7 @@ def test_trials_need_the_parameters_that_the_campaign_varies() -> None:
         analysis_of(PLAN, trial_parameters=("set", "load"))
 
 
-def test_signals_are_of_the_kind_that_the_model_works_from() -> None:
+def test_signals_are_of_kind_that_model_works_from() -> None:
     rig = load_rig("angle-1")
     analysis_of(PLAN, rig=rig)
     converted = replace(PLAN, signals={**SIGNALS, "gauge_b": "daq.gauge_b"})
@@ -70,5 +70,5 @@ def test_a_model_of_converted_values_takes_no_calibration(tmp_path: Path) -> Non
     procedure = compile_procedure(source, rig, {"current": "1.5 A"})
     path = tmp_path / "one.mcap"
     execute(RunRequest(procedure, source.file.text, rig, 1, output=path))
-    with pytest.raises(ConfigError, match="model lugre is identified from converted values"):
+    with pytest.raises(ConfigError, match=r"lugre .*converted values"):
         evaluate([path], Options(calibration=tmp_path / "other.yaml"))

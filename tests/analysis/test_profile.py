@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 T = np.linspace(-1.0, 1.0, 2000)
 
 
-def test_on_a_linear_model_the_profile_is_the_gaussian_interval(
+def test_on_linear_model_profile_is_gaussian_interval(
     line: Callable[..., Model],
 ) -> None:
     noise = 0.3 * np.random.default_rng(9).standard_normal(len(T))
@@ -91,7 +91,7 @@ class TwoBranches:
         return stacked_normal_equations(self.residuals(theta), self.jacobian(theta), used)
 
 
-def test_a_second_branch_is_followed_from_any_origin_that_touches_it() -> None:
+def test_second_branch_is_followed_from_any_touching_origin() -> None:
     model = TwoBranches()
     left = fit(model, np.array([-1.0, -1.0]))
     right = fit(model, np.array([1.0, 1.0]))

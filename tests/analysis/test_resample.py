@@ -51,7 +51,7 @@ def test_a_large_level_keeps_its_digits() -> None:
     assert means_around(CENTRES, times, values) - 1e9 == pytest.approx(near, abs=1e-6)
 
 
-def test_what_oscillates_at_the_slow_rate_is_gone() -> None:
+def test_oscillation_at_the_slow_rate_is_removed() -> None:
     times = fast(10_000.0)
     wave = np.sin(2 * np.pi * 1000.0 * (times - CENTRES[0]) * 1e-9 + 0.3)
     assert np.abs(means_around(CENTRES, times, wave)).max() < 1e-4
@@ -60,7 +60,7 @@ def test_what_oscillates_at_the_slow_rate_is_gone() -> None:
 @pytest.mark.parametrize("lost", [slice(500, 515), slice(0, 60), slice(-60, None)])
 def test_a_gap_is_an_error(lost: slice) -> None:
     times = np.delete(fast(), lost)
-    with pytest.raises(DataError, match=r"[0-4] samples stand around 0\.\d+ s, where 9\.6 are"):
+    with pytest.raises(DataError, match=r"[0-4] samples .* 0\.\d+ s, .*9\.6"):
         means_around(CENTRES, times, np.ones(len(times)))
 
 
@@ -80,7 +80,7 @@ def test_slower_and_equal_streams_are_not_averaged(rate_hz: float, fits: bool) -
         means_around(CENTRES, times, np.ones(len(times)))
 
 
-def test_one_sample_is_no_stream() -> None:
+def test_single_sample_is_refused_as_a_stream() -> None:
     with pytest.raises(DataError, match="need at least 2"):
         means_around(CENTRES, CENTRES[:1], np.ones(1))
     assert period_ns(CENTRES[:1]) == np.inf
@@ -103,21 +103,21 @@ def test_a_bridge_is_as_straight_as_its_ends() -> None:
 
 
 @pytest.mark.parametrize("first", [0, 500, 989])
-def test_a_long_gap_is_refused_wherever_it_stands(first: int) -> None:
+def test_long_gap_is_refused_at_any_place(first: int) -> None:
     times = CENTRES[0] + np.arange(1000) * MS
     kept = np.delete(times, range(first, first + 11))
-    with pytest.raises(DataError, match="11 samples in succession are missing or late"):
+    with pytest.raises(DataError, match=r"11 samples .*missing"):
         bridge(times, kept, np.ones(len(kept)))
 
 
 def test_many_short_gaps_are_refused() -> None:
     times = CENTRES[0] + np.arange(1000) * MS
     kept = np.delete(times, range(0, 1000, 40))
-    with pytest.raises(DataError, match=r"25 of 1000 samples \(2\.5 %\) .* at most 2 %"):
+    with pytest.raises(DataError, match=r"25 of 1000 samples .* 2 %"):
         bridge(times, kept, np.ones(len(kept)))
 
 
-def test_the_grid_fills_the_gaps_and_keeps_every_time() -> None:
+def test_grid_fills_gaps_and_keeps_every_time() -> None:
     times = CENTRES[0] + np.delete(np.arange(1000), [3, 4, 500]) * MS
     regular = grid(times)
     assert np.array_equal(regular, CENTRES[0] + np.arange(1000) * MS)
@@ -127,7 +127,7 @@ def test_the_grid_fills_the_gaps_and_keeps_every_time() -> None:
         grid(times[:1])
 
 
-def test_a_rate_that_no_number_of_ns_divides_stays_on_its_grid() -> None:
+def test_rate_indivisible_in_ns_stays_on_its_grid() -> None:
     """At 9600 Hz, in ns, steps are 104166 or 104167: what rounding takes must not add up."""
     times = CENTRES[0] + (np.arange(96_000) / 9600.0 * 1e9).astype(np.int64)
     kept = np.delete(times, [1, 2, 50_000])

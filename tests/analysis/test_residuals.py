@@ -9,7 +9,7 @@ WHITE = [np.random.default_rng(s).standard_normal(800) for s in range(6)]
 COLOURED = [np.convolve(w, np.ones(10) / 10.0, mode="valid") for w in WHITE]
 
 
-def test_whiteness_tells_white_from_smoothed() -> None:
+def test_whiteness_separates_white_from_smoothed_noise() -> None:
     assert ljung_box(WHITE, 20).passed
     assert not ljung_box(COLOURED, 20).passed
 
@@ -32,7 +32,7 @@ def test_heavy_tails_and_outliers_are_seen() -> None:
     assert outliers(spoiled).statistic == pytest.approx(1.0 / 200.0)
 
 
-def test_goodness_of_an_exact_and_of_a_constant_fit() -> None:
+def test_goodness_of_exact_and_of_constant_fit() -> None:
     y = np.arange(10.0)
     assert goodness(y, y) == (0.0, 1.0)
     rms, r_squared = goodness(y, np.full(10, 4.5))

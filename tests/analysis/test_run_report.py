@@ -108,7 +108,7 @@ def text_of(path: Path, **options: Any) -> str:
 ONE = [*begun(1, 0.0), ended(1, 1.0), (1.0, "run_end", -1, {"state": "complete"})]
 
 
-def test_trial_stands_with_parameters_steps_and_end(tmp_path: Path) -> None:
+def test_trial_is_shown_with_parameters_steps_and_end(tmp_path: Path) -> None:
     text = text_of(record(tmp_path / "run.mcap", ONE))
     assert "<h1>A staircase</h1>" in text
     assert "<strong>current</strong> 0.1 A" in text
@@ -126,14 +126,14 @@ def test_parameters_that_vary_are_columns(tmp_path: Path) -> None:
     assert "Colours: current." in text
 
 
-def test_bounds_stand_without_the_driver_installed(tmp_path: Path) -> None:
+def test_bounds_are_drawn_without_the_driver(tmp_path: Path) -> None:
     text = text_of(record(tmp_path / "run.mcap", ONE))
     assert "≤ 1.1 (interlock far_end)" in text
     assert "≥ −0.5 (limit)" in text
     assert "≤ 0.5 (limit)" in text
 
 
-def test_rig_file_that_cannot_be_read_is_said(tmp_path: Path) -> None:
+def test_unreadable_rig_file_is_reported(tmp_path: Path) -> None:
     text = text_of(record(tmp_path / "run.mcap", ONE, rig="rig: [unclosed"))
     assert "limits are not drawn" in text
     assert "axis.position" in text
@@ -182,7 +182,7 @@ def test_long_streams_are_read_in_pieces(tmp_path: Path, monkeypatch: pytest.Mon
     assert in_pieces.traces[0]["axis.position"].t_s.size <= 2 * 250 + 60
 
 
-def test_stale_rows_and_cut_setpoints_stand_at_their_trial(tmp_path: Path) -> None:
+def test_stale_rows_and_limited_setpoints_are_per_trial(tmp_path: Path) -> None:
     rows = ramp(1.0)
     rows[STATUS_FIELD][600:612] = STALE
     events = [*begun(1, 0.0), ended(1, 0.5), *begun(2, 0.5),
@@ -195,7 +195,7 @@ def test_stale_rows_and_cut_setpoints_stand_at_their_trial(tmp_path: Path) -> No
     assert "limit cuts axis.speed at 0.200 s" in text
 
 
-def test_trial_that_ended_early_is_drawn_with_its_reason(tmp_path: Path) -> None:
+def test_trial_ended_early_is_drawn_with_its_reason(tmp_path: Path) -> None:
     events: list[Event] = []
     for number in range(1, 41):
         reason = "interlock far_end" if number == 33 else "all steps played"
@@ -229,13 +229,13 @@ def test_recording_without_trials_shows_all_of_itself(tmp_path: Path) -> None:
     assert "interrupted" in text
 
 
-def test_recording_without_rows_says_so(tmp_path: Path) -> None:
+def test_recording_without_rows_is_reported(tmp_path: Path) -> None:
     text = text_of(record(tmp_path / "run.mcap", ONE, ramp(0.0)))
     assert "no samples were recorded in this trial" in text
     assert "No sample can be shown" in text
 
 
-def test_torn_recording_gives_a_page_that_says_so(tmp_path: Path) -> None:
+def test_page_of_damaged_recording_reports_the_damage(tmp_path: Path) -> None:
     path = record(tmp_path / "run.mcap", ONE, ramp(5.0))
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) * 2 // 3])
@@ -265,7 +265,7 @@ def test_recording_of_another_program_gives_a_page(tmp_path: Path) -> None:
     assert "SIMULATED" not in text
 
 
-def test_names_and_words_of_the_recording_are_only_text(tmp_path: Path) -> None:
+def test_names_and_words_of_recording_are_only_text(tmp_path: Path) -> None:
     events: list[Event] = [
         (0.0, "trial_start", 1, {"number": 1, "parameters": {HOSTILE: HOSTILE}, "units": {}}),
         (0.1, "step", 1, {"name": HOSTILE}),

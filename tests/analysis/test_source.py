@@ -37,13 +37,16 @@ def rows_of(stream: Stream, rate_hz: float, seconds: float = 1.2) -> Rows:
 
 @pytest.fixture
 def make(tmp_path: Path) -> Make:
-    """Record the two streams; the plan has a signal of each, ``first`` naming the first."""
+    """Record the two streams; the plan has a signal of each, ``first`` first, and what is said."""
 
-    def record(encoder: Rows, card: Rows, first: str = "angle") -> RecordedSweep:
+    def record(
+        encoder: Rows, card: Rows, first: str = "angle", **said: dict[str, object]
+    ) -> RecordedSweep:
         signals = {"angle": "encoder.angle", "acceleration": "card.acceleration"}
         ordered = dict(sorted(signals.items(), key=lambda item: item[0] != first))
         plan = {
             "model": "lugre", "signals": json.dumps(ordered), "constants": "{}", "group_by": "[]",
+            **{name: json.dumps(value) for name, value in said.items()},
         }  # fmt: skip
         path = tmp_path / "run.mcap"
         with RecordingWriter.create(
@@ -61,7 +64,7 @@ def make(tmp_path: Path) -> Make:
     return record
 
 
-def test_signals_of_one_rate_are_taken_as_they_are(make: Make) -> None:
+def test_signals_of_one_rate_are_not_resampled(make: Make) -> None:
     encoder, card = rows_of(ENCODER, 1000), rows_of(CARD, 1000)
     sweep = make(encoder, card)
     t_s, signals = sweep.signals(sweep.trials[0])
@@ -70,7 +73,7 @@ def test_signals_of_one_rate_are_taken_as_they_are(make: Make) -> None:
     assert t_s == pytest.approx(np.arange(1000) * 1e-3)
 
 
-def test_a_faster_stream_is_averaged_to_the_times_of_the_first(make: Make) -> None:
+def test_faster_stream_is_averaged_to_times_of_first(make: Make) -> None:
     sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 9600))
     t_s, signals = sweep.signals(sweep.trials[0])
     assert len(t_s) == len(signals["angle"]) == len(signals["acceleration"]) == 1000
@@ -84,7 +87,7 @@ def test_its_samples_beside_the_trial_are_used(make: Make) -> None:
     assert signals["acceleration"][0] == pytest.approx(0.1, abs=1e-5)
 
 
-def test_the_slowest_stream_gives_the_times_whichever_is_named_first(make: Make) -> None:
+def test_slowest_stream_gives_times_whichever_is_named_first(make: Make) -> None:
     sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 9600), first="acceleration")
     t_s, signals = sweep.signals(sweep.trials[0])
     assert len(t_s) == 1000
@@ -93,7 +96,7 @@ def test_the_slowest_stream_gives_the_times_whichever_is_named_first(make: Make)
 
 def test_a_stream_that_is_hardly_faster_is_refused(make: Make) -> None:
     sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 1500))
-    with pytest.raises(DataError, match="stream 'card' does not fit the others: there is a sample"):
+    with pytest.raises(DataError, match="stream 'card' does not fit"):
         sweep.signals(sweep.trials[0])
 
 
@@ -106,7 +109,7 @@ def test_a_gap_is_refused_at_any_rate(make: Make, rate_hz: int) -> None:
         sweep.signals(sweep.trials[0])
 
 
-def test_a_few_late_and_missing_samples_are_bridged_and_counted(make: Make) -> None:
+def test_few_late_or_missing_samples_are_bridged(make: Make) -> None:
     encoder, card = rows_of(ENCODER, 1000), rows_of(CARD, 1000)
     encoder["angle"][500] = -1e6  # whatever it repeats
     encoder["status"][[50, 500]] = STALE  # the first one is before the trial
@@ -131,7 +134,7 @@ def test_many_late_rows_are_refused(make: Make, late: slice, words: str) -> None
         sweep.signals(sweep.trials[0])
 
 
-def test_late_rows_of_a_faster_stream_are_left_out_of_its_means(make: Make) -> None:
+def test_late_rows_of_faster_stream_are_not_averaged(make: Make) -> None:
     card = rows_of(CARD, 9600)
     card["acceleration"][4800:4803] = 1e6  # whatever they repeat
     card["status"][4800:4803] = STALE
@@ -141,7 +144,7 @@ def test_late_rows_of_a_faster_stream_are_left_out_of_its_means(make: Make) -> N
     assert sweep.bridged(sweep.trials[0]) == 3
 
 
-def test_damage_is_passed_over_and_said(make: Make) -> None:
+def test_damage_is_skipped_and_reported(make: Make) -> None:
     """The trial that lost samples is not used; nothing else is lost, and no repair is needed."""
     sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 1000))
     assert len(sweep.trials) == 1
@@ -176,3 +179,26 @@ def test_rows_that_no_signal_needs_cost_no_trial(make: Make) -> None:
     assert [trial.complete for trial in damaged.recording.trials] == [False]
     times, signals = damaged.signals(damaged.trials[0])
     assert len(times) == len(signals["angle"]) == 1000
+
+
+def test_constant_has_uncertainty_given_in_recording(make: Make) -> None:
+    sweep = make(
+        rows_of(ENCODER, 1000),
+        rows_of(CARD, 1000),
+        constants={"mass": -4.0, "radius": 0.05, "gravity": 9.81},
+        uncertainties={
+            "mass": {"size": 0.01, "is_share": True},
+            "radius": {"size": 1e-4, "is_share": False},
+        },
+    )
+    trial = sweep.trials[0]
+    assert sweep.uncertainty(trial, "mass") == pytest.approx(0.04)
+    assert sweep.uncertainty(trial, "radius") == 1e-4
+    assert sweep.uncertainty(trial, "gravity") is None
+    with pytest.raises(DataError, match="inertia"):
+        sweep.uncertainty(trial, "inertia")
+
+
+def test_a_recording_without_uncertainties_gives_none(make: Make) -> None:
+    sweep = make(rows_of(ENCODER, 1000), rows_of(CARD, 1000), constants={"mass": 4.0})
+    assert sweep.uncertainty(sweep.trials[0], "mass") is None

@@ -69,7 +69,7 @@ def test_autocorrelation_time_of_a_known_process() -> None:
     assert autocorrelation_time(white, np.ones(TRIALS * SIZE), slices, 100) < 1.6
 
 
-def test_swings_of_a_vibration_do_not_make_coloured_residuals_white() -> None:
+def test_vibration_does_not_make_coloured_residuals_look_white() -> None:
     rng = np.random.default_rng(17)
     t = np.arange(4000) * 1e-3
     smooth = np.convolve(rng.standard_normal(len(t) + 30), np.full(31, 1.0 / 31), "valid")
@@ -107,6 +107,6 @@ def test_delta_method_on_a_sum() -> None:
     np.testing.assert_allclose(delta_sd(np.array([[1.0, 1.0]]), cov), np.sqrt(15.0))
 
 
-def test_a_singular_information_is_not_inverted_into_huge_numbers() -> None:
+def test_singular_information_is_not_inverted_into_huge_numbers() -> None:
     information = np.outer([1.0, 1e6], [1.0, 1e6])
     assert np.max(np.abs(scaled_pinv(information))) < 1.0

@@ -17,7 +17,7 @@ def run(path: Path, *said: str) -> int:
     return main(["run", "quick", "--rig", "lugre-1", "--quiet", "--output", str(path), *said])
 
 
-def test_what_was_said_is_kept_shown_and_found(
+def test_note_and_metadata_are_recorded_and_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said, silent = tmp_path / "said.mcap", tmp_path / "silent.mcap"
@@ -52,7 +52,7 @@ def test_same_words_and_seed_give_the_same_bytes(tmp_path: Path) -> None:
     assert (tmp_path / "one.mcap").read_bytes() == (tmp_path / "two.mcap").read_bytes()
 
 
-def test_words_that_steer_a_terminal_move_nothing(
+def test_control_characters_in_a_note_start_no_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "run.mcap"

@@ -32,7 +32,7 @@ def test_every_installed_analysis_is_listed(tmp_path: Path) -> None:
     assert "broken" not in listed.out
 
 
-def test_one_is_shown_with_what_it_needs(tmp_path: Path) -> None:
+def test_analysis_is_shown_with_its_needs(tmp_path: Path) -> None:
     shown = rigd("analyses", "approach-angle", cwd=tmp_path)
     assert shown.code == 0, shown.err
     for text in ("normal_force (V)", "set, load, voltage", "torque_scale", "--calibration"):
@@ -40,13 +40,14 @@ def test_one_is_shown_with_what_it_needs(tmp_path: Path) -> None:
     (found,) = rigd("analyses", "lugre", "--json", cwd=tmp_path).json
     assert found["signals"]["acceleration"] == "m/s^2"
     assert "by_recording" in found["options"]
+    assert "{value: 50 mm, u: 0.1 mm}" in rigd("analyses", "lugre", cwd=tmp_path).out
 
 
-def test_what_is_broken_hides_nothing(with_broken: Path) -> None:
+def test_broken_analysis_does_not_hide_others(with_broken: Path) -> None:
     listed = rigd("analyses", cwd=with_broken)
     assert listed.code == 0, listed.err
     assert "broken: ModuleNotFoundError: No module named 'acme_missing'" in listed.out
-    assert "is no Analysis of rigd.analysis" in listed.out
+    assert "is not derived from Analysis of rigd.analysis" in listed.out
     assert "lugre" in listed.out
     assert rigd("analyses", "acme-plain", cwd=with_broken).code == 2
 

@@ -59,12 +59,12 @@ class Screen(io.StringIO):
 
 
 @pytest.mark.parametrize("ahead", ["yes\n", "yes\nyes\nyes\n", "ye"], ids=["line", "lines", "half"])
-def test_what_was_typed_before_is_no_answer(bench: Bench, ahead: str) -> None:
+def test_input_before_the_question_is_no_answer(bench: Bench, ahead: str) -> None:
     bench.type(ahead)
     assert ask("sure? ", bench.lines, Screen(bench, "no\n")) == "no\n"
 
 
-def test_a_line_that_python_read_ahead_is_no_answer(bench: Bench) -> None:
+def test_line_that_python_read_ahead_is_no_answer(bench: Bench) -> None:
     before = termios.tcgetattr(bench.lines)
     tty.setcbreak(bench.lines.fileno())  # as many lines as there are come in one read
     bench.type("first\nyes\n")
@@ -73,14 +73,14 @@ def test_a_line_that_python_read_ahead_is_no_answer(bench: Bench) -> None:
     assert ask("sure? ", bench.lines, Screen(bench, "no\n")) == "no\n"
 
 
-def test_a_terminal_that_goes_away_gives_nothing() -> None:
+def test_closed_terminal_gives_an_empty_answer() -> None:
     keys, end = pty.openpty()
     with os.fdopen(end, encoding="utf-8") as lines:
         os.close(keys)
         assert ask("sure? ", lines, io.StringIO()) == ""
 
 
-def test_a_withdrawn_question_takes_no_line_of_the_next(bench: Bench) -> None:
+def test_withdrawn_question_takes_no_line_of_next(bench: Bench) -> None:
     shown = threading.Event()
     withdrawn = threading.Event()
 

@@ -46,7 +46,7 @@ def test_a_wrong_eds_is_refused_with_every_line(tmp_path: Path) -> None:
     ]
 
 
-def test_an_eds_that_does_not_fit_is_a_problem_of_the_rig_file(tmp_path: Path) -> None:
+def test_unfitting_eds_is_problem_of_the_rig_file(tmp_path: Path) -> None:
     changes = {"6041/PDOMapping": "0", "DeviceInfo/BaudRate_1000": "0"}
     eds = write_eds(tmp_path / "servo.eds", changes)
     text = RIG.replace("eds: eds/rigd_servo.eds # REAL: the", "eds: servo.eds # REAL: the")
@@ -60,7 +60,7 @@ def test_an_eds_that_does_not_fit_is_a_problem_of_the_rig_file(tmp_path: Path) -
     assert rest[-1].endswith(f"{where}: 0x6041 Statusword cannot be mapped to TPDO1")
 
 
-def test_an_eds_that_is_missing_is_said_where_it_is_named(tmp_path: Path) -> None:
+def test_missing_eds_is_reported_at_its_place(tmp_path: Path) -> None:
     text = RIG.replace("eds: eds/rigd_servo.eds # REAL: the", "eds: nowhere.eds # REAL: the")
     with pytest.raises(ConfigError, match=r"there is no EDS 'nowhere\.eds'") as caught:
         parse_rig(text, tmp_path / "rig.yaml")

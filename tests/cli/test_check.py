@@ -32,7 +32,7 @@ def check(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, st
         ),
     ],
 )
-def test_procedures_for_another_rig_are_one_line_each(
+def test_procedure_for_another_rig_takes_a_line(
     rig: str, missing: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, out, err = check(*ALL, "--rig", rig, capsys=capsys)
@@ -46,7 +46,7 @@ def test_procedures_for_another_rig_are_one_line_each(
 
 
 @pytest.mark.parametrize("files", [[ANGLES], [ANGLES, "lugre-1"]], ids=["alone", "no other"])
-def test_a_procedure_for_another_rig_is_wrong_if_none_fits(
+def test_procedure_for_another_rig_fails_if_none_fits(
     files: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, _, err = check(*files, "--rig", "lugre-1", capsys=capsys)
@@ -82,7 +82,7 @@ def test_a_mistake_is_no_other_rig(
         ("answer: ${floor}", "answer: carpet", "it takes stone, pvc, paperboard"),
     ],
 )
-def test_what_the_plant_has_not_is_wrong(
+def test_unknown_setting_of_the_plant_is_refused(
     old: str, new: str, problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "mine.yaml"
@@ -122,7 +122,7 @@ def test_json_names_the_devices_that_are_missing(capsys: pytest.CaptureFixture[s
     ("file", "key"),
     [("sim_lugre.yaml", "rig"), ("calibrations/approach_angle.yaml", "calibration")],
 )
-def test_a_file_that_lost_its_first_line_is_judged_by_the_others(
+def test_file_without_first_line_is_judged_by_others(
     file: str, key: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     lines = (shipped_folder("configs") / file).read_text("utf-8").splitlines(keepends=True)

@@ -28,7 +28,7 @@ def test_the_machine_alone_is_examined_without_a_rig(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_rig_simulated_in_process_is_watched_at_rest(tmp_path: Path) -> None:
+def test_rig_simulated_in_process_is_watched_at_rest(tmp_path: Path) -> None:
     done = rigd("doctor", "--rig", "lugre-1", "--seconds", "1", "--json", cwd=tmp_path)
     checks = judge(done)
     noise = checks["wheel_servo.current"]["figures"]

@@ -28,7 +28,7 @@ def with_broken(tmp_path: Path) -> Path:
         "acme-raises = acme_raises:Driver\n"
         "acme-leaves = acme_leaves:Driver\n"
         "acme-no-driver = acme_plain:Thing\n"
-        "acme-construct = acme_construct:Construct\n"
+        "acme-declare = acme_declare:Declare\n"
         "serial-scale = acme_missing:Scale\n"
         "[rigd.plants]\n"
         "acme-plant = acme_plain:absent\n"
@@ -36,11 +36,12 @@ def with_broken(tmp_path: Path) -> Path:
     (tmp_path / "acme_raises.py").write_text("raise RuntimeError('no licence [found]')\n")
     (tmp_path / "acme_leaves.py").write_text("raise SystemExit('not here')\n")
     (tmp_path / "acme_plain.py").write_text("class Thing: pass\n")
-    (tmp_path / "acme_construct.py").write_text(
+    (tmp_path / "acme_declare.py").write_text(
         "from rigd.sdk import SlowDriver\n"
-        "class Construct(SlowDriver):\n"
-        "    title = 'constructs badly'\n"
-        "    def __init__(self, config, link):\n"
+        "class Declare(SlowDriver):\n"
+        "    title = 'declares badly'\n"
+        "    @classmethod\n"
+        "    def declare(cls, config):\n"
         "        raise OSError('no such port')\n"
         "    async def open(self): ...\n"
         "    async def run(self, emit): ...\n"
@@ -57,7 +58,7 @@ def test_everything_installed_is_listed_by_kind(tmp_path: Path) -> None:
     assert "broken" not in listed.out
 
 
-def test_json_holds_options_channels_and_setpoints_of_every_one(tmp_path: Path) -> None:
+def test_json_holds_options_channels_setpoints_of_every_driver(tmp_path: Path) -> None:
     found = rigd("drivers", "--json", cwd=tmp_path).json
     assert {(item["kind"], item["name"]) for item in found} == {
         (kind, point.name) for group, kind in GROUPS.items() for point in entry_points(group=group)
@@ -75,7 +76,7 @@ def test_json_holds_options_channels_and_setpoints_of_every_one(tmp_path: Path) 
     assert scale["required"] is False
 
 
-def test_one_is_shown_in_full(tmp_path: Path) -> None:
+def test_driver_is_shown_in_full(tmp_path: Path) -> None:
     shown = rigd("drivers", "serial-scale", cwd=tmp_path)
     assert shown.code == 0
     for text in ("mt-sics or kern-kcp or and-d", "required", "Serial port", "mass", "kg", "tare"):
@@ -85,7 +86,7 @@ def test_one_is_shown_in_full(tmp_path: Path) -> None:
     assert "clutch: 1 engaged" in link
 
 
-def test_channels_that_depend_on_options_say_so(tmp_path: Path) -> None:
+def test_channels_that_depend_on_options_are_marked(tmp_path: Path) -> None:
     info = tmp_path / "thermo-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: thermo\nVersion: 1.0\n")
@@ -98,6 +99,8 @@ def test_channels_that_depend_on_options_say_so(tmp_path: Path) -> None:
         "class Thermo(SlowDriver):\n"
         "    '''Measures.'''\n"
         "    Config = Config\n"
+        "    @classmethod\n"
+        "    def declare(cls, config): ...\n"
         "    async def open(self): ...\n"
         "    async def run(self, emit): ...\n"
     )
@@ -107,12 +110,12 @@ def test_channels_that_depend_on_options_say_so(tmp_path: Path) -> None:
     assert "channels and setpoints depend on its options" in shown.out
 
 
-def test_what_is_broken_is_told_and_hides_nothing(with_broken: Path) -> None:
+def test_broken_driver_is_reported_and_hides_no_other(with_broken: Path) -> None:
     listed = rigd("drivers", cwd=with_broken)
     assert listed.code == 0
     assert "broken: ModuleNotFoundError: No module named 'acme_missing'" in listed.out
     assert "broken: RuntimeError: no licence [found]" in listed.out
-    assert "is no AnyDriver of rigd.sdk" in listed.out
+    assert "is not derived from AnyDriver of rigd.sdk" in listed.out
     assert "sim-lugre-truth" in listed.out
     lines = listed.out.splitlines()
     assert sum(line.startswith("  serial-scale ") for line in lines) == 2  # both that claim it
@@ -120,18 +123,18 @@ def test_what_is_broken_is_told_and_hides_nothing(with_broken: Path) -> None:
 
     found = rigd("drivers", "--json", cwd=with_broken).json
     broken = {item["name"]: item["broken"] for item in found if item["broken"]}
-    assert broken["acme-construct"] == "OSError: no such port"
+    assert broken["acme-declare"] == "OSError: no such port"
     assert broken.keys() == {
-        "acme-missing", "acme-raises", "acme-no-driver", "acme-construct", "serial-scale",
+        "acme-missing", "acme-raises", "acme-no-driver", "acme-declare", "serial-scale",
         "acme-plant", "acme-leaves",
     }  # fmt: skip
 
 
-def test_asking_for_what_is_broken_or_absent_fails(with_broken: Path) -> None:
+def test_broken_or_absent_name_is_an_error(with_broken: Path) -> None:
     shown = rigd("drivers", "acme-raises", cwd=with_broken)
     assert shown.code == 2
     assert "no licence [found]" in shown.out
     absent = rigd("drivers", "serial-scales", cwd=with_broken)
     assert absent.code == 2
-    assert "nothing of the name 'serial-scales' is installed" in absent.err
+    assert "'serial-scales' is not installed" in absent.err
     assert "did you mean 'serial-scale'?" in absent.err

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Mapping
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -53,9 +54,28 @@ SHOWN: dict[str, Shows] = {
     ),
     f"rigd identify {PVC}": Shows("sigma_2"),
     "rigd identify runs/*constant_current*.mcap": Shows("sigma_2"),
+    "rigd identify FILE --figures figures/": Shows("index.csv says what each is", {"FILE": PVC}),
     "rigd identify FILE --json": Shows('"recordings"', {"FILE": ANGLES}),
     "rigd identify runs/*approach_angles*.mcap": Shows("clean_0"),
+    "rigd identify FILE --compare": Shows("Fewer do not suffice", {"FILE": PVC}),
+    "rigd identify FILE --law lugre-4": Shows("sigma_0", {"FILE": PVC}),
     "rigd identify FILE --calibration new.yaml": Shows("clean_0", {"FILE": ANGLES}),
+    'rigd identify FILE --set wheel_radius="50 mm"': Shows(
+        "corrected wheel_radius: 50 mm in the recording, 50 mm here", {"FILE": ANGLES}
+    ),
+    "rigd identify identified.mcap --json > model.json": Shows(
+        '"point"', {"identified.mcap": PVC}
+    ),
+    "rigd validate model.json validation.mcap": Shows("confirmed", {"validation.mcap": PVC}),
+    "rigd validate model.json runs/*validation*.mcap": Shows(
+        "confirmed", {"runs/*validation*.mcap": PVC}
+    ),
+    "rigd validate model.json FILE --json": Shows('"outcome"', {"FILE": PVC}),
+    "rigd validate model.json FILE --group pvc": Shows("confirmed", {"FILE": PVC}),
+    'rigd validate model.json FILE --set torque_constant="29.8 mN m/A"': Shows(
+        "corrected torque_constant", {"FILE": PVC}
+    ),
+    "rigd validate MODEL.json FILE": Shows("confirmed", {"MODEL": "model", "FILE": PVC}),
     f"rigd {RUN_PVC}": Shows("identify:    rigd identify runs/"),
     "rigd run procedures/quick.yaml --rig configs/sim_lugre.yaml": Shows("1 of 1 trials"),
     "rigd run procedures/quick.yaml --rig lugre-1": Shows("1 of 1 trials"),
@@ -63,12 +83,8 @@ SHOWN: dict[str, Shows] = {
     'rigd run procedures/quick.yaml --rig lugre-1 --operator "A. Miller" --meta specimen=W7': Shows(
         "1 of 1 trials"
     ),
-    "rigd run constant_current --rig lugre-1 --set floor=pvc": Shows("10 of 10 trials"),
     "rigd run … --dry-run": Shows(
         "every predicted peak is inside its limit", {"…": "procedures/quick.yaml --rig lugre-1"}
-    ),
-    "rigd run procedures/constant_current.yaml --rig lugre-1 --dry-run": Shows(
-        "every predicted peak is inside its limit"
     ),
     "rigd run --resume runs/<run>.mcap": Shows("2 of 2 trials", {"<run>": "interrupted"}),
     "rigd run --resume runs/interrupted.mcap": Shows("2 of 2 trials"),
@@ -76,16 +92,13 @@ SHOWN: dict[str, Shows] = {
         "5 right, 5 for another rig (no daq, relay, scale)"
     ),
     "rigd check configs/sim_lugre.yaml": Shows("rig lugre-1, 7 devices"),
-    "rigd check my_procedure.yaml": Shows("right in itself"),
+    "rigd check my_procedure.yaml": Shows("right keys"),
     'rigd calibrate procedures/calibrate_torque.yaml --rig angle-1 --operator "J. Doe"': Shows(
-        "new beside old", code=3  # nobody sits at a terminal: tests/system/test_calibrate.py
+        "new values beside old", code=3  # no terminal to ask at: tests/system/test_calibrate.py
     ),
-    'rigd calibrate procedures/calibrate_torque.yaml --rig angle-1 --operator "A. Miller"': Shows(
-        "new beside old", code=3
+    f'rigd calibrate --from {TORQUE} --operator "A. Miller"': Shows(
+        "new values beside old", code=3
     ),
-    "rigd calibrate procedures/calibrate_scale.yaml --rig angle-1 "
-    '--operator "A. Miller" --valid 180d': Shows("new beside old", code=3),
-    f'rigd calibrate --from {TORQUE} --operator "A. Miller"': Shows("new beside old", code=3),
     "rigd runs": Shows("4/4"),
     "rigd runs data/ --procedure constant_current --set floor=pvc": Shows("4/4"),
     "rigd runs --state interrupted": Shows("no recordings in runs match"),
@@ -109,7 +122,6 @@ SHOWN: dict[str, Shows] = {
     "rigd export runs/*.mcap --to parquet --output tables/": Shows("trials.parquet"),
     "rigd report FILE": Shows("-quick-run.html", {"FILE": QUICK}),
     f"rigd report {QUICK}": Shows("-quick-run.html"),
-    "rigd report FILE --trials 7,12-15": Shows("-pvc-run.html", {"FILE": PVC, "7,12-15": "1,3-4"}),
     "rigd report FILE --output page.html": Shows("page.html", {"FILE": QUICK}),
     f"rigd verify {PVC}": Shows("sound"),
     "rigd verify FILE": Shows("sound", {"FILE": QUICK}),
@@ -118,7 +130,7 @@ SHOWN: dict[str, Shows] = {
     "rigd recover FILE": Shows("intact", {"FILE": QUICK}),
     f"rigd recover {PVC}": Shows("intact"),
     "rigd recover runs/*.mcap": Shows("intact"),
-    "rigd recover": Shows("no killed run has left anything behind"),
+    "rigd recover": Shows("there is no recording of a killed run to complete"),
     "rigd drivers": Shows("serial-scale"),
     "rigd drivers serial-scale": Shows("tare"),
     "rigd drivers serial-scale --json": Shows('"tare"'),
@@ -127,6 +139,7 @@ SHOWN: dict[str, Shows] = {
     "rigd analyses lugre --json": Shows('"motor_current": "A"'),
     "rigd new analysis NAME": Shows("my-analysis", {"NAME": "my-analysis"}),
     "rigd new analysis acme-coast": Shows("acme-coast"),
+    "rigd new friction-law acme-rubber": Shows("acme-rubber"),
     "rigd new driver NAME": Shows("my-driver", {"NAME": "my-driver"}),
     "rigd new driver acme-scale --kind slow": Shows("acme-scale"),
     "rigd new driver acme-servo --kind fast": Shows("acme-servo"),
@@ -167,7 +180,25 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
         "rigd doctor --rig wire-1",
         "rigd doctor --rig wire-1 --json",
     ),
+    "system/test_identify_command.py": ("rigd identify",),
+    "../docs/identification.md": (
+        "rigd run constant_current --rig lugre-1 --set floor=pvc",
+        "rigd identify FILE --method output-error",
+        "rigd identify FILE --plan constant_current",
+    ),
+    "../docs/recordings.md": ("rigd report FILE --trials 7,12-15",),
+    "../docs/calibration.md": (
+        'rigd calibrate procedures/calibrate_torque.yaml --rig angle-1 --operator "A. Miller"',
+    ),
+    "system/test_calibrate.py": (
+        "rigd calibrate procedures/calibrate_scale.yaml --rig angle-1 "
+        '--operator "A. Miller" --valid 180d',
+    ),
+    "system/test_run_command.py": (
+        "rigd run procedures/constant_current.yaml --rig lugre-1 --dry-run",
+    ),
     "support/daemon.py": (
+        "rigd serve",
         "rigd serve --rig lugre-1",
         "rigd serve --rig configs/sim_lugre.yaml",
         "rigd serve --rig wire-1 --no-panel --foxglove",
@@ -221,6 +252,7 @@ NEVER: dict[str, str] = {
         "15 s of CPU; tests/analysis/test_several_recordings.py evaluates so, without the command"
     ),
     "python3 -m venv .venv": "the environment of this test",
+    "pip install '.[analysis,panel]'": "changes this environment; tests/packaging builds one",
     "pip install .": "changes this environment; tests/packaging builds and installs the package",
     ". .venv/bin/activate": "the environment of this test",
     "pip install -e 'acme-scale[test]' && pytest acme-scale && rigd drivers acme-scale": (
@@ -255,6 +287,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         few.write_text(campaign.replace("step: 0.15 A", "step: 0.45 A"), "utf-8")
         assert run(f"run few.yaml --rig lugre-1 --set floor=pvc --output {PVC}") == 0
         few.unlink()  # it would be found by the name of the campaign
+        with Path("model.json").open("w") as model, redirect_stdout(model):
+            assert run(f"identify {PVC} --json --no-report") == 0
         assert run(f"run quick --rig lugre-1 --output {QUICK}") == 0
         assert run(f"run calibrate_torque --rig angle-1 --output {TORQUE}") == 0
         found = "--set set=clean_0 --set load=4kg --set voltage=10V --start 2026-11-22"
@@ -323,7 +357,7 @@ def test_a_command_does_what_its_reader_expects(
 
 
 @pytest.mark.parametrize("command", sorted({*READERS} - {*SHOWN, *NEVER}))
-def test_a_command_of_another_test_is_one_that_rigd_has(command: str) -> None:
+def test_command_listed_as_tested_elsewhere_exists(command: str) -> None:
     name = command.split()[1]
     if command == f"rigd {name}":
         assert name in [module.__name__.rpartition(".")[2] for module in COMMANDS]
@@ -331,7 +365,7 @@ def test_a_command_of_another_test_is_one_that_rigd_has(command: str) -> None:
         build_parser().parse_args(words_of(command, {})[1:])
 
 
-def test_each_command_stands_in_one_table() -> None:
+def test_each_command_is_in_the_table_once() -> None:
     assert len(TABLES) == len(set(TABLES))
     assert {*READERS} - {*TABLES} == set(), "put it in a table, with what it shows"
     assert {*TABLES} - {*READERS} == set(), "no page shows this any more"

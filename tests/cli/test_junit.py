@@ -98,7 +98,7 @@ def test_each_trial_is_a_case_with_its_time(tmp_path: Path) -> None:
     assert outcomes(read(tmp_path / "again.xml")) == outcomes(suite)
 
 
-def test_a_trial_that_ended_early_fails_with_its_reason(tmp_path: Path) -> None:
+def test_trial_that_ended_early_fails_with_its_reason(tmp_path: Path) -> None:
     limits = "  limits: {wheel_servo.current: {low: -0.25 A, high: 0.25 A}}\n"
     code, suite = run(tmp_path, limits)
     assert code == 6
@@ -114,7 +114,7 @@ def test_a_trial_that_ended_early_fails_with_its_reason(tmp_path: Path) -> None:
     assert suite.get("failures") == "2"
 
 
-def test_what_says_nothing_about_the_procedure_is_an_error() -> None:
+def test_failure_outside_procedure_is_an_error() -> None:
     def outcome(ending: str, code: Exit) -> tuple[str, str]:
         case = case_of(RunResult(RunState.IDLE, ending, "why", code, 0, 1, 2.0, trips=("trip",)))
         return case.failure, case.error
@@ -127,7 +127,7 @@ def test_what_says_nothing_about_the_procedure_is_an_error() -> None:
         assert outcome(ending, code) == ("", f"{ending}: why\ntrip")
 
 
-def test_a_file_that_is_wrong_is_an_error_of_the_run(tmp_path: Path) -> None:
+def test_file_that_is_wrong_is_error_of_run(tmp_path: Path) -> None:
     code, suite = run(tmp_path, "", "--set", "curent=1 A")
     assert code == 2
     assert outcomes(suite) == {"run": "error"}
@@ -135,14 +135,14 @@ def test_a_file_that_is_wrong_is_an_error_of_the_run(tmp_path: Path) -> None:
     assert error is not None and "curent" in error.get("message", "")
 
 
-def test_where_it_cannot_be_written_nothing_runs(tmp_path: Path) -> None:
+def test_unwritable_junit_file_prevents_the_run(tmp_path: Path) -> None:
     words = ("run", "quick", "--rig", "lugre-1", "--junit")
-    assert "no such folder" in rigd(*words, "missing/out.xml", cwd=tmp_path).err
+    assert "the folder does not exist" in rigd(*words, "missing/out.xml", cwd=tmp_path).err
     assert rigd(*words, "out.xml", "--dry-run", cwd=tmp_path).code == 2
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_xml_cannot_hold_is_replaced_and_lines_are_kept(tmp_path: Path) -> None:
+def test_characters_not_allowed_in_xml_are_replaced(tmp_path: Path) -> None:
     path = tmp_path / "out.xml"
     write_junit(path, Suite("odd", [JunitCase("a\x00<b>", failure='first "&"\nsecond\x1b')]))
     case = ElementTree.parse(path).getroot().find("testsuite/testcase")
@@ -161,7 +161,7 @@ def test_trials_that_were_not_played_are_skipped(tmp_path: Path) -> None:
     assert suite.get("skipped") == "1"
 
 
-def test_preflight_that_refuses_is_an_error_with_all_its_reasons(tmp_path: Path) -> None:
+def test_blocked_preflight_is_an_error_with_all_reasons(tmp_path: Path) -> None:
     path = tmp_path / "out.xml"
     write_junit(path, suite_of_error("shake", Blocked(["no watchdog", "no calibration"])))
     error = read(path).find("testcase/error")

@@ -94,7 +94,7 @@ def test_a_bug_is_reported_as_one(
     assert "this is a bug in rigd" in capsys.readouterr().err
 
 
-def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
+def test_closed_output_pipe_is_no_error(tmp_path: Path) -> None:
     done = subprocess.run(
         f"{sys.executable} -m rigd schema rig | head -1",
         shell=True, cwd=tmp_path, capture_output=True, text=True, check=True,
@@ -106,13 +106,13 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "meant"),
     [
-        (["runn", "quick"], "there is no command 'runn', did you mean `rigd run`?"),
-        (["remote", "statsu"], "there is no command 'statsu', did you mean `rigd remote status`?"),
+        (["runn", "quick"], "unknown command 'runn', did you mean `rigd run`?"),
+        (["remote", "statsu"], "unknown command 'statsu', did you mean `rigd remote status`?"),
         (["export", "x", "--to", "parket"], "did you mean `parquet`?"),
-        (["zzz"], "there is no command 'zzz'"),
+        (["zzz"], "unknown command 'zzz'"),
     ],
 )
-def test_a_word_that_is_nearly_one_is_named(
+def test_misspelt_command_gets_a_suggestion(
     given: list[str], meant: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:

@@ -78,7 +78,9 @@ def test_several_files_are_shown(path: Path, capsys: pytest.CaptureFixture[str])
     assert not Path("files").exists()
 
 
-def test_what_recovering_does_is_foretold(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_predicts_the_result_of_recover(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Of a file that lacks its end, as of one that is damaged: what is said, happens."""
     cut = path.read_bytes()[: Recording.open(path).data_end - 13]
     for content, originals in ((cut, []), (spoil(path, 2), ["run.mcap.orig"])):
@@ -110,7 +112,7 @@ def test_damage_is_placed_and_nothing_changed(
     assert len(found["damages"]) == 1
 
 
-def test_info_claims_nothing_of_a_file_it_has_not_checked(
+def test_info_claims_nothing_about_an_unchecked_file(
     path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     spoil(path, 2)

@@ -66,7 +66,7 @@ def test_a_name_with_two_meanings_is_refused(install: Install) -> None:
 
 def test_a_broken_analysis_is_named_beside_unknown_values(install: Install) -> None:
     install("lab_in_ruins", "import nothing_of_this_name\n")
-    with pytest.raises(ConfigError, match="no calibrated value 'stage_scale'") as caught:
+    with pytest.raises(ConfigError, match="unknown calibrated value 'stage_scale'") as caught:
         parse_calibration(CALIBRATION.format(name="stage_scale"), "bench.yaml")
     assert "'lab_in_ruins' cannot be loaded" in (caught.value.hint or "")
     assert "torque_scale" in calibratable.calibratable()

@@ -59,7 +59,7 @@ def renew(text: str, path: Path = Path("bench.yaml")) -> str:
     return new.text
 
 
-def test_values_are_in_si_with_who_vouches_for_them() -> None:
+def test_values_are_in_si_with_the_person_responsible() -> None:
     calibration = parse_calibration(TEXT, "bench.yaml")
     torque = calibration.values["torque_scale"]
     assert torque.value == 2.04
@@ -74,7 +74,7 @@ def test_values_are_in_si_with_who_vouches_for_them() -> None:
     assert (calibration.made, calibration.valid_until) == (date(2026, 1, 2), date(2027, 1, 2))
 
 
-def test_a_value_expires_the_day_after_its_last_and_an_assumed_one_never() -> None:
+def test_value_expires_after_last_day_assumed_one_never() -> None:
     values = parse_calibration(TEXT, "bench.yaml").values
     assert not values["torque_scale"].expired(date(2027, 1, 2))
     assert values["torque_scale"].expired(date(2027, 1, 3))
@@ -88,16 +88,16 @@ def test_a_value_expires_the_day_after_its_last_and_an_assumed_one_never() -> No
         ("2.040 N m/V", "2.040 V", "2.040 V", "'2.040 V' is in V, expected N m/V"),
         ("2.040 N m/V", "-2.040 N m/V", "-2.040", "must be above 0"),
         ("2.040 N m/V", "2.040", "2.040 #", "has no unit"),
-        ("2.040 N m/V", "2.040e300 N m/V", "2.040e300", "cannot be: no rig has it"),
-        ("2.040 N m/V", "2.040e-30 N m/V", "2.040e-30", "cannot be: no rig has it"),
-        ("5 mN m/V", "5 N m/V", "5 N m/V", "nothing is known of 2.040 N m/V"),
+        ("2.040 N m/V", "2.040e300 N m/V", "2.040e300", "is impossible for a rig"),
+        ("2.040 N m/V", "2.040e-30 N m/V", "2.040e-30", "is impossible for a rig"),
+        ("5 mN m/V", "5 N m/V", "5 N m/V", "the value 2.040 N m/V has no meaning"),
         ("5 mN m/V", "-5 mN m/V", "-5 mN", "the uncertainty -5 mN m/V is below 0"),
         ("5 mN m/V", "5 mN m", "5 mN m", "expected N m/V"),
         ("0.0450", "-0.0450", "-0.0450", "must not be below 0"),
-        ("made: 2026-01-02", "made: 2.1.2026", "2.1.2026", "is no day such as 2026-11-21"),
-        ("made: 2026-01-02", "made: 1767312000", "1767312000", "is no day such as"),
+        ("made: 2026-01-02", "made: 2.1.2026", "2.1.2026", "is not a day such as 2026-11-21"),
+        ("made: 2026-01-02", "made: 1767312000", "1767312000", "is not a day such as"),
         ("valid_until: 2027-01-02", "valid_until: 2025-01-02", "2025-01-02", "before 2026-01-02"),
-        ("    valid_until: 2027-01-02\n", "", "value: 2.040", "until when it is valid"),
+        ("    valid_until: 2027-01-02\n", "", "value: 2.040", "the last day on which it is valid"),
         ("source: measured", "source: guessed", "guessed", "is not one of measured, assumed"),
         ("operator: B}", "operater: B}", "operater", "unknown key 'operater'"),
         ("calibration: bench", "calibratio: bench", "calibratio", "unknown key"),
@@ -115,7 +115,7 @@ def test_a_problem_at_its_place(old: str, new: str, token: str, part: str) -> No
     assert part in str(caught.value)
 
 
-def test_a_rig_file_is_wrong_where_its_calibration_is(tmp_path: Path) -> None:
+def test_wrong_calibration_gives_its_own_places(tmp_path: Path) -> None:
     """The place is that in the calibration, and every problem is told once."""
     (tmp_path / "bench.yaml").write_text(TEXT.replace("5 mN m/V", "5 V").replace("0.0450", "4 m"))
     rig = load_rig("lugre-1").source
@@ -136,7 +136,7 @@ def test_a_missing_file_keeps_no_rig_from_loading(tmp_path: Path) -> None:
     assert (setup.path, setup.held) == (tmp_path / "none.yaml", None)
 
 
-def test_the_file_beside_the_rig_file_goes_before_a_shipped_one(tmp_path: Path) -> None:
+def test_file_beside_rig_file_precedes_shipped_file(tmp_path: Path) -> None:
     name = "calibrations/approach_angle.yaml"
     assert find_calibration(name, tmp_path) == SHIPPED
     own = tmp_path / name
@@ -145,7 +145,7 @@ def test_the_file_beside_the_rig_file_goes_before_a_shipped_one(tmp_path: Path) 
     assert find_calibration(name, tmp_path) == own
 
 
-def test_the_shipped_schema_is_current_and_fits_the_shipped_file() -> None:
+def test_shipped_schema_is_current_and_fits_shipped_file() -> None:
     schema = calibration_schema()
     file = shipped_folder("schemas") / "calibration.schema.json"
     assert YAML(typ="safe", pure=True).load(file.read_text()) == schema, (
@@ -157,7 +157,7 @@ def test_the_shipped_schema_is_current_and_fits_the_shipped_file() -> None:
     jsonschema.Draft202012Validator(schema).validate(data)
 
 
-def test_what_is_renewed_goes_to_the_history_and_the_rest_stays_as_written() -> None:
+def test_renewed_value_enters_history_and_other_lines_stay() -> None:
     text = renew(TEXT)
     assert text.startswith("# This comment stays.\n\ncalibration: bench\n")
     new = parse_calibration(text, "bench.yaml")
@@ -172,7 +172,7 @@ def test_what_is_renewed_goes_to_the_history_and_the_rest_stays_as_written() -> 
     assert [item.value.operator for item in again.history] == ["C. Doe", "A. Miller"]
 
 
-def test_a_new_file_is_one_that_can_be_read() -> None:
+def test_new_file_can_be_read_back() -> None:
     new = renewed(
         None, {"torque_scale": measured()}, name="bench-2", rigs=["bench-2"],
         path=Path("new.yaml"), on=TODAY,
@@ -188,7 +188,7 @@ def test_a_value_that_cannot_be_is_never_written() -> None:
         renewed(old, wrong, name="x", rigs=["y"], path=old.path, on=TODAY)
 
 
-def test_writing_replaces_the_file_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
+def test_writing_replaces_file_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
     file = tmp_path / "calibrations" / "bench.yaml"
     new = parse_calibration(TEXT, str(file))
     write_calibration(new, None)
@@ -200,7 +200,7 @@ def test_writing_replaces_the_file_and_leaves_nothing_beside_it(tmp_path: Path) 
     assert list(file.parent.iterdir()) == [file]
 
 
-def test_a_file_that_somebody_changed_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
+def test_file_changed_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
     file = tmp_path / "bench.yaml"
     file.write_text(TEXT + "# by hand\n")
     with pytest.raises(ConfigError, match="has changed since it was read"):
@@ -223,7 +223,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize("place", ["os.fdopen", "os.fsync", "pathlib.Path.replace"])
-def test_a_kill_while_it_is_written_leaves_the_old_file(place: str, tmp_path: Path) -> None:
+def test_kill_while_it_is_written_leaves_old_file(place: str, tmp_path: Path) -> None:
     file = tmp_path / "bench.yaml"
     file.write_text(TEXT)
     (tmp_path / "new.yaml").write_text(renew(TEXT))

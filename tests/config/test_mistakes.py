@@ -10,7 +10,7 @@ import pytest
 
 from rigd.config.document import parse_document
 from rigd.model import ConfigError
-from rigd.sdk.shipped import shipped_folder
+from rigd.sdk.shipped import Kind, shipped_folder
 
 FILE = Path("f.yaml")
 #: Words of YAML parsers that mean nothing to a person who writes a file.
@@ -21,19 +21,19 @@ JARGON = re.compile(
     re.IGNORECASE,
 )
 MISTAKES = {
-    "a: 1\ntitle A title\ndoc: foo\n": (2, 1, "no ': ' behind its key"),
-    "a: 1\ntitle\n": (2, 1, "no ': ' behind its key"),
-    "procedure:x\ntitle: foo\n": (2, 6, "behind the colon of the line above"),
+    "a: 1\ntitle A title\ndoc: foo\n": (2, 1, "no ': ' after its key"),
+    "a: 1\ntitle\n": (2, 1, "no ': ' after its key"),
+    "procedure:x\ntitle: foo\n": (2, 6, "after the colon of the line above"),
     "a: 1\n  title: foo\n": (2, 8, "indented too far"),
     "t:\n  - a: 1\n    b: 2\n   c: x\n": (4, 4, "begins in line 2, column 3"),
     "t:\n    a: 1\n  b: 2\n": (3, 3, "begin in the same column"),
     "t:\n  until: |belt.speed| < 3 mm/s\n": (2, 10, "write '|belt.speed| < 3 mm/s'"),
     "t:\n  text: > 3 mm\n": (2, 9, "write '> 3 mm'"),
-    "doc: note: this\n": (1, 10, "quote text that holds ': '"),
-    "a:\n\tb: 1\n": (2, 1, "a tab stands here"),
-    "a: 'b\nc: d\n": (1, 4, "this quote is never closed"),
-    'a: "b\nc: d\n': (1, 4, "this quote is never closed"),
-    "a: 'b' c\n": (1, 8, "behind a quote that was closed"),
+    "doc: note: this\n": (1, 10, "quote text that contains ': '"),
+    "a:\n\tb: 1\n": (2, 1, "a tab is not allowed here"),
+    "a: 'b\nc: d\n": (1, 4, "this quote is not closed"),
+    'a: "b\nc: d\n': (1, 4, "this quote is not closed"),
+    "a: 'b' c\n": (1, 8, "after a closed quote"),
     "a: {b: 1\nc: 2\n": (2, 2, "a bracket or brace of line 1 is not closed"),
     "a: [1, 2\nc: 3\n": (2, 2, "a bracket or brace of line 1 is not closed"),
     "a: {b: 1 c: 2}\n": (1, 11, "a comma is missing"),
@@ -44,9 +44,9 @@ MISTAKES = {
     "a: *b\n": (1, 4, "anchors and aliases"),
     "a: !<\n": (1, 4, "quote it: '!<'"),
     'a: "\\d"\n': (1, 6, "use single quotes"),
-    "a: 1\na: 2\n": (2, 1, "key 'a' stands twice; first in line 1"),
+    "a: 1\na: 2\n": (2, 1, "key 'a' is given twice; first in line 1"),
     "a: - b\n": (1, 4, "a list item '- ' cannot begin here"),
-    "- a\nb: 1\n": (2, 1, "does not go on as it began"),
+    "- a\nb: 1\n": (2, 1, "does not continue the block"),
     "a: ]\n": (1, 4, "a value is missing"),
     "a: 1\n...\nb: 2\n": (3, 1, "a second document begins here"),
 }
@@ -61,7 +61,7 @@ def problem_of(text: str) -> ConfigError | None:
 
 
 @pytest.mark.parametrize("text", MISTAKES)
-def test_a_mistake_is_named_with_its_place_and_cure(text: str) -> None:
+def test_mistake_is_named_with_its_place_and_cure(text: str) -> None:
     error = problem_of(text)
     assert error is not None
     assert error.place is not None
@@ -84,11 +84,12 @@ PIECES = (
 )
 
 
-@pytest.mark.parametrize("name", ["procedures/quick.yaml", "configs/sim_lugre.yaml"])
-def test_no_words_of_the_parser_reach_a_person(name: str) -> None:
-    rng = random.Random(name)
-    folder, _, file = name.partition("/")
-    whole = (shipped_folder(folder) / file).read_text("utf-8")  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("folder", "file"), [("procedures", "quick.yaml"), ("configs", "sim_lugre.yaml")]
+)
+def test_no_words_of_the_parser_reach_a_person(folder: Kind, file: str) -> None:
+    rng = random.Random(f"{folder}/{file}")
+    whole = (shipped_folder(folder) / file).read_text("utf-8")
     found = 0
     for _ in range(400):
         begin = rng.randrange(len(whole) - 300)

@@ -40,7 +40,7 @@ def test_every_shipped_rig_is_valid(file: Path) -> None:
     jsonschema.Draft202012Validator(rig_schema()).validate(data)
 
 
-def test_shipped_rig_is_valid_and_a_misspelt_one_is_not() -> None:
+def test_shipped_rig_is_valid_and_misspelt_is_not() -> None:
     validator = jsonschema.Draft202012Validator(rig_schema())
     file = shipped_folder("configs") / "sim_lugre.yaml"
     data = YAML(typ="safe", pure=True).load(file.read_text())

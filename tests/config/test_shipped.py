@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from rigd.config.shipped import find_file, whence
+from rigd.config.shipped import find_file, location
 from rigd.model import ConfigError
 from rigd.sdk.shipped import shipped_folder
 
 
-def test_by_name_in_the_file_and_by_file_name() -> None:
+def test_by_name_in_file_and_by_file_name() -> None:
     shipped = shipped_folder("configs") / "sim_lugre.yaml"
     assert find_file("lugre-1", "configs").resolve() == shipped
     assert find_file("sim_lugre", "configs").resolve() == shipped
@@ -29,30 +29,30 @@ def test_shipped_path_works_anywhere(tmp_path: Path, monkeypatch: pytest.MonkeyP
     ["./quick.yaml", "quick.yaml", "./procedures/quick.yaml", "../procedures/quick.yaml",
      "foo/quick.yaml", "foo/quick", "./quick"],
 )  # fmt: skip
-def test_a_path_without_a_file_means_no_shipped_one(
+def test_path_without_file_finds_no_shipped_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str
 ) -> None:
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    with pytest.raises(ConfigError, match=rf"there is no file '{path}' below .*here") as told:
+    with pytest.raises(ConfigError, match=rf"file '{path}' does not exist below .*here") as told:
         find_file(path, "procedures")
-    assert told.value.hint == "the shipped procedure is meant by its name: quick"
+    assert told.value.hint == "to use the shipped procedure, give its name: quick"
 
 
-def test_a_missing_file_of_an_own_folder_means_no_shipped_one(
+def test_missing_file_in_own_folder_finds_none_shipped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("procedures").mkdir()
-    with pytest.raises(ConfigError, match=r"there is no file 'procedures/quick\.yaml'"):
+    with pytest.raises(ConfigError, match=r"'procedures/quick\.yaml'"):
         find_file("procedures/quick.yaml", "procedures")
     Path("configs").mkdir()
-    with pytest.raises(ConfigError, match=r"there is no file 'configs/wire_lugre\.yaml'") as told:
+    with pytest.raises(ConfigError, match=r"'configs/wire_lugre\.yaml'") as told:
         find_file("configs/wire_lugre.yaml", "configs")
-    assert told.value.hint == "the shipped rig is meant by its name: wire_lugre"
+    assert told.value.hint == "to use the shipped rig, give its name: wire_lugre"
 
 
-def test_own_file_goes_before_the_shipped_one(
+def test_own_file_precedes_the_shipped_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -73,7 +73,7 @@ def test_name_in_two_files_is_refused(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_unknown_name_gives_the_nearest() -> None:
     with pytest.raises(ConfigError, match="did you mean 'quick'"):
         find_file("quik", "procedures")
-    with pytest.raises(ConfigError, match=r"there is no rig 'configs/none\.yaml'"):
+    with pytest.raises(ConfigError, match=r"rig 'configs/none\.yaml'"):
         find_file("configs/none.yaml", "configs")
 
 
@@ -88,7 +88,7 @@ def test_unknown_name_gives_the_nearest() -> None:
         ("wire-1", "shipped"),
     ],
 )
-def test_where_a_rig_was_taken_from_is_said(
+def test_location_of_a_rig_file_is_reported(
     given: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -97,12 +97,12 @@ def test_where_a_rig_was_taken_from_is_said(
         "coated.yaml": "lugre-1", "sim_approach_angle.yaml": "mine", "configs/bench.yaml": "bench-7"
     }.items():  # fmt: skip
         (tmp_path / file).write_text(f"rig: {name}\n")
-    assert whence(given, find_file(given, "configs"), "configs") == told
+    assert location(given, find_file(given, "configs"), "configs") == told
 
 
-def test_a_documented_path_elsewhere_is_said_to_be_shipped(
+def test_documented_path_elsewhere_is_reported_as_shipped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     given = "configs/wire_lugre.yaml"
-    assert whence(given, find_file(given, "configs"), "configs") == "shipped"
+    assert location(given, find_file(given, "configs"), "configs") == "shipped"

@@ -12,7 +12,7 @@ from rigd.record import Recording, run_info
 
 
 @pytest.mark.parametrize("seed", [79_999, 99_999, 2**31])
-def test_no_seed_runs_past_the_end_of_int64_nanoseconds(tmp_path: Path, seed: int) -> None:
+def test_no_seed_runs_past_end_of_int64_nanoseconds(tmp_path: Path, seed: int) -> None:
     rig, source = load_rig("lugre-1"), load_procedure("quick")
     request = RunRequest(
         compile_procedure(source, rig, {}), source.file.text, rig, seed, output=tmp_path / "q.mcap"

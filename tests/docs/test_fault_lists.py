@@ -48,6 +48,6 @@ def table(faults: Mapping[str, str]) -> str:
 
 
 @pytest.mark.parametrize("title", LISTS)
-def test_the_list_of_a_device_is_what_it_shows(title: str) -> None:
+def test_fault_list_of_device_is_complete(title: str) -> None:
     expected = f"### {title}\n\n{table(LISTS[title])}\n\n"
     assert expected in DOCUMENT.read_text("utf-8") + "\n"

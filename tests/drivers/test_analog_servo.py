@@ -86,7 +86,7 @@ def test_sign_scale_and_zero_of_the_monitor(
     assert found == pytest.approx(current, abs=2.5 * LSB)
 
 
-def test_nothing_is_asked_for_or_enabled_before_it_is_armed() -> None:
+def test_nothing_is_commanded_or_enabled_before_arming() -> None:
     rig = Rig()
     rig.cycle(1.0)
     assert (rig.volts, rig.enable_line) == (0.0, False)
@@ -97,7 +97,7 @@ def test_nothing_is_asked_for_or_enabled_before_it_is_armed() -> None:
 
 
 @pytest.mark.parametrize(("active", "rest"), [("high", []), ("low", [3])])
-def test_safe_is_no_volts_and_not_enabled_at_once(active: str, rest: list[int]) -> None:
+def test_make_safe_gives_zero_volts_and_disables_immediately(active: str, rest: list[int]) -> None:
     rig = Rig(link={"high_at_rest": rest}, enable_active=active)
     assert rig.enable_line == (active == "low")
     rig.arm()
@@ -110,10 +110,10 @@ def test_safe_is_no_volts_and_not_enabled_at_once(active: str, rest: list[int]) 
     assert (rig.volts, rig.enable_line) == (0.0, active == "low"), "and stays so"
 
 
-def test_an_enable_line_that_is_active_at_rest_is_refused() -> None:
-    with pytest.raises(LinkError, match="output 3 stands low at rest, which enables the drive"):
+def test_enable_line_active_at_rest_is_refused() -> None:
+    with pytest.raises(LinkError, match="output 3 stands low at rest"):
         Rig(enable_active="low")
-    with pytest.raises(LinkError, match="output 3 stands high at rest, which enables the drive"):
+    with pytest.raises(LinkError, match="output 3 stands high at rest"):
         Rig(link={"high_at_rest": [3]})
 
 
@@ -121,7 +121,7 @@ def test_two_drives_never_share_an_output() -> None:
     rig = Rig()
     config = AnalogServoConfig.model_validate(OPTIONS | {"set_output": 0})
     second = AnalogServo(config, rig.link)
-    with pytest.raises(LinkError, match="digital output 3 is driven by two devices"):
+    with pytest.raises(LinkError, match=r"output 3 .*two devices"):
         second.open()
     rig.arm()
     second.make_safe()
@@ -143,7 +143,7 @@ def test_a_monitor_at_a_rail_is_flagged(volts: float, saturated: int) -> None:
     assert int(rig.cycle()[-1]) & SATURATED == saturated
 
 
-def test_setpoints_beyond_the_range_are_clipped_and_those_that_are_none_refused() -> None:
+def test_setpoints_beyond_range_clip_and_nan_is_refused() -> None:
     rig = Rig()
     rig.arm()
     rig.cycle(math.inf)
@@ -154,12 +154,12 @@ def test_setpoints_beyond_the_range_are_clipped_and_those_that_are_none_refused(
     assert rig.volts == pytest.approx(8.0, abs=LSB), "the one before it holds"
 
 
-def test_a_range_that_needs_more_than_10_v_is_refused() -> None:
+def test_range_above_10_v_is_refused() -> None:
     with pytest.raises(ValueError, match="'current_range' needs 12 V"):
         AnalogServoConfig.model_validate(OPTIONS | {"current_range": "6 A"})
 
 
-def test_it_is_ready_when_it_says_so_and_a_fault_ends_it() -> None:
+def test_ready_input_reports_ready_and_its_loss_faults() -> None:
     rig = Rig(ready_active="low")
     rig.servo.arm()
     rig.cycle()
@@ -174,7 +174,7 @@ def test_it_is_ready_when_it_says_so_and_a_fault_ends_it() -> None:
     assert not rig.servo.ready()
 
 
-def test_preflight_names_a_drive_that_is_not_ready_and_a_monitor_at_a_rail() -> None:
+def test_preflight_names_unready_drive_and_monitor_at_rail() -> None:
     rig = Rig()
     assert rig.servo.preflight() == []
     rig.terminals.lines_in = 0
@@ -191,10 +191,10 @@ def guarded(*, nominal_s: float = 0.05) -> tuple[Rig, OneShot]:
     return rig, rig.terminals.one_shot
 
 
-def test_the_watchdog_is_that_of_the_card_or_none() -> None:
+def test_watchdog_is_that_of_card_or_none() -> None:
     assert Rig(link={"one_shot": ONE_SHOT_OPTIONS}).servo.watchdog_s is None
     assert guarded()[0].servo.watchdog_s == 0.1
-    with pytest.raises(LinkError, match="behind a one-shot, but its card declares none"):
+    with pytest.raises(LinkError, match="has no 'one_shot'"):
         Rig(behind_one_shot=True)
 
 
@@ -208,9 +208,7 @@ def test_a_watchdog_is_proven_without_enabling_anything() -> None:
 def test_a_watchdog_that_stays_up_is_found() -> None:
     rig, one_shot = guarded()
     one_shot.dead = True
-    with pytest.raises(
-        DeviceError, match=r"still up 0\.1\d* s after its last edge; .* most 0\.1 s"
-    ):
+    with pytest.raises(DeviceError, match=r"still up 0\.1\d* s .* most 0\.1 s"):
         rig.servo.prove_watchdog()
 
 
@@ -222,11 +220,11 @@ def test_a_watchdog_slower_than_declared_is_found() -> None:
 
 def test_a_watchdog_that_never_comes_up_is_found() -> None:
     rig, _ = guarded(nominal_s=0.0)
-    with pytest.raises(DeviceError, match="does not come up when digital output 7 toggles"):
+    with pytest.raises(DeviceError, match=r"not come up .*output 7"):
         rig.servo.prove_watchdog()
 
 
-def test_the_drive_is_ready_once_the_one_shot_is_up_and_failed_when_it_drops() -> None:
+def test_one_shot_makes_drive_ready_and_failed() -> None:
     rig, _ = guarded(nominal_s=30.0)
     rig.servo.arm()
     rig.link.sample()
@@ -250,16 +248,15 @@ def test_a_rescue_comes_over_another_connection() -> None:
     assert (rig.volts, rig.enable_line) == (0.0, False)
 
 
-def test_a_drive_that_was_never_opened_is_safe_silently() -> None:
+def test_unopened_drive_is_made_safe_silently() -> None:
     config = AnalogServoConfig.model_validate(OPTIONS)
-    for link in (None, BenchMf624(Terminals().card())):
-        servo = AnalogServo(config, link)
-        servo.make_safe()
-        servo.close()
+    servo = AnalogServo(config, BenchMf624(Terminals().card()))
+    servo.make_safe()
+    servo.close()
 
 
-def test_the_range_of_the_channel_is_what_the_input_can_show() -> None:
+def test_range_of_channel_is_what_input_can_show() -> None:
     config = AnalogServoConfig.model_validate(OPTIONS | {"monitor_zero": "1 V"})
-    current, raw = AnalogServo(config, None).channels
+    current, raw = AnalogServo.declare(config).channels
     assert (current.name, current.low, current.high) == ("current", -22.5, 27.5)
     assert (raw.name, raw.low, raw.high, raw.raw_of) == ("current_raw", -10, 10, "current")

@@ -58,7 +58,7 @@ def test_a_row_is_position_counts_speed_and_volts() -> None:
     assert counts == 3.0
     assert speed == pytest.approx(0.5, abs=0.5 * LSB)
     assert volts == pytest.approx(1.0, abs=LSB)
-    assert len(rig.belt.channels) == 4
+    assert len(rig.belt.declaration.channels) == 4
 
 
 def test_speed_and_clutch_once_it_is_armed() -> None:
@@ -87,7 +87,7 @@ def test_safe_is_standing_still_with_the_clutch_engaged() -> None:
 @pytest.mark.parametrize(
     ("setpoints", "name"), [((math.nan, 1.0), "speed"), ((-0.5, math.nan), "engaged")]
 )
-def test_a_setpoint_that_is_no_number_is_refused_and_those_before_hold(
+def test_nan_setpoint_is_refused_and_earlier_ones_hold(
     setpoints: tuple[float, float], name: str
 ) -> None:
     rig = Rig()
@@ -102,7 +102,7 @@ def test_a_setpoint_that_is_no_number_is_refused_and_those_before_hold(
 
 def test_without_a_clutch_there_is_one_setpoint() -> None:
     rig = Rig(clutch_output=None)
-    assert [setpoint.name for setpoint in rig.belt.setpoints] == ["speed"]
+    assert [setpoint.name for setpoint in rig.belt.declaration.setpoints] == ["speed"]
     rig.belt.arm()
     rig.cycle(0.5)
     assert rig.lines == ENABLE
@@ -120,6 +120,6 @@ def test_clutch_and_enable_are_two_lines() -> None:
         Rig(clutch_output=1)
 
 
-def test_a_range_that_needs_more_than_10_v_is_refused() -> None:
+def test_range_above_10_v_is_refused() -> None:
     with pytest.raises(ValueError, match="'speed_range' needs 12 V"):
         AnalogSpeedServoConfig.model_validate(OPTIONS | {"speed_range": "3 m/s"})

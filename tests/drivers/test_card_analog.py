@@ -31,7 +31,7 @@ def sensors(*inputs: dict[str, Any]) -> tuple[CardAnalog, Terminals, BenchMf624]
     return driver, terminals, link
 
 
-def test_values_and_volts_in_the_order_of_the_file() -> None:
+def test_values_and_volts_in_order_of_file() -> None:
     driver, terminals, link = sensors(ACCELERATION, FORCE)
     terminals.volts_in[0], terminals.volts_in[3] = 2.0, 1.5
     link.begin(0)
@@ -41,14 +41,15 @@ def test_values_and_volts_in_the_order_of_the_file() -> None:
     assert force == pytest.approx(-100.0, abs=50 * LSB)
     assert force_raw == pytest.approx(2.0, abs=LSB)
     assert status == 0
-    names = [(channel.name, channel.unit, channel.raw_of) for channel in driver.channels]
+    channels = driver.declaration.channels
+    names = [(channel.name, channel.unit, channel.raw_of) for channel in channels]
     assert names == [
         ("acceleration", "m/s^2", None),
         ("acceleration_raw", "V", "acceleration"),
         ("force", "N", None),
         ("force_raw", "V", "force"),
     ]
-    ranges = [(channel.low, channel.high) for channel in driver.channels[::2]]
+    ranges = [(channel.low, channel.high) for channel in channels[::2]]
     assert ranges == [(pytest.approx(-103.005), pytest.approx(93.195)), (-500.0, 500.0)]
 
 
@@ -99,6 +100,6 @@ def test_names_must_differ_with_those_of_the_volts() -> None:
         CardAnalogConfig.model_validate({"inputs": []})
 
 
-def test_an_input_that_the_card_has_not_is_refused() -> None:
+def test_input_that_card_has_not_is_refused() -> None:
     with pytest.raises(LinkError, match="no analogue input 8"):
         sensors(FORCE | {"input": 8})

@@ -58,7 +58,7 @@ def test_a_position_the_other_way_round() -> None:
     rig.counts[1] = 100
     link.begin(0)
     assert encoder.read(0) == (pytest.approx(-3e-3), 100.0, 0)
-    assert [channel.name for channel in encoder.channels] == ["position", "counts"]
+    assert [channel.name for channel in encoder.declaration.channels] == ["position", "counts"]
 
 
 @given(
@@ -73,7 +73,7 @@ def test_a_counter_of_32_bits_is_unwrapped(start: int, steps: list[int]) -> None
         assert rig.at(made)[1] == made - start
 
 
-def test_it_begins_at_zero_or_where_the_counter_is() -> None:
+def test_it_begins_at_zero_or_where_counter_is() -> None:
     assert Rig(start=-5).at(-4)[1] == 1
     assert Rig(start=-5, zero_at_open=False).at(-4)[1] == -4
 
@@ -86,19 +86,19 @@ def test_the_index_is_shown() -> None:
     assert rig.at(0)[-1] == 1
 
 
-def test_a_counter_that_was_reset_is_told_from_motion() -> None:
+def test_counter_that_was_reset_is_told_from_motion() -> None:
     rig = Rig(start=-40_000_000, zero_at_open=False, fastest="100000 count/s")
     rig.card.inject("index_reset", encoder=0)
-    with pytest.raises(DeviceError, match=r"encoder 0 jumped by 40000000 counts in .* ms; at most"):
+    with pytest.raises(DeviceError, match=r"encoder 0 jumped by 40000000 counts"):
         rig.at(-40_000_000)
 
 
-def test_a_standing_encoder_may_show_one_count_to_and_fro() -> None:
+def test_standing_encoder_may_flicker_by_one_count() -> None:
     rig = Rig(fastest="1e-3 count/s")
     assert [rig.at(counts)[1] for counts in (1, 0, -1, 0)] == [1, 0, -1, 0]
 
 
-def test_an_encoder_that_counts_the_wrong_way_shows_it() -> None:
+def test_encoder_that_counts_wrong_way_shows_it() -> None:
     """Nothing in the signal tells; a run finds it by its end conditions."""
     rig = Rig()
     rig.at(1000)

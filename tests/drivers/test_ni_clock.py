@@ -37,7 +37,7 @@ def stamped(
 
 
 @pytest.mark.parametrize("ppm", [-100.0, 0.0, 40.0, 100.0])
-def test_times_follow_the_true_ones_and_the_rate_is_found(ppm: float) -> None:
+def test_times_follow_true_ones_and_rate_is_found(ppm: float) -> None:
     clock, times, truth = stamped(120, ppm, stall_s=0.1)
     error_ns = times - truth
     settled = error_ns[len(error_ns) // 4 :]
@@ -47,7 +47,7 @@ def test_times_follow_the_true_ones_and_the_rate_is_found(ppm: float) -> None:
     assert clock.count == len(times)
 
 
-def test_times_increase_and_are_smooth_once_the_start_is_over() -> None:
+def test_times_increase_and_are_smooth_after_start() -> None:
     _, times, _ = stamped(30, 40.0, stall_s=0.1)
     steps = np.diff(times) * RATE_HZ * 1e-9
     assert steps.min() > 0.5
@@ -55,7 +55,7 @@ def test_times_increase_and_are_smooth_once_the_start_is_over() -> None:
     assert np.abs(settled - 1.0).max() < MOST_SLEW + 1e-4
 
 
-def test_no_sample_is_before_the_start_or_after_its_arrival() -> None:
+def test_no_sample_precedes_start_or_follows_arrival() -> None:
     clock = SampleClock(1000.0, START_NS)
     times = clock.stamp(10, START_NS + 1_000_000)  # 10 samples of 1 ms in 1 ms
     assert times[0] == START_NS
@@ -69,7 +69,7 @@ def test_a_first_sample_alone_stands_at_its_arrival() -> None:
     assert clock.stamp(1, START_NS + 100_000_007).tolist() == [START_NS + 100_000_007]
 
 
-def test_a_late_first_block_is_worked_off_at_once() -> None:
+def test_late_first_block_is_worked_off_at_once() -> None:
     clock = SampleClock(1000.0, START_NS)
     clock.stamp(10, START_NS + 9_000_000 + 8_000_000)
     times = clock.stamp(10, START_NS + 19_000_000)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from support.served import served
+from support.served import OnLoop, served
 
 from rigd.sdk import Block, DeviceError, LinkError, ProtocolError
 from rigd.sdk.check import Peer, background_loop, check_driver
@@ -34,7 +34,6 @@ INPUTS = [
     {"name": "too_high", "channel": "ai2"},
     {"name": "shorted", "channel": "ai3", "range": "1 V"},
 ]  # fmt: skip
-OnLoop = Callable[[Callable[[], Any]], Any]
 
 
 def config(**options: Any) -> NiDaqConfig:
@@ -83,7 +82,8 @@ def rows(driver: NiDaq, count: int) -> Block:
 
 def test_channels_say_what_is_measured() -> None:
     driver = NiDaq(config())
-    assert [(channel.name, channel.unit, channel.raw_of) for channel in driver.channels] == [
+    channels = driver.declaration.channels
+    assert [(channel.name, channel.unit, channel.raw_of) for channel in channels] == [
         ("acceleration", "m/s^2", None),
         ("acceleration_raw", "V", "acceleration"),
         ("force", "N", None),
@@ -95,8 +95,8 @@ def test_channels_say_what_is_measured() -> None:
         ("device_time", "s", None),
         ("clock_rate", "Hz", None),
     ]
-    assert (driver.channels[0].low, driver.channels[0].high) == pytest.approx((-102.9, 93.1))
-    assert (driver.channels[2].low, driver.channels[2].high) == (-1000.0, 1000.0)
+    assert (channels[0].low, channels[0].high) == pytest.approx((-102.9, 93.1))
+    assert (channels[2].low, channels[2].high) == (-1000.0, 1000.0)
 
 
 def test_identity_values_and_status(opened: Opened) -> None:
@@ -117,7 +117,7 @@ def test_identity_values_and_status(opened: Opened) -> None:
     assert block.times_ns[-1] <= time.monotonic_ns()
 
 
-def test_what_the_cycle_sees_is_the_last_row_or_a_median() -> None:
+def test_cycle_sees_last_row_or_median() -> None:
     """A single noisy sample must stop nothing; what is not an input is of the last row."""
     width = 2 * len(INPUTS) + 3
     values = np.arange(8.0)[:, np.newaxis] + np.zeros(width)
@@ -127,11 +127,11 @@ def test_what_the_cycle_sees_is_the_last_row_or_a_median() -> None:
     seen = NiDaq(config(median=5)).newest_row(block)
     assert seen == [5.0] * (width - 3) + [7.0] * 3  # of 3, 4, 5, 1e6, 7
     assert NiDaq(config(median=5)).newest_row(Block(block.times_ns[:1], values[:1]))[0] == 0.0
-    with pytest.raises(ValidationError, match="a median of 97 samples needs more than a block"):
+    with pytest.raises(ValidationError, match="median of 97 samples"):
         config(median=97)
 
 
-def test_the_crystals_drift_is_seen_against_the_machines_clock(
+def test_crystals_drift_is_seen_against_machines_clock(
     card: tuple[SimNi, OnLoop], opened: Opened
 ) -> None:
     """Figures belong to the clock's own test; here that card and driver mean the same."""
@@ -155,9 +155,7 @@ def test_closing_twice_is_silent_and_another_may_open(opened: Opened) -> None:
         driver.close()
 
 
-def test_a_task_left_by_a_killed_client_is_cleared(
-    card: tuple[SimNi, OnLoop], opened: Opened
-) -> None:
+def test_task_left_by_killed_client_is_cleared(card: tuple[SimNi, OnLoop], opened: Opened) -> None:
     part, on_loop = card
     killed = opened()
     killed.start()
@@ -182,7 +180,7 @@ def test_a_task_that_somebody_reads_is_left_alone(opened: Opened) -> None:
     with ThreadPoolExecutor() as pool:
         reading = pool.submit(read)
         try:
-            with pytest.raises(LinkError, match="another rigd on this machine reads from it"):
+            with pytest.raises(LinkError, match=r"another rigd .*reads"):
                 opened()
         finally:
             ended.set()
@@ -190,7 +188,7 @@ def test_a_task_that_somebody_reads_is_left_alone(opened: Opened) -> None:
     rows(first, 96)
 
 
-def test_before_it_is_started_there_is_nothing_to_read(opened: Opened) -> None:
+def test_there_is_nothing_to_read_before_start(opened: Opened) -> None:
     with pytest.raises(RuntimeError, match="start"):
         opened().read_block(0.1)
 
@@ -254,13 +252,13 @@ def test_a_server_that_dies() -> None:
         driver.open()
         driver.start()
         rows(driver, 96)
-    with pytest.raises(LinkError, match=r"cannot read NI card .*StatusCode\.UNAVAILABLE"):
+    with pytest.raises(LinkError, match=r"NI card .*StatusCode\.UNAVAILABLE"):
         rows(driver, 100_000)
     driver.close()  # silent: what is lost has been told
     driver.close()
 
 
-def test_a_server_that_hangs_does_not_hold_the_driver(
+def test_server_that_hangs_does_not_hold_driver(
     card: tuple[SimNi, OnLoop], opened: Opened, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rigd_drivers.ni_card.CALL_S", 1.0)
@@ -306,15 +304,14 @@ def test_without_nidaqmx_on_this_machine() -> None:
 
 def test_without_the_python_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "nidaqmx", None)
-    with pytest.raises(LinkError, match="nidaqmx cannot be imported") as caught:
+    with pytest.raises(LinkError, match=r"rigd\[ni\]"):
         NiDaq(config()).open()
-    assert "rigd[ni]" in str(caught.value.hint)
 
 
 def test_no_server_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rigd_drivers.ni_card.CONNECT_S", 0.3)
     driver = NiDaq(config(server="127.0.0.1:9"))
-    with pytest.raises(LinkError, match=r"no NI gRPC Device Server answers at 127\.0\.0\.1:9"):
+    with pytest.raises(LinkError, match=r"gRPC .* 127\.0\.0\.1:9"):
         driver.open()
     driver.close()
 

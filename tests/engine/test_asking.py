@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import pytest
-from support.bench import Axis, Bench, move, procedure
+from support.bench import Axis, AxisRow, Bench, move, procedure
 
 from rigd.engine.answers import Answers, OwnAnswers
 from rigd.engine.result import Progress, RunResult
@@ -24,15 +24,17 @@ from rigd.procedure.program import (
     Prompt,
     StatusCondition,
 )
+from rigd.sdk import Declaration, DriverConfig
 
 STABLE, OVERLOAD = 1, 2
 
 
+class WeighedRow(AxisRow):
+    status: int
+
+
 class WeighingAxis(Axis):
     """An axis whose load is shown with a status word; a new load is stable after a while."""
-
-    has_status = True
-    status_bits: Mapping[str, int] = {"stable": STABLE, "overload": OVERLOAD}
 
     def __init__(self, stable_after_cycles: int = 0) -> None:
         super().__init__()
@@ -40,11 +42,17 @@ class WeighingAxis(Axis):
         self._since = 0
         self._shown = self.load
 
+    @classmethod
+    def declare(cls, config: DriverConfig) -> Declaration:
+        bits = {"stable": STABLE, "overload": OVERLOAD}
+        return replace(super().declare(config), row=WeighedRow, status_bits=bits)
+
     def read(self, t_ns: int) -> Sequence[float]:
         super().read(t_ns)
         self._since = 0 if self.load != self._shown else self._since + 1
         self._shown = self.load
-        return (self.position, self.load, STABLE if self._since >= self._stable_after else 0)
+        status = STABLE if self._since >= self._stable_after else 0
+        return WeighedRow.of(position=self.position, load=self.load, status=status)
 
 
 @dataclass
@@ -117,7 +125,7 @@ def putting_on(bench: Bench, share: float = 1.0) -> Callable[[str, float | str],
     return change
 
 
-def test_what_the_rig_shows_is_awaited_at_rest_and_recorded() -> None:
+def test_shown_value_is_awaited_at_rest_and_recorded() -> None:
     bench = Bench(axis=WeighingAxis(stable_after_cycles=250))
     run(bench, load_prompt(), change=putting_on(bench, 1.02))
     assert bench.sink.steps() == ["load", "drive", "home"]
@@ -130,22 +138,20 @@ def test_what_the_rig_shows_is_awaited_at_rest_and_recorded() -> None:
     assert moving > 250
 
 
-def test_the_files_answer_that_the_rig_does_not_show_fails_the_run_and_nothing_is_measured() -> (
-    None
-):
+def test_file_answer_contradicted_by_rig_fails_the_run() -> None:
     bench = Bench(axis=WeighingAxis())
     result = run(bench, load_prompt(), change=putting_on(bench, 0.804))
     assert result.ending == "incomplete"
     assert result.reason == (
         "prompt 'load': the answer was 5 N, but axis.load is 4.02 N, axis is stable "
-        "(looked at for 0.5 s, expected 4.75 N to 5.25 N)"
+        "(checked for 0.5 s, expected 4.75 N to 5.25 N)"
     )
     assert bench.sink.steps() == ["load", "home"]
     assert data_of(bench, "answer_checked")[0]["agreed"] is False
     assert [data["complete"] for data in data_of(bench, "trial_end")] == [False]
 
 
-def test_a_person_is_told_what_is_shown_and_asked_again() -> None:
+def test_person_sees_the_reading_and_is_asked_again() -> None:
     bench = Bench(axis=WeighingAxis())
     bench.axis.load = 4.02
     person = says(5.0, 4.0)
@@ -158,7 +164,7 @@ def test_a_person_is_told_what_is_shown_and_asked_again() -> None:
     assert bench.sink.steps() == ["load", "load", "drive", "home"]
 
 
-def test_what_is_typed_is_compared_and_recorded_beside_what_was_planned() -> None:
+def test_typed_answer_is_recorded_beside_the_planned_one() -> None:
     bench = Bench(axis=WeighingAxis())
     bench.axis.load = 5.5
     run(bench, load_prompt(), says(5.6))  # 5.5 N is 10 % from the plan, 2 % from the answer
@@ -168,7 +174,7 @@ def test_what_is_typed_is_compared_and_recorded_beside_what_was_planned() -> Non
     assert "drive" in bench.sink.steps()
 
 
-def test_a_reading_that_never_comes_to_rest_agrees_with_nothing() -> None:
+def test_reading_never_at_rest_agrees_with_nothing() -> None:
     bench = Bench(axis=WeighingAxis(stable_after_cycles=10_000))
     result = run(bench, load_prompt(), change=putting_on(bench))
     assert "axis.load is 5 N, axis is not stable" in result.reason
@@ -183,7 +189,7 @@ def test_the_distance_may_be_a_quantity() -> None:
     assert "drive" in bench.sink.steps()
 
 
-def test_what_must_hold_is_looked_at_once_a_person_says_it_is_done() -> None:
+def test_condition_is_checked_once_person_confirms() -> None:
     bench = Bench()
     bench.axis.position = 0.3
 
@@ -196,12 +202,12 @@ def test_what_must_hold_is_looked_at_once_a_person_says_it_is_done() -> None:
     run(bench, Prompt("push_back", "Push it back.", until=((at_start,),), timeout_s=0.2), person)
     assert person.objections[1] == (
         "prompt 'push_back': axis.position is 0.3 m "
-        "(looked at for 0.2 s, expected |axis.position| < 0.02 m)"
+        "(checked for 0.2 s, expected |axis.position| < 0.02 m)"
     )
     assert bench.sink.steps() == ["push_back", "push_back", "drive", "home"]
 
 
-def test_an_answer_out_of_bounds_or_that_the_plant_cannot_take_is_asked_again() -> None:
+def test_answer_out_of_bounds_is_asked_again() -> None:
     bench = Bench(axis=WeighingAxis())
 
     def change(quantity: str, value: float | str) -> None:
@@ -225,7 +231,7 @@ def test_no_ends_the_run_without_a_second_question() -> None:
     assert bench.sink.steps() == ["home"]
 
 
-def test_a_question_that_something_else_has_ended_is_withdrawn() -> None:
+def test_question_that_something_else_has_ended_is_withdrawn() -> None:
     bench, asked = Bench(), threading.Event()
 
     def wait() -> Answer:
@@ -240,7 +246,7 @@ def test_a_question_that_something_else_has_ended_is_withdrawn() -> None:
     assert person.withdrawn == 1
 
 
-def test_a_person_can_stop_while_the_rig_is_looked_at() -> None:
+def test_person_can_stop_while_rig_is_looked_at() -> None:
     bench = Bench(axis=WeighingAxis())
     made = bench.run(procedure([replace(load_prompt(), timeout_s=60.0), move("drive", 0.5)]))
 

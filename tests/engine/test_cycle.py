@@ -13,12 +13,12 @@ from rigd.engine.cycle import MOST_TRIPS
 from rigd.model.errors import DeviceError
 from rigd.model.limits import Interlock, SetpointLimit
 from rigd.model.severity import STOPS, Severity
-from rigd.procedure.profiles import Chirp, Constant, Profile, Ramp, Sine
+from rigd.procedure.profiles import Chirp, ConstantProfile, Profile, Ramp, Sine
 from rigd.procedure.program import CycleProgram, Segment
 
 wild = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.floats(-5, 5))
 profiles: st.SearchStrategy[Profile] = st.one_of(
-    st.builds(Constant, wild),
+    st.builds(ConstantProfile, wild),
     st.builds(Ramp, st.one_of(st.none(), wild), wild, st.floats(1e-3, 0.02)),
     st.builds(Sine, wild, st.floats(0, 500), wild),
     st.builds(Chirp, wild, st.floats(1, 100), st.floats(1, 100), st.floats(1e-3, 0.02)),
@@ -30,7 +30,7 @@ profiles: st.SearchStrategy[Profile] = st.one_of(
     programs=st.lists(st.lists(profiles, max_size=4), max_size=4),
     rate=st.one_of(st.just(math.inf), st.floats(1.0, 1e4)),
 )
-def test_no_command_sequence_moves_a_setpoint_beyond_its_limit(
+def test_no_command_sequence_moves_setpoint_beyond_its_limit(
     programs: list[list[Profile]], rate: float
 ) -> None:
     bench = Bench(limit=SetpointLimit(-0.7, 1.1, rate))
@@ -57,7 +57,7 @@ def test_with_no_program_setpoints_go_to_rest() -> None:
 
 
 @pytest.mark.parametrize("row", [(0.0,), (0.0, 1.0, 2.0)])
-def test_a_row_of_another_width_is_a_fault_and_moves_no_other_value(row: tuple[float, ...]) -> None:
+def test_row_of_wrong_width_faults_without_other_changes(row: tuple[float, ...]) -> None:
     bench = Bench()
     host = bench.host()
     host.settle(2)
@@ -70,7 +70,7 @@ def test_a_row_of_another_width_is_a_fault_and_moves_no_other_value(row: tuple[f
     assert bench.axis.safe_calls == 1
 
 
-def test_a_value_that_trembles_at_its_limit_fills_no_memory() -> None:
+def test_value_trembling_at_limit_fills_no_memory() -> None:
     light = Interlock("light", "axis.load", high=1.0, action=Severity.WARN)
     heavy = Interlock("heavy", "axis.load", high=3.0, action=Severity.ABORT, latch=True)
     bench = Bench(interlocks=(light, heavy))
@@ -82,7 +82,7 @@ def test_a_value_that_trembles_at_its_limit_fills_no_memory() -> None:
     assert bench.sink.kinds().count("interlock") == 500
     bench.axis.answer = lambda _: (0.0, 4.0)
     assert host.play(move("go", 1.0)).severity is Severity.ABORT
-    assert "heavy is latched" in host.ends_everything()
+    assert "heavy is latched" in host.lockout_reason()
 
 
 def test_each_interlock_action_takes_its_way_out() -> None:
@@ -128,7 +128,7 @@ def test_nan_and_stale_readings_trip_in_the_cycle() -> None:
     assert silent.axis.speed == 0.0
 
 
-def test_a_device_that_falls_silent_is_a_fault_even_unwatched() -> None:
+def test_device_that_falls_silent_is_fault_even_unwatched() -> None:
     bench = Bench()
     rows = iter([(0.0, 1.0)] * 10)
     bench.axis.answer = lambda t_ns: next(rows, None)
@@ -160,7 +160,7 @@ class DeafAxis(Axis):
         raise DeviceError("heartbeat lost")
 
 
-def test_a_device_that_refuses_a_setpoint_is_a_fault() -> None:
+def test_device_that_refuses_setpoint_is_fault() -> None:
     bench = Bench(axis=DeafAxis())
     outcome = bench.host().play(move("go", 1.0))
     assert (outcome.severity, outcome.reason) == (Severity.FAULT, "axis: heartbeat lost")

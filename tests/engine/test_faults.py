@@ -44,7 +44,7 @@ def sound_bench() -> Bench:
 SILENT = Fault("scale", "silent", 0.1, 2.0)
 
 
-def test_a_fault_is_shown_between_two_steps_and_recorded() -> None:
+def test_fault_is_shown_between_two_steps_and_recorded() -> None:
     bench, simulation = sound_bench(), Simulation()
     faults = ShownFaults(simulation.ask)
     result = bench.run(procedure([move("one", 0.1), SILENT, move("two", 0.1)]), faults=faults)
@@ -66,13 +66,11 @@ def test_a_fault_is_shown_between_two_steps_and_recorded() -> None:
 @pytest.mark.parametrize(
     ("fault", "told"),
     [
-        (Fault("scales", "silent"), "no device 'scales' to fail: did you mean 'scale'?"),
+        (Fault("scales", "silent"), "no device 'scales' that could fail: did you mean 'scale'?"),
         (Fault("scale", "silnt"), "scale cannot show the fault 'silnt': did you mean 'silent'?"),
     ],
 )
-def test_what_the_simulation_does_not_know_is_refused_before_arming(
-    fault: Fault, told: str
-) -> None:
+def test_fault_unknown_to_simulation_is_refused_before_arming(fault: Fault, told: str) -> None:
     bench = sound_bench()
     run = bench.run(procedure([move("one", 0.1), fault]), faults=ShownFaults(Simulation().ask))
     with pytest.raises(Blocked, match=told[:20]) as error:
@@ -89,7 +87,7 @@ def test_without_a_simulation_nothing_is_armed() -> None:
     assert bench.sink.steps() == []
 
 
-def test_options_that_the_simulation_refuses_end_the_run_with_its_words() -> None:
+def test_options_refused_by_simulation_end_the_run() -> None:
     bench = sound_bench()
     wrong = Fault("scale", "silent", options={"count": 1})
     run = bench.run(

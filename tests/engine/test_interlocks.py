@@ -29,7 +29,7 @@ def feed(
     ]
 
 
-def test_trips_once_in_the_cycle_that_sees_it_and_says_value_limit_and_unit() -> None:
+def test_interlock_trips_once_naming_value_limit_and_unit() -> None:
     trips = feed(bank(Interlock("far", "a.x", high=1.5)), [1.4, 1.5, 1.6, 1.7])
     assert [len(trip) for trip in trips] == [0, 0, 1, 0]
     assert trips[2][0].reason == "a.x 1.6 m is above its limit 1.5 m"
@@ -54,12 +54,12 @@ def test_nan_trips_at_once_whatever_the_delay(limit: Interlock) -> None:
     assert "not a number" in trip.reason
 
 
-def test_nan_trips_an_interlock_without_bounds_and_a_nan_bound_trips_too() -> None:
+def test_nan_trips_without_bounds_and_as_bound() -> None:
     assert feed(bank(Interlock("alive", "a.x")), [math.nan])[0]
     assert feed(bank(Interlock("far", "a.x", high="a.limit")), [0.0], limit=math.nan)[0]
 
 
-def test_stale_data_trips_whatever_its_value_and_the_delay() -> None:
+def test_stale_data_trips_whatever_its_value_and_delay() -> None:
     found = bank(Interlock("alive", "a.x", delay_s=10.0, stale_after_s=0.002))
     trips = feed(found, [0.0] * 5, fresh=False)
     assert [len(t) for t in trips] == [0, 0, 0, 1, 0]
@@ -74,7 +74,7 @@ def test_a_bound_that_is_stale_bounds_nothing() -> None:
     assert "a bound of a.x is stale: its last row is 3 ms old" in trips[3][0].reason
 
 
-def test_clears_only_a_deadband_inside_and_can_trip_again() -> None:
+def test_clears_only_deadband_inside_and_can_trip_again() -> None:
     found = bank(Interlock("far", "a.x", high=1.0, deadband=0.1))
     trips = feed(found, [1.1, 0.95, 1.1, 0.85, 1.1])
     assert [len(t) for t in trips] == [1, 0, 0, 0, 1]
@@ -96,7 +96,7 @@ def test_a_latched_trip_stands_until_acknowledged() -> None:
     low=st.one_of(st.none(), st.floats(-5, 0)),
     high=st.one_of(st.none(), st.floats(0, 5)),
 )
-def test_without_delay_it_trips_exactly_when_the_value_is_not_inside(
+def test_without_delay_value_outside_trips_exactly(
     value: float, low: float | None, high: float | None
 ) -> None:
     trips = feed(bank(Interlock("i", "a.x", low=low, high=high)), [value])[0]
@@ -115,7 +115,7 @@ def test_without_delay_it_trips_exactly_when_the_value_is_not_inside(
         (None, [math.nan], True, "It moves too far."),  # speaks of nothing but silence
     ],
 )
-def test_an_interlock_says_what_its_bounds_mean_only_of_a_value_beyond_them(
+def test_meaning_of_bounds_stands_only_beyond_them(
     high: float | None, values: list[float], fresh: bool, told: str
 ) -> None:
     found = bank(Interlock("far", "a.x", high=high, message="It moves too far."))

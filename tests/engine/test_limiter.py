@@ -23,9 +23,7 @@ def limits(draw: st.DrawFn) -> SetpointLimit:
 
 
 @given(limits(), st.lists(anything, max_size=40))
-def test_value_and_rate_hold_for_any_sequence_of_commands(
-    limit: SetpointLimit, commands: list[float]
-) -> None:
+def test_value_and_rate_hold_for_any_commands(limit: SetpointLimit, commands: list[float]) -> None:
     limiter = Limiter([limit], PERIOD_S)
     last = limit.rest
     for command in commands:
@@ -43,7 +41,7 @@ def test_a_command_within_limits_passes_unchanged() -> None:
     assert not limiter.cut
 
 
-def test_a_command_that_is_no_number_holds_the_last_one() -> None:
+def test_command_that_is_no_number_holds_last_one() -> None:
     limiter = Limiter([SetpointLimit(-1, 1)], PERIOD_S)
     limiter.apply([0.5])
     for bad in (math.nan, math.inf, -math.inf):

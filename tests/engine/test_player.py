@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from rigd.engine.player import Outcome, Player
 from rigd.model.severity import Severity
-from rigd.procedure.profiles import Constant, Ramp
+from rigd.procedure.profiles import ConstantProfile, Ramp
 from rigd.procedure.program import (
     Comparison,
     Condition,
@@ -39,15 +40,15 @@ def play(
     return history, None
 
 
-def above(threshold: float, **more: float) -> Condition:
-    return Condition("a.x", Comparison.ABOVE, threshold, **more)  # type: ignore[arg-type]
+def above(threshold: float, **more: Any) -> Condition:
+    return Condition("a.x", Comparison.ABOVE, threshold, **more)
 
 
-def test_an_end_condition_acts_in_the_cycle_that_sees_it() -> None:
+def test_end_condition_acts_in_cycle_that_sees_it() -> None:
     program = CycleProgram(
         (
-            Segment("push", {"a.u": Constant(1.0)}, until=((above(0.5),),), timeout_s=1.0),
-            Segment("hold", {"a.u": Constant(0.0)}, duration_s=0.002),
+            Segment("push", {"a.u": ConstantProfile(1.0)}, until=((above(0.5),),), timeout_s=1.0),
+            Segment("hold", {"a.u": ConstantProfile(0.0)}, duration_s=0.002),
         )
     )
     history, outcome = play(program, [(0, 0), (0.4, 0), (0.6, 0), (0.6, 0), (0.6, 0)])
@@ -55,10 +56,12 @@ def test_an_end_condition_acts_in_the_cycle_that_sees_it() -> None:
     assert outcome == Outcome(Severity.DONE)
 
 
-def test_setpoints_not_named_keep_their_value_and_profiles_start_from_what_held() -> None:
+def test_unnamed_setpoints_hold_and_profiles_start_from_them() -> None:
     program = CycleProgram(
         (
-            Segment("one", {"a.u": Constant(1.0), "a.v": Constant(2.0)}, duration_s=0.001),
+            Segment(
+                "one", {"a.u": ConstantProfile(1.0), "a.v": ConstantProfile(2.0)}, duration_s=0.001
+            ),
             Segment("two", {"a.u": Ramp(None, 0.0, 0.004)}, duration_s=0.004),
         )
     )
@@ -66,7 +69,7 @@ def test_setpoints_not_named_keep_their_value_and_profiles_start_from_what_held(
     assert history == [(1.0, 2.0), (1.0, 2.0), (0.75, 2.0), (0.5, 2.0), (0.25, 2.0)]
 
 
-def test_a_condition_held_for_a_time_starts_anew_when_broken() -> None:
+def test_condition_held_for_time_starts_anew_when_broken() -> None:
     segment = Segment("s", until=((above(0.5, for_s=0.002),),), timeout_s=1.0)
     xs = [1, 1, 0, 1, 1, 1, 1]
     history, outcome = play(CycleProgram((segment,)), [(x, 0) for x in xs])
@@ -88,7 +91,7 @@ def test_nan_meets_no_end_condition() -> None:
     assert play(CycleProgram((segment,)), [(float("nan"), 0)] * 3)[1] is None
 
 
-def test_timeout_fails_ends_the_trial_or_goes_on_as_the_segment_says() -> None:
+def test_timeout_fails_ends_trial_or_continues_as_stated() -> None:
     waiting = Segment("home", until=((above(0.5),),), timeout_s=0.002)
     endings = {}
     for on_timeout in OnTimeout:
@@ -103,7 +106,7 @@ def test_timeout_fails_ends_the_trial_or_goes_on_as_the_segment_says() -> None:
     assert endings[OnTimeout.NEXT].severity is Severity.DONE
 
 
-def test_a_trial_limit_ends_the_trial_and_so_does_nan() -> None:
+def test_trial_limit_ends_trial_and_so_does_nan() -> None:
     program = CycleProgram((Segment("s", duration_s=1.0),), (TrialLimit("a.x", -1.0, 1.0),))
     for bad in (1.5, -1.5, float("nan")):
         outcome = play(program, [(0, 0), (bad, 0)])[1]
@@ -117,9 +120,7 @@ def test_an_empty_program_is_done_at_once() -> None:
 
 
 @pytest.mark.parametrize(("wanted", "ends_after"), [(True, 3), (False, 1)])
-def test_a_word_of_a_status_counts_once_the_device_has_given_one(
-    wanted: bool, ends_after: int
-) -> None:
+def test_status_word_counts_once_the_device_gave_one(wanted: bool, ends_after: int) -> None:
     stable = StatusCondition("a", "stable", 2, wanted)
     program = CycleProgram((Segment("settle", until=((stable,),), timeout_s=1.0),))
     rows = [(0.0, float("nan")), (0.0, 1.0), (0.0, 5.0), (0.0, 3.0)]
@@ -127,13 +128,13 @@ def test_a_word_of_a_status_counts_once_the_device_has_given_one(
     assert (len(history), outcome) == (ends_after, Outcome(Severity.DONE))
 
 
-def test_an_outcome_says_where_the_channels_stood_that_were_waited_for() -> None:
+def test_outcome_states_values_of_awaited_channels() -> None:
     stable = StatusCondition("a", "stable", 2)
     waiting = Segment("settle", until=((above(0.5), stable),), timeout_s=0.002)
     _, ended = play(CycleProgram((Segment("first", duration_s=0.001), waiting)), [(0.6, 1)] * 5)
     assert ended is not None
-    assert ended.stood == {"a.x": 0.6, "a.status": 1}
+    assert ended.last_values == {"a.x": 0.6, "a.status": 1}
     assert ended.reason == ("step 'settle' did not end within 0.002 s: a.x is 0.6, a is not stable")
     _, done = play(CycleProgram((waiting,)), [(0.6, 2)])
     assert done is not None
-    assert done.stood == {"a.x": 0.6, "a.status": 2}
+    assert done.last_values == {"a.x": 0.6, "a.status": 2}

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support import file_axis
 from support.file_axis import word
@@ -26,7 +27,7 @@ from rigd.engine.wiring import streams_of
 from rigd.model.errors import Blocked, RecordingError
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity
-from rigd.procedure.profiles import Constant
+from rigd.procedure.profiles import ConstantProfile
 from rigd.procedure.program import CycleProgram, Recorded, Segment, TrialLimit
 
 pytestmark = pytest.mark.usefixtures("own_state")
@@ -53,13 +54,15 @@ def host_of(
 
 
 def move(speed: float, duration_s: float = 0.1) -> CycleProgram:
-    return CycleProgram((Segment("go", {"axis.speed": Constant(speed)}, duration_s=duration_s),))
+    return CycleProgram(
+        (Segment("go", {"axis.speed": ConstantProfile(speed)}, duration_s=duration_s),)
+    )
 
 
 def ready(host: ProcessHost) -> None:
     assert host.open() == ()
     assert host.settle(20) is None
-    assert host.unfit() == ()
+    assert host.arming_blockers() == ()
     assert host.arm() is None
 
 
@@ -88,7 +91,7 @@ def test_a_program_is_played_and_every_cycle_recorded(tmp_path: Path) -> None:
         ready(host)
         assert host.play(move(0.5)).severity is Severity.DONE
         assert host.play(move(-0.5)).severity is Severity.DONE
-        assert host.ends_everything() == ""
+        assert host.lockout_reason() == ""
         assert host.make_safe() == ()
         assert word(tmp_path / "axis") == "safe"
         rings = folder.row_rings(folder.job)
@@ -113,7 +116,7 @@ def test_setpoints_are_held_between_two_programs(tmp_path: Path) -> None:
         assert (speeds[moving[0] + 3 : moving[-1]] == 0.5).all()
 
 
-def test_what_follows_begins_in_the_next_cycle_whatever_the_daemon_does(tmp_path: Path) -> None:
+def test_next_program_begins_in_next_cycle_without_daemon(tmp_path: Path) -> None:
     """Braking must not wait for a daemon that the machine starves."""
     with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, _):
         ready(host)
@@ -129,12 +132,18 @@ def test_what_follows_begins_in_the_next_cycle_whatever_the_daemon_does(tmp_path
         host.make_safe()
         rows = folder.row_rings(folder.job)["axis"].peek()
         speeds = rows["speed_setpoint"]
-        # 0.2 s of 2 ms each, less the ramp of 5 cycles: not one cycle longer.
-        assert 80 < (speeds == 1.0).sum() / 2 <= 97
+        # 0.2 s of 2 ms each, less the ramp of 5 cycles: not one cycle longer. By the times of the
+        # rows, as a busy machine misses cycles.
+        at_speed = np.flatnonzero(speeds == 1.0)
+        twice = np.split(at_speed, np.flatnonzero(np.diff(at_speed) > 1) + 1)
+        assert len(twice) == 2
+        for stretch in twice:
+            assert 20 < len(stretch) <= 97
+            assert rows["t_ns"][stretch[-1]] - rows["t_ns"][stretch[0]] <= 96 * 2_000_000
         assert {-0.5, -1.0} <= set(speeds)
 
 
-def test_what_would_follow_is_left_out_where_the_program_ends_early(tmp_path: Path) -> None:
+def test_next_program_is_skipped_after_early_end(tmp_path: Path) -> None:
     with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, _):
         ready(host)
         limit = TrialLimit("axis.position", -1.0, 0.05)
@@ -163,10 +172,10 @@ def pass_on(host: ProcessHost, folder: RunFolder) -> None:
     board = folder.board()
     enough, deadline = board[Word.CYCLES] + 10, time.monotonic() + 20
     while board[Word.CYCLES] < enough and time.monotonic() < deadline:
-        host.unfit()
+        host.arming_blockers()
 
 
-def test_a_stop_that_comes_after_a_rest_keeps_the_next_program_from_playing(
+def test_stop_after_a_rest_prevents_the_next_program(
     tmp_path: Path,
 ) -> None:
     with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, control):
@@ -181,7 +190,7 @@ def test_a_stop_that_comes_after_a_rest_keeps_the_next_program_from_playing(
         assert (speeds != 0).sum() < 120  # of one program: 50 cycles, and the hold after it
 
 
-def test_a_stop_is_not_forgotten_for_a_trip_that_follows(tmp_path: Path) -> None:
+def test_stop_is_not_forgotten_for_trip_that_follows(tmp_path: Path) -> None:
     path = tmp_path / "axis"
     low = Interlock("low", "axis.position", low=-0.01, action=Severity.END_TRIAL, message="low")
     rig = file_axis.rig(path, interlocks=(low,), drops_after_s=2.0)
@@ -190,9 +199,9 @@ def test_a_stop_is_not_forgotten_for_a_trip_that_follows(tmp_path: Path) -> None
         assert host.play(move(0.5)).severity is Severity.DONE
         control.request(Severity.STOP, "enough")
         deadline = time.monotonic() + 20
-        while not host.ends_everything() and time.monotonic() < deadline:
+        while not host.lockout_reason() and time.monotonic() < deadline:
             pass
-        assert "low" in host.ends_everything()
+        assert "low" in host.lockout_reason()
         assert host.play(move(0.5)).severity is Severity.STOP
 
 
@@ -228,7 +237,7 @@ def test_a_request_is_heeded_while_devices_are_opened(tmp_path: Path) -> None:
             (reason,) = host.open()
             assert time.monotonic() - began < 20 + lost_s()
         stopping.join()
-        assert reason.startswith("stopped by SIGINT, while devices were being opened")
+        assert reason.startswith("stopped by SIGINT, while devices were opened")
         assert word(path) == "rescued"
 
 
@@ -238,7 +247,7 @@ def test_what_was_never_ours_is_not_made_safe(tmp_path: Path) -> None:
     with host_of(file_axis.rig(path, link_held=True)) as (host, _, control):
         threading.Timer(1.5, control.request, (Severity.STOP, "stopped by SIGINT")).start()
         (reason,) = host.open()
-        assert reason == "stopped by SIGINT, while devices were being opened"
+        assert reason == "stopped by SIGINT, while devices were opened"
     assert not path.exists()
 
 
@@ -251,10 +260,10 @@ def test_a_trip_reaches_the_run_with_its_reason(tmp_path: Path) -> None:
         assert "above its limit" in outcome.reason
         assert [trip.interlock.name for trip in host.trips] == ["far"]
         # What stands tripped is not played over.
-        assert "far" in host.ends_everything()
+        assert "far" in host.lockout_reason()
 
 
-def test_what_was_acknowledged_trips_again_where_its_cause_still_stands(tmp_path: Path) -> None:
+def test_acknowledged_interlock_trips_again_while_cause_remains(tmp_path: Path) -> None:
     far = Interlock("far", "axis.position", high=0.01, action=Severity.WARN, latch=True)
     with host_of(file_axis.rig(tmp_path / "axis", interlocks=(far,))) as (host, _, control):
         ready(host)
@@ -266,9 +275,7 @@ def test_what_was_acknowledged_trips_again_where_its_cause_still_stands(tmp_path
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
-def test_a_cycle_that_is_gone_or_hangs_is_ended_and_the_rig_rescued(
-    tmp_path: Path, number: signal.Signals
-) -> None:
+def test_lost_or_hanging_cycle_leads_to_rescue(tmp_path: Path, number: signal.Signals) -> None:
     path = tmp_path / "axis"
     with host_of(file_axis.rig(path)) as (host, folder, _):
         ready(host)
@@ -298,16 +305,16 @@ def test_cycle_lost_in_preflight_blocks_by_its_reason(tmp_path: Path) -> None:
     with host_of(file_axis.rig(tmp_path / "axis")) as (host, folder, _):
         assert host.open() == ()
         assert set(host.identities()) == {"axis"}
-        assert (host.standing(), host.loads(), host.ends_everything()) == ((), {}, "")
+        assert (host.active_interlocks(), host.loads(), host.lockout_reason()) == ((), {}, "")
         os.kill(folder.board()[Word.PID_CYCLE], signal.SIGKILL)
         assert host.identities() == {}  # what nobody says is not made up
-        assert (host.standing(), host.loads()) == ((), {})
-        (unfit,) = host.unfit()
-        assert "the cycle process ended by itself (signal SIGKILL)" in unfit
-        assert host.ends_everything() == unfit
+        assert (host.active_interlocks(), host.loads()) == ((), {})
+        (arming_blockers,) = host.arming_blockers()
+        assert "the cycle process ended by itself (signal SIGKILL)" in arming_blockers
+        assert host.lockout_reason() == arming_blockers
 
 
-def test_a_cycle_that_takes_its_time_to_make_safe_is_not_killed_for_it(tmp_path: Path) -> None:
+def test_cycle_slow_at_make_safe_is_not_killed(tmp_path: Path) -> None:
     path = tmp_path / "axis"
     slow = file_axis.rig(path, fails_after_s=1.0, safe_takes_s=0.6)
     assert slow.supervision.cycle_silence_s < 0.6
@@ -318,7 +325,7 @@ def test_a_cycle_that_takes_its_time_to_make_safe_is_not_killed_for_it(tmp_path:
         assert word(path) == "safe"
 
 
-def test_devices_that_are_never_safe_are_made_safe_over_a_second_link(tmp_path: Path) -> None:
+def test_unsafe_devices_are_made_safe_over_second_link(tmp_path: Path) -> None:
     path = tmp_path / "axis"
     with host_of(file_axis.rig(path, fails_after_s=1.0, safe_takes_s=60.0)) as (host, _, _):
         ready(host)
@@ -328,7 +335,7 @@ def test_devices_that_are_never_safe_are_made_safe_over_a_second_link(tmp_path: 
         assert word(path) == "rescued"
 
 
-def test_a_cycle_that_answers_nothing_is_lost_not_a_bug(
+def test_cycle_that_answers_nothing_is_lost_not_bug(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "axis"
@@ -370,11 +377,11 @@ def test_a_silent_daemon_is_a_dead_one(tmp_path: Path) -> None:
         assert word(path) in ("safe", "rescued")
         assert outcome.severity is Severity.FAULT
         reasons = [str(event.data) for event in folder.event_ring("cycle").peek()]
-        assert any("the daemon said nothing for 0.4 s" in reason for reason in reasons)
-        assert "the daemon said nothing for 0.4 s" in outcome.reason
+        assert any("the daemon was silent for 0.4 s" in reason for reason in reasons)
+        assert "the daemon was silent for 0.4 s" in outcome.reason
 
 
-def test_without_a_watchdog_nothing_is_armed_but_by_a_waiver(tmp_path: Path) -> None:
+def test_without_watchdog_nothing_is_armed_but_by_waiver(tmp_path: Path) -> None:
     with host_of(file_axis.rig(tmp_path / "axis", watchdog=False)) as (host, _, _):
         (reason,) = host.open()
         assert "no watchdog" in reason
@@ -393,7 +400,7 @@ def test_without_a_watchdog_nothing_is_armed_but_by_a_waiver(tmp_path: Path) -> 
         }
 
 
-def test_a_watchdog_that_does_not_act_keeps_the_rig_from_being_armed(tmp_path: Path) -> None:
+def test_watchdog_that_does_not_act_prevents_arming(tmp_path: Path) -> None:
     with host_of(file_axis.rig(tmp_path / "axis", proven=False)) as (host, _, _):
         (reason,) = host.open()
         assert reason.startswith("axis: its watchdog is not proven: it went on for 1 s")
@@ -417,7 +424,7 @@ def test_a_ring_that_nobody_drains_ends_the_run(tmp_path: Path) -> None:
     path = tmp_path / "axis"
     with host_of(file_axis.rig(path), capacity=200) as (host, _, _):
         ready(host)
-        with pytest.raises(RecordingError, match="does not keep up"):
+        with pytest.raises(RecordingError, match="is too slow"):
             host.play(move(0.5, 20.0))
         host.make_safe()
         assert word(path) == "safe"

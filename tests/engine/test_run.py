@@ -39,7 +39,7 @@ def assert_safe(bench: Bench) -> None:
     assert bench.sink.closed
 
 
-def test_a_whole_run_plays_every_block_and_ends_safe() -> None:
+def test_whole_run_plays_every_block_and_ends_safe() -> None:
     bench = Bench()
     result = bench.run(
         procedure([move("one", 0.5)], [move("two", 0.5)], prepare=[move("prep", 0.1)])
@@ -54,7 +54,7 @@ def test_a_whole_run_plays_every_block_and_ends_safe() -> None:
     assert_safe(bench)
 
 
-def test_an_error_in_prepare_plays_no_trial_but_finishes() -> None:
+def test_error_in_prepare_plays_no_trial_but_finishes() -> None:
     bench = Bench()
     result = bench.run(procedure([move("one", 0.5)], prepare=[never(OnTimeout.FAIL)])).execute()
     assert bench.sink.steps() == ["wait", "home"]
@@ -132,7 +132,7 @@ def test_an_interlock_ends_the_run(
     assert_safe(bench)
 
 
-def test_an_interlock_that_ends_trials_lets_the_sweep_go_on() -> None:
+def test_interlock_that_ends_trials_lets_sweep_go_on() -> None:
     far = Interlock("far", "axis.position", high=0.2, action=Severity.END_TRIAL)
     bench = Bench(interlocks=(far,))
     result = bench.run(
@@ -145,7 +145,7 @@ def test_an_interlock_that_ends_trials_lets_the_sweep_go_on() -> None:
 
 
 @pytest.mark.parametrize("early", ["timeout", "limit"])
-def test_a_trial_that_ends_early_is_marked_and_the_rig_comes_back(early: str) -> None:
+def test_trial_ended_early_is_marked_and_rig_returns(early: str) -> None:
     bench = Bench()
     step = (
         never(OnTimeout.END_TRIAL)
@@ -198,7 +198,7 @@ class BrokenAxis(Axis):
         raise ZeroDivisionError("a bug in a driver")
 
 
-def test_even_a_bug_in_a_driver_leaves_a_safe_rig() -> None:
+def test_even_bug_in_driver_leaves_safe_rig() -> None:
     bench = Bench(axis=BrokenAxis())
     with pytest.raises(ZeroDivisionError):
         bench.run(procedure([move("one", 0.5)])).execute()
@@ -219,7 +219,7 @@ def test_a_sink_that_fails_ends_the_run_safe() -> None:
     assert bench.axis.speed == 0.0
 
 
-def test_preflight_names_everything_that_is_missing_and_nothing_moves() -> None:
+def test_preflight_names_all_missing_and_nothing_moves() -> None:
     standing = Interlock("door", "axis.load", low=5.0, action=Severity.STOP)
     bench = Bench(interlocks=(standing,))
     question = Prompt("weight", "How heavy?", AnswerKind.NUMBER, "kg")
@@ -268,82 +268,11 @@ def test_trials_done_before_are_left_out() -> None:
     assert result.trials_done == 3
 
 
-def test_trials_done_before_count_also_where_the_run_ends_before_the_next_one() -> None:
+def test_trials_done_before_count_despite_early_end() -> None:
     bench = Bench()
     run = bench.run(procedure([move("one", 0.5)], [move("two", 0.5)]), done=frozenset({1}))
     bench.control.request(Severity.STOP, "button")
     assert run.execute().trials_done == 1
-
-
-def test_a_pause_waits_for_the_end_of_the_trial_and_keeps_the_rig_at_rest() -> None:
-    bench = Bench()
-    run = bench.run(procedure([move("one", 0.5, 2.0)], [move("two", 0.5)]))
-    states: list[RunState] = []
-    speeds_while_paused: list[float] = []
-
-    def operator(progress: Progress) -> None:
-        states.append(progress.state)
-        if progress.run_s > 0.9 and RunState.PAUSING not in states:
-            bench.control.pause_wanted = True
-        if progress.state is RunState.PAUSED:
-            run.host.settle(10)
-            speeds_while_paused.append(bench.axis.speed)
-            bench.control.pause_wanted = False
-
-    run.watch = operator
-    run.execute()
-    assert bench.sink.steps() == ["one", "two", "home"]
-    order = [s for s in states if s in (RunState.PAUSING, RunState.PAUSED)]
-    assert order[0] is RunState.PAUSING
-    assert order[-1] is RunState.PAUSED
-    assert speeds_while_paused == [0.0]
-
-
-def test_a_run_may_be_asked_to_end_after_the_trial_under_way() -> None:
-    bench = Bench()
-    run = bench.run(procedure([move("one", 0.5, 1.0)], [move("two", 0.5)], after=[move("b", -0.5)]))
-
-    def vanish(progress: Progress) -> None:
-        if progress.trial is not None:
-            bench.control.end_after_trial("nobody is there")
-
-    run.watch = vanish
-    result = run.execute()
-    assert bench.sink.steps() == ["one", "b", "home"]
-    assert (result.ending, result.reason, result.trials_done) == ("stopped", "nobody is there", 1)
-
-
-def test_a_paused_run_that_is_to_end_after_its_trial_ends() -> None:
-    bench = Bench()
-    run = bench.run(procedure([move("one", 0.5, 1.0)], [move("two", 0.5)]))
-
-    def vanish(progress: Progress) -> None:
-        if progress.trial is not None:
-            bench.control.pause_wanted = True
-        if progress.state is RunState.PAUSED:
-            bench.control.end_after_trial("nobody is there")
-
-    run.watch = vanish
-    result = run.execute()
-    assert bench.sink.steps() == ["one", "home"]
-    assert result.ending == "stopped"
-
-
-def test_a_wish_to_end_after_the_trial_can_be_taken_back() -> None:
-    bench = Bench()
-    run = bench.run(procedure([move("one", 0.5, 1.0)], [move("two", 0.5)]))
-
-    def change_of_mind(progress: Progress) -> None:
-        if progress.trial is None or progress.trials_done:
-            return
-        if progress.run_s < 0.5:
-            bench.control.end_after_trial("nobody is there")
-        else:
-            bench.control.resume()
-
-    run.watch = change_of_mind
-    assert run.execute().ending != "stopped"
-    assert bench.sink.steps() == ["one", "two", "home"]
 
 
 def spike(bench: Bench, from_s: float, to_s: float) -> None:
@@ -357,7 +286,7 @@ def spike(bench: Bench, from_s: float, to_s: float) -> None:
     bench.axis.answer = answer
 
 
-def test_after_a_stop_whose_cause_has_gone_finish_brings_the_rig_home() -> None:
+def test_finish_plays_after_stop_whose_cause_has_gone() -> None:
     bench = Bench(interlocks=(Interlock("load", "axis.load", high=5.0, action=Severity.STOP),))
     spike(bench, 0.2, 0.205)
     result = bench.run(procedure([move("one", 0.5, 5.0)])).execute()
@@ -366,7 +295,7 @@ def test_after_a_stop_whose_cause_has_gone_finish_brings_the_rig_home() -> None:
 
 
 @pytest.mark.parametrize("offset_ms", range(0, 12))
-def test_a_trip_while_going_to_rest_before_a_prompt_is_never_lost(offset_ms: int) -> None:
+def test_trip_while_resting_before_prompt_is_never_lost(offset_ms: int) -> None:
     latched = Interlock("load", "axis.load", high=5.0, action=Severity.ABORT, latch=True)
     bench = Bench(interlocks=(latched,), limit=SetpointLimit(-1.5, 1.5, 50.0))
     # The first step ends 20 ms of preflight and 100 ms after the start; the ramp takes 10 ms.
@@ -378,7 +307,7 @@ def test_a_trip_while_going_to_rest_before_a_prompt_is_never_lost(offset_ms: int
     assert "home" not in bench.sink.steps()
 
 
-def test_a_latched_trip_while_stopping_keeps_finish_from_playing() -> None:
+def test_latched_trip_while_stopping_keeps_finish_from_playing() -> None:
     latched = Interlock("load", "axis.load", high=5.0, action=Severity.STOP, latch=True)
     bench = Bench(interlocks=(latched,), limit=SetpointLimit(-1.5, 1.5, 5.0))
     run = bench.run(procedure([move("one", 0.5, 5.0)]))
@@ -395,7 +324,7 @@ def test_a_latched_trip_while_stopping_keeps_finish_from_playing() -> None:
     assert "latched" in result.reason
 
 
-def test_no_further_trial_while_an_interlock_still_stands_tripped() -> None:
+def test_no_further_trial_while_interlock_still_stands_tripped() -> None:
     far = Interlock("far", "axis.position", high=0.2, action=Severity.END_TRIAL)
     bench = Bench(interlocks=(far,))
     result = bench.run(procedure([move("one", 0.5, 5.0)], [move("two", 0.5, 5.0)])).execute()
@@ -409,7 +338,7 @@ class LostAxis(Axis):
 
     def make_safe(self) -> None:
         super().make_safe()
-        self.heard.append("safe")
+        self.log.append("safe")
 
     def read(self, t_ns: int) -> Sequence[float] | None:
         if self.position > 0.1:
@@ -421,11 +350,11 @@ class LostAxis(Axis):
         raise RuntimeError("port gone")
 
 
-def test_a_lost_link_is_a_fault_made_safe_before_anything_is_told() -> None:
+def test_lost_link_is_made_safe_before_reporting() -> None:
     bench = Bench(axis=LostAxis())
     order: list[str] = []
-    bench.axis.heard = order
-    bench.sink.heard = order
+    bench.axis.log = order
+    bench.sink.log = order
     result = bench.run(procedure([move("one", 0.5, 5.0)])).execute()
     assert result.state is RunState.FAULTED
     assert order.index("safe") < order.index("fault")
@@ -456,7 +385,7 @@ class Hesitant(Axis):
         (Severity.ESTOP, "estopped", RunState.ESTOPPED),
     ],
 )
-def test_what_a_person_asks_for_before_anything_moves_is_what_the_run_says(
+def test_request_before_motion_becomes_result_of_run(
     during: str, verb: Severity, ending: str, state: RunState
 ) -> None:
     control = Control()
@@ -483,17 +412,17 @@ def test_what_a_person_asks_for_before_anything_moves_is_what_the_run_says(
     assert_safe(bench)
 
 
-def test_preflight_blocks_on_a_device_that_is_mute_and_on_a_violation_still_delayed() -> None:
+def test_preflight_blocks_on_mute_device_and_delayed_violation() -> None:
     mute = Bench()
     mute.axis.answer = lambda t_ns: None
     with pytest.raises(Blocked, match="axis gave no row"):
         mute.run(procedure([move("one", 0.5)])).execute()
     slow = Interlock("load", "axis.load", high=0.5, delay_s=1.0, action=Severity.STOP)
-    with pytest.raises(Blocked, match="load stands violated"):
+    with pytest.raises(Blocked, match="load is violated"):
         Bench(interlocks=(slow,)).run(procedure([move("one", 0.5)])).execute()
 
 
-def test_a_stop_during_preflight_is_a_stop_and_not_a_block() -> None:
+def test_stop_during_preflight_is_stop_and_not_block() -> None:
     bench = Bench()
     bench.control.request(Severity.STOP, "button")
     result = bench.run(procedure([move("one", 0.5)])).execute()

@@ -46,9 +46,7 @@ def host_of(
 
 
 @pytest.mark.parametrize("driver", [Grid, PlantGrid])
-def test_each_row_of_the_windows_is_recorded_and_no_other(
-    tmp_path: Path, driver: type[Grid]
-) -> None:
+def test_exactly_the_rows_of_the_windows_are_recorded(tmp_path: Path, driver: type[Grid]) -> None:
     """The device is 8 ms behind, and between two windows there is less than that."""
     program = CycleProgram(
         (

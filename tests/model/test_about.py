@@ -44,5 +44,5 @@ def test_what_is_too_long_is_refused() -> None:
 
 @pytest.mark.parametrize("name", ["", "1st", "a b", "a=b", "x" * 41, "é"])
 def test_names_of_values_are_words(name: str) -> None:
-    with pytest.raises(ValueError, match="is no name"):
+    with pytest.raises(ValueError, match="is not a name"):
         About(meta={name: "v"})

@@ -18,7 +18,7 @@ MOVING = [
 
 
 @pytest.mark.parametrize("state", MOVING)
-def test_abort_estop_and_fault_are_possible_wherever_something_may_move(state: RunState) -> None:
+def test_abort_estop_and_fault_are_possible_while_moving(state: RunState) -> None:
     for event in (RunEvent.ABORT, RunEvent.ESTOP, RunEvent.FAULT):
         assert next_state(state, event) is not None
 
@@ -28,12 +28,12 @@ def test_nothing_leads_on_from_an_end(state: RunState) -> None:
     assert not [event for event in RunEvent if next_state(state, event)]
 
 
-def test_finishing_is_reached_only_where_nothing_went_wrong_with_the_rig() -> None:
+def test_finishing_is_reached_only_without_a_fault() -> None:
     sources = {state for (state, _), to in TRANSITIONS.items() if to is RunState.FINISHING}
     assert sources == {RunState.RUNNING, RunState.PAUSING, RunState.STOPPING}
 
 
-def test_every_state_is_reachable_and_has_a_way_to_an_end() -> None:
+def test_every_state_is_reachable_and_can_end() -> None:
     reachable = {RunState.IDLE}
     while True:
         more = {to for (state, _), to in TRANSITIONS.items() if state in reachable} - reachable

@@ -68,6 +68,6 @@ def test_kinds(first: str, second: str, same: bool) -> None:
     st.floats(-1e6, 1e6).filter(lambda x: x == 0 or abs(x) > 1e-6),
     st.sampled_from(["A", "mm", "deg", "N m", "1/m", "kHz", "s/m"]),
 )
-def test_what_is_printed_reads_back_as_the_same_quantity(value: float, unit: str) -> None:
+def test_printed_quantity_reads_back_unchanged(value: float, unit: str) -> None:
     shown = format_quantity(value, unit)
     assert parse_quantity(shown).value == pytest.approx(value, rel=1e-5)

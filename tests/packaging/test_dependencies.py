@@ -14,6 +14,8 @@ from typing import Final
 import pytest
 from packaging.requirements import Requirement
 
+from rigd.model.extras import MODULES
+
 ROOT = Path(__file__).parents[2]
 PRODUCT = [
     ROOT / part
@@ -24,7 +26,6 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 #: What another library loads by its name, with the words of our code that make it do so.
 LOADED: Final = {
     "websockets": ("rigd/panel/server.py", 'ws="websockets-sansio"'),  # by uvicorn
-    "ruamel-yaml-clib": ("rigd/config/document.py", 'YAML(typ="safe", plug_ins=[])'),  # by its twin
 }
 
 
@@ -53,6 +54,9 @@ def brought(requirements: list[str]) -> set[str]:
 
 EXTRAS: Final[dict[str, list[str]]] = PROJECT["optional-dependencies"]
 NEEDED = named(PROJECT["dependencies"])
+#: The extras of the product, ``all`` and ``dev`` aside: what each brings.
+BROUGHT: Final = {extra: named(EXTRAS[extra]) for extra in MODULES}
+DECLARED: Final = NEEDED.union(*BROUGHT.values())
 
 
 class Imports(ast.NodeVisitor):
@@ -102,6 +106,7 @@ def imports(folders: tuple[Path, ...]) -> tuple[dict[str, str], frozenset[str]]:
         visitor.visit(ast.parse(path.read_text("utf-8")))
         for module in visitor.found - OURS - set(sys.stdlib_module_names):
             names = {spelt(name) for name in known.get(module, [module])}
+            names = names & DECLARED or names  # others may share a namespace, such as ruamel
             found |= {name: str(path.relative_to(ROOT)) for name in names}
             if module in visitor.optional:
                 optional |= names
@@ -119,18 +124,18 @@ def undeclared(folders: list[Path], extras: tuple[str, ...]) -> list[str]:
 
 
 def test_the_product_imports_what_is_declared() -> None:
-    assert undeclared(PRODUCT, ("ni", "foxglove")) == []
+    assert undeclared(PRODUCT, tuple(MODULES)) == []
 
 
 def test_tests_and_benches_import_what_is_declared() -> None:
     folders = [ROOT / "tests", ROOT / "benchmarks"]
     peers = {"deimos"}  # compared with, in an environment of its own
     local = {spelt(path.stem) for path in (ROOT / "benchmarks").glob("*.py")}
-    told = undeclared(folders, ("ni", "foxglove", "dev"))
+    told = undeclared(folders, (*MODULES, "dev"))
     assert [each for each in told if each.rpartition(" ")[2] not in local | peers] == []
 
 
-@pytest.mark.parametrize("name", sorted(NEEDED | named(EXTRAS["ni"] + EXTRAS["foxglove"])))
+@pytest.mark.parametrize("name", sorted(DECLARED))
 def test_what_is_declared_is_imported(name: str) -> None:
     found, _ = imports(tuple(PRODUCT))
     if name in LOADED:
@@ -138,3 +143,17 @@ def test_what_is_declared_is_imported(name: str) -> None:
         assert words in (ROOT / path).read_text("utf-8")
     else:
         assert name in found, "no code imports it: it is no dependency"
+
+
+@pytest.mark.parametrize("extra", sorted(BROUGHT))
+def test_extra_brings_the_modules_that_commands_name(extra: str) -> None:
+    known = packages_distributions()
+    listed = {spelt(name) for module in MODULES[extra] for name in known[module]}
+    assert listed == BROUGHT[extra] | brought(EXTRAS[extra]) & listed
+    assert not listed & NEEDED, "what everybody has is no extra"
+
+
+def test_extras_of_the_project_are_known() -> None:
+    assert {*EXTRAS} == {*MODULES, "all", "dev"}
+    assert Requirement(*EXTRAS["all"]).extras == {*MODULES}
+    assert "rigd[all]" in EXTRAS["dev"]

@@ -1,4 +1,4 @@
-"""A public class name of ``rigd`` stands for one thing."""
+"""Names: a public class of ``rigd`` stands for one thing, a test says what it shows briefly."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from collections import defaultdict
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+#: Of the name of a test, after `test_`.
+MOST_WORDS = 8
 
 
 def test_no_public_class_name_stands_twice() -> None:
@@ -28,3 +30,17 @@ def test_no_variable_has_the_name_one() -> None:
                 if name == "one":
                     places.append(f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}")
     assert places == []
+
+
+def test_test_names_have_at_most_eight_words() -> None:
+    found: list[str] = []
+    long: list[str] = []
+    for path in sorted((ROOT / "tests").rglob("test_*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+                _, *words = node.name.split("_")
+                if node.name.startswith("test_"):
+                    found.append(node.name)
+                    long += [f"{path.relative_to(ROOT)}: {node.name}"] * (len(words) > MOST_WORDS)
+    assert len(found) > 2000
+    assert long == []

@@ -26,7 +26,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_the_wheel_holds_what_is_needed_and_no_more(wheel: Path) -> None:
+def test_wheel_holds_what_is_needed_and_no_more(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     assert {
         "rigd/cli/main.py",
@@ -65,6 +65,6 @@ def test_the_installed_wheel_runs_from_any_folder(wheel: Path, tmp_path: Path) -
     assert (tmp_path / "q.mcap").stat().st_size > 100_000
 
 
-def test_no_package_file_makes_the_folders_importable_as_packages() -> None:
+def test_no_package_file_makes_folders_importable_as_packages() -> None:
     for folder in ("analyses", "drivers", "sim_backend", "tests", "procedures", "configs"):
         assert not (ROOT / folder / "__init__.py").exists(), folder

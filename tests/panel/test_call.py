@@ -42,7 +42,7 @@ def ask(page: Page) -> None:
     state(page, "Waiting for you")
 
 
-def test_a_question_that_waits_is_heard_and_seen_in_the_title(heard: Page) -> None:
+def test_waiting_question_is_audible_and_in_the_title(heard: Page) -> None:
     expect(heard.get_by_role("button", name="Sound on")).to_be_visible()
     assert tones(heard) == 0
     ask(heard)
@@ -69,7 +69,7 @@ def test_the_sound_can_be_switched_off_for_good(heard: Page) -> None:
     expect(heard.get_by_role("button", name="Sound off")).to_be_visible()
 
 
-def test_a_page_that_may_not_play_yet_says_so(heard: Page, watched: Watched) -> None:
+def test_page_not_yet_allowed_to_play_reports_it(heard: Page, watched: Watched) -> None:
     heard.reload()
     silent = heard.get_by_role("button", name="Sound after a press")
     on = heard.get_by_role("button", name="Sound on")
@@ -80,5 +80,5 @@ def test_a_page_that_may_not_play_yet_says_so(heard: Page, watched: Watched) -> 
 
 
 def test_a_trip_is_heard(panel: ServedPanel, heard: Page) -> None:
-    panel.do(panel.rig.trip)
+    panel.rig.trip()
     wait_until(lambda: tones(heard) == 4)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rigd.panel.frames import merge
-from rigd.panel.outbox import MOST_EVENTS, MOST_POINTS, MOST_UNDER_WAY, Outbox
-from rigd.remote.protocol.frame import Frame, decode_frame
+from rigd.panel.messages import LiveLink, PageEvent, RigLink
+from rigd.panel.outbox import MOST_EVENTS, MOST_POINTS, MOST_UNDER_WAY, Outbox, merge
+from rigd.remote.protocol import VERSION, Frame, decode_frame
 
 
 def a_frame(points: int, t0_ns: int = 0, channels: int = 2, seed: int = 0) -> Frame:
@@ -41,7 +43,7 @@ def test_times_are_those_of_the_first_frame() -> None:
     np.testing.assert_allclose(merged.time_s, [0, 1e-3, 1.0, 1.001])
 
 
-def test_a_clock_that_was_set_back_breaks_no_bound() -> None:
+def test_clock_that_was_set_back_breaks_no_bound() -> None:
     assert merge(a_frame(9, 10**12), a_frame(9, 0), 8).time_s.size <= 8
 
 
@@ -52,7 +54,7 @@ def test_nothing_measured_hides_nothing() -> None:
     assert merged.low[0, 0] == second.low[0, 0]
 
 
-def test_frames_of_another_run_take_the_place_of_the_old() -> None:
+def test_frames_of_another_run_take_place_of_old() -> None:
     second = a_frame(4, channels=3)
     assert merge(a_frame(4, channels=2), second, 10) is second
 
@@ -67,14 +69,18 @@ def run_take(outbox: Outbox) -> list[str | bytes]:
     return asyncio.run(next_of(outbox))
 
 
-def test_a_browser_that_draws_nothing_gets_two_batches_and_later_one_with_all() -> None:
+def link(silent_s: float = 0.0) -> LiveLink:
+    return LiveLink(panel=RigLink(alive=True, silent_s=silent_s))
+
+
+def test_idle_browser_gets_two_batches_then_one_complete() -> None:
     outbox = Outbox()
     for n in range(MOST_UNDER_WAY):
         outbox.frame(a_frame(33, n * 33_000_000, seed=n))
         assert len(run_take(outbox)) == 1
     for n in range(100):
         outbox.frame(a_frame(33, (2 + n) * 33_000_000, seed=n))
-    outbox.tell("panel", {"alive": True})
+    outbox.put(link())
     assert [type(item) for item in run_take(outbox)] == [str], "no frame while two are under way"
 
     outbox.drawn()
@@ -86,18 +92,18 @@ def test_a_browser_that_draws_nothing_gets_two_batches_and_later_one_with_all() 
     assert np.diff(frame.time_s).max() < 0.1, "the oldest are no coarser than the bound asks for"
 
 
-def test_only_the_newest_status_waits() -> None:
+def test_only_the_newest_of_a_kind_waits() -> None:
     outbox = Outbox()
     for n in range(1000):
-        outbox.tell("status", {"seq": n})
-    assert run_take(outbox) == ['{"kind": "status", "status": {"seq": 999}}']
+        outbox.put(link(float(n)))
+    assert run_take(outbox) == ['{"kind":"panel","panel":{"alive":true,"silent_s":999.0}}']
 
 
-def test_events_wait_up_to_a_bound_and_what_is_left_out_is_counted() -> None:
+def test_events_wait_within_bound_and_omissions_are_counted() -> None:
     outbox = Outbox()
     for n in range(MOST_EVENTS + 7):
-        outbox.event({"seq": n})
+        outbox.event(PageEvent(v=VERSION, seq=n, t_ns=1, kind="limit"))
     ready = run_take(outbox)
-    assert ready[0] == '{"kind": "skipped", "skipped": 7}'
+    assert ready[0] == '{"kind":"skipped","skipped":7}'
     assert len(ready) == 1 + MOST_EVENTS
-    assert ready[1] == '{"kind": "event", "event": {"seq": 7}}'
+    assert json.loads(ready[1])["event"]["seq"] == 7

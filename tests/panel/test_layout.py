@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from itertools import pairwise
+from itertools import pairwise, product
 
-import pytest
 from playwright.sync_api import Browser, FloatRect, Locator, Page, expect
 from support.browser import Watched
 from support.page import DRAWN, in_control, press, running, state, turn_to
@@ -109,16 +108,13 @@ def test_no_number_in_the_form_is_cut(panel: ServedPanel, watched: Watched) -> N
         assert width >= 1400 or preview["y"] > field["y"] + field["height"], "below the form"
 
 
-@pytest.mark.parametrize("name", ["Live", "Procedures", "Runs", "Events"])
-def test_the_state_is_whole_and_uncovered_everywhere(
-    panel: ServedPanel, watched: Watched, name: str
-) -> None:
+def test_the_state_is_whole_and_uncovered_everywhere(panel: ServedPanel, watched: Watched) -> None:
     page = running(panel, watched)
-    panel.do(panel.rig.trip)
+    panel.rig.trip()
     expect(page.locator(".trip")).to_be_visible()
     state(page, "Tripped")
-    turn_to(page, name)
-    for width, height in NARROW:
+    for name, (width, height) in product(("Live", "Procedures", "Runs", "Events"), NARROW):
+        turn_to(page, name)
         resize(page, width, height)
         page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
         assert page.evaluate(COVERED) == [], f"at {width} x {height}"
@@ -145,7 +141,7 @@ def test_the_head_is_as_high_at_every_step(panel: ServedPanel, browser: Browser)
     heights = []
     for step in ("settle", "drive", "a step with a name that is longer than most of them are"):
         panel.rig.carriage.step = step
-        panel.do(panel.rig.wake)
+        panel.rig.show()
         expect(page.locator(".run .facts")).to_contain_text(step)
         heights.append(box_of(page.locator(".head"))["height"])
         panel.rig.state = "paused"  # the step stays
@@ -153,7 +149,7 @@ def test_the_head_is_as_high_at_every_step(panel: ServedPanel, browser: Browser)
     watched.context.close()
 
 
-def test_a_question_with_a_long_word_is_not_cut(browser: Browser) -> None:
+def test_question_with_long_word_is_not_cut(browser: Browser) -> None:
     text = f"Have you read https://lab.example/{'step-' * 60}?"
     prompt = PromptView(id=1, name="read", kind="confirm", text=text)
     with ServedPanel(PlayedRig(prompts=(prompt,))) as panel:

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import re
+from itertools import product
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 from support.browser import Watched
-from support.page import running, turn_to
+from support.page import DRAWN, running, turn_to
 from support.panel import ServedPanel
 
+#: Width and height in CSS pixels: a screen, a laptop, a tablet.
+SIZES = [(1440, 900), (1024, 768), (768, 1024)]
 
-@pytest.mark.parametrize(("width", "height"), [(1440, 900), (1024, 768), (768, 1024)])
-def test_the_page_fits_and_can_be_touched(
-    panel: ServedPanel, browser: Browser, width: int, height: int
-) -> None:
-    watched = Watched(browser, width, height)
+
+def test_the_page_fits_and_can_be_touched(panel: ServedPanel, watched: Watched) -> None:
     page = running(panel, watched)
-    panel.do(panel.rig.trip)
+    panel.rig.trip()
     expect(page.locator(".trip")).to_be_visible()
-    for name in ("Live", "Procedures", "Runs", "Events"):
+    for name, (width, height) in product(("Procedures", "Runs", "Events", "Live"), SIZES):
         turn_to(page, name)
+        page.set_viewport_size({"width": width, "height": height})
+        page.evaluate(DRAWN)
         wide = page.evaluate("document.documentElement.scrollWidth")
         assert wide <= width, f"{name} is {wide} px wide"
         for button in ("Stop", "Abort", "E-stop"):
@@ -28,10 +30,8 @@ def test_the_page_fits_and_can_be_touched(
             assert box is not None
             assert box["height"] >= 44 and box["width"] >= 44
             assert 0 <= box["y"] < 40 and box["x"] + box["width"] <= width
-    turn_to(page, "Live")
-    small = page.evaluate(SMALL, 44 if width < 1000 else 24)
-    assert small == []
-    watched.context.close()
+        if name == "Live":
+            assert page.evaluate(SMALL, 44 if width < 1000 else 24) == []
 
 
 #: Buttons and links lower than so many pixels.
@@ -80,7 +80,7 @@ def test_everything_has_a_name_and_can_be_read(
     watched.page.emulate_media(color_scheme="light" if theme == "light" else "dark")
     page = running(panel, watched)
     assert page.locator("html").get_attribute("data-theme") == theme
-    panel.do(panel.rig.trip)
+    panel.rig.trip()
     expect(page.locator(".trip")).to_be_visible()
     for name in ("Live", "Procedures", "Runs", "Events"):
         turn_to(page, name)

@@ -12,7 +12,7 @@ from support.panel import ServedPanel, Visitor
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection
 
-from rigd.panel.feed import MOST_OF_ONE
+from rigd.panel.feed import MOST_PER_SESSION
 
 LINE = "/api/stop/line"
 
@@ -37,36 +37,35 @@ def test_an_observer_stops_by_the_line(panel: ServedPanel) -> None:
     with panel.visitor("observer", "Olga").page(path=LINE) as line:
         say(line, 7, "stop")
         assert answer(line) == {"number": 7, "answer": {"acted": True}}
-    assert ("stop", {"user": "Olga"}) in panel.rig.given
+    assert panel.rig.users("stop") == ["Olga"]
 
 
 def test_an_estop_waits_for_no_stop(panel: ServedPanel) -> None:
     panel.rig.state = "running"
-    panel.rig.delay_s = 600.0
+    panel.line.held = "stop"
     with panel.visitor().page(path=LINE) as line:
         say(line, 1, "stop")
         say(line, 2, "start")
         assert answer(line)["error"]["code"] == "unknown_verb"
-        panel.rig.delay_s = 0.0
         say(line, 3, "estop")
         assert answer(line) == {"number": 3, "answer": {"acted": True}}
 
 
-def test_nobody_else_has_a_line(panel: ServedPanel) -> None:
+def test_stop_line_needs_a_session(panel: ServedPanel) -> None:
     with pytest.raises(InvalidStatus):
         Visitor(panel).page(path=LINE)
     with pytest.raises(InvalidStatus):
         panel.visitor().page("http://evil.example", LINE)
-    assert "stop" not in [verb for verb, _ in panel.rig.given]
+    assert "stop" not in panel.line.verbs
 
 
-def test_what_is_no_stop_ends_the_line(panel: ServedPanel) -> None:
+def test_message_that_is_no_stop_closes_the_line(panel: ServedPanel) -> None:
     visitor = panel.visitor()
     for text in ("{}", "stop", '{"number": 1}', '{"number": "1", "verb": "stop"}', "9" * 500):
         with visitor.page(path=LINE) as line, pytest.raises(ConnectionClosed):
             line.send(text)
             line.recv(30)
-    assert "stop" not in [verb for verb, _ in panel.rig.given]
+    assert "stop" not in panel.line.verbs
 
 
 def test_a_line_ends_with_its_session(panel: ServedPanel) -> None:
@@ -83,7 +82,7 @@ def test_lines_are_bounded_and_given_back(panel: ServedPanel) -> None:
     visitor = panel.visitor()
     for _ in range(2):
         with ExitStack() as stack:
-            lines = [stack.enter_context(visitor.page(path=LINE)) for _ in range(MOST_OF_ONE)]
+            lines = [stack.enter_context(visitor.page(path=LINE)) for _ in range(MOST_PER_SESSION)]
             with pytest.raises(InvalidStatus):
                 visitor.page(path=LINE)
             say(lines[-1], 1, "stop")

@@ -11,7 +11,7 @@ from rigd.config.rig import RigConfig
 from rigd.model import ConfigError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure, parse_procedure
-from rigd.procedure.profiles import Chirp, Constant, Prbs, Ramp, Sine, Square, TableProfile
+from rigd.procedure.profiles import Chirp, ConstantProfile, Prbs, Ramp, Sine, Square, TableProfile
 from rigd.procedure.program import (
     AnswerKind,
     Comparison,
@@ -50,14 +50,14 @@ def test_small_procedure(compile_text: Compile, small: str) -> None:
     assert program.limits == (TrialLimit("carriage.position", -0.03, 1.5),)
     (drive,) = program.segments
     assert drive.setpoints == {
-        "wheel_servo.current": Constant(1.0),
-        "longitudinal_belt.engaged": Constant(0.0),
+        "wheel_servo.current": ConstantProfile(1.0),
+        "longitudinal_belt.engaged": ConstantProfile(0.0),
     }
     assert drive.until == ((Condition("carriage.position", Comparison.ABOVE, 1.0),),)
     assert (drive.duration_s, drive.timeout_s, drive.on_timeout) == (None, 4.0, OnTimeout.NEXT)
 
     (back,) = only_program(compiled.trials[1].after).segments
-    assert back.setpoints == {"longitudinal_belt.speed": Constant(-0.1)}
+    assert back.setpoints == {"longitudinal_belt.speed": ConstantProfile(-0.1)}
     (row,) = back.until
     assert row == (
         Condition("carriage.position", Comparison.BELOW, 0.002),
@@ -73,7 +73,7 @@ def test_small_procedure(compile_text: Compile, small: str) -> None:
     assert compiled.identify.group_by == ("floor",)
 
 
-def test_a_stream_may_be_recorded_during_some_steps_only(compile_text: Compile, small: str) -> None:
+def test_stream_may_be_recorded_during_some_steps_only(compile_text: Compile, small: str) -> None:
     wanted = "wheel_servo: 1, truth: {every: 4, during: [drive, back]}, carriage: {during: hold}"
     compiled = compile_text(small.replace("wheel_servo: 1, truth: 10", wanted))
     assert compiled.record == {
@@ -85,7 +85,7 @@ def test_a_stream_may_be_recorded_during_some_steps_only(compile_text: Compile, 
 
 
 @pytest.mark.parametrize("choice", list(OnClientLoss))
-def test_what_a_client_that_vanishes_means_is_the_choice_of_the_procedure(
+def test_procedure_decides_what_a_vanished_client_means(
     compile_text: Compile, small: str, choice: OnClientLoss
 ) -> None:
     assert compile_text(small).on_client_loss is OnClientLoss.STOP
@@ -107,9 +107,7 @@ def test_repeats_are_trials_of_their_own(compile_text: Compile, small: str) -> N
     assert shown == [(1, 1, 0.5), (2, 2, 0.5), (3, 1, 1.0), (4, 2, 1.0), (5, 1, 1.5), (6, 2, 1.5)]
 
 
-def test_random_order_is_a_permutation_that_the_seed_repeats(
-    compile_text: Compile, small: str
-) -> None:
+def test_random_order_is_permutation_that_seed_repeats(compile_text: Compile, small: str) -> None:
     def numbers(seed: int) -> list[int]:
         text = small.replace("sweep:", f"repeats: 5\nsweep:\n  order: random\n  seed: {seed}", 1)
         return [trial.number for trial in compile_text(text).trials]

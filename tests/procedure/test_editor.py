@@ -135,7 +135,7 @@ def test_no_quantity_that_check_accepts_is_refused(text: str) -> None:
 
 
 @pytest.mark.parametrize("symbol", SYMBOLS)
-def test_each_unit_is_known_to_the_kinds_that_it_is_of(symbol: str) -> None:
+def test_each_unit_is_known_to_all_its_kinds(symbol: str) -> None:
     text = f"2 {symbol}"
     dimension = parse_quantity(text).unit.dimension
     for unit in KINDS:

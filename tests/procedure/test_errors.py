@@ -31,7 +31,7 @@ END = "until: carriage.position > 1 m"
         ("answer:", "anwser:", "anwser", ["unknown key 'anwser'", "'answer'"]),
         ("on_timeout: next", "on_timeout: nxt", "nxt", ["fail, end_trial, next", "'next'"]),
         ("  - step: hold\n    set", "  - stepp: hold\n    set", "stepp", ["unknown key 'stepp'"]),
-        ("step: drive", "step: back", "back\n      set: {long", ["'back' stands twice; first in"]),
+        ("step: drive", "step: back", "back\n      set: {long", ["'back' is used twice; first in"]),
         # units and expressions
         ("timeout: 4 s", "timeout: 4 m", "4 m\n", ["'4 m' is in m, expected s"]),
         ("timeout: 4 s", "timeout: 4", "4\n      on", ["'4' has no unit, expected s", "'4 s'"]),
@@ -84,7 +84,7 @@ END = "until: carriage.position > 1 m"
          ["2 times for 1 values"]),
         (DRIVE, "wheel_servo.current: {table: {times: [0 s, 0 s], values: [0 A, 1 A]}}",
          "0 s], values", ["does not follow"]),
-        (DRIVE, "wheel_servo.current: {}", "{}", ["expected one profile, found 0"]),
+        (DRIVE, "wheel_servo.current: {}", "{}", ["expected exactly one profile, found 0"]),
         (DRIVE, "wheel_servo.current: {sinus: {}}", "sinus", ["unknown key 'sinus'", "'sine'"]),
         # parameters and sweep
         (RANGE, "{from: 0.5 A, to: 1.6 A, step: 0.5 A}", "1.6 A,",
@@ -109,15 +109,15 @@ END = "until: carriage.position > 1 m"
         (", pvc: 0.022}", "}", "values: {stone", ["'pvc' of floor has no value"]),
         ("pvc: 0.022}", "pvc: 0.022, lino: 1}", "lino", ["'lino' is not a choice of floor"]),
         ("text: Lay ${floor}", "text: Lay ${current}", "${current} and",
-         ["unknown name '${current}'", "the sweep varies current", "inside 'trial' only"]),
+         ["unknown name '${current}'", "the sweep varies current", "only inside 'trial'"]),
         # ends of steps
         ("      timeout: 4 s\n      on_timeout: next\n", "", "carriage.position > 1 m",
          ["the step 'drive' could wait forever", "add 'timeout"]),
-        ("    for: 0.1 s\n", "", "hold\n", ["nothing ends the step 'hold'"]),
+        ("    for: 0.1 s\n", "", "hold\n", ["the step 'hold' has no end"]),
         ("    for: 0.1 s\n", "    for: 1 s\n    timeout: 1 s\n", "timeout: 1 s", ["no effect"]),
-        (END, "until: carriage.position >= 1 m", ">= 1 m", ["has no '>='", "'>' or '<'"]),
+        (END, "until: carriage.position >= 1 m", ">= 1 m", ["cannot contain '>='", "'>' or '<'"]),
         (END, "until: carriage.position > 1 m or carriage.position < 0 m", "or carriage",
-         ["a condition has no 'or'", "give a list"]),
+         ["a condition cannot contain 'or'", "give a list"]),
         (END, "until: carriage.position > 1 m && carriage.position < 2 m", "&&", ["with 'and'"]),
         (END, "until: carriage.position is 1 m", "carriage.position is", ["cannot read the cond"]),
         (END, "until: carriage.position > 1,15 m", ",15 m", ["decimal point", "write 1.15 m"]),
@@ -134,7 +134,7 @@ END = "until: carriage.position > 1 m"
         ("answer: ${floor}", "answer: pvc", "pvc\n    changes", ["'pvc' is not one of"]),
         ("    choices: [\"${floor}\"]\n", "    unit: kg\n    choices: [a]\n",
          "prompt: floor_prompt", ["unit, choices and free_text exclude each other"]),
-        ("    answer: ${floor}\n", "", "changes: floor", ["would not know the answer"]),
+        ("    answer: ${floor}\n", "", "changes: floor", ["would have no answer"]),
         # what the plant has
         ("changes: floor", "changes: flour", "flour",
          ["the plant of lugre-1 has no 'flour' to change", "did you mean 'floor'?"]),
@@ -192,13 +192,11 @@ def test_override_of_a_row_is_refused(compile_text: Compile, small: str) -> None
 
 def test_zip_of_different_lengths(compile_text: Compile, small: str) -> None:
     text = small.replace("  grid:", "  zip:\n    floor: [stone, pvc]")
-    with pytest.raises(ConfigError, match=r"differ in length \(floor: 2, current: 3\)"):
+    with pytest.raises(ConfigError, match=r"length \(floor: 2, current: 3\)"):
         compile_text(text)
 
 
-def test_sweep_beyond_reason_is_refused_before_it_is_made(
-    compile_text: Compile, small: str
-) -> None:
+def test_excessive_sweep_is_refused_before_it_is_made(compile_text: Compile, small: str) -> None:
     text = small.replace(RANGE, "{from: 0 A, to: 1.5 A, step: 0.1 mA}").replace(
         "prepare:", "repeats: 1000\nprepare:", 1
     )
@@ -227,6 +225,6 @@ def test_problems_of_all_blocks_are_reported_together(compile_text: Compile, sma
 
 def test_trial_in_which_no_step_plays(compile_text: Compile, small: str) -> None:
     text = small.replace("    - step: drive\n", "    - step: drive\n      when: {floor: pvc}\n")
-    with pytest.raises(ConfigError, match=r"no step plays in the trial with \{'floor': 'stone'"):
+    with pytest.raises(ConfigError, match=r"no step .*\{'floor': 'stone'"):
         compile_text(text)
     assert compile_text(text, floor="pvc").trials

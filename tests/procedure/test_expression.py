@@ -97,7 +97,7 @@ def test_precedence_is_that_of_python(a: float, b: float, c: float, op1: str, op
 
 @settings(derandomize=True, deadline=None)
 @given(st.text("0123456789.eE+-*/() ${}abmAs^°µ", max_size=40))
-def test_any_text_is_a_value_or_an_expression_error(text: str) -> None:
+def test_any_text_is_value_or_expression_error(text: str) -> None:
     try:
         parse_expression(text).value(SCOPE)
     except ExpressionError as error:

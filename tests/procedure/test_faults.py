@@ -40,14 +40,14 @@ def compiled(text: str, rig: RigConfig) -> tuple[object, ...]:
     return compile_procedure(parse_procedure(text, Path("p.yaml")), rig).trials[0].steps
 
 
-def test_a_fault_stands_between_two_programs(wire: RigConfig) -> None:
+def test_fault_step_separates_two_programs(wire: RigConfig) -> None:
     before, fault, behind = compiled(TEXT, wire)
     assert isinstance(before, CycleProgram)
     assert isinstance(behind, CycleProgram)
     assert fault == Fault("scale", "late", 0.02, 0.5, {"delay_s": 0.1})
 
 
-def test_a_fault_without_times_begins_at_once_and_lasts(wire: RigConfig) -> None:
+def test_fault_without_times_begins_at_once_and_lasts(wire: RigConfig) -> None:
     text = TEXT.replace(STEP, "    - fault: {part: wheel_servo, fault: silent}\n")
     assert compiled(text, wire)[1] == Fault("wheel_servo", "silent", 0.0, None, {})
 
@@ -56,14 +56,14 @@ def test_a_fault_without_times_begins_at_once_and_lasts(wire: RigConfig) -> None
     ("written", "value"),
     [("0x2310", 0x2310), ("7", 7), ("0.5", 0.5), ("true", True), ("high", "high")],
 )
-def test_options_are_what_they_look_like(wire: RigConfig, written: str, value: object) -> None:
+def test_options_are_read_as_yaml_scalars(wire: RigConfig, written: str, value: object) -> None:
     (fault,) = (item for item in compiled(TEXT.replace("delay_s: 0.1", f"one: {written}"), wire)
                 if isinstance(item, Fault))  # fmt: skip
     assert fault.options == {"one": value}
     assert type(fault.options["one"]) is type(value)
 
 
-def test_a_rig_that_is_not_simulated_at_the_wire_shows_no_faults() -> None:
+def test_rig_without_wire_simulation_shows_no_faults() -> None:
     with pytest.raises(ConfigError, match="not simulated at the wire") as error:
         compiled(TEXT, load_rig("lugre-1"))
     assert str(error.value.place) == "p.yaml:9:7"
@@ -78,7 +78,7 @@ def test_a_rig_that_is_not_simulated_at_the_wire_shows_no_faults() -> None:
         ("part: scale", "prat: scale", "p.yaml:9:15: unknown key 'prat'"),
     ],
 )
-def test_a_wrong_fault_is_told_with_its_place(
+def test_wrong_fault_is_reported_with_its_place(
     wire: RigConfig, old: str, new: str, told: str
 ) -> None:
     with pytest.raises(ConfigError) as error:

@@ -7,11 +7,20 @@ from itertools import pairwise
 
 import pytest
 
-from rigd.procedure.profiles import TAPS, Chirp, Constant, Prbs, Ramp, Sine, Square, TableProfile
+from rigd.procedure.profiles import (
+    TAPS,
+    Chirp,
+    ConstantProfile,
+    Prbs,
+    Ramp,
+    Sine,
+    Square,
+    TableProfile,
+)
 
 
 def test_constant_and_ramp() -> None:
-    assert Constant(2.0).at(5.0, 1.0) == 2.0
+    assert ConstantProfile(2.0).at(5.0, 1.0) == 2.0
     ramp = Ramp(None, 3.0, 2.0)
     assert [ramp.at(t, 1.0) for t in (0.0, 1.0, 2.0, 9.0)] == [1.0, 2.0, 3.0, 3.0]
     assert Ramp(-1.0, 1.0, 4.0).at(1.0, 99.0) == pytest.approx(-0.5)
@@ -25,7 +34,7 @@ def test_sine_starts_at_its_phase() -> None:
 
 @pytest.mark.parametrize("logarithmic", [False, True])
 @pytest.mark.parametrize(("start", "end"), [(1.0, 20.0), (20.0, 1.0), (5.0, 5.0)])
-def test_chirp_has_the_frequencies_it_claims_and_no_jump(
+def test_chirp_has_frequencies_it_claims_and_no_jump(
     logarithmic: bool, start: float, end: float
 ) -> None:
     chirp = Chirp(1.0, start, end, 2.0, logarithmic=logarithmic)

@@ -68,7 +68,7 @@ def test_a_share_of_the_answer_that_is_given(rig: RigConfig) -> None:
     assert check == CycleProgram((Segment("put_on", until=(inside,), timeout_s=15.0),))
 
 
-def test_a_share_of_a_negative_answer_is_a_band_too() -> None:
+def test_share_of_negative_answer_is_band_too() -> None:
     agrees = Agreement("belt.speed", 0.05, True, 0.0, None)
     assert band(agrees, -2.0) == pytest.approx((-2.1, -1.9))
 
@@ -79,7 +79,7 @@ def test_a_distance_in_the_unit_of_the_channel(rig: RigConfig) -> None:
     assert band(prompt.agrees, 0.0) == (-0.1, 0.1)
 
 
-def test_a_device_that_says_nothing_of_rest_is_not_asked(rig: RigConfig) -> None:
+def test_device_without_rest_statement_is_not_asked(rig: RigConfig) -> None:
     text = TEXT.replace("kg", "m").replace("scale.mass", "carriage.position").replace("5 m", "1 m")
     prompt = prompt_of(text, rig)
     assert prompt.agrees is not None
@@ -98,7 +98,7 @@ def test_each_row_of_until_holds_with_the_agreement(rig: RigConfig) -> None:
     assert all(row[-1] == STABLE and len(row) == 4 for row in rows)
 
 
-def test_a_step_waits_for_a_word_of_the_status(rig: RigConfig) -> None:
+def test_step_waits_for_word_of_status(rig: RigConfig) -> None:
     steps = compile_procedure(parse_procedure(TEXT, Path("p.yaml")), rig).trials[0].steps
     assert isinstance(steps[1], CycleProgram)
     assert steps[1].segments[0].until == ((StatusCondition("scale", "stable", 1, for_s=0.2),),)
@@ -110,9 +110,9 @@ def test_a_step_waits_for_a_word_of_the_status(rig: RigConfig) -> None:
         ("scale.mass", "scale.mas", "scale.mas,", ["has no channel 'scale.mas'", "'scale.mass'"]),
         ("scale.mass", "carriage.position", "carriage", ["is in m, the answer in kg"]),
         ("5 %", "5 mm", "5 mm", ["'5 mm' is in m, expected kg"]),
-        ("5 %", "0 %", "0 %", ["nothing would ever agree"]),
-        ("5 %", "-0.1 kg", "-0.1 kg", ["nothing would ever agree"]),
-        ("default: 5 kg", "default: 0 kg", "5 %", ["nothing would ever agree", "above 0 kg"]),
+        ("5 %", "0 %", "0 %", ["no answer would ever agree"]),
+        ("5 %", "-0.1 kg", "-0.1 kg", ["no answer would ever agree"]),
+        ("default: 5 kg", "default: 0 kg", "5 %", ["no answer would ever agree", "above 0 kg"]),
         ("for: 1 s", "for: 1 kg", "1 kg}", ["is in kg, expected s"]),
         ("within: 5 %, ", "", "{with", ["key 'within' is missing"]),
         ("      timeout: 15 s\n", "", "agrees", ["could wait forever", "add 'timeout"]),
@@ -120,10 +120,10 @@ def test_a_step_waits_for_a_word_of_the_status(rig: RigConfig) -> None:
         ("unit: kg\n      answer: ${load}", "free_text: true", "agrees",
          ["only a quantity can agree with a channel"]),
         ("scale is stable", "scale is stabel", "stabel",
-         ["does not tell whether it is stabel", "did you mean 'stable'"]),
+         ["does not report whether it is stabel", "did you mean 'stable'"]),
         ("scale is stable", "sclae is stable", "sclae", ["no device 'sclae'", "'scale'"]),
         ("scale is stable", "carriage is stable", "stable for",
-         ["carriage (cia406-encoder) does not tell", "none of its status bits has a name"]),
+         ["carriage (cia406-encoder) does not report", "none of its status bits has a name"]),
         ("stable for 0.2 s", "stable for 0.2 m", "0.2 m", ["is in m, expected s"]),
     ],
 )  # fmt: skip

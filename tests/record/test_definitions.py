@@ -137,7 +137,7 @@ def test_rows_without_any_definition_are_unnamed(
     check(path, damaged, {name: block.tobytes() for name, block in given.items()})
 
 
-def test_a_schema_that_looks_like_the_end_hides_no_row(
+def test_schema_that_looks_like_end_hides_no_row(
     path: Path, rows: MakeRows, servo: Stream, force: Stream
 ) -> None:
     """One byte of the file; its summary is sound."""

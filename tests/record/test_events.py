@@ -62,7 +62,7 @@ def test_odd_events_come_back(
     assert [json.loads(item.data) for item in decoded] == [event.data for event in expected]
 
 
-def test_times_before_1970_are_refused_and_leave_no_trace(
+def test_times_before_1970_are_refused_without_trace(
     create: Create, rows: MakeRows, servo: Stream, tmp_path: Path, start_ns: int
 ) -> None:
     early = rows(servo, 3)
@@ -80,7 +80,7 @@ def test_times_before_1970_are_refused_and_leave_no_trace(
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
-def test_a_torn_file_keeps_the_events_before_the_damage(
+def test_torn_file_keeps_events_before_damage(
     create: Create, rows: MakeRows, servo: Stream, tmp_path: Path, start_ns: int, share: float
 ) -> None:
     """Events are sealed every 10 s of data, and do not all stand behind all of the samples."""

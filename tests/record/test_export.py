@@ -114,7 +114,7 @@ def test_streams_are_exported_one_by_one(
 
 
 @pytest.mark.parametrize("format", ["parquet", "csv", "mat"])
-def test_nothing_is_overwritten_unasked(
+def test_existing_files_are_not_overwritten(
     given: NDArray[np.void], tmp_path: Path, format: Format
 ) -> None:
     recording, out = Recording.open(tmp_path / "run.mcap"), tmp_path / "out"
@@ -169,7 +169,7 @@ def several_rates(create: Create, rows: MakeRows, servo: Stream, force: Stream) 
     return Recording.open(path)
 
 
-def test_streams_of_several_rates_join_on_one_time_base(several_rates: Recording) -> None:
+def test_streams_of_several_rates_share_one_time_base(several_rates: Recording) -> None:
     table = joined_table(several_rates, ["wheel_servo", "force"], 100.0)
     moved, pressed = several_rates.read("wheel_servo"), several_rates.read("force")
     assert np.diff(table["t_ns"]).tolist() == [10_000_000] * (len(table) - 1)
@@ -188,7 +188,7 @@ def test_streams_of_several_rates_join_on_one_time_base(several_rates: Recording
     assert np.nanmax(table["trial_time"]) == pytest.approx(0.99)
 
 
-def test_nothing_is_held_beyond_the_end_of_a_stream(
+def test_nothing_is_held_beyond_end_of_stream(
     create: Create, rows: MakeRows, servo: Stream, force: Stream, tmp_path: Path
 ) -> None:
     with create() as writer:
@@ -200,7 +200,7 @@ def test_nothing_is_held_beyond_the_end_of_a_stream(
     assert np.isfinite(table["force.normal"]).all()
 
 
-def test_a_rate_that_would_fill_the_memory_is_refused(several_rates: Recording) -> None:
+def test_rate_that_would_fill_memory_is_refused(several_rates: Recording) -> None:
     with pytest.raises(RecordingError, match="choose a lower rate"):
         joined_table(several_rates, ["force"], 1e8)
     with pytest.raises(RecordingError, match="0 Hz"):
@@ -208,7 +208,7 @@ def test_a_rate_that_would_fill_the_memory_is_refused(several_rates: Recording) 
 
 
 @pytest.mark.parametrize("format", ["parquet", "csv", "mat"])
-def test_other_programs_read_the_trials_and_the_joined_table(
+def test_other_programs_read_trials_and_joined_table(
     several_rates: Recording, tmp_path: Path, format: Format
 ) -> None:
     paths = export(several_rates, tmp_path / "out", format, joined_hz=50.0)

@@ -67,7 +67,7 @@ def test_a_repacked_recording_reads_the_same(
     assert not recording.written_by_rigd
 
 
-def test_a_cut_foreign_file_is_looked_into_but_not_cut_further(ours: Path, tmp_path: Path) -> None:
+def test_cut_foreign_file_is_read_but_never_cut(ours: Path, tmp_path: Path) -> None:
     theirs = tmp_path / "theirs.mcap"
     repack(ours, theirs, chunk_size=100_000)
     assert recover(theirs).intact
@@ -84,7 +84,7 @@ def test_a_cut_foreign_file_is_looked_into_but_not_cut_further(ours: Path, tmp_p
 
 
 @pytest.mark.parametrize("options", [{"use_chunking": False}, {"index_types": IndexType.NONE}])
-def test_a_layout_that_rigd_does_not_know_is_never_repaired(
+def test_layout_unknown_to_rigd_is_never_repaired(
     ours: Path, tmp_path: Path, options: dict[str, object]
 ) -> None:
     theirs = tmp_path / "theirs.mcap"

@@ -49,7 +49,7 @@ print(json.dumps({"done": done, "errors": errors}))
 
 
 @pytest.mark.parametrize("limit", [60_000, 150_001, 200_000, 262_144, 330_003])
-def test_what_was_flushed_stays_readable(tmp_path: Path, limit: int) -> None:
+def test_flushed_rows_stay_readable(tmp_path: Path, limit: int) -> None:
     path = tmp_path / "run.mcap"
     command = [sys.executable, "-c", LIMITED, str(path), str(limit)]
     finished = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -65,7 +65,7 @@ def test_what_was_flushed_stays_readable(tmp_path: Path, limit: int) -> None:
     assert [item.name for item in tmp_path.iterdir()] == ["run.mcap"]
 
 
-def test_no_room_even_to_begin_leaves_nothing(tmp_path: Path) -> None:
+def test_no_room_at_the_start_leaves_no_file(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     command = [sys.executable, "-c", LIMITED, str(path), "100"]
     finished = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rigd.model import RecordingError, Stream
-from rigd.record import Event, Filters, Recording, RecordingWriter, list_runs, run_info, trials
+from rigd.record import Event, Recording, RecordingWriter, RunFilter, list_runs, run_info, trials
 from rigd.record.catalogue import same_value
 from rigd.record.info import run_state
 
@@ -53,7 +53,7 @@ def test_a_run_is_summed_up(create: Create, rows: MakeRows, servo: Stream, tmp_p
     assert info.size == (tmp_path / "run.mcap").stat().st_size
 
 
-def test_a_trial_knows_what_was_last_said_of_each_quantity() -> None:
+def test_trial_has_the_last_value_of_each_quantity() -> None:
     def said(t_ns: int, answer: object, changes: str = "load") -> Event:
         return Event(t_ns, "answer", data={"name": "q", "answer": answer, "changes": changes})
 
@@ -85,7 +85,7 @@ def test_a_run_without_its_end_was_interrupted() -> None:
     assert run_state([started, Event(3, "run_start"), Event(4, "run_end")]) == ("complete", "")
 
 
-def test_a_trial_that_was_cut_off_ends_where_the_run_goes_on() -> None:
+def test_trial_cut_off_ends_where_run_resumes() -> None:
     attempts = trials(
         [
             Event(10, "trial_start", 1),
@@ -104,7 +104,7 @@ def test_a_trial_that_was_cut_off_ends_where_the_run_goes_on() -> None:
     ]
 
 
-def test_runs_are_found_by_what_they_are(
+def test_runs_are_found_by_their_metadata(
     create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
 ) -> None:
     with create("a.mcap") as writer:
@@ -115,7 +115,7 @@ def test_runs_are_found_by_what_they_are(
     (tmp_path / "c.mcap").write_bytes(b"nonsense" * 10)
 
     def names(**wanted: object) -> list[str]:
-        found = list_runs(tmp_path, Filters(**wanted))  # type: ignore[arg-type]  # by keyword
+        found = list_runs(tmp_path, RunFilter(**wanted))  # type: ignore[arg-type]  # by keyword
         return [run.path.name for run in found.runs]
 
     assert names() == ["a.mcap", "b.mcap"]

@@ -32,7 +32,7 @@ def spare(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     return lambda limit: monkeypatch.setattr(writing, "SPARED_SUMMARY_BYTES", limit)
 
 
-def test_a_long_summary_is_written_every_two_seconds_only(
+def test_long_summary_is_written_every_two_seconds_only(
     tmp_path: Path, spare: Callable[[int], None]
 ) -> None:
     spare(100)

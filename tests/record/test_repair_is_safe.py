@@ -60,7 +60,7 @@ def step(name: str, act: Callable[[], None], monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("at", ["write_all", "fsync", "link", "replace", "_sync_folder"])
-def test_a_killed_repair_is_done_anew(
+def test_killed_repair_is_done_again(
     damaged: Path, given: NDArray[np.void], monkeypatch: pytest.MonkeyPatch, at: str
 ) -> None:
     before = damaged.read_bytes()
@@ -114,7 +114,7 @@ def flushed(create: Create, name: str, rows: NDArray[np.void], **options: object
     return path
 
 
-def test_the_journal_of_another_run_adds_no_row_and_cuts_none(
+def test_journal_of_another_run_changes_no_row(
     create: Create, rows: MakeRows, servo: Stream, start_ns: int
 ) -> None:
     """It once cut a sound file off where the other's open chunks had stood."""
@@ -135,7 +135,7 @@ def test_the_journal_of_another_run_adds_no_row_and_cuts_none(
     assert journal_path(report.original).read_bytes() == journal
 
 
-def test_the_own_journal_fills_a_torn_flush_and_keeps_what_is_behind(
+def test_own_journal_fills_torn_flush_and_keeps_rest(
     create: Create, rows: MakeRows, servo: Stream
 ) -> None:
     given = rows(servo, 1_000)
@@ -152,9 +152,7 @@ def test_the_own_journal_fills_a_torn_flush_and_keeps_what_is_behind(
     assert (gap.stream, gap.rows) == ("wheel_servo", 50)
 
 
-def test_a_second_name_of_the_original_is_not_overwritten(
-    damaged: Path, given: NDArray[np.void]
-) -> None:
+def test_second_name_of_original_is_not_overwritten(damaged: Path, given: NDArray[np.void]) -> None:
     mine = damaged.with_name("run.mcap.orig")
     mine.write_text("mine")
     report = recover(damaged)

@@ -55,7 +55,7 @@ def test_the_last_complete_attempt_is_the_trial(recording: Recording, start_ns: 
     assert not recording.trials[1].complete
 
 
-def test_samples_of_a_trial_have_their_time_and_step(
+def test_samples_of_trial_have_their_time_and_step(
     recording: Recording, moved: NDArray[np.void]
 ) -> None:
     samples = recording.trial(2)["wheel_servo"]
@@ -70,7 +70,7 @@ def test_samples_of_a_trial_have_their_time_and_step(
     np.testing.assert_array_equal(rows["status"], moved["status"][2000:3000])
 
 
-def test_a_trial_without_end_lasts_to_the_last_row(recording: Recording) -> None:
+def test_trial_without_end_lasts_to_last_row(recording: Recording) -> None:
     trial = recording.trial(3)
     assert len(trial["wheel_servo"]) == 500
     assert "incomplete: no end" in repr(trial)
@@ -109,7 +109,7 @@ def test_a_whole_stream_names_trial_and_step(recording: Recording) -> None:
     assert (np.isnan(samples["trial_time"]) == (samples["trial"] == -1)).all()
 
 
-def test_what_a_notebook_shows_is_short(recording: Recording) -> None:
+def test_notebook_representation_is_short(recording: Recording) -> None:
     assert repr(recording).endswith("run.mcap: 4.0 s of wheel_servo, force>")
     shown = repr(recording.trials).splitlines()
     assert shown[0] == "4 trials"

@@ -33,7 +33,7 @@ def sealed_and_path(
     return sealed, path.with_name("as_killed.mcap")
 
 
-def test_a_torn_file_is_repaired_to_the_same_bytes(sealed_and_path: tuple[int, Path]) -> None:
+def test_torn_file_is_repaired_to_same_bytes(sealed_and_path: tuple[int, Path]) -> None:
     sealed, path = sealed_and_path
     whole = path.read_bytes()
     assert 100_000 < sealed < len(whole)
@@ -47,7 +47,7 @@ def test_a_torn_file_is_repaired_to_the_same_bytes(sealed_and_path: tuple[int, P
         assert path.read_bytes() == other.read_bytes()
 
 
-def test_going_on_with_a_trusted_file_makes_the_same_bytes(
+def test_going_on_with_trusted_file_makes_same_bytes(
     sealed_and_path: tuple[int, Path], rows: Callable[..., Any], servo: Stream, force: Stream
 ) -> None:
     sealed, path = sealed_and_path
@@ -62,7 +62,7 @@ def test_going_on_with_a_trusted_file_makes_the_same_bytes(
     assert Recording.open(path).count("wheel_servo") == 6100
 
 
-def test_damage_behind_what_is_trusted_is_found(sealed_and_path: tuple[int, Path]) -> None:
+def test_damage_after_the_trusted_part_is_found(sealed_and_path: tuple[int, Path]) -> None:
     sealed, path = sealed_and_path
     content = bytearray(path.read_bytes())
     content[sealed + 2000] ^= 1

@@ -89,7 +89,7 @@ def test_rows_with_gaps_between_them_are_taken_too(
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
-def test_an_array_may_be_filled_anew_after_each_call(
+def test_array_may_be_reused_after_each_call(
     create: Create, rows: MakeRows, tmp_path: Path, compression: Compression
 ) -> None:
     """Neither the caller's array nor one of the writer's own is read after it has changed."""

@@ -138,7 +138,7 @@ def test_rosbags_decodes_it(
     assert event.data == '{"name":"run in"}'
 
 
-def test_units_stand_in_schema_and_channel(create: Create, tmp_path: Path) -> None:
+def test_units_are_in_schema_and_channel(create: Create, tmp_path: Path) -> None:
     create().close()
     contents = Recording.open(tmp_path / "run.mcap").contents
     (channel,) = [item for item in contents.channels.values() if item.topic == "/wheel_servo"]
@@ -175,14 +175,14 @@ def test_no_recording_is_overwritten(create: Create, tmp_path: Path) -> None:
     assert (tmp_path / "run.mcap").read_bytes() == before
 
 
-def test_a_folder_that_is_not_there_is_not_taken_for_a_full_disk(tmp_path: Path) -> None:
+def test_missing_folder_is_not_reported_as_full_disk(tmp_path: Path) -> None:
     path = tmp_path / "gone" / "run.mcap"
     with pytest.raises(RecordingError, match="No such file or directory") as refused:
         RecordingWriter.create(path, streams=(), metadata={}, attachments=(), start_ns=0)
     assert "folder must be there" in str(refused.value)
 
 
-def test_a_recording_removed_under_the_writer_is_said_at_the_next_flush(
+def test_recording_removed_while_writing_is_reported_at_flush(
     create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
 ) -> None:
     writer = create()
@@ -196,7 +196,7 @@ def test_a_recording_removed_under_the_writer_is_said_at_the_next_flush(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recording_truncated_under_the_writer_is_left_to_be_recovered(
+def test_recording_truncated_while_writing_is_left_to_recover(
     create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
 ) -> None:
     writer = create()
@@ -207,7 +207,7 @@ def test_a_recording_truncated_under_the_writer_is_left_to_be_recovered(
     whole = path.stat().st_size
     os.truncate(path, whole // 2)
     writer.write("wheel_servo", rows(servo, 10))
-    with pytest.raises(RecordingError, match=f"it has {whole // 2} bytes, expected {whole}"):
+    with pytest.raises(RecordingError, match=f"{whole // 2} bytes, .*{whole}"):
         writer.flush()
     writer.close()
     assert path.stat().st_size == whole // 2
@@ -216,7 +216,7 @@ def test_a_recording_truncated_under_the_writer_is_left_to_be_recovered(
     assert 0 < len(kept) < 50_000
 
 
-def test_the_journal_goes_with_the_close(
+def test_closing_removes_the_journal(
     create: Create, rows: MakeRows, servo: Stream, tmp_path: Path
 ) -> None:
     with create() as writer:
@@ -227,7 +227,7 @@ def test_the_journal_goes_with_the_close(
     assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
 
 
-def test_the_disk_is_asked_at_most_once_an_interval(
+def test_disk_is_asked_at_most_once_interval(
     create: Create, rows: MakeRows, servo: Stream, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = [0.0]

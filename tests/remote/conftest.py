@@ -35,5 +35,5 @@ def over_tls(certificates: Path) -> Iterator[Served]:
 @pytest.fixture(scope="module")
 def on_loopback() -> Iterator[Served]:
     """A rig as it is served unless its file says otherwise."""
-    with serve(RemoteSetup((f"tcp/127.0.0.1:{free_port()}",))) as served:
+    with serve() as served:
         yield served

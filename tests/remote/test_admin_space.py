@@ -24,6 +24,6 @@ def test_no_certificate_reaches_the_admin_space(over_tls: Served, name: str) -> 
         assert answers(client, over_tls.server.zid) == []
 
 
-def test_nobody_on_loopback_reaches_the_admin_space(on_loopback: Served) -> None:
+def test_loopback_client_cannot_reach_the_admin_space(on_loopback: Served) -> None:
     with on_loopback.client() as client:
         assert answers(client, on_loopback.server.zid) == []

@@ -25,7 +25,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_nothing_is_wrong_with_those_that_are_made(folder: Path) -> None:
+def test_generated_certificates_have_no_problem(folder: Path) -> None:
     for name in (SERVER, "alice"):
         files = files_of(folder, name)
         check_usable(files, NOW)
@@ -41,7 +41,7 @@ def test_nothing_is_wrong_with_those_that_are_made(folder: Path) -> None:
         (-timedelta(hours=2), r"alice\.crt is valid from 2026-11-21 11:00 UTC on"),
     ],
 )
-def test_one_that_is_not_valid_now(folder: Path, after: timedelta, message: str) -> None:
+def test_certificate_not_valid_now_is_refused(folder: Path, after: timedelta, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         check_usable(files_of(folder, "alice"), NOW + after)
 
@@ -72,7 +72,9 @@ def test_files_that_do_not_serve(folder: Path, spoil: Callable[[Path], None], me
         check_usable(files_of(folder, "alice"), NOW)
 
 
-def test_one_of_another_lab(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_certificate_of_another_lab_is_distrusted(
+    folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     other = tmp_path_factory.mktemp("other")
     setup_tls(other, ["localhost"], ["alice"], now=NOW)
     alice = files_of(folder, "alice")
@@ -81,7 +83,7 @@ def test_one_of_another_lab(folder: Path, tmp_path_factory: pytest.TempPathFacto
     assert re.search(r"alice\.crt is not signed by .*ca\.crt", distrusted(mixed) or "")
 
 
-def test_what_expires_soon_is_told_in_time(folder: Path) -> None:
+def test_certificate_that_expires_soon_is_reported(folder: Path) -> None:
     server, end = files_of(folder, SERVER), NOW + VALID
     assert expires_soon(server, end - SOON - timedelta(days=1)) is None
     assert "rigd.crt expires on 2028-11-20" in str(expires_soon(server, end - SOON))
@@ -94,7 +96,7 @@ def made_two_days_ago(folder: Path) -> date:
     return (made + timedelta(days=1)).date()
 
 
-def test_a_daemon_whose_certificate_has_expired_does_not_begin_to_serve(tmp_path: Path) -> None:
+def test_daemon_with_expired_certificate_does_not_serve(tmp_path: Path) -> None:
     expired = made_two_days_ago(tmp_path)
     setup = RemoteSetup(("tls/127.0.0.1:1",), files_of(tmp_path, SERVER), {"alice": "operator"})
     with pytest.raises(ConfigError, match=rf"rigd\.crt expired on {expired}") as caught:
@@ -102,7 +104,7 @@ def test_a_daemon_whose_certificate_has_expired_does_not_begin_to_serve(tmp_path
     assert "setup-tls" in str(caught.value.hint)
 
 
-def test_a_client_who_is_not_let_in_is_told_what_is_wrong_with_its_own(tmp_path: Path) -> None:
+def test_refused_client_learns_the_fault_of_its_certificate(tmp_path: Path) -> None:
     expired = made_two_days_ago(tmp_path)
     with pytest.raises(LinkError, match="nobody lets us in") as caught:
         Client("lugre-1", endpoint="tls/127.0.0.1:1", tls=files_of(tmp_path, "alice"))

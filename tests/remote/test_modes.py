@@ -49,7 +49,7 @@ def test_a_guest_in_another_mode_is_disconnected(on_loopback: Served, mode: str)
 
 @pytest.mark.parametrize("mode", ["peer", "router"])
 @pytest.mark.parametrize("served", ["on_loopback", "over_tls"])
-def test_a_guest_in_another_mode_speaks_to_nobody(
+def test_session_in_another_mode_reaches_nothing(
     request: pytest.FixtureRequest, served: str, mode: str
 ) -> None:
     rig: Served = request.getfixturevalue(served)
@@ -61,6 +61,6 @@ def test_a_guest_in_another_mode_speaks_to_nobody(
             other.pretend("rigd/lugre-9/alive")
             for _ in range(5):
                 reply = client.ask(key("ask", "alice", "latest"), message("latest"))
-                assert reply["result"]["by"] == "alice"
+                assert "values" in reply["result"]
             assert client.alive("rigd/*/alive") in ([], ["rigd/lugre-1/alive"])
         assert "rigd/lugre-1/event" not in client.received()

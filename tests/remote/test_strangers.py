@@ -64,7 +64,9 @@ def in_clear(served: Served, folder: Path) -> dict[str, Any]:
 @pytest.mark.parametrize(
     "configure", [without, in_clear, of_another_lab, expired, not_yet_valid, of_a_server]
 )
-def test_a_stranger_is_not_let_in(over_tls: Served, tmp_path: Path, configure: Configure) -> None:
+def test_client_without_certificate_is_refused(
+    over_tls: Served, tmp_path: Path, configure: Configure
+) -> None:
     settings = configure(over_tls, tmp_path)
     with pytest.raises(Refused, match="Unable to connect"):
         ZenohClient(settings)
@@ -72,12 +74,12 @@ def test_a_stranger_is_not_let_in(over_tls: Served, tmp_path: Path, configure: C
         assert "result" in friend.ask(key("ask", "alice", "latest"), request("latest"))
 
 
-def test_the_same_certificate_is_let_in_while_it_is_valid(over_tls: Served) -> None:
+def test_certificate_is_accepted_while_it_is_valid(over_tls: Served) -> None:
     with over_tls.client("alice") as client:
         assert client.alive("rigd/*/alive") == ["rigd/lugre-1/alive"]
 
 
-def test_a_client_does_not_trust_a_rig_of_another_lab(
+def test_client_does_not_trust_rig_of_another_lab(
     over_tls: Served, certificates: Path, tmp_path: Path
 ) -> None:
     setup_tls(tmp_path, ["127.0.0.1"], ["alice"])
@@ -87,7 +89,7 @@ def test_a_client_does_not_trust_a_rig_of_another_lab(
         ZenohClient(made)
 
 
-def test_a_client_does_not_trust_a_rig_under_another_name(tmp_path: Path) -> None:
+def test_client_does_not_trust_rig_under_another_name(tmp_path: Path) -> None:
     setup_tls(tmp_path, ["rig.lab"], ["alice"])
     setup = RemoteSetup(
         (f"tls/127.0.0.1:{free_port()}",), files_of(tmp_path, SERVER), {"alice": "operator"}

@@ -45,7 +45,9 @@ def test_each_is_signed_by_the_authority(folder: Path) -> None:
     ("name", "usage"),
     [("rigd", ExtendedKeyUsageOID.SERVER_AUTH), ("alice", ExtendedKeyUsageOID.CLIENT_AUTH)],
 )
-def test_each_is_for_one_use(folder: Path, name: str, usage: x509.ObjectIdentifier) -> None:
+def test_certificate_has_a_single_use(
+    folder: Path, name: str, usage: x509.ObjectIdentifier
+) -> None:
     extensions = read(folder / f"{name}.crt").extensions
     assert list(extensions.get_extension_for_class(x509.ExtendedKeyUsage).value) == [usage]
     constraints = extensions.get_extension_for_class(x509.BasicConstraints)
@@ -64,7 +66,7 @@ def test_a_client_is_known_by_its_common_name(folder: Path) -> None:
     assert [item.value for item in subject.get_attributes_for_oid(NameOID.COMMON_NAME)] == ["alice"]
 
 
-def test_the_server_is_known_by_its_names_and_addresses(folder: Path) -> None:
+def test_server_is_known_by_its_names_and_addresses(folder: Path) -> None:
     names = read(folder / "rigd.crt").extensions.get_extension_for_class(
         x509.SubjectAlternativeName
     )
@@ -81,7 +83,7 @@ def test_keys_are_for_their_owner_only(folder: Path) -> None:
         assert path.stat().st_mode & 0o777 == 0o600
 
 
-def test_more_clients_are_added_and_nothing_is_written_over(folder: Path) -> None:
+def test_clients_are_added_without_overwriting_anything(folder: Path) -> None:
     before = {path: path.read_bytes() for path in folder.iterdir()}
     made = setup_tls(folder, HOSTS, ["alice", "carol"])
     assert [path.name for path in made.files] == ["carol.crt", "carol.key"]
@@ -91,14 +93,14 @@ def test_more_clients_are_added_and_nothing_is_written_over(folder: Path) -> Non
 
 
 @pytest.mark.parametrize("name", ["a/b", "../x", "", "a b"])
-def test_a_name_that_cannot_stand_in_a_key_is_refused(tmp_path: Path, name: str) -> None:
+def test_name_not_allowed_in_keys_is_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(Refusal):
         setup_tls(tmp_path / "certs", HOSTS, [name])
     assert not (tmp_path / "certs").exists()
 
 
 @pytest.mark.parametrize("name", ["ca", "rigd"])
-def test_a_client_cannot_take_the_files_of_the_rig(tmp_path: Path, name: str) -> None:
+def test_client_cannot_take_files_of_rig(tmp_path: Path, name: str) -> None:
     with pytest.raises(ConfigError, match="cannot be named"):
         setup_tls(tmp_path, HOSTS, [name])
 
@@ -106,7 +108,7 @@ def test_a_client_cannot_take_the_files_of_the_rig(tmp_path: Path, name: str) ->
 @pytest.mark.parametrize(
     "host", ["", "a b", "rig lab", "*.lab", "-x", "rig..lab", "bänk", "1.2.3.4:5"]
 )
-def test_what_is_no_host_is_refused_before_anything_is_made(tmp_path: Path, host: str) -> None:
+def test_invalid_host_is_refused_before_anything_is_made(tmp_path: Path, host: str) -> None:
     with pytest.raises(ConfigError, match="no name or address"):
         setup_tls(tmp_path / "certs", [host], [])
     assert not (tmp_path / "certs").exists()

@@ -9,43 +9,31 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from support.memory_wire import Wire, assert_found
 
-from rigd.sdk import Block, BlockDriver, Channel, LinkError
-from rigd.sdk.check import FAULTS, Peer, check_driver, examine_driver
+from rigd.sdk import Block, BlockDriver, Channel, Declaration, DriverConfig, LinkError
+from rigd.sdk.check import Peer, check_driver, examine_driver
 from rigd.sdk.check.blocks import RULES
 
 ROWS = 10
 
 
-class Wire:
-    """A card in memory."""
-
-    def __init__(self) -> None:
-        self.fault = ""
-        self.taken = False
-
-    def begin(self, fault: str) -> None:
-        self.fault = fault
-
-
 @contextmanager
 def card() -> Iterator[Peer]:
-    wire = Wire()
-    yield Peer(
-        link=lambda: wire,
-        faults={fault: lambda fault=fault: wire.begin(fault) for fault in FAULTS},  # type: ignore[misc]
-    )
+    yield Wire().peer()
 
 
-class Good(BlockDriver):
+class Good(BlockDriver[DriverConfig, Wire]):
     """A card in memory."""
 
     title: ClassVar[str] = "card in memory"
-    channels = (Channel("voltage", "V", "input 0", -10.0, 10.0),)
-    has_status = True
-    link: Wire
     ours = False
     last_ns = 0
+
+    @classmethod
+    def declare(cls, config: DriverConfig) -> Declaration:
+        channel = Channel("voltage", "V", "input 0", -10.0, 10.0)
+        return Declaration(channels=(channel,), has_status=True)
 
     def open(self) -> None:
         """Open."""
@@ -99,6 +87,11 @@ class Rateless(Good):
 class Narrow(Good):
     def values(self) -> Any:
         return np.zeros((ROWS, 1))
+
+
+class Beyond(Good):
+    def values(self) -> Any:
+        return np.full((ROWS, 2), 11.0)
 
 
 class Single(Good):
@@ -200,6 +193,7 @@ BAD: list[tuple[str, type[BlockDriver], str]] = [
     ("opens and starts", Closed, "open raises LinkError: never"),
     ("opens and starts", Rateless, "rate_hz is 0.0"),
     ("blocks", Narrow, "of shape (10, 1), expected float64 of (10, 2)"),
+    ("blocks", Beyond, "voltage is 11 V, beyond its range"),
     ("blocks", Single, "float32"),
     ("blocks", Seconds, "times_ns is float64"),
     ("blocks", Undefined, "not finite"),
@@ -223,10 +217,8 @@ BAD: list[tuple[str, type[BlockDriver], str]] = [
 
 @pytest.mark.parametrize(("rule", "driver", "words"), BAD)
 def test_a_mistake_is_found_by_its_rule(rule: str, driver: type[BlockDriver], words: str) -> None:
-    report = examine_driver(driver, peer=card, only=[rule])
-    assert {finding.rule for finding in report.findings} == {rule}
-    assert any(words in finding.problem for finding in report.findings), str(report)
+    assert_found(examine_driver(driver, peer=card, only=[rule]), rule, words)
 
 
-def test_no_rule_is_without_a_driver_that_breaks_it() -> None:
+def test_no_rule_is_without_driver_that_breaks_it() -> None:
     assert {rule.name for rule in RULES} == {rule for rule, _, _ in BAD}

@@ -4,46 +4,50 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, ClassVar
 
 import pytest
+from support.memory_wire import Wire, assert_found
 
-from rigd.sdk import Channel, DeviceError, EmitRow, LinkError, SlowDriver
-from rigd.sdk.check import FAULTS, Peer, check_driver, examine_driver
+from rigd.sdk import (
+    Channel,
+    Declaration,
+    DeviceError,
+    DriverConfig,
+    EmitRow,
+    LinkError,
+    Row,
+    SlowDriver,
+)
+from rigd.sdk.check import Peer, check_driver, examine_driver
 from rigd.sdk.check.slow import RULES
-
-
-class Wire:
-    """A thermometer in memory."""
-
-    def __init__(self) -> None:
-        self.fault = ""
-        self.taken = False
-
-    def begin(self, fault: str) -> None:
-        self.fault = fault
 
 
 @contextmanager
 def thermometer() -> Iterator[Peer]:
-    wire = Wire()
-    yield Peer(
-        link=lambda: wire,
-        faults={fault: lambda fault=fault: wire.begin(fault) for fault in FAULTS},  # type: ignore[misc]
-    )
+    yield Wire().peer()
 
 
-class Good(SlowDriver):
+class TemperatureRow(Row):
+    temperature: float
+
+
+class Good(SlowDriver[DriverConfig, Wire]):
     """A thermometer in memory."""
 
     title: ClassVar[str] = "thermometer in memory"
-    channels = (Channel("temperature", "K", "temperature", 200.0, 400.0),)
-    actions: Mapping[str, str] = {"zero": "takes what it shows as zero"}
-    silent_s = 0.2
-    link: Wire
     ours = False
+
+    @classmethod
+    def declare(cls, config: DriverConfig) -> Declaration:
+        return Declaration(
+            channels=(Channel("temperature", "K", "temperature", 200.0, 400.0),),
+            row=TemperatureRow,
+            actions={"zero": "takes what it shows as zero"},
+            silent_s=0.2,
+        )
 
     async def open(self) -> None:
         """Open."""
@@ -64,7 +68,7 @@ class Good(SlowDriver):
                 emit(self.row())
 
     def row(self) -> Sequence[float]:
-        return (293.15,)
+        return TemperatureRow.of(temperature=293.15)
 
     async def act(self, action: str) -> str:
         """Act."""
@@ -101,7 +105,7 @@ class Short(Good):
 
 class Sentence(Good):
     def row(self) -> Any:
-        return ("293.15",)
+        return TemperatureRow.of(temperature="293.15")  # type: ignore[arg-type]
 
 
 class Ends(Good):
@@ -192,7 +196,7 @@ class GivesUp(Good):
 
 class BelievesGarbage(Good):
     def row(self) -> Sequence[float]:
-        return (293.15, 0.0) if self.link.fault else (293.15,)
+        return (293.15,) if self.link.fault else super().row()
 
     async def run(self, emit: EmitRow) -> None:
         while True:
@@ -221,7 +225,7 @@ BAD: list[tuple[str, type[SlowDriver], str]] = [
     ("opens", Closed, "open raises LinkError: never"),
     ("opens", Unready, "cold"),
     ("opens", Abandoning, "tasks go on after close(): forgotten"),
-    ("rows", Short, "expected 1 numbers"),
+    ("rows", Short, "a row is (), expected TemperatureRow(temperature)"),
     ("rows", Sentence, "expected a float"),
     ("rows", Ends, "run() returned"),
     ("rows", Mute, "0 rows"),
@@ -238,7 +242,7 @@ BAD: list[tuple[str, type[SlowDriver], str]] = [
     ("silent", Inventive, "still gives rows"),
     ("silent", BadWords, "run() raises OSError"),
     ("late", BadWords, "run() raises OSError"),
-    ("garbled", BelievesGarbage, "expected 1 numbers"),
+    ("garbled", BelievesGarbage, "expected TemperatureRow"),
     ("silent at open", Startled, "UnicodeDecodeError"),
     ("garbled at open", Startled, "UnicodeDecodeError"),
     ("not there", Pretending, "open() succeeds"),
@@ -248,10 +252,8 @@ BAD: list[tuple[str, type[SlowDriver], str]] = [
 
 @pytest.mark.parametrize(("rule", "driver", "words"), BAD)
 def test_a_mistake_is_found_by_its_rule(rule: str, driver: type[SlowDriver], words: str) -> None:
-    report = examine_driver(driver, peer=thermometer, only=[rule])
-    assert {finding.rule for finding in report.findings} == {rule}
-    assert any(words in finding.problem for finding in report.findings), str(report)
+    assert_found(examine_driver(driver, peer=thermometer, only=[rule]), rule, words)
 
 
-def test_no_rule_is_without_a_driver_that_breaks_it() -> None:
+def test_no_rule_is_without_driver_that_breaks_it() -> None:
     assert {rule.name for rule in RULES} == {rule for rule, _, _ in BAD}

@@ -57,7 +57,7 @@ class Config(DriverConfig):
     """A file."""
 
 
-def test_every_option_is_told() -> None:
+def test_every_option_is_listed() -> None:
     told = {item.name: item for item in options_of(Config)}
     assert told["port"] == Option(
         "port", "text", None, True, "", "Where it is.\n\nBest by its serial number."

@@ -38,7 +38,7 @@ def devices() -> list[Any]:
 
 
 @pytest.mark.parametrize("device", devices())
-def test_every_device_of_a_shipped_rig_declares_itself_well(device: DeviceConfig) -> None:
+def test_every_device_of_shipped_rig_declares_itself_well(device: DeviceConfig) -> None:
     check_driver(device.driver_class, device.config)
 
 

@@ -162,7 +162,7 @@ def compiled(
         reference.rig, reference.floor, reference.mass, noise=False, vibration=reference.ripple > 0
     )
     state, commands = records.state_at_rest(), np.zeros(1, records.COMMANDS)
-    state.view(np.float64)[:] = start
+    state.view(np.float64)[: len(start)] = start
     rows = []
     for duration, inputs in phases:
         commands["wheel_enabled"], commands["wheel_current"] = 1.0, inputs.current
@@ -172,7 +172,7 @@ def compiled(
         commands["lateral_speed"] = inputs.lateral or 0.0
         for _ in range(duration):
             kernel.integrate(constants, state, commands, MS / steps_per_ms, steps_per_ms)
-            rows.append(state.view(np.float64).copy())
+            rows.append(state.view(np.float64)[: len(start)].copy())
     return np.array(rows)
 
 

@@ -32,7 +32,7 @@ def run(plant: LugrePlant, until_ms: int) -> None:
     plant.advance(until_ms * MS)
 
 
-def every_device(plant: LugrePlant | None) -> list[Driver]:
+def every_device(plant: LugrePlant) -> list[Driver]:
     return [
         LugreAmplifier(AmplifierConfig(), plant),
         LugreBelt(BeltConfig(axis="longitudinal"), plant),
@@ -45,7 +45,7 @@ def every_device(plant: LugrePlant | None) -> list[Driver]:
 
 
 def test_every_entry_point_resolves_without_loading_the_physics() -> None:
-    """Checking a rig file builds every driver and must stay fast."""
+    """Checking a rig file asks every driver for its declaration and must stay fast."""
     script = (
         "import sys\n"
         "from importlib.metadata import entry_points\n"
@@ -53,7 +53,7 @@ def test_every_entry_point_resolves_without_loading_the_physics() -> None:
         "    for point in entry_points(group=group):\n"
         "        if 'lugre' in point.name: point.load()\n"
         "from rigd_sim.devices.lugre_belt import BeltConfig, LugreBelt\n"
-        "LugreBelt(BeltConfig(axis='lateral'), None)\n"
+        "LugreBelt.declare(BeltConfig(axis='lateral'))\n"
         "heavy = {'numba', 'numpy', 'scipy'} & set(sys.modules)\n"
         "sys.exit(f'loaded {heavy}' if heavy else 0)\n"
     )
@@ -70,18 +70,18 @@ def test_every_row_has_a_value_per_channel(make_plant: MakePlant) -> None:
         device.arm()
         row = device.read(MS)
         assert row is not None
-        assert len(row) == len(device.channels) + device.has_status
+        declared = device.declaration
+        assert len(row) == len(declared.channels) + declared.has_status
         assert all(math.isfinite(value) for value in row)
-        if device.has_status:
+        if declared.has_status:
             assert isinstance(row[-1], int)
         device.make_safe()
         device.make_safe()
         device.close()
 
 
-def test_without_a_link_every_device_says_what_it_has_and_can_be_made_safe() -> None:
-    for device in every_device(None):
-        assert device.channels
+def test_unopened_devices_are_made_safe_silently(make_plant: MakePlant) -> None:
+    for device in every_device(make_plant()):
         device.make_safe()
 
 
@@ -105,7 +105,7 @@ def test_the_amplifier_drives_only_once_armed(make_plant: MakePlant) -> None:
     assert amplifier.read(15 * MS)[-1] == 0
 
 
-def test_the_amplifier_says_when_it_is_at_a_limit(make_plant: MakePlant) -> None:
+def test_amplifier_reports_its_limit(make_plant: MakePlant) -> None:
     plant = make_plant(noise=False)
     amplifier = LugreAmplifier(AmplifierConfig(current_range="3 A"), plant)  # type: ignore[arg-type] # as in a rig file
     belt = LugreBelt(BeltConfig(axis="longitudinal"), plant)
@@ -123,7 +123,7 @@ def test_the_amplifier_says_when_it_is_at_a_limit(make_plant: MakePlant) -> None
     assert int(amplifier.read(900 * MS)[-1]) & layout.AMPLIFIER_VOLTAGE_SATURATED
 
 
-def test_a_setpoint_that_is_no_number_never_reaches_the_physics(make_plant: MakePlant) -> None:
+def test_setpoint_that_is_no_number_never_reaches_physics(make_plant: MakePlant) -> None:
     plant = make_plant()
     amplifier = LugreAmplifier(AmplifierConfig(), plant)
     belt = LugreBelt(BeltConfig(axis="lateral"), plant)
@@ -151,7 +151,7 @@ def test_setpoints_beyond_the_range_are_clipped(make_plant: MakePlant) -> None:
     assert plant.commands[layout.LATERAL_COMMANDS + 1] == 1.0
 
 
-def test_a_belt_made_safe_brakes_and_takes_no_more_setpoints(make_plant: MakePlant) -> None:
+def test_belt_made_safe_brakes_and_ignores_setpoints(make_plant: MakePlant) -> None:
     plant = make_plant()
     belt = LugreBelt(BeltConfig(axis="longitudinal"), plant)
     plant.advance(0)

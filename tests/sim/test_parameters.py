@@ -49,7 +49,7 @@ def test_the_shipped_file_is_the_paper_s_rig(parameters: LugreParameters) -> Non
         ("efficiency: 0.81", "efficiency: 1.2", "less than or equal to 1"),
     ],
 )
-def test_what_is_wrong_is_refused_with_its_place(
+def test_wrong_parameter_is_refused_with_its_place(
     tmp_path: Path, old: str, new: str, message: str
 ) -> None:
     file = edited(tmp_path, old, new)
@@ -75,7 +75,7 @@ def test_every_problem_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe", b"gravity: [1", b"", b"- 1", b"a: 1\na: 2"])
-def test_what_is_no_parameter_file_is_refused(tmp_path: Path, content: bytes) -> None:
+def test_file_without_parameters_is_refused(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "broken.yaml"
     file.write_bytes(content)
     with pytest.raises(ConfigError, match=r"broken\.yaml"):
@@ -91,6 +91,6 @@ def test_a_file_beside_the_rig_file_comes_first(tmp_path: Path) -> None:
     assert config.parameters == str(mine)
 
 
-def test_a_file_that_is_nowhere_is_refused_when_the_rig_is_checked() -> None:
+def test_missing_parameter_file_is_refused_by_check() -> None:
     with pytest.raises(ValidationError, match="no parameter file 'luger'"):
         LugreConfig(parameters="luger")

@@ -70,7 +70,7 @@ def test_individual_rigs_differ_in_phases_starts_and_zeros(make_plant: MakePlant
     assert np.all((apart > 0.01) & (apart < 0.6)), apart
 
 
-def test_neither_physics_nor_noise_depend_on_how_time_is_divided(make_plant: MakePlant) -> None:
+def test_physics_and_noise_ignore_division_of_time(make_plant: MakePlant) -> None:
     fine, coarse = make_plant(), make_plant()
     for plant in (fine, coarse):
         plant.advance(0)
@@ -92,7 +92,7 @@ def test_the_first_call_sets_the_origin_of_time(make_plant: MakePlant) -> None:
     assert early.readings_at(20 * MS) == late.readings_at(1_800_000_000_000_000_000 + 20 * MS)
 
 
-def test_again_at_the_same_time_does_nothing_and_back_is_refused(make_plant: MakePlant) -> None:
+def test_repeated_time_does_nothing_and_earlier_is_refused(make_plant: MakePlant) -> None:
     plant = make_plant()
     plant.advance(5 * MS)
     before = plant.readings
@@ -214,7 +214,7 @@ def test_a_runaway_ends_in_the_end_stop(make_plant: MakePlant) -> None:
     assert int(rows[-1, layout.BELT_READINGS + 3]) & layout.BELT_AT_END_STOP
 
 
-def test_the_lateral_servo_holds_its_speed_and_its_sign_matters(make_plant: MakePlant) -> None:
+def test_lateral_servo_holds_speed_with_its_sign(make_plant: MakePlant) -> None:
     """Moving across makes the carriage faster for v_z > 0 and slower for v_z < 0 (section 4)."""
     speeds = {}
     for lateral in (0.0, 0.35, -0.35):
@@ -246,7 +246,7 @@ def test_a_bridge_that_was_moved_comes_to_rest(make_plant: MakePlant) -> None:
     assert across[-1] == 0.0
 
 
-def test_small_currents_creep_on_stone_and_stick_on_pvc(make_plant: MakePlant) -> None:
+def test_small_currents_creep_on_stone_stick_on_pvc(make_plant: MakePlant) -> None:
     travelled = {}
     for floor in ("stone", "pvc"):
         plant = make_plant(floor=floor, noise=False, vibration=False)

@@ -15,13 +15,13 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from support.angle_headless import SimulatedRun, simulate
 from support.angle_runs import TABLE_1
 
 from rigd.model.channels import STALE, Channel, Stream
 from rigd.model.rows import row_dtype
 from rigd.record import RecordingWriter
 from rigd.record.prefix import Attachment
-from rigd_sim.plants.angle.headless import SimulatedRun, simulate
 
 START_NS: Final = 1_790_000_000_000_000_000
 RATE_HZ: Final = 9600.0
@@ -82,9 +82,19 @@ class Recorded:
     answers: tuple[Mapping[str, Any], ...] = ()  #: of events
 
 
-def calibration_text(run: SimulatedRun, *, torque: float = 1.0) -> str:
+def calibration_text(values: Mapping[str, tuple[str, str]], rig: str = "case") -> str:
+    """Return a calibration file of ``rig`` with ``values``: each with unit, and its uncertainty."""
+    entries = "".join(
+        f"  {name}:\n    value: {value}\n    u: {u}\n    source: assumed\n"
+        "    from: tests\n    made: 2026-11-21\n    operator: tests\n"
+        for name, (value, u) in values.items()
+    )
+    return f"calibration: bench\nrigs: [{rig}]\nvalues:\n{entries}"
+
+
+def calibration_of(run: SimulatedRun, *, torque: float = 1.0, rig: str = "angle-1") -> str:
     """Return a calibration file for the rig of ``run``; ``torque`` makes its torque scale wrong."""
-    drags = {
+    values = {
         "load_scale": ("1", "0.002"),
         "effective_radius": ("0.995", "0.002"),
         "bearing_constant": ("0.012 N m", "0.0015 N m"),
@@ -99,12 +109,7 @@ def calibration_text(run: SimulatedRun, *, torque: float = 1.0) -> str:
         "wheel_scale": (f"{run.wheel_scale:.9g} rad/V", "0.025 rad/V"),
         "platform_scale": (f"{run.platform_scale:.9g} m/V", "4e-4 m/V"),
     }
-    values = "".join(
-        f"  {name}:\n    value: {value}\n    u: {u}\n    source: assumed\n"
-        "    from: tests\n    made: 2026-11-21\n    operator: tests\n"
-        for name, (value, u) in drags.items()
-    )
-    return f"calibration: bench\nrigs: [angle-1]\nvalues:\n{values}"
+    return calibration_text(values, rig)
 
 
 @cache

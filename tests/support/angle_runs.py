@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from support.angle_headless import SimulatedRun, simulate
 
 from rigd_analyses.approach_angle.data import AngleCalibration, AngleRig, AngleRun, Known, KnownRun
-from rigd_sim.plants.angle.headless import SimulatedRun, simulate
 
 SETS = ("clean_0", "clean_15", "clean_30", "clean_45", "coated_0")
 LOADS_KG = (4.0, 5.0, 6.0, 8.0)

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-
-from rigd_sim.plants.angle.headless import SimulatedRun
+from support.angle_headless import SimulatedRun
 
 RADIUS_M = 0.05
 #: Where the largest of a set's T/(R N) may lie relative to Table 1 (angle.md, acceptance target

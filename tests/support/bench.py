@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from rigd.engine.answers import OwnAnswers
 from rigd.engine.clock import VirtualClock
@@ -16,7 +17,7 @@ from rigd.engine.mount import mount
 from rigd.engine.run import Run
 from rigd.engine.sink import Rows
 from rigd.model.limits import Interlock, SetpointLimit
-from rigd.procedure.profiles import Constant
+from rigd.procedure.profiles import ConstantProfile
 from rigd.procedure.program import (
     CompiledProcedure,
     CycleProgram,
@@ -25,16 +26,20 @@ from rigd.procedure.program import (
     Step,
     TrialPlan,
 )
-from rigd.sdk import Channel, Driver, DriverConfig
+from rigd.sdk import Channel, Declaration, Driver, DriverConfig, Row
 
 PERIOD_NS = 1_000_000
 
 
-class Axis(Driver):
+class AxisRow(Row):
+    position: float
+    load: float
+
+
+class Axis(Driver[DriverConfig, None]):
     """An axis whose position is the integral of its speed setpoint; safe means standing still."""
 
-    channels: tuple[Channel, ...] = (Channel("position", "m"), Channel("load", "N"))
-    setpoints: tuple[Channel, ...] = (Channel("speed", "m/s", low=-2, high=2),)
+    setpoints: ClassVar[tuple[Channel, ...]] = (Channel("speed", "m/s", low=-2, high=2),)
 
     def __init__(self) -> None:
         super().__init__(DriverConfig(), None)
@@ -45,8 +50,16 @@ class Axis(Driver):
         self.safe_calls = 0
         self.armed = False
         self.closed = False
-        self.heard: list[str] = []
+        self.log: list[str] = []
         self.answer: Callable[[int], Sequence[float] | None] | None = None
+
+    @classmethod
+    def declare(cls, config: DriverConfig) -> Declaration:
+        return Declaration(
+            channels=(Channel("position", "m"), Channel("load", "N")),
+            row=AxisRow,
+            setpoints=cls.setpoints,
+        )
 
     def open(self) -> None:
         pass
@@ -58,7 +71,7 @@ class Axis(Driver):
         self.position += self.speed * PERIOD_NS * 1e-9
         if self.answer is not None:
             return self.answer(t_ns)
-        return (self.position, self.load)
+        return AxisRow.of(position=self.position, load=self.load)
 
     def write(self, setpoints: Sequence[float]) -> None:
         (self.speed,) = setpoints
@@ -89,14 +102,14 @@ class ListSink:
     events: list[tuple[int, str, int, Mapping[str, object]]] = field(default_factory=list)
     rows: dict[str, int] = field(default_factory=dict)
     closed: bool = False
-    heard: list[str] = field(default_factory=list)  #: kinds of events, in one list with others
+    log: list[str] = field(default_factory=list)  #: kinds of events, in one list with others
 
     def write(self, stream: str, rows: Rows) -> None:
         self.rows[stream] = self.rows.get(stream, 0) + len(rows)
 
     def event(self, t_ns: int, kind: str, trial: int, data: Mapping[str, object]) -> None:
         self.events.append((t_ns, kind, trial, data))
-        self.heard.append(kind)
+        self.log.append(kind)
 
     def flush(self) -> None:
         pass
@@ -125,7 +138,9 @@ class Bench:
     def cycle(self) -> Cycle:
         rig = mount({"other": ("stubborn", self.other), "axis": ("axis", self.axis)})
         units = {
-            f"{item.name}.{c.name}": c.unit for item in rig.mounts for c in item.driver.channels
+            f"{item.name}.{channel.name}": channel.unit
+            for item in rig.mounts
+            for channel in item.driver.declaration.channels
         }
         return Cycle(
             rig,
@@ -156,7 +171,9 @@ class Bench:
 
 
 def move(name: str, speed: float, duration_s: float = 0.1) -> CycleProgram:
-    return CycleProgram((Segment(name, {"axis.speed": Constant(speed)}, duration_s=duration_s),))
+    return CycleProgram(
+        (Segment(name, {"axis.speed": ConstantProfile(speed)}, duration_s=duration_s),)
+    )
 
 
 def procedure(

@@ -15,7 +15,16 @@ from typing import ClassVar
 import numpy as np
 
 from rigd.config.rig import DeviceConfig
-from rigd.sdk import Block, BlockDriver, Channel, DeviceError, DriverConfig, LinkError, SlowDriver
+from rigd.sdk import (
+    Block,
+    BlockDriver,
+    Channel,
+    Declaration,
+    DeviceError,
+    DriverConfig,
+    LinkError,
+    SlowDriver,
+)
 
 TESTS = Path(__file__).parents[1]
 WAIT_S = 60.0  #: the machine may be busy; nothing here takes that long
@@ -32,15 +41,16 @@ class CounterConfig(DriverConfig):
     """What happens then."""
 
 
-class Counter(BlockDriver):
+class Counter(BlockDriver[CounterConfig, None]):
     """Counts rows: channels number and half of it, the status word is the block's number."""
 
     Config: ClassVar[type[DriverConfig]] = CounterConfig
     title: ClassVar[str] = "counter of the tests"
-    channels = (Channel("number"), Channel("half"))
-    has_status = True
-    silent_s = 0.5
-    config: CounterConfig
+
+    @classmethod
+    def declare(cls, config: CounterConfig) -> Declaration:
+        channels = (Channel("number"), Channel("half"))
+        return Declaration(channels=channels, has_status=True, silent_s=0.5)
 
     def open(self) -> None:
         if self.config.fault == "absent":
@@ -98,15 +108,12 @@ def device_of(
     name: str, driver_class: type[BlockDriver | SlowDriver], config: DriverConfig
 ) -> DeviceConfig:
     """Return the device as a rig file would give it."""
-    driver = driver_class(config, None)
     return DeviceConfig(
         name=name,
         driver=driver_class.__name__.lower(),
         driver_class=driver_class,
         config=config,
-        channels=driver.channels,
-        setpoints=(),
-        has_status=driver.has_status,
+        declaration=driver_class.declare(config),
         limits={},
     )
 

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from support.fault_table import SECOND, Case, Must
-from support.killing import END_S, SHAKING, Victim, own_state
+from support.killing import END_S, SHAKING, Victim, gaps, own_state
 from support.wire import ROOT, WireRig
 
 from rigd.engine.shared import Word
@@ -78,20 +78,27 @@ class Campaign:
         self._told = ""
         self._code: int | None = None
 
-    def play(self, case: Case) -> None:
-        """Play one case."""
-        if case.before:
+    def play(self, *cases: Case) -> None:
+        """Play one case, or several of different parts at once.
+
+        Of these none may end the run, or all are shown before it starts.
+        """
+        if cases[0].before:
             self.finish()
-            outcome = self._second() if case.fault == SECOND else self._start_in_vain(case)
-            self._report(case, outcome)
+            outcome = self._second() if cases[0].fault == SECOND else self._start_in_vain(cases)
+            for case in cases:
+                self._report(case, outcome)
             return
         if len(self._shown) >= SHARED:
             self.finish()
         if self._run is None:
             self._begin()
-        began_ns = self._inject(case)
-        ended = self._ends_within(max(case.watch_s, case.within_s))
-        self._shown.append(_Shown(case, began_ns, time.monotonic_ns()))
+        began_ns = [self._inject(case) for case in cases]
+        ended = self._ends_within(max(max(case.watch_s, case.within_s) for case in cases))
+        ended_ns = time.monotonic_ns()
+        self._shown += [
+            _Shown(case, since_ns, ended_ns) for case, since_ns in zip(cases, began_ns, strict=True)
+        ]
         if not ended:
             self._rig.ask(do="clear")
             ended = self._ends_within(SETTLE_S)
@@ -134,7 +141,7 @@ class Campaign:
         assert run is not None
         try:
             run.process.wait(END_S)
-            safe_ns = _safe_since(self._rig)
+            safe_ns = run.wait_until_safe()
             self._told, self._code = run.told(), run.process.returncode
             recording = Recording.open(run.recording)
             whole = _whole(recording)
@@ -164,19 +171,20 @@ class Campaign:
         code = self._code if ended_by_it else None
         return Outcome(detected, after_s, safe_s, False, whole, code, told)
 
-    def _start_in_vain(self, case: Case) -> Outcome:
-        """Show the fault, then start a run, which must be refused before anything moves."""
+    def _start_in_vain(self, cases: Sequence[Case]) -> Outcome:
+        """Show the faults, then start a run, which must be refused before anything moves."""
         self._place = Path(tempfile.mkdtemp(dir=self._folder))
         self._state = own_state(self._place)
         rig = self._rig.rig
-        if case.edit is None:
-            self._inject(case)
-        else:
-            right, wrong = case.edit
-            text = rig.read_text()
-            assert right in text
-            rig = self._place / "wrong.yaml"
-            rig.write_text(text.replace(right, wrong))
+        for case in cases:
+            if case.edit is None:
+                self._inject(case)
+            else:
+                right, wrong = case.edit
+                text = rig.read_text()
+                assert right in text
+                rig = self._place / "wrong.yaml"
+                rig.write_text(text.replace(right, wrong))
         try:
             with started(rig, self._place, self._state) as process:
                 return self._refused(process, lambda: _drives(self._rig))
@@ -205,7 +213,7 @@ class Campaign:
             if moved or time.monotonic_ns() - began_ns > END_S * 1e9:
                 process.send_signal(signal.SIGINT)
                 break
-            time.sleep(0.01)
+            time.sleep(0.05)
         out, _ = process.communicate(timeout=END_S)
         after_s = (time.monotonic_ns() - began_ns) * 1e-9
         refused = process.returncode == Exit.BLOCKED
@@ -275,18 +283,6 @@ def _wrong_end(case: Case, outcome: Outcome) -> Iterator[str]:
         yield f"safe after {outcome.safe_s} s, detected after {outcome.detected_s:.3f} s"
 
 
-def _safe_since(rig: WireRig) -> int:
-    """Return since when no drive has had torque, waiting for it."""
-    deadline = time.monotonic() + END_S
-    while time.monotonic() < deadline:
-        parts = rig.parts()
-        since = [parts[name]["safe_since_ns"] for name in SHAKING.drives]
-        if all(since):
-            return int(max(since))
-        time.sleep(0.005)
-    raise AssertionError(f"a drive still has torque: {rig.parts()}")
-
-
 def _drives(rig: WireRig) -> bool:
     """Return whether a drive gives its motor anything: the watchdog is proven at zero."""
     parts = rig.parts()
@@ -302,13 +298,8 @@ def _sentence(told: str) -> str:
 
 def _whole(recording: Recording) -> bool:
     """Return whether every cycle that ran is in the file, and the run's end."""
-    cycles, servo = recording.read("cycle"), recording.read("wheel_servo")
-    slots = np.rint(cycles["scheduled"] * 1e3).astype(np.int64)
-    events = list(recording.events())
-    late = sum(int(event.data["missed_slots"]) for event in events if event.kind == "late")
-    skipped = int(slots[-1] - slots[0]) + 1 - len(slots)
-    ended = any(event.kind == "run_end" for event in events)
-    return ended and skipped == late and len(servo) == len(cycles)
+    ended = any(event.kind == "run_end" for event in recording.events())
+    return ended and not gaps(recording, SHAKING.stream)
 
 
 def _detected(recording: Recording, _shown: _Shown, offset_ns: int) -> tuple[str, int | None]:
@@ -351,7 +342,9 @@ def _marks(
         if name == STATUS_FIELD:
             status = values.astype(np.uint32)
             marked |= (status & np.uint32(STALE)) != 0
-            marked |= ~np.isin(status & ~np.uint32(STALE), status[before] & ~np.uint32(STALE))
+            flags = status & ~np.uint32(STALE)
+            seen, counts = np.unique(flags[before], return_counts=True)
+            marked |= ~np.isin(flags, seen[counts > USUAL_SHARE * counts.sum()])
         elif name != "t_ns":
             marked |= np.isnan(values)
     return marked

@@ -5,13 +5,15 @@ from __future__ import annotations
 import asyncio
 import socket
 import struct
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
+from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from rigd_sim.wire.service import precise_loop
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 #: Linux `struct can_frame`, written down anew: the hub's own must agree with it.
 CAN_FRAME = struct.Struct("<I B 3x 8s")
@@ -35,6 +37,16 @@ def run(scenario: Coroutine[Any, Any, T]) -> T:
 
     with asyncio.Runner(loop_factory=precise_loop) as runner:
         return runner.run(guarded())
+
+
+def on_loop(test: Callable[P, Coroutine[Any, Any, None]]) -> Callable[P, None]:
+    """Let a test :func:`run` as a scenario."""
+
+    @wraps(test)
+    def on_its_loop(*args: P.args, **kwargs: P.kwargs) -> None:
+        run(test(*args, **kwargs))
+
+    return on_its_loop
 
 
 class Client:

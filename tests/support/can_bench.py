@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import time
 
 from rigd_drivers.can_bus import CanBus
 from rigd_drivers.cia402_servo.current import CurrentServo, CurrentServoConfig
 from rigd_drivers.cia402_servo.speed import SpeedServo, SpeedServoConfig
 from rigd_drivers.cia406_encoder import Cia406Encoder, EncoderConfig
-
-RADIANS_PER_COUNT = 2 * math.pi / 1024
 
 
 class Clock:
@@ -27,17 +24,21 @@ class Clock:
         self.ahead_ns += round(seconds * 1e9)
 
 
-def wheel(bus: CanBus | None, **options: object) -> CurrentServo:
+def wheel_config(**options: object) -> CurrentServoConfig:
     given = {
         "node": 1,
         "counts_per_revolution": "1024 count/rev",
         "current_range": "2 A",
         **options,
     }
-    return CurrentServo(CurrentServoConfig.model_validate(given), bus)
+    return CurrentServoConfig.model_validate(given)
 
 
-def belt(bus: CanBus | None, **options: object) -> SpeedServo:
+def wheel(bus: CanBus, **options: object) -> CurrentServo:
+    return CurrentServo(wheel_config(**options), bus)
+
+
+def belt_config(**options: object) -> SpeedServoConfig:
     given = {
         "node": 2,
         "counts_per_revolution": "4096 count/rev",
@@ -46,9 +47,16 @@ def belt(bus: CanBus | None, **options: object) -> SpeedServo:
         "clutch": True,
         **options,
     }
-    return SpeedServo(SpeedServoConfig.model_validate(given), bus)
+    return SpeedServoConfig.model_validate(given)
 
 
-def encoder(bus: CanBus | None, **options: object) -> Cia406Encoder:
-    given = {"node": 11, "kind": "rotary", **options}
-    return Cia406Encoder(EncoderConfig.model_validate(given), bus)
+def belt(bus: CanBus, **options: object) -> SpeedServo:
+    return SpeedServo(belt_config(**options), bus)
+
+
+def encoder_config(**options: object) -> EncoderConfig:
+    return EncoderConfig.model_validate({"node": 11, "kind": "rotary", **options})
+
+
+def encoder(bus: CanBus, **options: object) -> Cia406Encoder:
+    return Cia406Encoder(encoder_config(**options), bus)

@@ -10,12 +10,15 @@ from annotated_types import Gt, Le
 
 from rigd.sdk import (
     Channel,
+    Declaration,
     Driver,
+    DriverConfig,
     Energy,
     GridPlant,
     In,
     PlantConfig,
     PlantSensor,
+    Row,
     Setting,
     accepted,
 )
@@ -83,46 +86,65 @@ class Cart(GridPlant):
         return normal_pair(self.seed, self.now_ns - self.origin_ns)[0]
 
 
-class Motor(Driver):
+class Motor(Driver[DriverConfig, Cart]):
     """The motor; safe means without force."""
 
     title: ClassVar[str] = "motor of the cart"
-    setpoints = (Channel("force", "N", "push", -20.0, 20.0),)
-    link: Cart
+
+    @classmethod
+    def declare(cls, config: DriverConfig) -> Declaration:
+        return Declaration(setpoints=(Channel("force", "N", "push", -20.0, 20.0),))
 
     def open(self) -> None: ...
     def arm(self) -> None: ...
     def read(self, t_ns: int) -> None: ...
 
     def write(self, setpoints: Sequence[float]) -> None:
-        self.link.force = accepted(self.setpoints[0], setpoints[0])
+        self.link.force = accepted(self.declaration.setpoints[0], setpoints[0])
 
     def make_safe(self) -> None:
         self.link.force = 0.0
 
 
-class Ruler(PlantSensor):
+class RulerRow(Row):
+    position: float
+
+
+class Ruler(PlantSensor[DriverConfig, Cart]):
     """Position with noise, in steps of 10 um."""
 
     title: ClassVar[str] = "ruler along the cart"
-    channels = (Channel("position", "m", "of the cart"),)
-    link: Cart
 
-    def read(self, t_ns: int) -> Sequence[float]:
+    @classmethod
+    def declare(cls, config: DriverConfig) -> Declaration:
+        return Declaration(channels=(Channel("position", "m", "of the cart"),), row=RulerRow)
+
+    def read(self, t_ns: int) -> RulerRow:
         self.link.advance(t_ns)
-        return (math.floor((self.link.state[0] + 1e-4 * self.link.noise()) * 1e5) * 1e-5,)
+        position = self.link.state[0] + 1e-4 * self.link.noise()
+        return RulerRow.of(position=math.floor(position * 1e5) * 1e-5)
 
 
-class Truth(PlantSensor):
+class TruthRow(Row):
+    position: float
+    speed: float
+
+
+class Truth(PlantSensor[DriverConfig, Cart]):
     """Position and speed as they are."""
 
     title: ClassVar[str] = "hidden state of the cart"
-    channels = (Channel("position", "m", "of the cart"), Channel("speed", "m/s", "of the cart"))
-    link: Cart
 
-    def read(self, t_ns: int) -> Sequence[float]:
+    @classmethod
+    def declare(cls, config: DriverConfig) -> Declaration:
+        position = Channel("position", "m", "of the cart")
+        speed = Channel("speed", "m/s", "of the cart")
+        return Declaration(channels=(position, speed), row=TruthRow)
+
+    def read(self, t_ns: int) -> TruthRow:
         self.link.advance(t_ns)
-        return self.link.state[:2]
+        position, speed, *_ = self.link.state
+        return TruthRow.of(position=position, speed=speed)
 
 
 DEVICES: dict[str, Device] = {"motor": (Motor, {}), "ruler": (Ruler, {}), "truth": (Truth, {})}

@@ -39,7 +39,7 @@ def rigd(*arguments: str | Path, cwd: Path, state: Path | None = None) -> Ended:
     ``state`` is where the rings of its runs stand, if not where they usually do.
     """
     environment = os.environ | ({} if state is None else {"RIGD_STATE": str(state)})
-    if warm.wanted:
+    if warm.offered():
         ended = Ended(
             *warm.run([str(argument) for argument in arguments], cwd, TIMEOUT_S, environment)
         )

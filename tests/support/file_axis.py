@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from rigd.config.rig import DeviceConfig, LinkSetup, RigConfig, SourceFile, Supervision, Waiver
 from rigd.model.limits import Interlock, SetpointLimit
-from rigd.sdk import Channel, DeviceError, Driver, DriverConfig, Link, LinkConfig
+from rigd.sdk import Channel, Declaration, DeviceError, Driver, DriverConfig, Link, LinkConfig, Row
 
 
 class FileAxisConfig(DriverConfig):
@@ -33,22 +33,33 @@ class FileAxisConfig(DriverConfig):
     opens_in_s: float = 0.0
 
 
-class FileAxis(Driver):
+class AxisRow(Row):
+    position: float
+    speed: float
+    status: int
+
+
+class FileAxis(Driver[FileAxisConfig, None]):
     """Integrates its speed; safe means speed zero and disabled."""
 
     Config: ClassVar[type[DriverConfig]] = FileAxisConfig
     second_link: ClassVar[bool] = True
-    channels = (Channel("position", "m"), Channel("speed", "m/s"))
-    setpoints = (Channel("speed", "m/s", low=-2, high=2),)
-    has_status = True
-    config: FileAxisConfig
 
-    def __init__(self, config: FileAxisConfig, link: object) -> None:
+    def __init__(self, config: FileAxisConfig, link: None) -> None:
         super().__init__(config, link)
-        self.watchdog_s = 0.5 if config.watchdog else None
         self._enabled = False
         self._position = self._speed = 0.0
         self._begun = self._armed_at = 0.0
+        self._kept: tuple[str, int, int] | None = None
+
+    @classmethod
+    def declare(cls, config: FileAxisConfig) -> Declaration:
+        return Declaration(
+            channels=(Channel("position", "m"), Channel("speed", "m/s")),
+            row=AxisRow,
+            setpoints=(Channel("speed", "m/s", low=-2, high=2),),
+            watchdog_s=0.5 if config.watchdog else None,
+        )
 
     def open(self) -> None:
         self._begun = time.monotonic()
@@ -67,7 +78,7 @@ class FileAxis(Driver):
     def ready(self) -> bool:
         return time.monotonic() - self._armed_at >= self.config.ready_after_s
 
-    def read(self, t_ns: int) -> Sequence[float]:
+    def read(self, t_ns: int) -> AxisRow:
         self._position += self._speed * 1e-3
         hang = self.config.hang_after_s
         if hang is not None and time.monotonic() - self._begun > hang:
@@ -77,8 +88,11 @@ class FileAxis(Driver):
             raise DeviceError("the belt is torn")
         drop = self.config.drops_after_s
         if drop is not None and time.monotonic() - self._begun > drop:
-            return self._position - 1.0, self._speed, int(self._enabled)
-        return self._position, self._speed, int(self._enabled)
+            return self._row(self._position - 1.0)
+        return self._row(self._position)
+
+    def _row(self, position: float) -> AxisRow:
+        return AxisRow.of(position=position, speed=self._speed, status=int(self._enabled))
 
     def write(self, setpoints: Sequence[float]) -> None:
         if self._enabled:
@@ -95,9 +109,23 @@ class FileAxis(Driver):
         self._keep("rescued")
 
     def _keep(self, word: str) -> None:
-        draft = self.config.path.with_suffix(f".{os.getpid()}")
+        """Write a word that is new or that another process has replaced.
+
+        A write in each cycle would hold the cycle up on a disk that others load.
+        """
+        path = self.config.path
+        if self._kept is not None and self._kept == (word, *_version(path)):
+            return
+        draft = path.with_suffix(f".{os.getpid()}")
         draft.write_text(json.dumps({"word": word, "pid": os.getpid()}))
-        draft.replace(self.config.path)
+        self._kept = (word, *_version(draft))
+        draft.replace(path)
+
+
+def _version(path: Path) -> tuple[int, int]:
+    """Return what differs between two files of one name: the inode and the time of writing, ns."""
+    status = path.stat()
+    return status.st_ino, status.st_mtime_ns
 
 
 class HeldLinkConfig(LinkConfig):
@@ -133,7 +161,6 @@ def rig(
 ) -> RigConfig:
     """Return a rig of this one axis."""
     config = FileAxisConfig.model_validate({"path": path, **options})
-    axis = FileAxis(config, None)
     return RigConfig(
         name=f"file-{path.parent.name}",
         title="",
@@ -145,9 +172,7 @@ def rig(
                 driver="file-axis",
                 driver_class=FileAxis,
                 config=config,
-                channels=axis.channels,
-                setpoints=axis.setpoints,
-                has_status=True,
+                declaration=FileAxis.declare(config),
                 limits={"speed": SetpointLimit(-1.5, 1.5, 100.0)},
                 waiver=waiver,
             )

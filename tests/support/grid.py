@@ -15,7 +15,8 @@ import numpy as np
 
 from rigd.config.rig import DeviceConfig, PlantSetup, RigConfig, SourceFile, Supervision
 from rigd.model.limits import Interlock
-from rigd.sdk import Block, BlockDriver, Channel, DriverConfig, Plant, PlantConfig
+from rigd.sdk import Block, BlockDriver, Channel, Declaration, DriverConfig, Plant, PlantConfig
+from rigd.sdk.driver import LinkT
 
 PERIOD_NS = 2_000_000  #: of the cycle
 
@@ -35,15 +36,16 @@ class GridConfig(DriverConfig):
     """How far its times are ahead: a mistake."""
 
 
-class Grid(BlockDriver):
+class Grid(BlockDriver[GridConfig, LinkT]):
     """Row k has the number k, and was taken k * row_ns after the start."""
 
     Config: ClassVar[type[DriverConfig]] = GridConfig
     title: ClassVar[str] = "grid of the tests"
-    channels = (Channel("number"), Channel("negative"))
-    has_status = True
-    silent_s = 1.0
-    config: GridConfig
+
+    @classmethod
+    def declare(cls, config: GridConfig) -> Declaration:
+        channels = (Channel("number"), Channel("negative"))
+        return Declaration(channels=channels, has_status=True, silent_s=1.0)
 
     def open(self) -> None:
         self.rate_hz = 1e9 / self.config.row_ns
@@ -85,11 +87,10 @@ class ClockPlant(Plant):
         self.t_ns = self.origin_ns + t_ns
 
 
-class PlantGrid(Grid):
+class PlantGrid(Grid[ClockPlant]):
     """The same, on a plant."""
 
     on_plant: ClassVar[bool] = True
-    link: ClockPlant
 
     def now_ns(self) -> int:
         return self.link.t_ns
@@ -104,7 +105,6 @@ def rig(
 ) -> RigConfig:
     """Return a rig of this one device, ``grid``."""
     config = GridConfig.model_validate(options)
-    made = driver(config, None)
     return RigConfig(
         name=f"grid-{path.name}",
         title="",
@@ -116,9 +116,7 @@ def rig(
                 driver="grid",
                 driver_class=driver,
                 config=config,
-                channels=made.channels,
-                setpoints=(),
-                has_status=True,
+                declaration=driver.declare(config),
                 limits={},
             )
         },

@@ -18,7 +18,7 @@ from support.command import rigd
 from support.wire import ROOT, WireRig, alive
 
 from rigd.config.loader import load_rig
-from rigd.engine.shared import RunFolder, Word, state_folder
+from rigd.engine.shared import RecorderState, RunFolder, Word, state_folder
 from rigd.model.errors import Exit
 from rigd.record import Recording
 
@@ -36,6 +36,8 @@ PATIENT = {"stale_after: 20 ms": "stale_after: 150 ms"} | {
     f"    {last}\n": f"    {last}\n    stale_after: 150 ms\n"
     for last in ("high: 1.65 m", "low: -40 mm", "high: 620 mm", "deadband: 0.1 A")
 }
+#: The same at a quarter of the rate, which takes half of the CPU time.
+QUARTER = PATIENT | {"cycle: 1 kHz": "cycle: 250 Hz"}
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ class Victim:
         while self.process.poll() is None and time.monotonic() < deadline:
             if self._movement.moves(self.rig.parts()):
                 return
-            time.sleep(0.02)
+            time.sleep(0.05)
         told = self.told()
         self.end()
         raise AssertionError(f"the run did not begin to move: {told}")
@@ -160,6 +162,18 @@ class Victim:
         self._log.seek(0)
         return self._log.read().decode()
 
+    def hit_recorder(self, number: signal.Signals) -> None:
+        """Send ``number`` to the recorder; return once another records, or it is stopped."""
+        board = self.folder.board()
+        hit = board[Word.PID_RECORDER]
+        os.kill(hit, number)
+        deadline = time.monotonic() + END_S
+        while number is not signal.SIGSTOP and (
+            board[Word.PID_RECORDER] == hit or board[Word.RECORDER_STATE] != RecorderState.RECORDING
+        ):
+            assert time.monotonic() < deadline, self.told()
+            time.sleep(0.01)
+
     def hit(self, victim: str, number: signal.Signals) -> Killed:
         """Send ``number`` to ``victim``, and wait until all has ended."""
         pids = self.pids()
@@ -175,7 +189,7 @@ class Victim:
         elif victim == "recorder":
             time.sleep(0.5)
             self.process.send_signal(signal.SIGINT)
-        safe_ns = self._wait_until_safe()
+        safe_ns = self.wait_until_safe()
         self._wait_for_end(pids, stopped=number is signal.SIGSTOP and victim in ("daemon", "all"))
         return self._examine(at_ns, safe_ns)
 
@@ -186,7 +200,7 @@ class Victim:
         self.process.wait()
         self._log.close()
 
-    def _wait_until_safe(self) -> int:
+    def wait_until_safe(self) -> int:
         """Return when the last drive lost its torque."""
         deadline = time.monotonic() + END_S
         while time.monotonic() < deadline:
@@ -194,7 +208,7 @@ class Victim:
             since = [parts[name]["safe_since_ns"] for name in self._movement.drives]
             if all(since):
                 return int(max(since))
-            time.sleep(0.005)
+            time.sleep(0.02)
         raise AssertionError(f"a drive still has torque: {self.rig.parts()}")
 
     def _wait_for_end(self, pids: Mapping[str, int], *, stopped: bool) -> None:
@@ -253,9 +267,10 @@ class Victim:
 
 
 def gaps(recording: Recording, stream: str) -> int:
-    """Return how many cycles of 1 ms ran that are missing in ``stream``, one run recorded."""
+    """Return how many cycles ran that are missing in ``stream``, one run recorded."""
     cycles, rows = recording.read("cycle"), recording.read(stream)
-    slots = np.rint(cycles["scheduled"] * 1e3).astype(np.int64)
+    period_s = float(np.median(np.diff(cycles["scheduled"])))
+    slots = np.rint(cycles["scheduled"] / period_s).astype(np.int64)
     late = sum(int(e.data["missed_slots"]) for e in recording.events() if e.kind == "late")
     skipped = int(slots[-1] - slots[0]) + 1 - len(slots)
     return skipped - late + abs(len(rows) - len(cycles))

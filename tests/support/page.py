@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 from playwright.sync_api import Page, expect
 from support.browser import PATIENCE_MS, Watched
@@ -11,8 +12,12 @@ from support.panel import ServedPanel
 
 expect.set_options(timeout=PATIENCE_MS)
 
-#: Returns when the page has been drawn anew.
-DRAWN = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+#: Returns when the page has been drawn anew, twice; by its observers, as tests replace its clock.
+DRAWN = """(async () => {
+    const frame = () => new Promise(done => new IntersectionObserver(done).observe(document.body));
+    await frame();
+    await frame();
+})()"""
 
 
 def state(page: Page, text: str) -> None:
@@ -42,9 +47,9 @@ def wait_until(condition: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-def given(panel: ServedPanel, verb: str) -> list[dict[str, object]]:
+def given(panel: ServedPanel, verb: str) -> list[dict[str, Any]]:
     """Return the arguments of each request ``verb`` that the rig has got."""
-    return [args for name, args in panel.rig.given if name == verb]
+    return panel.rig.given(verb)
 
 
 def in_control(panel: ServedPanel, watched: Watched) -> Page:
@@ -58,7 +63,6 @@ def in_control(panel: ServedPanel, watched: Watched) -> Page:
 def running(panel: ServedPanel, watched: Watched) -> Page:
     """Return a page with control, before a rig that runs."""
     page = in_control(panel, watched)
-    panel.rig.state = "running"
-    panel.do(panel.rig.wake)
+    panel.rig.become("running")
     state(page, "Running")
     return page

@@ -1,4 +1,4 @@
-"""A panel that serves a played rig, in a thread of this process."""
+"""A panel that serves a played rig over the network, in a thread of this process."""
 
 from __future__ import annotations
 
@@ -6,25 +6,86 @@ import asyncio
 import http.client
 import json
 import threading
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import AsyncIterator, Mapping
 from concurrent.futures import Future
-from typing import Any
+from contextlib import ExitStack
+from typing import Any, Literal, TypeVar
 from urllib.parse import urlsplit
 
 from support.played_rig import PlayedRig
+from support.served_rig import free_port
+from support.served_rig import serve as serve_rig
 from websockets import Origin
 from websockets.sync.client import ClientConnection, connect
 
+from rigd.config.remote import RemoteSetup
+from rigd.model.errors import LinkError
 from rigd.panel.server import Listen, serve
 from rigd.panel.session_store import SessionStore
+from rigd.remote.client import Connection, make_target
+from rigd.remote.protocol import Kind, RigEvent, Status
+
+R = TypeVar("R")
+
+
+class Line:
+    """The panel's connection to the rig, which a test can cut, or hold a verb up in."""
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+        self.is_cut = False
+        self.held = ""  #: the verb that gets no further
+        self.verbs: list[str] = []  #: of the requests so far
+        self._turn = asyncio.Lock()
+
+    @property
+    def identity(self) -> str:
+        return self.connection.identity
+
+    async def request(
+        self, kind: Kind, verb: str, args: Mapping[str, Any], result: type[R], user: str = ""
+    ) -> R:
+        self.verbs.append(verb)
+        if verb == self.held:
+            async with self._turn:  # they go on in the order in which they came
+                while verb == self.held:
+                    await asyncio.sleep(0.01)
+        if self.is_cut:
+            raise LinkError("the daemon does not answer", hint="is it running?")
+        return await self.connection.request(kind, verb, args, result, user)
+
+    async def statuses(self) -> AsyncIterator[Status]:
+        async for status in self.connection.statuses():
+            if not self.is_cut:
+                yield status
+
+    def events(self) -> AsyncIterator[RigEvent]:
+        return self.connection.events()
+
+    async def frames(self) -> AsyncIterator[bytes]:
+        async for frame in self.connection.frames():
+            if not self.is_cut:
+                yield frame
 
 
 class ServedPanel:
-    """Serves ``rig`` on a free port while the context lasts."""
+    """Serves ``rig`` while the context lasts: the daemon's end, and a panel on a free port.
 
-    def __init__(self, rig: PlayedRig | None = None, book: SessionStore | None = None) -> None:
+    ``role`` is that of the panel on the rig.
+    """
+
+    line: Line
+
+    def __init__(
+        self,
+        rig: PlayedRig | None = None,
+        store: SessionStore | None = None,
+        role: Literal["operator", "maintainer"] = "operator",
+    ) -> None:
         self.rig = rig or PlayedRig()
-        self._book = book
+        self._setup = RemoteSetup((f"tcp/127.0.0.1:{free_port()}",), roles={"panel": role})
+        self._store = store
+        self._opened = ExitStack()
         self.links: dict[str, str] = {}
         self.port = 0
         self._told: Future[Mapping[str, str]] = Future()
@@ -33,6 +94,7 @@ class ServedPanel:
         self._serving: asyncio.Task[None] | None = None
 
     def __enter__(self) -> ServedPanel:
+        self._opened.enter_context(serve_rig(self._setup, rig=self.rig, live=True))
         self._thread.start()
         self.links = dict(self._told.result(30))
         self.port = urlsplit(self.links["operator"]).port or 0
@@ -43,15 +105,12 @@ class ServedPanel:
             self._loop.call_soon_threadsafe(self._serving.cancel)
         self._thread.join(30)
         self._loop.close()
+        self._opened.close()
 
     @property
     def origin(self) -> str:
         """Of its own pages."""
         return f"http://127.0.0.1:{self.port}"
-
-    def do(self, action: Callable[[], Coroutine[Any, Any, None]]) -> None:
-        """Let something happen at the rig, on its own loop."""
-        asyncio.run_coroutine_threadsafe(action(), self._loop).result(30)
 
     def visitor(self, role: str = "operator", name: str = "Ada") -> Visitor:
         """Return someone who has logged in by the link of their role, or by a further one."""
@@ -66,12 +125,15 @@ class ServedPanel:
         asyncio.set_event_loop(self._loop)
 
         async def run() -> None:
-            self._serving = asyncio.create_task(
-                serve(self.rig, Listen(port=0), self._told.set_result, self._book)
-            )
-            await asyncio.wait([self._serving])
-            if not self._serving.cancelled():
-                await self._serving
+            target = make_target(self.rig.name, self._setup.listen[0], identity="panel")
+            async with await Connection.open(target) as connection:
+                self.line = Line(connection)
+                self._serving = asyncio.create_task(
+                    serve(self.line, Listen(port=0), self._told.set_result, self._store)
+                )
+                await asyncio.wait([self._serving])
+                if not self._serving.cancelled():
+                    await self._serving
 
         self._loop.run_until_complete(run())
 

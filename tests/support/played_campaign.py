@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigd.remote.protocol.arguments import ProcedureFile
+from rigd.remote.protocol.arguments import PieceArguments, ProcedureFile
 from rigd.remote.protocol.frame import Frame, encode_frame
 from rigd.remote.protocol.results import (
     ActionView,
@@ -26,12 +26,15 @@ from rigd.remote.protocol.results import (
     PeakView,
     PieceView,
     ProblemView,
+    ProcedureLine,
+    Procedures,
     ProcedureView,
+    RunLine,
     SetpointView,
     StepView,
     StreamView,
 )
-from rigd.remote.protocol.status import PromptView, TripView, as_json
+from rigd.remote.protocol.status import PromptView, TripView
 
 STEP_S = 1e-3
 PROCEDURE_FILES = Path(__file__).parents[2] / "procedures"
@@ -124,6 +127,23 @@ PROCEDURES = {
     )
 }  # fmt: skip
 
+#: What the daemon lists: the last one does not fit its rig.
+LISTED = Procedures(
+    procedures=(
+        *(
+            ProcedureLine(name=name, title=item.title, sha256=item.procedure.sha256)
+            for name, item in PROCEDURES.items()
+        ),
+        ProcedureLine(
+            name="calibrate_scale", title="Calibrate the scale", sha256="0" * 64,
+            problem="the rig lugre-1 has no channel 'scale.mass'",
+        ),
+    )
+)  # fmt: skip
+#: A procedure as it travels, and the text of its file.
+FILE = PROCEDURES["quick"].procedure
+TEXT = FILE.text
+
 PROMPT = PromptView(
     id=7, name="lay_floor", kind="choice", choices=("stone",), answer="stone",
     text="Lay the stone floor under the wheel. Which floor lies there now?",
@@ -148,20 +168,43 @@ DETAILS: dict[str, Any] = {
 }
 RECORDING = bytes(range(256)) * 3000  # three pieces
 
-RUN_PAGE = """<!doctype html><html lang="en"><title>Run</title><h1>What was recorded</h1></html>"""
-REPORT = """<!doctype html><html lang="en"><title>Report</title>
+RUN_PAGE = b"""<!doctype html><html lang="en"><title>Run</title><h1>What was recorded</h1></html>"""
+REPORT = b"""<!doctype html><html lang="en"><title>Report</title>
 <style>body{font:16px/1.5 system-ui;margin:2rem;max-width:60rem}td,th{padding:.3rem 1rem}</style>
 <h1>LuGre model of constant_current</h1><p>Ten trials on stone.</p>
-<table><tr><th>Parameter<th>Value<th>95 %<tr><td>mu_c<td>0.1203<td>± 0.0007</table>
+<table><tr><th>Parameter<th>Value<th>95 %<tr><td>mu_c<td>0.1203<td>&plusmn; 0.0007</table>
 <script>document.title = "a script ran"</script></html>"""
 
 
-def piece(whole: bytes, args: Mapping[str, Any]) -> dict[str, Any]:
+def run_line(run: str, state: str = "complete", **more: Any) -> RunLine:
+    """Return what a list of recordings shows of ``run``."""
+    trials = 10 if state == "complete" else 4
+    known = {
+        "procedure": "constant_current", "started_ns": time.time_ns(), "duration_s": 93.4,
+        "trials_done": trials, "trials_total": 10, "size": len(RECORDING), "has_report": False,
+        "has_page": False, "identifies": True,
+    }  # fmt: skip
+    return RunLine.model_validate({"run": run, "state": state, **known, **more})
+
+
+def past_runs() -> list[RunLine]:
+    """Return the recordings, the newest first: the first has no report, the third none to make."""
+    return [
+        run_line(
+            f"2026-11-{day:02d}T09-12-0{day % 10}_constant_current.mcap",
+            "complete" if day % 3 else "stopped",
+            started_ns=time.time_ns() - (40 - day) * 86_400 * 10**9,
+            has_report=bool(day % 2), has_page=day == 19, identifies=day != 18,
+        )
+        for day in range(20, 12, -1)
+    ]  # fmt: skip
+
+
+def piece(whole: bytes, wanted: PieceArguments) -> PieceView:
     """Return the piece of a file that was asked for."""
-    offset, length = args["offset"], args["length"]
-    data = base64.b64encode(whole[offset : offset + length])
+    data = base64.b64encode(whole[wanted.offset : wanted.offset + wanted.length])
     sha256 = hashlib.sha256(whole).hexdigest()
-    return as_json(PieceView(size=len(whole), sha256=sha256, offset=offset, data=data))
+    return PieceView(size=len(whole), sha256=sha256, offset=wanted.offset, data=data)
 
 
 def past(stream: str) -> bytes:
@@ -193,8 +236,9 @@ STEPS = (
 )  # fmt: skip
 
 
-def check(brake_at: str) -> CheckReport:
+def check(settings: Mapping[str, str]) -> CheckReport:
     """Return whether it could run."""
+    brake_at = settings.get("brake_at", "")
     if brake_at and float(brake_at.split()[0]) > 1.25:
         problem = ProblemView(
             message=f"--set brake_at={brake_at}: brake_at {brake_at} is above its max 1.25 m"
@@ -203,9 +247,9 @@ def check(brake_at: str) -> CheckReport:
     return CheckReport(ok=True, trials=10, prompts=1)
 
 
-def dry_run(brake_at_m: float) -> DryRun:
+def dry_run(settings: Mapping[str, str]) -> DryRun:
     """Return what a dry run would find: braking late goes too far."""
-    far = brake_at_m + 0.12
+    far = float(settings.get("brake_at", "1.15 m").split()[0]) + 0.12
     inside = far < 1.3
     peaks = (
         PeakView(channel="wheel_servo.current", unit="A", lowest=-0.31, highest=1.5, low=-1.6,

@@ -1,24 +1,27 @@
-"""A rig that is played: what the panel needs of one, with traces like those of a real run.
+"""A rig that is played: the service behind a real server, with traces like those of a real run.
 
-Speaks in the protocol's own models, so that what it says has the form that a daemon's has.
+It answers every verb, checks nothing that the server has checked, and can be looked at and changed.
 """
 
 from __future__ import annotations
 
-import asyncio
+import os
+import threading
 import time
-from collections.abc import AsyncIterator, Mapping
-from typing import Any, TypeVar
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 from support.played_campaign import (
     ACTIONS,
     CHANNELS,
     DETAILS,
     INTERLOCKS,
+    LISTED,
     PROCEDURES,
-    PROMPT,
     RECORDING,
     REPORT,
     RUN_PAGE,
@@ -29,384 +32,400 @@ from support.played_campaign import (
     check,
     dry_run,
     past,
+    past_runs,
     piece,
+    run_line,
 )
 
-from rigd.model.errors import LinkError
-from rigd.remote.protocol.arguments import Answered, Receiver, StartArguments
+from rigd.remote.protocol import ClientUser, Code, Kind, Message, Refusal, Requester, Verb
+from rigd.remote.protocol.arguments import (
+    Answered,
+    InterlockName,
+    NoArguments,
+    PieceArguments,
+    ProcedureName,
+    ReasonArguments,
+    ReportPiece,
+    Since,
+    StartArguments,
+)
 from rigd.remote.protocol.frame import Frame, encode_frame
 from rigd.remote.protocol.limits import VERSION
-from rigd.remote.protocol.message import Message
-from rigd.remote.protocol.refusal import Code, Refusal
 from rigd.remote.protocol.results import (
+    ActionReply,
     Description,
     Events,
     History,
     LatestReply,
     LatestValues,
-    ProcedureLine,
-    Procedures,
+    PieceView,
+    ProcedureView,
     Reported,
     RunLine,
     RunList,
     RunView,
     Started,
+    Stopped,
 )
-from rigd.remote.protocol.roles import Role
 from rigd.remote.protocol.status import (
     Daemon,
     Interrupted,
     LastRun,
-    LeaseView,
     PromptView,
     RigEvent,
+    State,
     Status,
     TrialStatus,
     TripView,
-    as_json,
 )
+from rigd.remote.protocol.verbs import Handlers
+from rigd.remote.server import Lease, RigPublisher
 
 TICK_S = 1 / 30
+#: So long that a client which keeps the lease does not lose it on a crowded machine, in s.
+LEASE_S = 600.0
 RUN = "2026-11-21T14-02-11_constant_current.mcap"
+TITLE = "LuGre omni-wheel rig, simulated"
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A request that has reached the rig."""
+
+    requester: Requester
+    verb: Verb
+    args: Message
 
 
 class PlayedRig:
-    """A rig in this process, on the panel's loop; what was asked of it stands in ``given``."""
+    """One rig, which any thread may change; a run that is stopped ends once a test ends it.
 
-    identity = "panel"
+    ``prompts`` are asked at the beginning of each run.
+    """
 
-    def __init__(self, prompts: tuple[PromptView, ...] = (PROMPT,)) -> None:
-        self.given: list[tuple[str, dict[str, Any]]] = []
-        self.users: dict[str, str] = {}  # by command: for whom the newest was given
-        self.changes = 0  #: everything that a client changed
-        self.is_silent = False
-        self.is_maintained = False
-        self.delay_s = 0.0  #: how long a command takes
-        self.dry_run_s = 0.0  #: how long a dry run takes
-        self.prompts = prompts
+    def __init__(
+        self,
+        name: str = "lugre-1",
+        *,
+        prompts: tuple[PromptView, ...] = (),
+        lease_s: float = LEASE_S,
+    ) -> None:
+        self.name = name
+        self.lease = Lease(lambda _: True, duration_s=lease_s)
+        self.publisher: RigPublisher | None = None  #: once it is served
+        self.requests: list[Asked] = []
+        self.changes = 0  #: commands and stops that were carried out, but for renewals of the lease
+        self.state: State = "idle"
+        self.run = RUN
         self.carriage = Carriage()
-        self._asked: list[PromptView] = []
-        self._seq = 0
-        self._event_seq = 0
-        self._events: list[RigEvent] = []
-        self._news = asyncio.Condition()
-        self._began = 0.0
+        self.events: list[RigEvent] = []
         self.trips: list[TripView] = []
-        self.holder: str | None = None
-        self.asked_by: tuple[str, ...] = ()
-        self.state = "idle"
         self.interrupted: tuple[Interrupted, ...] = ()
         self.last: LastRun | None = None
-        self.runs = [
-            RunLine(
-                run=f"2026-11-{day:02d}T09-12-0{day % 10}_constant_current.mcap",
-                procedure="constant_current",
-                state="complete" if day % 3 else "stopped",
-                started_ns=time.time_ns() - (40 - day) * 86_400 * 10**9,
-                duration_s=93.4, trials_done=10 if day % 3 else 4, trials_total=10,
-                size=len(RECORDING), has_report=bool(day % 2),
-                has_page=day == 19, identifies=day != 18,
-            )
-            for day in range(20, 12, -1)
-        ]  # fmt: skip
+        self.runs = past_runs()
+        self.said = 0  #: statuses
+        self.fails = ""  #: the verb that raises ``error``
+        self.error: Exception = RuntimeError("a bug of the rig's own")
+        self.keeps_running = False  #: whatever stops it
+        self.computes_s = 0.0  #: processor time that each reply to a question takes
+        self.begun = threading.Event()  #: a verb hangs
+        self.let_go = threading.Event()
+        self._hangs = ""
+        self._prompts = prompts
+        self._waiting: list[PromptView] = []
+        self._began = 0.0
+        self._emitting = threading.Lock()
+        self._handlers = self._table()
 
-    # What it tells.
+    # What tests see of it, and do to it.
 
-    def status(self) -> Status:
-        """Return what it would say now."""
-        self._seq += 1
-        plays = self.state not in ("idle", "done")
-        run_s = time.monotonic() - self._began if plays else 0.0
-        played = self.carriage
-        return Status(
-            v=VERSION, rig="lugre-1", title="LuGre omni-wheel rig, simulated", t_ns=time.time_ns(),
-            seq=self._seq, daemon=Daemon(version="0.1.0", pid=1, started_ns=1),
-            state="idle" if self.state == "done" else self.state,  # type: ignore[arg-type]
-            procedure="constant_current" if plays else None,
-            run=RUN if plays else None,
-            step=played.step if plays else None,
-            trial=TrialStatus(number=played.trial, repeat=1,
-                        parameters={"current": played.target, "floor": "stone"},
-                        label=f"current {played.target:.3g} A")
-            if plays and not self._asked else None,
-            trials_done=played.trial - 1 if plays else 0, trials_total=10 if plays else 0,
-            run_s=run_s, left_s=max(0.0, 95.0 - run_s) if plays else None,
-            prompt=self._asked[0] if self._asked else None,
-            lease=LeaseView(holder=self.holder, asked_by=self.asked_by,
-                            until_ns=time.time_ns() + 6 * 10**9 if self.holder else 0),
-            trips=tuple(self.trips), interrupted=self.interrupted, last=self.last,
-        )  # fmt: skip
+    @property
+    def done(self) -> list[tuple[str, str]]:
+        """Return identity and verb of each command and stop."""
+        return [
+            (item.requester.identity, item.verb.name)
+            for item in self.requests
+            if item.verb.rule.kind is not Kind.ASK
+        ]
 
-    async def statuses(self) -> AsyncIterator[dict[str, Any]]:
-        """Yield the status at every change and twice a second."""
-        while True:
-            if not self.is_silent:
-                yield as_json(self.status())
-            async with self._news:
-                try:
-                    await asyncio.wait_for(self._news.wait(), 0.5)
-                except TimeoutError:
-                    continue
+    def verbs(self) -> list[str]:
+        """Return the commands and stops, but for renewals of the lease."""
+        return [verb for _, verb in self.done if verb != "lease_renew"]
 
-    async def events(self) -> AsyncIterator[dict[str, Any]]:
-        """Yield every event from now on."""
-        told = len(self._events)
-        while True:
-            while told < len(self._events):
-                yield as_json(self._events[told])
-                told += 1
-            async with self._news:
-                await self._news.wait()
+    def given(self, verb: str) -> list[dict[str, Any]]:
+        """Return the arguments of each request for ``verb``, but those left at their default."""
+        return [
+            item.args.model_dump(mode="json", exclude_defaults=True)
+            for item in self.requests
+            if item.verb.name == verb
+        ]
 
-    async def frames(self) -> AsyncIterator[bytes]:
-        """Yield frames while it plays."""
+    def users(self, verb: str) -> list[str]:
+        """Return for whom each request for ``verb`` was made."""
+        return [item.requester.user for item in self.requests if item.verb.name == verb]
+
+    def hold_lease(self, identity: str, user: str = "") -> None:
+        """Give the lease to a client."""
+        self.lease.seize(ClientUser.of(identity, user))
+
+    @contextmanager
+    def hanging(self, verb: str) -> Iterator[None]:
+        """Let ``verb`` hang while inside, or until it is ``let_go``."""
+        self.begun.clear()
+        self.let_go.clear()
+        self._hangs = verb
+        try:
+            yield
+        finally:
+            self._hangs = ""
+            self.let_go.set()
+
+    @property
+    def prompt(self) -> PromptView | None:
+        """The question that waits for an answer."""
+        return self._waiting[0] if self._waiting else None
+
+    @prompt.setter
+    def prompt(self, prompt: PromptView | None) -> None:
+        self._waiting = [] if prompt is None else [prompt]
+        self.show()
+
+    def emit(self, kind: str, **data: Any) -> None:
+        """Let something happen."""
+        trial = self.carriage.trial if self.state == "running" else -1
+        with self._emitting:
+            event = RigEvent(
+                v=VERSION, seq=len(self.events), t_ns=time.time_ns(), kind=kind, trial=trial,
+                data=data,
+            )  # fmt: skip
+            self.events.append(event)
+            if self.publisher is not None:
+                self.publisher.event(event)
+        self.show()
+
+    def show(self) -> None:
+        """Publish the status now, rather than with the next heartbeat."""
+        if self.publisher is not None:
+            self.publisher.status(self.status())
+
+    def become(self, state: State) -> None:
+        """Go to a state, and show it."""
+        self.state = state
+        self.show()
+
+    def end(self, ending: str = "complete", reason: str = "as a test wants it") -> None:
+        """End the run."""
+        exit_code = {"complete": 0, "incomplete": 6}.get(ending, 5)
+        self._waiting.clear()
+        self.state = "idle"
+        self.last = LastRun(run=self.run, ending=ending, reason=reason, exit_code=exit_code)
+        self.runs = [run_line(self.run, ending), *(r for r in self.runs if r.run != self.run)]
+        self.emit("run_end", ending=ending, reason=reason)
+
+    def trip(self, trip: TripView = TRIP) -> None:
+        """Let an interlock act."""
+        self.trips.append(trip.model_copy(update={"since_ns": time.time_ns()}))
+        self.emit("interlock", name=trip.interlock, action=trip.action, reason=trip.message)
+        if self.state != "idle":
+            self.end("aborted", f"interlock {trip.interlock}")
+
+    def play(self, until: threading.Event) -> None:
+        """Publish frames while a run is under way."""
         sequence = 0
-        while True:
-            await asyncio.sleep(TICK_S)
-            if self.is_silent or self.state in ("idle", "done"):
+        while not until.wait(TICK_S):
+            if self.state == "idle" or self.publisher is None:
                 continue
-            runs = self.state in ("running", "pausing") and not self._asked
-            t_s, rows, ended = self.carriage.play(TICK_S, runs)
+            moves = self.state in ("running", "pausing") and not self._waiting
+            t_s, rows, ended = self.carriage.play(TICK_S, moves)
             if ended:
-                await self._trial_ended()
+                self._trial_ended()
             now_ns = time.time_ns() - round(TICK_S * 1e9)
             sequence += 1
             for number, stream in enumerate(STREAMS):
                 values = np.array([rows[f"{stream}.{name}"] for name in CHANNELS[stream]], "f4")
                 frame = Frame(number, sequence, now_ns, t_s, values, values)
-                yield encode_frame(frame)
+                self.publisher.frame(stream, encode_frame(frame))
 
-    async def emit(self, kind: str, **data: Any) -> None:
-        """Let something happen."""
-        self._event_seq += 1
-        trial = self.carriage.trial if self.state == "running" else -1
-        event = RigEvent(
-            v=VERSION, seq=self._event_seq, t_ns=time.time_ns(), kind=kind, trial=trial, data=data
+    # What the server asks of it.
+
+    def status(self) -> Status:
+        """Return the state of everything."""
+        self.said += 1
+        plays, played = self.state != "idle", self.carriage
+        run_s = time.monotonic() - self._began if plays and self._began else 0.0
+        trial = TrialStatus(
+            number=played.trial, repeat=1, label=f"current {played.target:.3g} A",
+            parameters={"current": played.target, "floor": "stone"},
+        )  # fmt: skip
+        return Status(
+            v=VERSION, rig=self.name, title=TITLE, t_ns=time.time_ns(), seq=self.said,
+            daemon=Daemon(version="0.1.0", pid=os.getpid(), started_ns=1),
+            state=self.state,
+            procedure="constant_current" if plays else None,
+            run=self.run if plays else None,
+            step=played.step if plays else None,
+            trial=trial if plays and not self._waiting else None,
+            trials_done=played.trial - 1 if plays else 0, trials_total=10 if plays else 0,
+            run_s=run_s, left_s=max(0.0, 95.0 - run_s) if plays else None,
+            prompt=self.prompt, lease=self.lease.view(),
+            trips=tuple(self.trips), interrupted=self.interrupted, last=self.last,
+        )  # fmt: skip
+
+    def answer(self, verb: Verb, requester: Requester, args: Message) -> Message:
+        """Carry out a verb."""
+        self.requests.append(Asked(requester, verb, args))
+        if verb.name == self._hangs:
+            self.begun.set()
+            assert self.let_go.wait(600)
+        if verb.name == self.fails:
+            raise self.error
+        result = verb.carry_out(self._handlers, requester, args)
+        if verb.rule.kind is Kind.ASK:
+            end_s = time.thread_time() + self.computes_s
+            while time.thread_time() < end_s:
+                pass
+        elif verb.name != "lease_renew" and result != Stopped(acted=False):
+            self.changes += 1
+            self.show()
+        return result
+
+    def _table(self) -> Handlers:
+        lease = self.lease
+        return Handlers(
+            describe=self._describe,
+            events=self._events,
+            latest=self._latest,
+            history=lambda _, wanted: History(frame=past(wanted.stream)),
+            lease=lambda _, __: lease.view(),
+            procedures=lambda _, __: LISTED,
+            procedure=_procedure,
+            check=lambda _, wanted: check(wanted.set),
+            runs=lambda _, __: RunList(runs=tuple(self.runs), more=False),
+            run=lambda _, wanted: RunView(line=self._line(wanted.run), details=DETAILS),
+            report=self._report,
+            fetch=self._fetch,
+            lease_take=lambda by, _: lease.take(by.client),
+            lease_renew=lambda by, _: lease.renew(by.client),
+            lease_release=lambda by, _: lease.release(by.client),
+            lease_request=lambda by, _: lease.request(by.client),
+            lease_give=lambda by, to: lease.give(by.client, ClientUser.of(to.to, to.user)),
+            lease_seize=lambda by, _: lease.seize(by.client),
+            start=self._start,
+            resume_run=lambda _, wanted: self._begin(wanted.run),
+            pause=self._pause,
+            resume=self._resume,
+            answer=self._answer,
+            acknowledge=self._acknowledge,
+            act=lambda _, wanted: ActionReply(said=f"{wanted.device} is tared"),
+            identify=lambda _, wanted: self._made(wanted.run, "has_report", REPORT),
+            draw=lambda _, wanted: self._made(wanted.run, "has_page", RUN_PAGE),
+            dry_run=lambda _, wanted: dry_run(wanted.set),
+            stop=self._stop,
+            abort=partial(self._end_by, "aborted"),
+            estop=partial(self._end_by, "estopped"),
         )
-        self._events.append(event)
-        await self.wake()
 
-    async def wake(self) -> None:
-        """Tell the status at once."""
-        async with self._news:
-            self._news.notify_all()
+    def _describe(self, by: Requester, _: NoArguments) -> Description:
+        return Description(
+            rig=self.name, title=TITLE, simulated=True, streams=tuple(STREAMS.values()),
+            setpoints=SETPOINTS, interlocks=INTERLOCKS, actions=ACTIONS, role=by.role,
+        )  # fmt: skip
 
-    # What it is asked.
+    def _events(self, _: Requester, since: Since) -> Events:
+        return Events(events=tuple(self.events[since.seq :]), next=len(self.events))
 
-    async def ask(self, what: str, args: Mapping[str, Any]) -> dict[str, Any]:
-        """Answer."""
-        self._hear(what, args)
-        match what:
-            case "describe":
-                return as_json(
-                    Description(
-                        rig="lugre-1", title="LuGre omni-wheel rig, simulated", simulated=True,
-                        streams=tuple(STREAMS.values()), setpoints=SETPOINTS,
-                        interlocks=INTERLOCKS, actions=ACTIONS,
-                        role=Role.MAINTAINER if self.is_maintained else Role.OPERATOR,
-                    )
-                )  # fmt: skip
-            case "procedures":
-                lines = [
-                    ProcedureLine(name=procedure.procedure.name, title=procedure.title,
-                                  sha256=procedure.procedure.sha256)
-                    for procedure in PROCEDURES.values()
-                ]  # fmt: skip
-                problem = "the rig lugre-1 has no channel 'scale.mass'"
-                lines.append(ProcedureLine(name="calibrate_scale", title="Calibrate the scale",
-                                           sha256="0" * 64, problem=problem))  # fmt: skip
-                return as_json(Procedures(procedures=tuple(lines)))
-            case "procedure":
-                if args.get("name") not in PROCEDURES:
-                    raise Refusal(Code.NOT_FOUND, "there is no such procedure")
-                return as_json(PROCEDURES[args["name"]])
-            case "check":
-                return as_json(check(str(args.get("set", {}).get("brake_at", ""))))
-            case "events":
-                return as_json(Events(events=tuple(self._events), next=self._event_seq + 1))
-            case "latest":
-                values = {
-                    name: LatestReply(value=value, age_s=0.2)
-                    for name, value in self._newest().items()
-                }
-                return as_json(LatestValues(t_ns=time.time_ns(), values=values))
-            case "history":
-                return as_json(History(frame=past(str(args["stream"]))))
-            case "runs":
-                return as_json(RunList(runs=tuple(self.runs), more=False))
-            case "run":
-                return as_json(RunView(line=self._run(args), details=DETAILS))
-            case "report" if args.get("page") == "run":
-                if not self._run(args).has_page:
-                    raise Refusal(Code.NOT_FOUND, "this run has no page yet")
-                return piece(RUN_PAGE.encode(), args)
-            case "report":
-                if not self._run(args).has_report:
-                    raise Refusal(Code.NOT_FOUND, "this run has no report yet")
-                return piece(REPORT.encode(), args)
-            case "fetch":
-                self._run(args)
-                return piece(RECORDING, args)
-        raise Refusal(Code.UNKNOWN_VERB, what)
+    def _latest(self, _: Requester, __: NoArguments) -> LatestValues:
+        values = {
+            name: LatestReply(value=float(value), age_s=0.2)
+            for name, value in self.carriage.values.items()
+        }
+        return LatestValues(t_ns=time.time_ns(), values=values)
 
-    async def command(self, verb: str, args: Mapping[str, Any], user: str = "") -> dict[str, Any]:
-        """Obey."""
-        self._hear(verb, args)
-        self.users[verb] = user
-        await asyncio.sleep(self.delay_s)
-        if verb == "draw":
-            return self._made(args, "has_page", RUN_PAGE)
-        if verb == "dry_run":
-            await asyncio.sleep(self.dry_run_s)
-            return as_json(dry_run(float(args["set"].get("brake_at", "1.15 m").split()[0])))
-        match verb:
-            case "lease_take" if self.holder in (None, self.identity):
-                self.holder = self.identity
-            case "lease_take":
-                raise Refusal(Code.LEASE_HELD, f"{self.holder} has control")
-            case "lease_seize":
-                if not self.is_maintained:
-                    raise Refusal(Code.FORBIDDEN, "lease_seize needs the role maintainer")
-                self.holder = self.identity
-            case "lease_renew":
-                if self.holder != self.identity:
-                    raise Refusal(Code.NO_LEASE, "the lease is not yours")
-                return {}
-            case "lease_request":
-                self.asked_by = (*self.asked_by, self.identity)
-            case "lease_release":
-                self.holder = None
-            case "lease_give":
-                self.holder, self.asked_by = _checked(Receiver, args).to, ()
-            case _ if self.holder != self.identity:
-                raise Refusal(Code.NO_LEASE, "you do not have control")
-            case "start":
-                await self._start(_checked(StartArguments, args))
-                self.changes += 1
-                await self.wake()
-                return as_json(Started(run=RUN))
-            case "pause" if self.state == "running":
-                self.state = "pausing"
-            case "resume" if self.state in ("pausing", "paused"):
-                self.state = "running"
-            case "answer":
-                await self._answer(_checked(Answered, args))
-            case "acknowledge":
-                self._acknowledge(args.get("interlock"))
-            case "act":
-                return {"said": f"{args['device']} is tared"}
-            case "identify":
-                return await self._identify(args)
-            case _:
-                raise Refusal(Code.CONFLICT, f"cannot {verb} while {self.state}")
-        self.changes += 1
-        await self.wake()
-        return {}
+    def _fetch(self, _: Requester, wanted: PieceArguments) -> PieceView:
+        self._line(wanted.run)
+        return piece(RECORDING, wanted)
 
-    async def stop(self, verb: str, user: str = "") -> dict[str, Any]:
-        """Stop."""
-        self._hear(verb, {"user": user})
-        await asyncio.sleep(self.delay_s)
-        if self.is_silent:
-            raise LinkError("the daemon does not answer")
-        if self.state in ("idle", "done"):
-            return {"acted": False}
-        if verb == "stop" and self.state == "stopping":
-            return {"acted": False}
-        self.changes += 1
-        self._asked.clear()
-        if verb == "stop":
-            self.state = "stopping"
-            await self.emit("state", state="stopping", reason=f"stop by {user}")
-            return {"acted": True}
-        await self.end("estopped" if verb == "estop" else "aborted", f"{verb} by {user}")
-        return {"acted": True}
+    def _report(self, _: Requester, wanted: ReportPiece) -> PieceView:
+        line = self._line(wanted.run)
+        if not (line.has_page if wanted.page == "run" else line.has_report):
+            raise Refusal(Code.NOT_FOUND, "this run has no such page yet")
+        return piece(RUN_PAGE if wanted.page == "run" else REPORT, wanted)
 
-    async def end(self, ending: str, reason: str) -> None:
-        """End the run."""
-        self.state = "idle"
-        self.last = LastRun(run=RUN, ending=ending, reason=reason, exit_code=5)
-        await self.emit("run_end", ending=ending, reason=reason)
-
-    async def trip(self, trip: TripView = TRIP) -> None:
-        """Let an interlock act."""
-        self.trips.append(trip.model_copy(update={"since_ns": time.time_ns()}))
-        await self.emit("interlock", name=trip.interlock, action=trip.action, reason=trip.message)
-        if self.state != "idle":
-            await self.end("aborted", f"interlock {trip.interlock}")
-
-    def _hear(self, verb: str, args: Mapping[str, Any]) -> None:
-        self.given.append((verb, dict(args)))
-        if self.is_silent:
-            raise LinkError(
-                "the daemon does not answer", hint="is it running, and is the address right?"
-            )
-
-    async def _start(self, start: StartArguments) -> None:
+    def _start(self, _: Requester, start: StartArguments) -> Started:
         if self.state != "idle" or any(not trip.acknowledged for trip in self.trips):
             raise Refusal(Code.CONFLICT, "not now")
-        self.carriage = Carriage()
-        self.state, self._began = "running", time.monotonic()
-        self._asked = list(self.prompts) if start.answers == "ask" else []
-        await self.emit("run_start", procedure=start.procedure.name, set=start.set)
-        await self._trial_begins()
-        if self._asked:
-            await self.emit("prompt", name=self._asked[0].name, text=self._asked[0].text)
+        self._waiting = list(self._prompts) if start.answers == "ask" else []
+        return self._begin(RUN, procedure=start.procedure.name, set=start.set)
 
-    async def _answer(self, answered: Answered) -> None:
-        if not self._asked or answered.prompt_id != self._asked[0].id:
+    def _begin(self, run: str, **data: Any) -> Started:
+        self.run, self.state, self._began = run, "running", time.monotonic()
+        self.carriage = Carriage()
+        self.emit("run_start", **data)
+        self._trial_begins()
+        if self.prompt is not None:
+            self.emit("prompt", name=self.prompt.name, text=self.prompt.text)
+        return Started(run=run)
+
+    def _pause(self, _: Requester, __: NoArguments) -> None:
+        if self.state == "running":
+            self.state = "pausing"
+
+    def _resume(self, _: Requester, __: NoArguments) -> None:
+        if self.state in ("pausing", "paused"):
+            self.state = "running"
+
+    def _answer(self, _: Requester, answered: Answered) -> None:
+        prompt, value = self.prompt, answered.value
+        if prompt is None or answered.prompt_id != prompt.id:
             raise Refusal(Code.CONFLICT, "this question is not asked any more")
-        prompt, value = self._asked[0], answered.value
         if prompt.kind == "choice" and value not in prompt.choices:
             raise Refusal(Code.REFUSED, f"{value!r} is not one of the choices")
-        self._asked.pop(0)
-        await self.emit("answer", name=prompt.name, answer=value)
+        self._waiting.pop(0)
+        self.emit("answer", name=prompt.name, answer=value)
 
-    def _acknowledge(self, interlock: object) -> None:
-        if interlock not in [trip.interlock for trip in self.trips]:
-            raise Refusal(Code.NOT_FOUND, f"{interlock} has not acted")
-        self.trips = [trip for trip in self.trips if trip.interlock != interlock]
+    def _acknowledge(self, _: Requester, named: InterlockName) -> None:
+        self.trips = [trip for trip in self.trips if trip.interlock != named.interlock]
 
-    async def _identify(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        await asyncio.sleep(0.2)
-        return self._made(args, "has_report", REPORT)
+    def _stop(self, by: Requester, _: ReasonArguments) -> Stopped:
+        if self.state in ("idle", "stopping"):
+            return Stopped(acted=False)
+        self._waiting.clear()
+        self.state = "stopping"
+        self.emit("state", state="stopping", reason=f"stop by {by}")
+        return Stopped(acted=True)
 
-    def _made(self, args: Mapping[str, Any], what: str, text: str) -> dict[str, Any]:
-        line = self._run(args)
+    def _end_by(self, ending: str, by: Requester, _: ReasonArguments) -> Stopped:
+        if self.state == "idle":
+            return Stopped(acted=False)
+        if not self.keeps_running:
+            self.end(ending, f"by {by}")
+        return Stopped(acted=True)
+
+    def _made(self, run: str, what: str, page: bytes) -> Reported:
+        line = self._line(run)
         self.runs[self.runs.index(line)] = line.model_copy(update={what: True})
-        return as_json(Reported(run=line.run, size=len(text)))
+        return Reported(run=run, size=len(page))
 
-    async def _trial_ended(self) -> None:
+    def _line(self, run: str) -> RunLine:
+        for line in self.runs:
+            if line.run == run:
+                return line
+        raise Refusal(Code.NOT_FOUND, f"there is no recording {run!r}")
+
+    def _trial_ended(self) -> None:
         if self.state == "pausing":
             self.state = "paused"
-        await self.emit("trial_end", number=self.carriage.trial - 1)
-        await self._trial_begins()
+        self.emit("trial_end", number=self.carriage.trial - 1)
+        self._trial_begins()
 
-    async def _trial_begins(self) -> None:
-        number, current = self.carriage.trial, self.carriage.target
-        await self.emit("trial_start", number=number, parameters={"current": current},
-                        units={"current": "A"})  # fmt: skip
-
-    def _run(self, args: Mapping[str, Any]) -> RunLine:
-        for run in self.runs:
-            if run.run == args.get("run"):
-                return run
-        raise Refusal(Code.NOT_FOUND, f"there is no recording {args.get('run')!r}")
-
-    def _newest(self) -> dict[str, float]:
-        return {
-            f"{stream}.{name}": float(self.carriage.values[f"{stream}.{name}"])
-            for stream in STREAMS
-            for name in CHANNELS[stream]
-        }
+    def _trial_begins(self) -> None:
+        self.emit(
+            "trial_start", number=self.carriage.trial,
+            parameters={"current": self.carriage.target}, units={"current": "A"},
+        )  # fmt: skip
 
 
-M = TypeVar("M", bound=Message)
-
-
-def _checked(kind: type[M], args: Mapping[str, Any]) -> M:
-    """Return the arguments as the protocol has them."""
-    try:
-        return kind.model_validate(dict(args))
-    except ValidationError as error:
-        raise Refusal(Code.BAD_REQUEST, str(error)[:200]) from error
+def _procedure(_: Requester, wanted: ProcedureName) -> ProcedureView:
+    if wanted.name not in PROCEDURES:
+        raise Refusal(Code.NOT_FOUND, f"there is no procedure {wanted.name}")
+    return PROCEDURES[wanted.name]

@@ -134,15 +134,27 @@ def _rig_text(shipped: Path, plant: Mapping[str, Any], number: int) -> str:
     mass, gravity = _number(carriage["mass"]), _number(plant["gravity"])
     arm = abs(_number(guide["contact_arm"]) - _number(guide["mass_arm"]))
     friction_n = _number(guide["dry"]) * mass * gravity * arm / _number(guide["half_span"])
+    wheel, drive = plant["wheel"], plant["drive"]
+    bearings = wheel["bearings"]
+    spacing, overhang = _number(bearings["spacing"]), _number(bearings["overhang"])
+    load_n = mass * gravity * (spacing + 2 * overhang) / spacing  # of both bearings, Eq. 48
+    bearing_mn_m = _number(bearings["dry"]) * _number(bearings["pitch_diameter"]) / 2 * load_n
+    constants = {
+        "moving_mass": ("3.9593 kg", f"{mass!r} kg"),
+        "wheel_radius": ("50 mm", wheel["radius"]),
+        "guide_friction": ("0.304 N", f"{friction_n!r} N"),
+        "torque_constant": ("29.5 mN m/A", drive["torque_constant"]),
+        "gear_efficiency": ("0.81", drive["efficiency"]),
+        "no_load_torque": ("2.2 mN m", drive["no_load_dry"]),
+        "wheel_inertia": ("4.5e-4 kg m^2", wheel["inertia"]),
+        "bearing_torque": ("1.942 mN m", f"{bearing_mn_m!r} mN m"),
+    }
     return _replaced(
         (shipped / "sim_lugre.yaml").read_text("utf-8"),
-        {
-            "parameters: plants/lugre.yaml": f"parameters: plant.yaml\n  individual: {number}",
-            "moving_mass: 3.9593 kg": f"moving_mass: {mass!r} kg",
-            "wheel_radius: 50 mm": f"wheel_radius: {_number(plant['wheel']['radius'])!r} mm",
-            "guide_friction: 0.304 N": f"guide_friction: {friction_n!r} N",
-        },
-    )
+        {"parameters: plants/lugre.yaml": f"parameters: plant.yaml\n  individual: {number}"}
+        | {f"{name}: {{value: {old},": f"{name}: {{value: {new},"
+           for name, (old, new) in constants.items()},
+    )  # fmt: skip
 
 
 def _procedure_text(surface: Mapping[str, Any], currents: str) -> str:

@@ -11,12 +11,12 @@ from typing import Any, TypeVar
 from rigd_sim.wire.part import Part
 
 T = TypeVar("T")
-#: Calls ``change()`` on the loop of the part and returns what it gives.
-OnLoop = Callable[[Callable[[], T]], T]
+#: Calls a function on the loop of the part and returns what it gives.
+OnLoop = Callable[[Callable[[], Any]], Any]
 
 
 @contextmanager
-def served(part: Part) -> Iterator[Callable[[Callable[[], Any]], Any]]:
+def served(part: Part) -> Iterator[OnLoop]:
     """Serve ``part`` in a thread; yield what runs a function on its loop."""
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever, name=part.name)

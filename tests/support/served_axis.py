@@ -17,17 +17,28 @@ from rigd.config.rig import RigConfig
 from rigd.daemon.live import Feed
 from rigd.daemon.serve.audit import AuditLog
 from rigd.daemon.serve.descriptors import Descriptors
+from rigd.daemon.serve.handlers import Parts
 from rigd.daemon.serve.idle_rig import IdleRig
 from rigd.daemon.serve.library import Library
 from rigd.daemon.serve.notices import Notices
 from rigd.daemon.serve.recordings import Recordings
 from rigd.daemon.serve.recovery import Interruptions
-from rigd.daemon.serve.service import Parts, RigService
+from rigd.daemon.serve.service import RigService
 from rigd.daemon.serve.steering import Steering
 from rigd.daemon.serve.trips import TripMemory
 from rigd.daemon.serve.worker import CalculationWorker
 from rigd.engine.shared import RunFolder
-from rigd.remote.protocol import Kind, Message, RigEvent, Role, Status, as_json, encode, find_verb
+from rigd.remote.protocol import (
+    Kind,
+    Requester,
+    RigEvent,
+    Role,
+    Status,
+    Verb,
+    as_json,
+    encode,
+    find_verb,
+)
 from rigd.remote.protocol.status import RefusedCounts
 from rigd.remote.server import Lease
 
@@ -105,21 +116,21 @@ class Clock:
 class ServedAxis:
     """A service on a rig of one axis, whose runs are real processes; used as a context."""
 
-    def __init__(self, folder: Path, rig: RigConfig | None = None, **options: object) -> None:
+    def __init__(self, folder: Path, rig: RigConfig | None = None, **options: Any) -> None:
         self.runs = folder / "runs"
         self.runs.mkdir(exist_ok=True)
         self.axis = folder / "axis"
         # A host that stalls for a second would end a run.
         patient = {"cycle_silence_s": 10.0, "daemon_silence_s": 20.0} | options
-        axis = file_axis.rig(self.axis, **patient)  # type: ignore[arg-type]
+        axis = file_axis.rig(self.axis, **patient)
         self.rig = rig or replace(axis, period_ns=PERIOD_NS)
         self.clock = Clock()
         self.outlet = Outlet()
-        self.news = threading.Event()
+        self.notifications = threading.Event()
         self.folder = RunFolder.take(self.rig.name, command="test")
         self.lease = Lease(lambda _: True, clock=self.clock)
         self.feed = Feed(self.rig, self.outlet)
-        self.notices = Notices(self.news.set)
+        self.notices = Notices(self.notifications.set)
         self.recordings = Recordings(self.runs)
         self.trips = TripMemory(self.runs / "trips.json")
         self.interruptions = Interruptions(self.rig.name, self.recordings, self.notices)
@@ -138,7 +149,7 @@ class ServedAxis:
             looks=IdleRig(
                 self.rig, self.folder, self.feed, monitored=False, told=self.notices.note
             ),
-            changed=self.news.set,
+            changed=self.notifications.set,
             ended=lambda last: self.interruptions.ended(last.run),
             settle=lambda: self.interruptions.settle(self.folder),
         )
@@ -159,7 +170,7 @@ class ServedAxis:
                 Descriptors(),
             ),
             RefusedCounts,
-            self.news.set,
+            self.notifications.set,
         )
 
     def __enter__(self) -> ServedAxis:
@@ -180,17 +191,25 @@ class ServedAxis:
 
     def ask(self, what: str, role: Role = Role.OBSERVER, **args: Any) -> Any:
         """Ask, and return the answer as JSON has it."""
-        kind = find_verb(Kind.ASK, what).arguments
-        given = kind.model_validate_json(json.dumps(args))
-        return _plain(self.service.ask("eve", role, what, given))
+        return self._answer(find_verb(Kind.ASK, what), Requester("eve", role=role), args)
 
     def command(self, verb: str, who: str = "alice", user: str = "", **args: Any) -> Any:
         """Command as the desk would, and return the answer as JSON has it."""
         known = find_verb(Kind.COMMAND, verb)
-        if known.needs_lease:
-            self.lease.check(who)
-        given = known.arguments.model_validate_json(json.dumps(args))
-        return _plain(self.service.command(who, Role.MAINTAINER, verb, given, user))
+        requester = Requester(who, user, Role.MAINTAINER)
+        if known.rule.needs_lease:
+            self.lease.check(requester.client)
+        return self._answer(known, requester, args)
+
+    def stop(self, who: str, verb: str, reason: str = "", user: str = "") -> bool:
+        """Stop, and return whether there was something to stop."""
+        known = find_verb(Kind.STOP, verb)
+        acted: bool = self._answer(known, Requester(who, user), {"reason": reason})["acted"]
+        return acted
+
+    def _answer(self, verb: Verb, requester: Requester, args: Mapping[str, Any]) -> Any:
+        given = verb.arguments.model_validate_json(json.dumps(args))
+        return as_json(self.service.answer(verb, requester, given))
 
     def start(self, text: str = SWEEP, who: str = "alice", **args: Any) -> str:
         """Take the lease and start a run; return the name of its recording."""
@@ -204,8 +223,8 @@ class ServedAxis:
         while not condition(status := self.status):
             assert time.monotonic() < deadline, status
             self.service.tend()
-            self.news.wait(0.05)
-            self.news.clear()
+            self.notifications.wait(0.05)
+            self.notifications.clear()
         return status
 
     def until_idle(self) -> Status:
@@ -221,7 +240,3 @@ def travelling(text: str) -> Mapping[str, str]:
     """Return a procedure as it travels."""
     name = text.partition("\n")[0].removeprefix("procedure: ")
     return {"name": name, "text": text, "sha256": hashlib.sha256(text.encode()).hexdigest()}
-
-
-def _plain(result: Message) -> Any:
-    return as_json(result)

@@ -1,11 +1,11 @@
-"""A rig that is served on a free port, and requests to it written by hand."""
+"""A played rig that is served on a free port, and requests to it written by hand."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import secrets
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,34 +13,36 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from support.recorded_rig import RecordedRig
+from support.played_campaign import FILE, past_runs
+from support.played_rig import PlayedRig
 from support.zenoh_client import ZenohClient, config
 
 from rigd.config.remote import RemoteSetup
-from rigd.remote.server import Lease, Server
+from rigd.remote.protocol import as_json
+from rigd.remote.server import Server
 
 RIG = "lugre-1"
 
-_TEXT = "procedure: one"
-_PROCEDURE = {"name": "one", "text": _TEXT, "sha256": hashlib.sha256(_TEXT.encode()).hexdigest()}
+_PROCEDURE = as_json(FILE)
+_RUN = past_runs()[1].run  # which has all that can be made of a recording
 
-#: Arguments that each verb takes; none where it is not named.
+#: Arguments that each verb takes; none if it is not named.
 ARGUMENTS: dict[str, dict[str, Any]] = {
     "events": {"seq": 0},
-    "history": {"stream": "wheel"},
-    "procedure": {"name": "one"},
+    "history": {"stream": "carriage"},
+    "procedure": {"name": FILE.name},
     "check": {"procedure": _PROCEDURE, "set": {"floor": "pvc"}},
     "runs": {"limit": 10},
-    "run": {"run": "a.mcap"},
-    "report": {"run": "a.mcap", "offset": 0, "length": 100},
-    "fetch": {"run": "a.mcap", "offset": 0, "length": 100},
+    "run": {"run": _RUN},
+    "report": {"run": _RUN, "offset": 0, "length": 100},
+    "fetch": {"run": _RUN, "offset": 0, "length": 100},
     "lease_give": {"to": "alice"},
     "start": {"procedure": _PROCEDURE, "set": {}, "seed": 1, "answers": "ask"},
     "answer": {"prompt_id": 1, "value": 0.5},
     "acknowledge": {"interlock": "overrun"},
-    "resume_run": {"run": "a.mcap"},
-    "identify": {"run": "a.mcap"},
-    "draw": {"run": "a.mcap"},
+    "resume_run": {"run": _RUN},
+    "identify": {"run": _RUN},
+    "draw": {"run": _RUN},
     "dry_run": {"procedure": _PROCEDURE, "set": {}},
     "act": {"device": "scale", "action": "tare"},
     "stop": {"reason": "lunch"},
@@ -70,7 +72,7 @@ class Served:
     """A rig that is served, and what a client needs to reach it."""
 
     server: Server
-    rig: RecordedRig
+    rig: PlayedRig
     endpoint: str
     certificates: Path | None = None
 
@@ -87,10 +89,27 @@ def free_port() -> int:
 
 
 @contextmanager
-def serve(setup: RemoteSetup, certificates: Path | None = None) -> Iterator[Served]:
-    """Serve a rig that only notes what it is asked."""
-    lease = Lease(lambda name: True)
-    with Server(RIG, setup, lease) as server:
-        rig = RecordedRig(RIG, lease)
+def serve(
+    setup: RemoteSetup | None = None,
+    certificates: Path | None = None,
+    *,
+    rig: PlayedRig | None = None,
+    live: bool = False,
+) -> Iterator[Served]:
+    """Serve a played rig, by default on a free port; ``live``: its run moves, and shows frames."""
+    setup = setup or RemoteSetup((f"tcp/127.0.0.1:{free_port()}",))
+    rig = rig or PlayedRig(RIG)
+    closing = threading.Event()
+    with Server(rig.name, setup, rig.lease) as server:
+        rig.publisher = server.publisher
         server.start(rig)
-        yield Served(server, rig, setup.listen[0], certificates)
+        playing = threading.Thread(target=rig.play, args=(closing,), name="played rig")
+        if live:
+            playing.start()
+        try:
+            yield Served(server, rig, setup.listen[0], certificates)
+        finally:
+            closing.set()
+            if live:
+                playing.join()
+            rig.publisher = None

@@ -10,9 +10,10 @@ from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from support.daemon import Daemon
+from support.daemon import Daemon, Refused
 from support.served_rig import free_port
 from support.wire import ROOT
+from support.zenoh_client import ZenohClient
 
 NAME = "lugre-1"
 #: What is downloaded in each round: two pieces and a bit.
@@ -72,7 +73,7 @@ def soak(daemon: Daemon, *, unauthenticated: int, clients: int, flood_s: float) 
             with suppress(OSError):
                 found.send(b"\x00" if number % 2 else b"")
         for _ in range(clients):
-            with daemon.connect() as client:
+            with _client(daemon) as client:
                 client.subscribe(f"rigd/{NAME}/*")
                 client.alive("rigd/*/alive")
     spoilt = json.dumps({"v": 1}).encode()
@@ -81,6 +82,17 @@ def soak(daemon: Daemon, *, unauthenticated: int, clients: int, flood_s: float) 
         daemon.request("ask", "fetch", run=DOWNLOAD, offset=offset, length=PIECE_BYTES)
     daemon.request("ask", "runs", limit=10)
     time.sleep(flood_s)
+
+
+def _client(daemon: Daemon) -> ZenohClient:
+    """Return another client; it tries again for some time, as the machine may be busy."""
+    deadline = time.monotonic() + TIMEOUT_S
+    while True:
+        try:
+            return daemon.connect()
+        except Refused:
+            if time.monotonic() > deadline:
+                raise
 
 
 def settled(daemon: Daemon, wanted: Size | None = None) -> Size:

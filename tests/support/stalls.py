@@ -12,6 +12,30 @@ PERIOD_S = 2e-3
 
 
 @contextmanager
+def longest_stall() -> Iterator[Callable[[], float]]:
+    """Yield what returns the longest that this process was kept waiting since the beginning, in s.
+
+    Beside it stands what a single stall may do: a device that is silent for it is taken for lost.
+    """
+    longest_s, ended = 0.0, threading.Event()
+
+    def watch() -> None:
+        nonlocal longest_s
+        while not ended.is_set():
+            asleep = time.monotonic()
+            time.sleep(PERIOD_S)
+            longest_s = max(longest_s, time.monotonic() - asleep - PERIOD_S)
+
+    witness = threading.Thread(target=watch, name="witness of stalls", daemon=True)
+    witness.start()
+    try:
+        yield lambda: longest_s
+    finally:
+        ended.set()
+        witness.join()
+
+
+@contextmanager
 def witnessed() -> Iterator[Callable[[], float]]:
     """Yield what returns the seconds that were withheld from this process since the beginning.
 

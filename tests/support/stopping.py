@@ -154,8 +154,8 @@ def drive_to_stops(
 
 def _watch(rig: WireRig, run: subprocess.Popen[bytes]) -> Iterator[Stop]:
     """Yield every stop once the next run begins, or ``run`` has ended and all rests."""
-    inputs = load_rig(rig.rig).devices["daq"].config.inputs  # type: ignore[attr-defined]
-    (pot,) = (item for item in inputs if item.name == "platform_position")
+    card: Any = load_rig(rig.rig).devices["daq"].config
+    (pot,) = (item for item in card.inputs if item.name == "platform_position")
 
     def as_seen(relay: Mapping[str, Any]) -> Stop:
         shown = (relay["opened_volts"] - pot.zero) * pot.gain

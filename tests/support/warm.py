@@ -3,58 +3,56 @@
 Most of what a short command costs is its imports. What they are, and that each command finds its
 own, is tested by processes of their own: by tests/cli/test_main.py, by some of the documents, and
 by what is started and not run to its end: `rigd sim`, `rigd serve`, runs to be watched or killed.
-The processes that a run itself starts are never shared.
+The processes that a run itself starts are never shared. All workers of a suite ask one process,
+which imports rigd when the first of them asks.
 """
 
 from __future__ import annotations
 
-import array
+import atexit
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
-import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import IO, Any
 
-#: Whether it is a test that asks, and no bench: tests/conftest.py sets it.
-wanted = False
 #: CPU seconds of the commands that have ended, which are no children of this process.
 spent_s = 0.0
 
-#: What the process is: a loop that forks a command for each request.
+#: What the process is: a loop that forks a command for each connection, until the suite ends.
 _SERVER = """
-import gc, importlib, json, os, pkgutil, signal, socket, sys, time, warnings
-
-os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # whatever the test has that asks first
-
-import rigd, rigd_analyses, rigd_drivers, rigd_sim
-
-with warnings.catch_warnings(action="ignore"):
-    for package in (rigd, rigd_analyses, rigd_drivers, rigd_sim):
-        for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
-            if not module.name.endswith("__main__"):
-                importlib.import_module(module.name)
-gc.collect()
-gc.freeze()
+import gc, importlib, json, os, pkgutil, select, signal, socket, sys, time, warnings
 
 
-def fork(request, streams, answers, spent_s):
+def import_all():
+    import rigd, rigd_analyses, rigd_drivers, rigd_sim
+
+    with warnings.catch_warnings(action="ignore"):
+        for package in (rigd, rigd_analyses, rigd_drivers, rigd_sim):
+            for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+                if not module.name.endswith("__main__"):
+                    importlib.import_module(module.name)
+    gc.collect()
+    gc.freeze()
+
+
+def fork(request, streams, asking, spent_s):
     "Fork who waits for the command, and from there the command: only this one returns."
     if os.fork():
         return False
     command = os.fork()
     if command:
-        answers.send(str(command).encode())
+        asking.send(str(command).encode())
         _, status, usage = os.wait4(command, 0)
         code = os.waitstatus_to_exitcode(status)
-        answers.send(json.dumps([code, spent_s + usage.ru_utime + usage.ru_stime]).encode())
+        asking.send(json.dumps([code, spent_s + usage.ru_utime + usage.ru_stime]).encode())
         os._exit(0)
     for number, stream in enumerate(streams):
         os.dup2(stream, number)
@@ -73,27 +71,31 @@ def fork(request, streams, answers, spent_s):
     return True
 
 
-def serve(requests):
-    "Fork a command for each request; return the request in it, or end with the tests."
-    spent_s = time.process_time()
+def serve(waiting, suite):
+    "Fork a command for each connection; return the request in it, or end with the suite."
+    spent_s = 0.0
     while True:
-        data, given, _, _ = socket.recv_fds(requests, 1 << 20, 4)
-        if not data:
+        ready, _, _ = select.select([waiting, suite], [], [])
+        if waiting not in ready:
             os._exit(0)
-        answers = socket.socket(fileno=given[3])
+        asking, _ = waiting.accept()
+        if "rigd" not in sys.modules:
+            import_all()
+            spent_s = time.process_time()
+        data, streams, _, _ = socket.recv_fds(asking, 1 << 20, 3)
         request = json.loads(data)
-        if fork(request, given[:3], answers, spent_s):
-            answers.close()
-            requests.close()
+        if fork(request, streams, asking, spent_s):
+            for ours in (asking, waiting, suite):
+                ours.close()
             return request
-        for stream in given[:3]:
+        for stream in streams:
             os.close(stream)
-        answers.close()
+        asking.close()
         os.waitpid(-1, os.WNOHANG)
         spent_s = 0.0
 
 
-request = serve(socket.socket(fileno=int(sys.argv[1])))
+request = serve(*(socket.socket(fileno=int(number)) for number in sys.argv[1:]))
 
 if "python" in request:
     warnings.simplefilter("error")
@@ -108,10 +110,10 @@ sys.exit(main())
 #: `rigd` for a shell: it asks for the command with its own streams, and ends as the command does.
 _SHIM = """\
 #!{python} -IS
-import array, json, os, signal, socket, sys
+import json, os, signal, socket, sys
 
-requests = socket.socket(fileno=int(os.environ["{socket}"]))
-ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+asking = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+asking.connect("{place}")
 signals = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 request = {{
     "arguments": sys.argv[1:],
@@ -119,14 +121,12 @@ request = {{
     "environment": dict(os.environ),
     "ignored": [number for number in signals if signal.getsignal(number) is signal.SIG_IGN],
 }}
-streams = array.array("i", [0, 1, 2, theirs.fileno()])
-socket.send_fds(requests, [json.dumps(request).encode()], list(streams))
-theirs.close()
-process = int(ours.recv(1 << 16))
+socket.send_fds(asking, [json.dumps(request).encode()], [0, 1, 2])
+process = int(asking.recv(1 << 16))
 for number in signals:
     if number not in request["ignored"]:
         signal.signal(number, lambda number, _: os.kill(process, number))
-code, cpu_s = json.loads(ours.recv(1 << 16))
+code, cpu_s = json.loads(asking.recv(1 << 16))
 with open("{spent}", "a") as spent:
     spent.write(str(cpu_s) + "\\n")
 if code < 0:
@@ -134,41 +134,40 @@ if code < 0:
     os.kill(os.getpid(), -code)
 sys.exit(code)
 """
-#: In the environment of what may use :data:`_SHIM`: the number of the socket to ask on.
-_SOCKET = "RIGD_TESTS_ASK_ON"
+#: In the environment of a suite and of its workers: the socket to ask on.
+_PLACE = "RIGD_TESTS_ASK_AT"
 
 
-class _Starter:
-    """The process that forks, and the way to ask it."""
-
-    def __init__(self) -> None:
-        self._requests, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", _SERVER, str(theirs.fileno())],
-                pass_fds=[theirs.fileno()],
-                cwd="/",
-                start_new_session=True,
-            )
-        self._one_at_a_time = threading.Lock()
-
-    @property
-    def requests(self) -> int:
-        """The socket to ask on."""
-        return self._requests.fileno()
-
-    def start(self, request: dict[str, Any], streams: list[int]) -> socket.socket:
-        """Start a command; return the socket on which its end is told."""
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with theirs, self._one_at_a_time:
-            descriptors = array.array("i", [*streams, theirs.fileno()])
-            socket.send_fds(self._requests, [json.dumps(request).encode()], list(descriptors))
-        return ours
+def offer() -> None:
+    """Start the process of this suite, which a worker has from the suite that started it."""
+    if _PLACE in os.environ:
+        return
+    folder = tempfile.mkdtemp(prefix="rigd-warm-")
+    place = f"{folder}/socket"
+    ours, theirs = socket.socketpair()
+    with theirs, socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as waiting:
+        waiting.bind(place)
+        waiting.listen(64)
+        passed = [waiting.fileno(), theirs.fileno()]
+        server = subprocess.Popen(
+            [sys.executable, "-c", _SERVER, *map(str, passed)],
+            pass_fds=passed,
+            cwd="/",
+            start_new_session=True,
+        )
+    os.environ[_PLACE] = place
+    atexit.register(_end, server, ours, folder)
 
 
-@cache
-def _starter() -> _Starter:
-    return _Starter()
+def _end(server: subprocess.Popen[bytes], suite: socket.socket, folder: str) -> None:
+    suite.close()
+    server.wait()
+    shutil.rmtree(folder)
+
+
+def offered() -> bool:
+    """Return whether it is a suite that asks, and no bench."""
+    return _PLACE in os.environ
 
 
 def _text(file: IO[bytes]) -> str:
@@ -204,7 +203,9 @@ def _run(asked: dict[str, Any], cwd: Path, timeout_s: float) -> tuple[int, str, 
         tempfile.TemporaryFile() as err,
     ):
         streams = [nothing.fileno(), out.fileno(), err.fileno()]
-        with _starter().start(request, streams) as answer:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as answer:
+            answer.connect(os.environ[_PLACE])
+            socket.send_fds(answer, [json.dumps(request).encode()], streams)
             answer.settimeout(timeout_s)
             process = int(answer.recv(1 << 16))
             try:
@@ -217,23 +218,18 @@ def _run(asked: dict[str, Any], cwd: Path, timeout_s: float) -> tuple[int, str, 
 
 
 @contextmanager
-def in_shell() -> Iterator[tuple[Path, dict[str, str], list[int]]]:
-    """Offer ``rigd`` to a shell that a test runs.
-
-    Yields:
-        The folder to put first in PATH, what to add to the environment, the descriptors to pass.
-
-    """
+def in_shell() -> Iterator[Path]:
+    """Offer ``rigd`` to a shell that a test runs: yield the folder to put first in PATH."""
     global spent_s
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         spent = folder / "spent"
         spent.touch()
         command = folder / "rigd"
-        command.write_text(_SHIM.format(python=sys.executable, socket=_SOCKET, spent=spent))
+        place = os.environ[_PLACE]
+        command.write_text(_SHIM.format(python=sys.executable, place=place, spent=spent))
         command.chmod(0o700)
-        asked_on = _starter().requests
         try:
-            yield folder, {_SOCKET: str(asked_on)}, [asked_on]
+            yield folder
         finally:
             spent_s += sum(map(float, spent.read_text().split()))

@@ -19,7 +19,7 @@ from rigd.panel.rates import Bucket
 GETS = ("/", "/static/js/main.js", "/api/session", "/api/run/x/report", "/api/run/x/recording")
 POSTS = (
     "/api/login", "/api/logout", "/api/invite", "/api/ask/describe", "/api/ask/run",
-    "/api/command/start", "/api/command/answer", "/api/control/give", "/api/stop/stop",
+    "/api/command/start", "/api/command/answer", "/api/command/lease_give", "/api/stop/stop",
 )  # fmt: skip
 DOORS = [*(("GET", path) for path in GETS), *(("POST", path) for path in POSTS)]
 
@@ -38,11 +38,11 @@ def in_control(panel: ServedPanel, host: Visitor) -> Iterator[Visitor]:
     visitor.login(host.post("/api/invite", role="operator")[1]["code"], "Mallory")
     with visitor.page():
         deadline = time.monotonic() + 30  # one whom a wild request logged out still has control
-        while visitor.post("/api/control/take", args={})[0] != 200:
+        while visitor.post("/api/command/lease_take", args={})[0] != 200:
             assert time.monotonic() < deadline
             time.sleep(0.1)
         yield visitor
-        visitor.post("/api/control/release", args={})
+        visitor.post("/api/command/lease_release", args={})
 
 
 def send_wild(random_: random.Random, visitor: Visitor, method: str, known: str) -> tuple[int, Any]:

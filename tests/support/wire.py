@@ -68,6 +68,15 @@ class WireRig:
                     raise AssertionError((self.folder / "sim.log").read_text()) from None
             time.sleep(0.02)
 
+    def without(self, device: str) -> WireRig:
+        """Return the rig with a file that leaves out ``device``, on the same simulation."""
+        paragraphs = self.rig.read_text().split("\n\n")
+        left = [item for item in paragraphs if f"  {device}:\n    driver:" not in item]
+        assert len(left) == len(paragraphs) - 1, device
+        smaller = self.rig.with_stem(f"{self.rig.stem}-small")
+        smaller.write_text("\n\n".join(left))
+        return WireRig(smaller, self.folder)
+
     def stop(self) -> None:
         """End the simulation."""
         if self.process is not None:

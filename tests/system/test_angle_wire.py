@@ -21,7 +21,7 @@ import pytest
 from support.command import rigd
 from support.killing import DRIVING, Killed, Victim, bound_s, own_state
 from support.stalls import witnessed
-from support.stopping import SETS, STOP_M, Drive, angle_rig, drive_to_stops, write_procedure
+from support.stopping import STOP_M, Drive, angle_rig, drive_to_stops, write_procedure
 from support.wire import WireRig
 
 from rigd.record import Recording
@@ -33,7 +33,8 @@ BLOCK_S = 0.01
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WireRig]:
-    with angle_rig(tmp_path_factory.mktemp("wire")) as rig:
+    folder, slower = tmp_path_factory.mktemp("wire"), {"cycle: 1 kHz": "cycle: 250 Hz"}
+    with angle_rig(folder, replaced=slower) as rig:
         yield rig
 
 
@@ -58,19 +59,17 @@ def at_rest(bench: WireRig) -> Mapping[str, Any]:
         time.sleep(0.05)
 
 
-def test_every_run_is_stopped_at_the_threshold_and_nothing_moves_after(
-    bench: WireRig, tmp_path: Path
-) -> None:
+def test_every_run_stops_at_threshold_without_later_motion(bench: WireRig, tmp_path: Path) -> None:
     draw = random.Random(20)
     drives = [
         Drive(name, draw.choice((4.0, 5.0, 6.0, 8.0)), draw.choice((5.5, 7.0, 8.5, 10.0)))
-        for name in (*SETS, draw.choice(list(SETS)))
+        for name in ("clean_0", "clean_45", "coated_0")
     ]
     procedure = write_procedure(tmp_path / "stops.yaml", drives)
     recording = tmp_path / "run.mcap"
     stops, told = drive_to_stops(bench, procedure, recording, os.environ)
-    assert "6 of 6 trials" in told, told
-    assert len(stops) == 6
+    assert "3 of 3 trials" in told, told
+    assert len(stops) == 3
     for stop in stops:
         # Noise of the median of five samples and a block's age do not stop it much too early.
         assert stop.overshoot_m > -3e-3, stop
@@ -87,8 +86,10 @@ def test_every_run_is_stopped_at_the_threshold_and_nothing_moves_after(
     found = Recording.open(recording)
     daq, relay = found.read("daq"), found.read("relay")
     commands = np.flatnonzero(np.diff(relay["closed_setpoint"]))
-    assert len(commands) == 12
-    assert relay["latency"].max() < 0.5
+    assert len(commands) == 6
+    # NaN until the first command is confirmed.
+    assert np.isfinite(relay["latency"]).mean() > 0.9
+    assert np.nanmax(relay["latency"]) < 0.5
     # The samples of 50 ms before each command and of 60 ms after each stop are there.
     begun = relay["t_ns"][commands[0::2] + 1]
     ended = relay["t_ns"][commands[1::2] + 1]
@@ -100,9 +101,7 @@ def test_every_run_is_stopped_at_the_threshold_and_nothing_moves_after(
         assert gaps.mean() == pytest.approx(1 / 9600, rel=0.01)
 
 
-def test_a_dead_potentiometer_is_stopped_by_the_time_that_a_drive_may_take(
-    bench: WireRig, tmp_path: Path
-) -> None:
+def test_dead_potentiometer_is_stopped_by_drive_time_limit(bench: WireRig, tmp_path: Path) -> None:
     # Slowly: the wheel alone would reach its own end of travel.
     procedure = write_procedure(tmp_path / "stops.yaml", [Drive("clean_45", 8.0, 4.0)])
     bench.ask(do="change", quantity="fault", value="platform_pot_dead")
@@ -149,9 +148,7 @@ def test_killed_with_the_relay_closed_it_opens(
     shutil.rmtree(state)
 
 
-def test_a_watchdog_that_stays_up_keeps_the_rig_from_being_armed(
-    bench: WireRig, tmp_path: Path
-) -> None:
+def test_watchdog_that_stays_up_prevents_arming(bench: WireRig, tmp_path: Path) -> None:
     bench.ask(do="fault", part="relay", fault="one_shot_dead")
     procedure = write_procedure(tmp_path / "stops.yaml", [Drive("clean_0", 4.0, 10.0)])
     done = rigd("run", procedure, "--rig", bench.rig, "--yes", cwd=tmp_path)

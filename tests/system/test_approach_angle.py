@@ -80,7 +80,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_each_prompt_is_put_when_something_changes_and_its_answer_borne_out(whole: Path) -> None:
+def test_prompts_follow_changes_and_answers_are_verified(whole: Path) -> None:
     recording = recorded(whole)
     answers = of_kind(recording, "answer")
     assert Counter(answer["name"] for answer in answers) == {
@@ -98,7 +98,7 @@ def test_each_prompt_is_put_when_something_changes_and_its_answer_borne_out(whol
         assert item["shown"]["scale.mass"] == pytest.approx(item["answer"], rel=0.05)
 
 
-def test_each_run_is_sampled_whole_from_before_the_command_to_behind_the_stop(whole: Path) -> None:
+def test_each_run_is_sampled_from_command_to_stop(whole: Path) -> None:
     recording = recorded(whole)
     trials = run_info(recording).trials
     assert [trial.number for trial in trials if trial.complete] == list(range(1, 9))
@@ -122,7 +122,7 @@ def test_each_run_is_sampled_whole_from_before_the_command_to_behind_the_stop(wh
     assert taken == recording.count("daq")  # and nothing outside of the runs
 
 
-def test_info_tells_what_was_run(whole: Path) -> None:
+def test_info_shows_procedure_and_parameters(whole: Path) -> None:
     told = rigd("info", "run.mcap", cwd=whole)
     assert told.code == 0
     assert "8 complete" in told.out
@@ -131,7 +131,7 @@ def test_info_tells_what_was_run(whole: Path) -> None:
 
 
 def test_the_campaign_is_identified_from_its_recording(whole: Path) -> None:
-    done = rigd("identify", "run.mcap", "--json", cwd=whole)
+    done = rigd("identify", "run.mcap", "--json", "--no-report", cwd=whole)
     assert done.code == 0, done.err
     assert "clean_30" in done.out
 
@@ -146,7 +146,7 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
     assert digests[0] != digests[2]
 
 
-def test_weights_that_are_not_there_end_the_run_before_anything_moves(tmp_path: Path) -> None:
+def test_missing_weights_end_run_before_anything_moves(tmp_path: Path) -> None:
     forgotten = campaign(tmp_path, {"      changes: load\n": ""})
     done = run(tmp_path, forgotten, *ONE)
     assert done.code == 6
@@ -160,7 +160,7 @@ def test_weights_that_are_not_there_end_the_run_before_anything_moves(tmp_path: 
     assert closed_s(recorded(tmp_path)) == 0.0
 
 
-def test_a_person_is_asked_again_and_what_they_type_is_recorded(
+def test_person_is_asked_again_and_typed_text_recorded(
     open_terminal: Callable[..., Terminal], tmp_path: Path
 ) -> None:
     # Their weights do not reach the simulated rig, which holds 4 kg.
@@ -192,7 +192,7 @@ def test_a_person_is_asked_again_and_what_they_type_is_recorded(
     assert 0.2 < closed_s(recording) < 0.7
 
 
-def test_a_platform_that_was_not_pushed_back_is_not_driven(tmp_path: Path) -> None:
+def test_platform_not_pushed_back_is_not_driven(tmp_path: Path) -> None:
     done = run(tmp_path, campaign(tmp_path, {"      changes: platform\n": ""}), *ONE)
     assert done.code == 6
     said = " ".join(done.out.split())
@@ -200,7 +200,7 @@ def test_a_platform_that_was_not_pushed_back_is_not_driven(tmp_path: Path) -> No
     assert steps(recorded(tmp_path)).count("drive") == 1
 
 
-def test_a_dead_potentiometer_is_stopped_by_the_longest_drive(tmp_path: Path) -> None:
+def test_dead_potentiometer_is_stopped_by_longest_drive(tmp_path: Path) -> None:
     dead = campaign(tmp_path, spoilt_by("platform_pot_dead") | {"\nrepeats: 2\n": "\nrepeats: 1\n"})
     slow = ("--set", "set=clean_30", "--set", "load=5 kg", "--set", "voltage=4 V")
     done = run(tmp_path, dead, *slow)
@@ -232,14 +232,14 @@ def test_beneath_the_procedure_an_interlock_opens_the_relay(tmp_path: Path) -> N
     assert 2.0 <= closed_s(recorded(tmp_path)) < 2.05
 
 
-def test_a_scale_that_never_comes_to_rest_leaves_the_run_undriven(tmp_path: Path) -> None:
+def test_scale_never_at_rest_leaves_run_undriven(tmp_path: Path) -> None:
     done = run(tmp_path, campaign(tmp_path, spoilt_by("scale_unsteady")), *ONE)
     assert done.code == 6
     assert "scale is not stable" in " ".join(done.out.split())
     assert closed_s(recorded(tmp_path)) == 0.0
 
 
-def test_an_interrupted_campaign_goes_on_and_asks_for_its_set_up_again(
+def test_interrupted_campaign_resumes_and_asks_set_up_again(
     open_terminal: Callable[..., Terminal], tmp_path: Path
 ) -> None:
     terminal = open_terminal(

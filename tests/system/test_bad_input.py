@@ -31,7 +31,7 @@ def quick(tmp_path: Path, old: str, new: str) -> Path:
         ("title:", "titel:", ["titel", "title"]),
     ],
 )
-def test_a_wrong_procedure_names_the_place_and_the_remedy(
+def test_wrong_procedure_names_place_and_remedy(
     tmp_path: Path, old: str, new: str, words: list[str]
 ) -> None:
     path = quick(tmp_path, old, new)
@@ -43,7 +43,7 @@ def test_a_wrong_procedure_names_the_place_and_the_remedy(
     assert [item.name for item in tmp_path.iterdir()] == ["wrong.yaml"]
 
 
-def test_a_setpoint_beyond_the_rigs_limit_is_refused_before_anything_moves(tmp_path: Path) -> None:
+def test_setpoint_beyond_rig_limit_is_refused_before_motion(tmp_path: Path) -> None:
     done = rigd("run", "quick", "--rig", "lugre-1", "--set", "current=5 A", cwd=tmp_path)
     assert done.code == 2
     assert "5 A" in done.err
@@ -55,7 +55,7 @@ def test_a_setpoint_beyond_the_rigs_limit_is_refused_before_anything_moves(tmp_p
     [
         (["run", "missing.yaml", "--rig", "lugre-1"], 2, ["missing.yaml"]),
         (["run", "quick", "--rig", "missing.yaml"], 2, ["missing.yaml"]),
-        (["run", "quick"], 2, ["which procedure, on which rig"]),
+        (["run", "quick"], 2, ["procedure or rig is missing"]),
         (["run", "quick", "--rig", "lugre-1", "--set", "current"], 2, ["NAME=VALUE"]),
         (["run", "quick", "--rig", "lugre-1", "--set", "curent=1 A"], 2, ["curent", "current"]),
         (["identify", "missing.mcap"], 7, ["missing.mcap"]),
@@ -66,7 +66,7 @@ def test_a_setpoint_beyond_the_rigs_limit_is_refused_before_anything_moves(tmp_p
         (["run", "--resume", "missing.mcap"], 7, ["missing.mcap"]),
     ],
 )
-def test_what_is_not_there_is_named(
+def test_missing_file_is_named(
     tmp_path: Path, arguments: list[str], code: int, words: list[str]
 ) -> None:
     done = rigd(*arguments, cwd=tmp_path)
@@ -78,7 +78,7 @@ def test_what_is_not_there_is_named(
 
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP", b"time,value\n1,2\n", bytes(5000)])
 @pytest.mark.parametrize("command", [["identify"], ["info"], ["recover"], ["run", "--resume"]])
-def test_a_file_that_is_no_recording_is_refused_and_left_alone(
+def test_file_that_is_no_recording_is_left_untouched(
     tmp_path: Path, content: bytes, command: list[str]
 ) -> None:
     (tmp_path / "bad.mcap").write_bytes(content)
@@ -88,7 +88,7 @@ def test_a_file_that_is_no_recording_is_refused_and_left_alone(
     assert (tmp_path / "bad.mcap").read_bytes() == content
 
 
-def test_a_truncated_recording_says_how_to_recover_it(tmp_path: Path) -> None:
+def test_error_of_truncated_recording_suggests_recover(tmp_path: Path) -> None:
     rigd("run", "quick", "--rig", "lugre-1", "--output", "run.mcap", cwd=tmp_path)
     path = tmp_path / "run.mcap"
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
@@ -99,7 +99,7 @@ def test_a_truncated_recording_says_how_to_recover_it(tmp_path: Path) -> None:
     assert rigd("info", "run.mcap", cwd=tmp_path).code == 0
 
 
-def test_a_recording_without_the_needed_streams_names_the_stream(tmp_path: Path) -> None:
+def test_recording_without_needed_streams_names_stream(tmp_path: Path) -> None:
     text = (PROCEDURES / "constant_current.yaml").read_text()
     lean = text.replace("record: all", "record: {carriage: 1}")
     (tmp_path / "lean.yaml").write_text(lean.replace("to: 1.5 A", "to: 0.3 A"))

@@ -126,7 +126,7 @@ def rig(config: RigConfig) -> Iterator[Rig]:
     whole.close()
 
 
-def test_current_moves_the_carriage_and_safe_takes_it_away(bench: WireRig, rig: Rig) -> None:
+def test_current_moves_carriage_and_safe_takes_it_away(bench: WireRig, rig: Rig) -> None:
     rig.open()
     for name in SERVOS:
         took_s = rig.devices[name].prove_watchdog()
@@ -151,7 +151,7 @@ def test_current_moves_the_carriage_and_safe_takes_it_away(bench: WireRig, rig: 
         assert parts[name]["safe_since_ns"] > 0
 
 
-def test_the_bridge_goes_where_and_as_fast_as_it_is_told(rig: Rig) -> None:
+def test_bridge_moves_to_position_at_commanded_speed(rig: Rig) -> None:
     rig.open()
     rig.arm()
     row = rig.run(
@@ -165,7 +165,7 @@ def test_the_bridge_goes_where_and_as_fast_as_it_is_told(rig: Rig) -> None:
     )
 
 
-def test_a_cycle_that_falls_silent_is_switched_off_by_the_drives(bench: WireRig, rig: Rig) -> None:
+def test_silent_cycle_is_switched_off_by_its_drives(bench: WireRig, rig: Rig) -> None:
     rig.open()
     rig.arm()
     rig.run(lambda row: bool(row) and row["wheel_servo"][0] > 0.1, wheel_servo=(0.3,))
@@ -180,7 +180,7 @@ def test_a_cycle_that_falls_silent_is_switched_off_by_the_drives(bench: WireRig,
         rig.run(lambda _: False)
 
 
-def test_a_rescue_switches_the_drives_off_before_their_watchdog(
+def test_rescue_switches_drives_off_before_their_watchdog(
     bench: WireRig, rig: Rig, config: RigConfig
 ) -> None:
     rig.open()
@@ -193,7 +193,7 @@ def test_a_rescue_switches_the_drives_off_before_their_watchdog(
         link.close()
 
 
-def test_a_second_rigd_is_refused_and_the_first_goes_on(rig: Rig, config: RigConfig) -> None:
+def test_second_rigd_is_refused_and_first_continues(rig: Rig, config: RigConfig) -> None:
     rig.open()
     rig.arm()
     second = made(config, ["wheel_servo"]).links["servo_bus"]
@@ -232,7 +232,7 @@ def test_a_second_rigd_is_refused_and_the_first_goes_on(rig: Rig, config: RigCon
         ("servo_bus", "stalled", {}, "takes no frames|heartbeat of the master lost"),
     ],
 )
-def test_what_goes_wrong_in_the_cycle_is_told(
+def test_failure_in_the_cycle_is_reported(
     bench: WireRig, rig: Rig, part: str, fault: str, options: dict[str, float], message: str
 ) -> None:
     rig.open()
@@ -256,7 +256,7 @@ def test_what_goes_wrong_in_the_cycle_is_told(
         ("servo_bus", "wrong_bitrate", {}, "reports errors|only errors are heard"),
     ],
 )
-def test_what_is_wrong_at_opening_is_told_and_nothing_moves(
+def test_problem_at_opening_is_reported_and_nothing_moves(
     bench: WireRig, rig: Rig, part: str, fault: str, options: dict[str, float], message: str
 ) -> None:
     bench.ask(do="fault", part=part, fault=fault, options=options)
@@ -266,7 +266,7 @@ def test_what_is_wrong_at_opening_is_told_and_nothing_moves(
     bench.ask(do="clear")
 
 
-def test_a_drive_whose_watchdog_is_dead_is_not_proven(bench: WireRig, rig: Rig) -> None:
+def test_drive_whose_watchdog_is_dead_is_not_proven(bench: WireRig, rig: Rig) -> None:
     rig.open()
     bench.ask(do="fault", part="wheel_servo", fault="watchdog_dead", options={})
     with pytest.raises(DeviceError, match="did not switch itself off within"):
@@ -274,7 +274,7 @@ def test_a_drive_whose_watchdog_is_dead_is_not_proven(bench: WireRig, rig: Rig) 
     assert not bench.parts()["wheel_servo"]["enabled"]
 
 
-def test_a_twin_that_comes_later_is_seen_in_the_cycle(bench: WireRig, rig: Rig) -> None:
+def test_twin_that_comes_later_is_seen_in_cycle(bench: WireRig, rig: Rig) -> None:
     rig.open()
     rig.arm()
     bench.ask(do="fault", part="wheel_servo", fault="twin", options={})
@@ -282,7 +282,7 @@ def test_a_twin_that_comes_later_is_seen_in_the_cycle(bench: WireRig, rig: Rig) 
         rig.run(lambda _: False)
 
 
-def test_the_other_node_id_of_a_typo_is_another_kind_of_device(config: RigConfig) -> None:
+def test_wrong_node_id_finds_another_kind_of_device(config: RigConfig) -> None:
     wheel = config.devices["wheel_servo"]
     setup = config.links["encoder_bus"]
     link = setup.link_class(setup.config)
@@ -297,7 +297,7 @@ def test_the_other_node_id_of_a_typo_is_another_kind_of_device(config: RigConfig
         link.close()
 
 
-def test_the_folder_of_the_bus_is_named_when_nothing_runs(tmp_path: Path) -> None:
+def test_folder_of_bus_is_named_when_nothing_runs(tmp_path: Path) -> None:
     from rigd_drivers.can_ports import open_port
 
     with pytest.raises(LinkError, match=str(tmp_path)):

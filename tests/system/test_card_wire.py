@@ -119,9 +119,7 @@ def test_a_run_over_the_served_card(served: RigConfig, rig_file: Path, tmp_path:
     assert (state["da0"], state["lines"] & 0b11111) == (0.0, 0)
 
 
-def test_a_killed_master_is_survived_by_the_one_shot_alone(
-    served: RigConfig, rig_file: Path
-) -> None:
+def test_killed_master_is_survived_by_one_shot_alone(served: RigConfig, rig_file: Path) -> None:
     command = [sys.executable, "-c", MASTER, str(rig_file)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as master:
         try:

@@ -13,11 +13,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.command import rigd
 from support.daemon import Daemon, listening, until_gone
-from support.killing import PATIENT, gaps, own_state
+from support.killing import QUARTER, gaps, own_state
 from support.stalls import witnessed
 from support.wire import WireRig, free_ports, wire_rig
 
@@ -49,34 +50,74 @@ finish:
     for: 0.2 s
 """
 
-Start = Callable[[], Daemon]
+Start = Callable[..., Daemon]
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WireRig]:
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WireRig]:
+    """The rig with every device."""
     # A stall of 100 ms would let the drives end what is to go on.
-    patient = PATIENT | {"watchdog: 100 ms": "watchdog: 300 ms"}
+    patient = QUARTER | {"watchdog: 100 ms": "watchdog: 300 ms"}
     with wire_rig(tmp_path_factory.mktemp("wire"), NAME, patient) as rig:
         listening(rig.rig, free_ports(1)[0])
         yield rig
 
 
-@pytest.fixture
-def start(bench: WireRig, tmp_path: Path) -> Iterator[Start]:
-    """Return what starts the daemon, and returns once it serves."""
-    state, started = own_state(tmp_path), list[Daemon]()
-    endpoint = bench.rig.read_text().rpartition("listen: [")[2].partition("]")[0]
+@pytest.fixture(scope="module")
+def bench(whole: WireRig) -> WireRig:
+    """The same without the card, which takes a process more for each run."""
+    return whole.without("accelerometer")
 
-    def serve() -> Daemon:
-        daemon = Daemon(bench.rig, NAME, endpoint, tmp_path, state)
-        started.append(daemon)
-        daemon.notified("READY=1")
-        return daemon
+
+def started(rig: WireRig, folder: Path, state: Path) -> Daemon:
+    """Start the daemon of a rig; return it once it serves."""
+    endpoint = rig.rig.read_text().rpartition("listen: [")[2].partition("]")[0]
+    daemon = Daemon(rig.rig, NAME, endpoint, folder, state)
+    daemon.notified("READY=1")
+    return daemon
+
+
+@pytest.fixture(scope="module")
+def idle() -> Iterator[list[Daemon]]:
+    """The daemon that tests share, until one needs the rig for its own."""
+    serving: list[Daemon] = []
+    yield serving
+    end(serving)
+
+
+def end(serving: list[Daemon]) -> None:
+    for item in serving:
+        item.__exit__(None, None, None)
+    for state in {item.state for item in serving}:
+        shutil.rmtree(state)
+    serving.clear()
+
+
+@pytest.fixture
+def daemon(
+    idle: list[Daemon], bench: WireRig, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Daemon]:
+    """A daemon that serves an idle rig, and is left so."""
+    if not idle:
+        folder = tmp_path_factory.mktemp("shared")
+        idle.append(started(bench, folder, own_state(folder)))
+    assert idle[0].status["state"] == "idle"
+    yield idle[0]
+    assert idle[0].status["state"] == "idle"
+
+
+@pytest.fixture
+def start(idle: list[Daemon], bench: WireRig, tmp_path: Path) -> Iterator[Start]:
+    """Return what starts a daemon of the test's own, of another rig file if need be."""
+    end(idle)
+    state, serving = own_state(tmp_path), list[Daemon]()
+
+    def serve(rig: WireRig = bench) -> Daemon:
+        serving.append(started(rig, tmp_path, state))
+        return serving[-1]
 
     yield serve
-    for item in started:
-        item.__exit__(None, None, None)
-    shutil.rmtree(state)
+    end(serving)
 
 
 @contextmanager
@@ -103,24 +144,48 @@ def begin(daemon: Daemon, bench: WireRig, **args: object) -> Path:
     return recording
 
 
+def ending(daemon: Daemon, recording: Path, *, steered: bool = True) -> dict[str, Any]:
+    """Wait for the end of a run, and return what the status says of it."""
+    status = daemon.until(
+        lambda status: status["last"] and status["last"]["run"] == recording.name, steered=steered
+    )
+    last: dict[str, Any] = status["last"]
+    return last
+
+
 def last_row_ns(recording: Recording) -> int:
     """Return when the last row was taken, by the clock of the run."""
     return int(recording.read("wheel_servo")["t_ns"][-1])
 
 
-def test_a_run_is_steered_over_the_network(start: Start, bench: WireRig) -> None:
-    daemon = start()
-    assert daemon.status["state"] == "idle"
+def test_a_run_is_steered_over_the_network(daemon: Daemon) -> None:
     recording = daemon.start(SHAKE, set={"time": "0.5 s"})
-    status = daemon.until(lambda status: status["last"])
-    assert (status["last"]["run"], status["last"]["ending"]) == (recording.name, "complete")
+    assert ending(daemon, recording)["ending"] == "complete"
     assert daemon.request("ask", "runs")["runs"][0]["state"] == "complete"
     latest = daemon.request("ask", "latest")["values"]
     assert "wheel_servo.current" in latest
-    daemon.signal(signal.SIGTERM)
-    assert daemon.ended() == 0
-    daemon.notified("STOPPING=1")
     assert gaps(Recording.open(recording), "wheel_servo") == 0
+
+
+def test_a_client_that_is_killed_stops_the_run(daemon: Daemon, bench: WireRig) -> None:
+    recording = begin(daemon, bench, set={"time": "7200 s"})
+    with safe_within(bench, LEASE_S + 10.0):
+        daemon.kill_client()
+    last = ending(daemon, recording, steered=False)
+    assert last["ending"] == "stopped"
+    assert "alice, who steered this run, has vanished" in last["reason"]
+    assert run_info(Recording.open(recording)).state == "stopped"
+
+
+def test_one_rig_has_one_daemon_and_one_run(daemon: Daemon, bench: WireRig, tmp_path: Path) -> None:
+    for command in (
+        ["serve", "--rig", str(bench.rig), "--no-panel"],
+        ["run", "quick", "--rig", str(bench.rig)],
+    ):
+        refused = rigd(*command, cwd=tmp_path, state=daemon.state)
+        assert refused.code == Exit.BLOCKED, refused.err
+        assert f"in use by process {daemon.process.pid} (rigd serve)" in refused.err
+        assert f"rigd remote start PROCEDURE --rig {NAME}" in refused.err
 
 
 @pytest.mark.parametrize(("times", "ending"), [(1, "stopped"), (2, "aborted")])
@@ -135,6 +200,7 @@ def test_a_signal_ends_the_run_then_the_daemon(
             daemon.signal(signal.SIGTERM)
             time.sleep(0.01)  # two at once are one
     assert daemon.ended() == 0
+    daemon.notified("STOPPING=1")
     until_gone(pids)
     info = run_info(Recording.open(recording))
     assert info.state == ending
@@ -142,11 +208,9 @@ def test_a_signal_ends_the_run_then_the_daemon(
     assert gaps(Recording.open(recording), "wheel_servo") == 0
 
 
-def test_a_killed_daemon_leaves_a_safe_rig_and_the_next_goes_on(
-    start: Start, bench: WireRig
-) -> None:
+def test_killed_daemon_leaves_safe_rig_and_next_continues(start: Start, bench: WireRig) -> None:
     daemon = start()
-    recording = begin(daemon, bench, set={"time": "3 s"})
+    recording = begin(daemon, bench, set={"time": "1.5 s"})
     daemon.until(lambda status: status["trials_done"] == 1 and status["step"] == "shake")
     pids, killed_ns = daemon.pids(), daemon.now_ns()
     with safe_within(bench, 0.5):
@@ -168,24 +232,24 @@ def test_a_killed_daemon_leaves_a_safe_rig_and_the_next_goes_on(
     again.request("cmd", "lease_take")
     assert again.request("cmd", "resume_run", run=recording.name)["run"] == recording.name
     status = again.until(lambda status: status["last"])
-    assert status["last"]["ending"] == "complete"
+    assert status["last"]["ending"] == "complete", status["last"]
     assert status["interrupted"] == []
     done = [trial.number for trial in run_info(Recording.open(recording)).trials if trial.complete]
     assert sorted(done) == [1, 2, 3]
 
 
-def test_all_processes_killed_at_once_lose_no_sample(start: Start, bench: WireRig) -> None:
-    daemon = start()
-    recording = begin(daemon, bench, set={"time": "7200 s"})
+def test_all_processes_killed_at_once_lose_no_sample(start: Start, whole: WireRig) -> None:
+    daemon = start(whole)
+    recording = begin(daemon, whole, set={"time": "7200 s"})
     pids, left = daemon.pids(), daemon.folder
-    with safe_within(bench, 0.5):  # by the drives' own watchdogs
+    with safe_within(whole, 0.5):  # by the drives' own watchdogs
         for pid in pids:
             os.kill(pid, signal.SIGKILL)
         daemon.process.wait()
     until_gone(pids)
     taken = {name: ring.head for name, ring in left.row_rings(left.job).items()}
 
-    again = start()
+    again = start(whole)
     assert f"{recording.name}: what a killed run left in memory was added" in [
         notice["text"] for notice in again.status["notices"]
     ]
@@ -194,28 +258,3 @@ def test_all_processes_killed_at_once_lose_no_sample(start: Start, bench: WireRi
     assert gaps(Recording.open(recording), "wheel_servo") == 0
     recovered = Recording.open(recording)
     assert {name: len(recovered.read(name)) for name in taken} == taken
-
-
-def test_a_client_that_is_killed_stops_the_run(start: Start, bench: WireRig) -> None:
-    daemon = start()
-    recording = begin(daemon, bench, set={"time": "7200 s"})
-    with safe_within(bench, LEASE_S + 10.0):
-        daemon.kill_client()
-    status = daemon.until(lambda status: status["last"], steered=False)
-    assert status["last"]["ending"] == "stopped"
-    assert "alice, who steered this run, has vanished" in status["last"]["reason"]
-    assert run_info(Recording.open(recording)).state == "stopped"
-
-
-def test_one_rig_has_one_daemon_and_no_other_run(
-    start: Start, bench: WireRig, tmp_path: Path
-) -> None:
-    daemon = start()
-    for command in (
-        ["serve", "--rig", str(bench.rig), "--no-panel"],
-        ["run", "quick", "--rig", str(bench.rig)],
-    ):
-        refused = rigd(*command, cwd=tmp_path, state=daemon.state)
-        assert refused.code == Exit.BLOCKED, refused.err
-        assert f"in use by process {daemon.process.pid} (rigd serve)" in refused.err
-        assert f"rigd remote start PROCEDURE --rig {NAME}" in refused.err

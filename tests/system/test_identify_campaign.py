@@ -48,7 +48,7 @@ def spoilt_by(fault: str) -> str:
         ("platform_pot_dead", {"pot_dead", "incomplete"}),
     ],
 )
-def test_a_fault_at_the_rig_is_told_and_no_number_comes_of_it(
+def test_fault_at_rig_is_reported_without_any_number(
     tmp_path: Path, fault: str, codes: set[str]
 ) -> None:
     found = played(tmp_path, spoilt_by(fault), set="clean_0", load="4 kg", voltage="5.5 V")
@@ -64,7 +64,7 @@ def test_a_fault_at_the_rig_is_told_and_no_number_comes_of_it(
     assert (only.paper.raw, only.paper.flagged, only.paper.used) == (2, 2, 0)
 
 
-def test_what_an_interlock_ended_is_told_with_its_reason(tmp_path: Path) -> None:
+def test_trial_ended_by_interlock_has_its_reason(tmp_path: Path) -> None:
     text = spoilt_by("wheel_pot_at_end")
     found = played(tmp_path, text, set="clean_0", load="4 kg", voltage="5.5 V")
     (item,) = found.result.runs
@@ -75,7 +75,7 @@ def test_what_an_interlock_ended_is_told_with_its_reason(tmp_path: Path) -> None
     assert "0 of 2 trials are complete" in found.result.warnings[0]
 
 
-def test_a_run_that_never_slides_is_no_friction_coefficient(tmp_path: Path) -> None:
+def test_run_that_never_slides_is_no_friction_coefficient(tmp_path: Path) -> None:
     text = SHIPPED.read_text("utf-8")
     found = played(tmp_path, text, set="coated_0", load="8 kg", voltage="4 V")
     for run in found.result.runs:

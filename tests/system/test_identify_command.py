@@ -63,7 +63,7 @@ def results(folder: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("floor", TRUTH)
-def test_what_is_identifiable_is_right(results: dict[str, Any], floor: str) -> None:
+def test_identifiable_parameters_are_right(results: dict[str, Any], floor: str) -> None:
     truth, parameters = TRUTH[floor], results[floor]["parameters"]
     stiffness, viscous, curve = TOLERANCE[floor]
     assert parameters["sigma_0"]["estimate"] == pytest.approx(truth["sigma_0"], rel=stiffness)
@@ -78,7 +78,7 @@ def test_what_is_identifiable_is_right(results: dict[str, Any], floor: str) -> N
 
 
 @pytest.mark.parametrize("floor", TRUTH)
-def test_what_is_not_identifiable_is_called_that(results: dict[str, Any], floor: str) -> None:
+def test_unidentifiable_parameters_are_marked(results: dict[str, Any], floor: str) -> None:
     found = {**results[floor]["parameters"], **results[floor]["derived"]}
     for name in MUST_BE_FLAGGED[floor]:
         assert not found[name]["identifiable"], name
@@ -110,20 +110,19 @@ def test_several_recordings_make_one_report_grouped_by_floor(tmp_path: Path) -> 
     text = PROCEDURE.read_text()
     assert text.count("step: 0.15 A") == 1
     (tmp_path / "few.yaml").write_text(text.replace("step: 0.15 A", "step: 0.45 A"))
-    for floor in TRUTH:
+    for floor in ("stone", "pvc"):
         made = rigd(
             "run", "few.yaml", "--rig", "lugre-1", "--set", f"floor={floor}",
             "--output", f"{floor}.mcap", cwd=tmp_path,
         )  # fmt: skip
         assert made.code == 0, made.err
     done = rigd(
-        *("identify", "stone.mcap", "pvc.mcap", "paperboard.mcap"),
-        *("--starts", "2", "--report", "all.html"),
+        *("identify", "stone.mcap", "pvc.mcap", "--starts", "2", "--report", "all.html"),
         cwd=tmp_path,
     )
     assert done.code == 0, done.err
     page = (tmp_path / "all.html").read_text()
-    for words in ("stone", "pvc", "paperboard", "Table I of the paper", "not identifiable"):
+    for words in ("stone", "pvc", "Table I of the paper", "not identifiable"):
         assert words in page
         assert words in done.out
     assert "all.html" in done.out
@@ -133,12 +132,7 @@ def test_several_recordings_make_one_report_grouped_by_floor(tmp_path: Path) -> 
     assert "constant_current" in page
 
 
-def test_identifying_twice_gives_the_same_numbers(folder: Path, results: dict[str, Any]) -> None:
-    again = rigd("identify", "pvc.mcap", "--json", "--no-report", cwd=folder)
-    assert again.json == results["pvc"]
-
-
-def test_a_robust_fit_agrees_where_there_are_no_outliers(
+def test_robust_fit_agrees_where_there_are_no_outliers(
     folder: Path, results: dict[str, Any]
 ) -> None:
     done = rigd("identify", "pvc.mcap", "--json", "--no-report", "--robust", cwd=folder)
@@ -147,18 +141,18 @@ def test_a_robust_fit_agrees_where_there_are_no_outliers(
     assert done.json["parameters"]["sigma_0"]["estimate"] == pytest.approx(plain, rel=0.05)
 
 
-def test_an_interrupted_sweep_is_identified_from_what_is_complete(folder: Path) -> None:
+def test_interrupted_sweep_is_identified_from_what_is_complete(folder: Path) -> None:
     stone = (folder / "stone.mcap").read_bytes()
     torn = folder / "torn.mcap"
     torn.write_bytes(stone[: len(stone) * 3 // 4])
     assert rigd("recover", "torn.mcap", cwd=folder).code == 0
-    done = rigd("identify", "torn.mcap", "--json", "--no-report", cwd=folder)
+    done = rigd("identify", "torn.mcap", "--json", "--no-report", "--starts", "1", cwd=folder)
     assert done.code == 0, done.err
     assert len(done.json["trials"]) < 9
 
 
-def test_a_signal_recorded_too_slowly_is_refused_and_not_interpolated(tmp_path: Path) -> None:
-    text = PROCEDURE.read_text()
+def test_signal_recorded_too_slowly_is_refused_without_interpolation(tmp_path: Path) -> None:
+    text = PROCEDURE.read_text().replace("step: 0.15 A", "step: 0.45 A")
     streams = "{wheel_servo: 1, wheel_encoder: 1, carriage: 10, accelerometer: 1}"
     (tmp_path / "lean.yaml").write_text(text.replace("record: all", f"record: {streams}"))
     made = rigd("run", "lean.yaml", "--rig", "lugre-1", "--output", "lean.mcap", cwd=tmp_path)

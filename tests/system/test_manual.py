@@ -63,7 +63,7 @@ def test_read_shows_every_channel_and_arms_nothing(wire: WireRig, tmp_path: Path
     assert not list(tmp_path.iterdir())  # nothing is recorded
 
 
-def test_read_for_a_while_prints_lines_of_what_was_asked_for(wire: WireRig, tmp_path: Path) -> None:
+def test_read_for_duration_prints_lines_of_chosen_channels(wire: WireRig, tmp_path: Path) -> None:
     done = rigd(
         "read", "scale", "carriage.position", "--rig", wire.rig, "--for", "1.5 s", cwd=tmp_path
     )
@@ -76,7 +76,7 @@ def test_read_for_a_while_prints_lines_of_what_was_asked_for(wire: WireRig, tmp_
     assert times == sorted(times)
 
 
-def test_read_shows_an_interlock_that_stands_and_goes_on(wire: WireRig, tmp_path: Path) -> None:
+def test_read_shows_active_interlock_and_continues(wire: WireRig, tmp_path: Path) -> None:
     rig = other(wire, tmp_path, far=("high: 1.65 m", "high: -10 mm"))
     done = rigd("read", "carriage", "--rig", rig, "--once", "--json", cwd=tmp_path)
     assert done.code == 0, done.err
@@ -85,7 +85,7 @@ def test_read_shows_an_interlock_that_stands_and_goes_on(wire: WireRig, tmp_path
     assert "above its limit -0.01 m" in standing["reason"]
 
 
-def test_a_rig_in_use_is_refused_and_ctrl_c_frees_it(wire: WireRig, tmp_path: Path) -> None:
+def test_rig_in_use_is_refused_until_ctrl_c(wire: WireRig, tmp_path: Path) -> None:
     reading = start(["read", "scale", "--rig", wire.rig, "--json"], tmp_path)
     assert reading.process.stdout is not None
     first = json.loads(reading.process.stdout.readline())
@@ -115,21 +115,19 @@ def test_a_device_that_falls_silent_ends_a_read(wire: WireRig, tmp_path: Path) -
     assert "wheel_encoder" in ended.err
 
 
-def test_tare_of_a_slow_device_and_of_one_in_the_cycle(wire: WireRig, tmp_path: Path) -> None:
+def test_tare_works_for_slow_and_cycle_devices(wire: WireRig, tmp_path: Path) -> None:
     done = rigd("tare", "scale", "--rig", wire.rig, cwd=tmp_path)
     assert done.code == 0, done.err
     assert "scale.mass is now 0 kg" in done.out
     assert wire.parts()["scale"]["tare_kg"] == pytest.approx(3.959, abs=0.01)
     done = rigd("tare", "traction", "--rig", wire.rig, "--json", cwd=tmp_path)
     assert done.code == 0, done.err
-    assert done.json["said"] == "tare: accepted"
+    assert done.json["reply"] == "tare: accepted"
     assert done.json["channels"]["traction.force"]["value"] == pytest.approx(0, abs=0.5)
     assert not any(part["enabled"] for part in drives(wire).values())
 
 
-def test_tare_tells_a_refusal_and_an_action_that_is_not_there(
-    wire: WireRig, tmp_path: Path
-) -> None:
+def test_tare_reports_refused_and_unknown_actions(wire: WireRig, tmp_path: Path) -> None:
     loaded = rigd("tare", "scale", "--action", "zero", "--rig", wire.rig, cwd=tmp_path)
     assert loaded.code == Exit.TRIPPED
     assert "refuses to zero" in loaded.err
@@ -190,7 +188,7 @@ def test_read_refuses_a_scale_in_pounds(wire: WireRig, tmp_path: Path) -> None:
     assert "shows lb" in read.err
 
 
-def test_doctor_without_the_simulation_says_how_to_start_it(tmp_path: Path) -> None:
+def test_doctor_without_simulation_suggests_rigd_sim(tmp_path: Path) -> None:
     rig = write_rig(tmp_path, "wire-nobody").rig
     done = rigd("doctor", "--rig", rig, "--seconds", "0.5", "--json", cwd=tmp_path)
     assert done.code == Exit.BLOCKED

@@ -41,6 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "parameters: plants/": f"parameters: {ROOT}/configs/plants/",
         "low: -1.8 A\n    high: 1.8 A": "low: -0.8 A\n    high: 0.8 A\n    latch: true",
         "stale_after: 20 ms": "stale_after: 150 ms",
+        "cycle: 1 kHz": "cycle: 250 Hz",
     }.items():
         assert old in text, old
         text = text.replace(old, new)
@@ -50,8 +51,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ASKING.replace("default: 0.5 s", "default: 6 s")  # with 1 A the interlock trips
     )
     (made / "runs").mkdir()
-    words = ("run", "constant_current", "--rig", "lugre-1", "--output", "before.mcap")
-    done = rigd(*words, cwd=made / "runs")
+    text = (ROOT / "procedures" / "constant_current.yaml").read_text()
+    few = text.replace("step: 0.15 A", "step: 0.45 A")
+    assert few != text
+    (made / "few.yaml").write_text(few)
+    words = ("run", made / "few.yaml", "--rig", "lugre-1", "--output", "before.mcap")
+    done = rigd(*words, "--set", "brake_at=0.5 m", cwd=made / "runs")
     assert done.code == 0, done.err
     return made
 
@@ -117,13 +122,32 @@ class Serving:
             process.communicate()
 
 
-@pytest.fixture
-def serving(folder: Path, tmp_path: Path) -> Iterator[Serving]:
-    state = own_state(tmp_path)
+@pytest.fixture(scope="module")
+def serving(folder: Path) -> Iterator[Serving]:
+    state = own_state(folder)
     serving = Serving(folder, state)
     yield serving
     serving.end()
     shutil.rmtree(state)
+
+
+@pytest.fixture(scope="module")
+def ada(serving: Serving) -> Iterator[Watched]:
+    """The page of Ada, whose link is the one that is printed."""
+    with chromium() as browser:
+        watched = Watched(browser)
+        watched.enter(serving.link())
+        yield watched
+
+
+@pytest.fixture
+def page(ada: Watched) -> Iterator[Page]:
+    """The same before a rig that rests, and is nobody's; it is left so, unless it is closed."""
+    state(ada.page, "Idle")
+    yield ada.page
+    if not ada.page.is_closed():
+        state(ada.page, "Idle")
+        press(ada.page, "Release")
 
 
 def take_control(page: Page) -> None:
@@ -155,93 +179,83 @@ def drawn(page: Page) -> int:
     return int(page.locator(".traces").get_attribute("data-drawn") or 0)
 
 
-def test_everything_an_operator_does(serving: Serving, folder: Path) -> None:
-    with chromium() as browser:
-        watched = Watched(browser)
-        page = watched.enter(serving.link())
-        state(page, "Idle")
-        with Client(NAME, endpoint=ENDPOINT, identity="bob") as bob, bob.control():
-            expect(page.locator("#control")).to_contain_text("bob has control")
-            press(page, "Ask for it")
-            wait_until(lambda: "panel" in bob.status().lease.asked_by)
-        take_control(page)
+def test_everything_an_operator_does(ada: Watched, page: Page, folder: Path) -> None:
+    with Client(NAME, endpoint=ENDPOINT, identity="bob") as bob, bob.control():
+        expect(page.locator("#control")).to_contain_text("bob has control")
+        press(page, "Request it")
+        wait_until(lambda: [item.identity for item in bob.status().lease.asked_by] == ["panel"])
+    take_control(page)
 
-        start(page, "0.3")
-        before = drawn(page)
-        wait_until(lambda: drawn(page) > before + 20)
-        current = page.locator(".channel-table tr", has_text="current").last.locator(".value")
-        seen: set[str] = set()
-        for _ in range(5):
-            seen.add(current.inner_text())
-            wait_until(lambda: current.inner_text() not in seen)
-        press(page, "Pause")
-        state(page, "Paused")
-        press(page, "Resume")
-        state(page, "Running")
-        press(page, "Stop")
-        state(page, "Idle")
-        expect(page.locator(".run")).to_contain_text("stopped")
+    start(page, "0.3")
+    before = drawn(page)
+    wait_until(lambda: drawn(page) > before + 20)
+    current = page.locator(".channel-table tr", has_text="current").last.locator(".value")
+    seen: set[str] = set()
+    for _ in range(5):
+        seen.add(current.inner_text())
+        wait_until(lambda: current.inner_text() not in seen)
+    press(page, "Pause")
+    state(page, "Paused")
+    press(page, "Resume")
+    state(page, "Running")
+    press(page, "Stop")
+    state(page, "Idle")
+    expect(page.locator(".run")).to_contain_text("stopped")
 
-        start(page, "1", then="Tripped")  # at once: it runs for less than the page is looked at
-        expect(page.locator(".trip")).to_contain_text("over current")
-        press(page, "Acknowledge")
-        expect(page.locator(".trip")).to_have_count(0)
-        state(page, "Idle")
+    start(page, "1", then="Tripped")  # at once: it runs for less than the page is looked at
+    expect(page.locator(".trip")).to_contain_text("over current")
+    press(page, "Acknowledge")
+    expect(page.locator(".trip")).to_have_count(0)
+    state(page, "Idle")
 
-        page.get_by_role("link", name="Runs", exact=True).click()
-        page.locator(".run-list tr", has_text="constant current").click()
-        press(page, "Make the report")
-        report = page.frame_locator(".report iframe")
-        expect(report.locator("body")).to_contain_text("LuGre")
-        with page.expect_download() as download:
-            page.get_by_role("link", name=re.compile("Recording")).click()
-        path = download.value.path()
-        assert path.read_bytes() == (folder / "runs" / "before.mcap").read_bytes()
+    page.get_by_role("link", name="Runs", exact=True).click()
+    page.locator(".run-list tr", has_text="constant current").click()
+    press(page, "Make the report")
+    report = page.frame_locator(".report iframe")
+    expect(report.locator("body")).to_contain_text("LuGre")
+    with page.expect_download() as download:
+        page.get_by_role("link", name=re.compile("Recording")).click()
+    path = download.value.path()
+    assert path.read_bytes() == (folder / "runs" / "before.mcap").read_bytes()
 
-        page.get_by_role("link", name="Events", exact=True).click()
-        expect(page.locator(".event-table")).to_contain_text("interlock")
-        assert watched.complaints == []
-        assert all(url.startswith(page.url.partition("#")[0]) for url in watched.asked)
+    page.get_by_role("link", name="Events", exact=True).click()
+    expect(page.locator(".event-table")).to_contain_text("interlock")
+    assert ada.complaints == []
+    assert all(url.startswith(page.url.partition("#")[0]) for url in ada.asked)
 
 
-def test_a_closed_page_counts_as_a_vanished_client(serving: Serving) -> None:
+def test_killed_process_is_shown_lost_and_returns(serving: Serving, page: Page) -> None:
+    serving.kill_panel()
+    state(page, "Not connected")
+    expect(page.locator("#lost")).to_contain_text("use the hardware emergency stop")
+
+    state(page, "Idle")  # of the next panel, without a new link
+    take_control(page)
+    start(page, "0.3")
+    serving.kill()
+    state(page, "Not connected")
+
+    serving.start()
+    expect(page.locator("#attention")).to_contain_text("A run was interrupted after 0 of 2")
+    take_control(page)
+    press(page, "Continue it…")
+    press(page, "Continue now")
+    state(page, "Waiting for you")
+    press(page, "Abort")
+    expect(page.locator(".stop-result")).to_contain_text("Abort: confirmed")
+    state(page, "Idle")
+
+
+def test_a_closed_page_counts_as_a_vanished_client(ada: Watched, page: Page) -> None:
     """The run is stopped, as the procedure says of a client that is lost."""
-    with chromium() as browser:
-        first = Watched(browser)
-        page = first.enter(serving.link())
-        press(page, "Ada")
-        press(page, "Link to watch")
-        link = page.locator("output.link code").inner_text()
-        press(page, "Close")
-        take_control(page)
-        second = Watched(browser)
-        observer = second.enter(link, "Olga")
-        start(page, "0.3")
-        first.context.close()
-        state(observer, "Idle")
-        expect(observer.locator(".run")).to_contain_text("stopped")
-
-
-def test_what_is_killed_is_shown_as_lost_and_comes_back(serving: Serving) -> None:
-    with chromium() as browser:
-        page = Watched(browser).enter(serving.link())
-        state(page, "Idle")
-        serving.kill_panel()
-        state(page, "Not connected")
-        expect(page.locator("#lost")).to_contain_text("use the hardware emergency stop")
-
-        state(page, "Idle")  # of the next panel, without a new link
-        take_control(page)
-        start(page, "0.3")
-        serving.kill()
-        state(page, "Not connected")
-
-        serving.start()
-        expect(page.locator("#attention")).to_contain_text("A run was interrupted after 0 of 2")
-        take_control(page)
-        press(page, "Go on with it…")
-        press(page, "Go on now")
-        state(page, "Waiting for you")
-        press(page, "Abort")
-        expect(page.locator(".stop-told")).to_contain_text("Abort: confirmed")
-        state(page, "Idle")
+    press(page, "Ada")
+    press(page, "Link to watch")
+    link = page.locator("output.link code").inner_text()
+    press(page, "Close")
+    take_control(page)
+    second = Watched(ada.browser)
+    observer = second.enter(link, "Olga")
+    start(page, "0.3")
+    ada.context.close()
+    state(observer, "Idle")
+    expect(observer.locator(".run")).to_contain_text("stopped")

@@ -18,10 +18,13 @@ from rigd.record import Recording
 
 @pytest.fixture
 def terminal(open_terminal: Callable[..., Terminal]) -> Terminal:
-    return open_terminal("constant_current", "--rig", "lugre-1", "--ask", "--set", "floor=pvc")
+    short = ("--set", "brake_at=0.3 m", "--set", "longest_drive=1 s")
+    return open_terminal(
+        "constant_current", "--rig", "lugre-1", "--ask", "--set", "floor=pvc", *short
+    )
 
 
-def test_an_answer_is_asked_until_it_fits_and_then_recorded(terminal: Terminal) -> None:
+def test_answer_is_asked_until_valid_and_then_recorded(terminal: Terminal) -> None:
     terminal.expect("Which floor lies there now?")
     terminal.expect("type pvc:")
     terminal.type("carpet")
@@ -45,7 +48,7 @@ def test_ctrl_c_at_a_prompt_ends_the_run(terminal: Terminal) -> None:
     ]
 
 
-def test_without_a_terminal_a_run_that_must_ask_is_blocked(tmp_path: Path) -> None:
+def test_without_terminal_run_that_must_ask_is_blocked(tmp_path: Path) -> None:
     done = rigd("run", "constant_current", "--rig", "lugre-1", "--ask", cwd=tmp_path)
     assert done.code == 3
     assert "prompt 'lay_floor' needs an operator" in done.err
@@ -82,7 +85,7 @@ def checks(folder: Path) -> list[tuple[object, object]]:
 
 
 @pytest.mark.parametrize("form", [(), ("--pace", "1")], ids=["virtual", "processes"])
-def test_a_person_is_asked_again_until_the_rig_shows_what_they_say(
+def test_person_is_asked_until_rig_agrees(
     open_terminal: Callable[..., Terminal], tmp_path: Path, form: tuple[str, ...]
 ) -> None:
     (tmp_path / "checked.yaml").write_text(CHECKED, "utf-8")
@@ -104,7 +107,7 @@ def test_a_person_is_asked_again_until_the_rig_shows_what_they_say(
     assert checks(tmp_path) == [(0.2, False), (0.001, True), (True, True)]
 
 
-def test_lines_typed_before_a_question_do_not_answer_it(
+def test_lines_typed_before_question_do_not_answer_it(
     open_terminal: Callable[..., Terminal], tmp_path: Path
 ) -> None:
     (tmp_path / "checked.yaml").write_text(CHECKED, "utf-8")
@@ -120,7 +123,7 @@ def test_lines_typed_before_a_question_do_not_answer_it(
     assert checks(tmp_path) == [(0.001, True)]
 
 
-def test_an_answer_of_the_file_that_the_rig_does_not_show_ends_the_run(tmp_path: Path) -> None:
+def test_file_answer_contradicted_by_rig_ends_the_run(tmp_path: Path) -> None:
     (tmp_path / "checked.yaml").write_text(CHECKED, "utf-8")
     done = rigd("run", "checked.yaml", "--rig", "lugre-1", "--output", "run.mcap", cwd=tmp_path)
     assert done.code == 6
@@ -136,7 +139,7 @@ def test_an_answer_of_the_file_that_the_rig_does_not_show_ends_the_run(tmp_path:
     assert "the answer was 300 mm" in dry.out
 
 
-def test_a_real_rig_takes_the_files_answers_only_where_a_person_said_so(tmp_path: Path) -> None:
+def test_real_rig_takes_file_answers_only_by_choice(tmp_path: Path) -> None:
     rig = write_rig(tmp_path, "wire-asked").rig
     text = rig.read_text("utf-8")
     real, count = re.subn(r"(?m)^simulation:\n(?: .*\n)+", "", text)

@@ -16,7 +16,7 @@ from support.terminal import Terminal
 
 from rigd.record import Recording, run_info
 from rigd.remote import Client
-from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol import ClientUser, Code, Refusal
 from rigd.remote.protocol.limits import LEASE_S
 
 #: A crowded machine does everything within this.
@@ -105,7 +105,7 @@ def test_a_watching_command_that_is_killed_has_vanished(folder: Path) -> None:
     assert "vanished" in last.reason
 
 
-def test_two_who_want_the_same(folder: Path) -> None:
+def test_second_client_cannot_take_the_lease(folder: Path) -> None:
     with Client(RIG, identity="ann") as ann, Client(RIG, identity="bob") as bob:
         with ann.control():
             with pytest.raises(Refusal) as refused, bob.control():
@@ -113,17 +113,17 @@ def test_two_who_want_the_same(folder: Path) -> None:
             assert refused.value.code is Code.LEASE_HELD
             bob.lease_request()
             assert next(item for item in ann.watch() if item.lease.asked_by).lease.asked_by == (
-                "bob",
+                ClientUser.of("bob"),
             )
             with pytest.raises(Refusal, match="no client of that name has asked"):
                 ann.lease_give("bbo")
             ann.lease_give("bob")
         with bob.control():
-            assert bob.lease().holder == "bob"
+            assert bob.lease().is_held_by("bob")
         bob.lease_release()  # it was his before the block
 
 
-def test_what_cannot_run_is_told_with_its_place(folder: Path) -> None:
+def test_procedure_that_cannot_run_gives_its_place(folder: Path) -> None:
     (folder / "wrong.yaml").write_text(
         ASKING.replace("wheel_servo.current:", "wheel_servo.curent:")
     )
@@ -134,9 +134,10 @@ def test_what_cannot_run_is_told_with_its_place(folder: Path) -> None:
     assert "wheel_servo.curent" in ended.err
 
 
-def test_a_dry_run_elsewhere_is_the_same_as_here(folder: Path) -> None:
+def test_dry_run_elsewhere_is_same_as_here(daemon: Daemon, folder: Path) -> None:
     there = rigd("remote", "dry-run", "asking.yaml", "--json", cwd=folder)
-    here = rigd("run", "asking.yaml", "--rig", RIG, "--dry-run", "--json", cwd=folder)
+    rig = daemon.runs.parent / "rig.yaml"
+    here = rigd("run", "asking.yaml", "--rig", rig, "--dry-run", "--json", cwd=folder)
     assert (there.code, here.code) == (0, 0)
     assert there.json["steps"] == here.json["steps"]
     assert there.json["duration_s"] == pytest.approx(here.json["duration_s"])

@@ -59,12 +59,11 @@ def test_replaying_the_setpoints_gives_the_readings(
         for name, driver in drivers.items():
             row = rows[name][index]
             assert int(row["t_ns"]) == t_ns
-            recorded = [row[channel.name] for channel in driver.channels]
-            if driver.has_status:
+            recorded = [row[channel.name] for channel in driver.declaration.channels]
+            if driver.declaration.has_status:
                 recorded.append(row[STATUS_FIELD])
             assert np.array_equal(recorded, driver.read(t_ns) or ()), (name, index)
         for name, driver in drivers.items():
-            if driver.setpoints:
-                driver.write(
-                    [float(rows[name][f"{s.name}_setpoint"][index]) for s in driver.setpoints]
-                )
+            setpoints = driver.declaration.setpoints
+            if setpoints:
+                driver.write([float(rows[name][f"{s.name}_setpoint"][index]) for s in setpoints])

@@ -14,7 +14,7 @@ from support.command import rigd
 from rigd.record import Recording, run_info
 
 
-def test_a_quick_run_records_every_cycle_and_says_what_to_do_next(tmp_path: Path) -> None:
+def test_quick_run_records_every_cycle_and_names_next(tmp_path: Path) -> None:
     done = rigd("run", "procedures/quick.yaml", "--rig", "configs/sim_lugre.yaml", cwd=tmp_path)
     assert done.code == 0, done.err
     (path,) = (tmp_path / "runs").glob("*.mcap")
@@ -29,7 +29,7 @@ def test_a_quick_run_records_every_cycle_and_says_what_to_do_next(tmp_path: Path
     assert set(info.attachments) >= {"procedure.yaml", "rig.yaml"}
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_does_not(tmp_path: Path) -> None:
+def test_same_seed_gives_same_bytes_another_does_not(tmp_path: Path) -> None:
     digests = []
     for name, seed in (("a", 7), ("b", 7), ("c", 8)):
         path = tmp_path / f"{name}.mcap"
@@ -42,13 +42,16 @@ def test_the_same_seed_gives_the_same_bytes_and_another_does_not(tmp_path: Path)
     assert digests[0] != digests[2]
 
 
-def test_the_dry_run_estimates_the_duration_within_5_percent_and_writes_nothing(
+def test_dry_run_estimates_duration_within_5_percent(
     tmp_path: Path,
 ) -> None:
-    common = ("constant_current", "--rig", "lugre-1", "--set", "floor=pvc", "--json")
+    text = Path(__file__).parents[2].joinpath("procedures/constant_current.yaml").read_text()
+    assert text.count("step: 0.15 A") == 1
+    (tmp_path / "few.yaml").write_text(text.replace("step: 0.15 A", "step: 0.45 A"))
+    common = ("few.yaml", "--rig", "lugre-1", "--set", "floor=pvc", "--json")
     dry = rigd("run", *common, "--dry-run", "--seed", "3", cwd=tmp_path)
     assert dry.code == 0, dry.err
-    assert not list(tmp_path.iterdir())
+    assert [item.name for item in tmp_path.iterdir()] == ["few.yaml"]
     real = rigd("run", *common, "--seed", "4", cwd=tmp_path)
     assert real.code == 0, real.err
     assert dry.json["duration_s"] == pytest.approx(real.json["run_s"], rel=0.05)
@@ -61,7 +64,7 @@ def test_the_dry_run_estimates_the_duration_within_5_percent_and_writes_nothing(
     assert position["highest"] == pytest.approx(seen, abs=0.02)
 
 
-def test_the_dry_run_refuses_what_would_break_a_limit(tmp_path: Path) -> None:
+def test_dry_run_refuses_what_would_break_limit(tmp_path: Path) -> None:
     # Without brakes the carriage coasts beyond the interlock at the end of its travel.
     text = Path(__file__).parents[2].joinpath("procedures/quick.yaml").read_text()
     reckless = text.replace("longitudinal_belt.engaged: 1", "longitudinal_belt.engaged: 0")
@@ -72,7 +75,7 @@ def test_the_dry_run_refuses_what_would_break_a_limit(tmp_path: Path) -> None:
     assert "refused" in dry.out
 
 
-def test_resume_refuses_other_files_than_the_sweep_began_with(tmp_path: Path) -> None:
+def test_resume_refuses_other_files_than_sweep_began_with(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     rigd("run", "quick", "--rig", "lugre-1", "--output", path, cwd=tmp_path)
     before = path.read_bytes()
@@ -82,7 +85,7 @@ def test_resume_refuses_other_files_than_the_sweep_began_with(tmp_path: Path) ->
     assert path.read_bytes() == before
 
 
-def test_a_full_disk_ends_the_run_safe_with_a_readable_file(tmp_path: Path) -> None:
+def test_full_disk_ends_run_safe_with_readable_file(tmp_path: Path) -> None:
     # The kernel refuses to let any file grow beyond 4 MB: what a full disk looks like.
     script = (
         "import resource, signal, sys\n"

@@ -1,13 +1,30 @@
-"""Shipped procedures come to their end whatever the seed; `benchmarks/seeds.py` plays many more."""
+"""Shipped procedures come to their end whatever the seed; `benchmarks/seeds.py` plays many more.
+
+Those that another test plays whole are left to it.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+from support.cases import some
 from support.shipped_runs import Pair, pairs, play, wrong
 
 PAIRS = list(pairs())
+TESTS = Path(__file__).parents[1]
+WHOLE = {
+    "quick": "procedure/test_on_plant.py",
+    "constant_current": "procedure/test_on_plant.py",
+    "recommended_identification": "procedure/test_on_plant.py",
+    "lateral_sweep": "procedure/test_on_plant.py",
+    "validation_masses": "procedure/test_on_plant.py",
+    "calibrate_friction": "system/test_calibrate.py",
+    "calibrate_rise": "system/test_calibrate.py",
+    "calibrate_scale": "system/test_calibrate.py",
+    "calibrate_torque": "system/test_calibrate.py",
+}
+HERE = [pair for pair in PAIRS if pair.procedure.stem not in WHOLE]
 
 
 def test_each_rig_and_procedure_is_in_some_pair() -> None:
@@ -15,13 +32,18 @@ def test_each_rig_and_procedure_is_in_some_pair() -> None:
     assert len({pair.procedure for pair in PAIRS}) == 10
 
 
-@pytest.mark.parametrize("pair", PAIRS, ids=[pair.name for pair in PAIRS])
+@pytest.mark.parametrize(("procedure", "file"), WHOLE.items())
+def test_the_other_test_names_the_procedure(procedure: str, file: str) -> None:
+    assert f'"{procedure}"' in (TESTS / file).read_text("utf-8")
+
+
+@pytest.mark.parametrize("pair", HERE, ids=[pair.name for pair in HERE])
 def test_a_shipped_procedure_ends_whole(pair: Pair, tmp_path: Path) -> None:
     """Its first four trials, with a seed on which the campaign was once aborted."""
     assert wrong(play(pair, 15_670_647, tmp_path / "run.mcap", trials=4)) == ""
 
 
-@pytest.mark.parametrize("seed", [230, 835, 991, 1186, 2713, 4396, 6099])
+@pytest.mark.parametrize("seed", some((230, 835, 991, 1186, 2713, 4396, 6099), 2))
 def test_blocks_as_late_as_they_come_trip_nothing(seed: int, tmp_path: Path) -> None:
     """In the first seconds of these seeds a block's drawn latency is 35 ms to 45 ms."""
     campaign = next(pair for pair in PAIRS if pair.procedure.stem == "approach_angles")

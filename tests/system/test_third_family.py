@@ -70,13 +70,21 @@ def test_its_friction_is_found_and_drawn(recording: Path) -> None:
     assert "torque of friction" in page
 
 
+def test_its_model_is_refused_by_validation(recording: Path) -> None:
+    found = rigd("identify", "swing.mcap", "--json", "--no-report", cwd=recording.parent)
+    (recording.parent / "model.json").write_text(found.out)
+    refused = rigd("validate", "model.json", "swing.mcap", cwd=recording.parent)
+    assert refused.code == 2
+    assert "models of pendulum cannot be validated" in refused.err
+
+
 def test_its_recording_has_a_page(recording: Path) -> None:
     drawn = rigd("report", "swing.mcap", cwd=recording.parent)
     assert drawn.code == 0, drawn.err
     assert "encoder" in (recording.parent / "swing-run.html").read_text()
 
 
-def test_an_option_that_it_does_not_take_is_refused(recording: Path) -> None:
+def test_option_that_it_does_not_take_is_refused(recording: Path) -> None:
     (recording.parent / "c.yaml").write_text("calibration: c\nrigs: [pendulum-1]\nvalues: {}\n")
     refused = rigd("identify", "swing.mcap", "--calibration", "c.yaml", cwd=recording.parent)
     assert refused.code == 2

@@ -12,9 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from support.angle_better import analyse_better
 from support.angle_runs import drawn_rig, trial
 
-from rigd_analyses.approach_angle.better import Bending, BetterRun, BetterSettings, analyse_better
+from rigd_analyses.approach_angle.better.bending import Bending
+from rigd_analyses.approach_angle.better.result import BetterRun
+from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.data import (
     AngleCalibration,
     AngleRig,
@@ -54,7 +57,7 @@ def codes(found: BetterRun) -> set[str]:
 
 
 @pytest.mark.parametrize("name", ["r0", "r2"])
-def test_a_sliding_golden_run_comes_nearer_to_the_truth_than_the_papers_mu(
+def test_sliding_golden_run_beats_mu_of_the_paper(
     name: str, golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
     item = golden(name)
@@ -67,7 +70,7 @@ def test_a_sliding_golden_run_comes_nearer_to_the_truth_than_the_papers_mu(
 
 
 @pytest.mark.parametrize("name", ["r3", "r5"])
-def test_a_golden_run_that_hardly_slides_has_a_demand_and_no_coefficient(
+def test_barely_sliding_golden_run_has_demand_without_coefficient(
     name: str, golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
     item = golden(name)
@@ -79,7 +82,7 @@ def test_a_golden_run_that_hardly_slides_has_a_demand_and_no_coefficient(
 
 
 @pytest.mark.parametrize("set_name", ["clean_0", "clean_30", "clean_45"])
-def test_torque_lost_behind_the_gauges_is_found_by_the_force_balance(set_name: str) -> None:
+def test_force_balance_finds_torque_lost_behind_gauges(set_name: str) -> None:
     rubbing, good = (
         trial(set_name, 4.0, 10.0, 1, 1, rig=drawn_rig(0), seed=3, rubbing_nm=rub).known
         for rub in (0.15, 0.0)
@@ -122,7 +125,7 @@ def spotted(run: AngleRun) -> AngleRun:
                              wheel_v=np.empty(0), platform_v=np.empty(0)), "too_short"),
     ],
 )  # fmt: skip
-def test_a_bad_run_gives_its_reason_and_not_a_single_number(
+def test_bad_run_gives_its_reason_and_no_number(
     spoil: Callable[[AngleRun], AngleRun], code: str,
     golden: Golden, calibration: AngleCalibration, rig: AngleRig,
 ) -> None:  # fmt: skip
@@ -144,7 +147,7 @@ def test_no_limits_at_all_still_give_no_exception(
     assert math.isnan(analyse_better(run, calibration, rig, loose).mu)
 
 
-def test_unreadable_samples_behind_the_stop_change_next_to_nothing(
+def test_unreadable_samples_after_stop_hardly_change_results(
     golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
     run = golden("r0").whole
@@ -159,7 +162,7 @@ def with_zero(run: AngleRun, volts: float) -> AngleRun:
     return replace(run, gauge_a_v=run.gauge_a_v + volts)
 
 
-def test_a_zero_is_taken_off_only_where_the_crosstalk_is_known(
+def test_zero_is_subtracted_only_with_known_crosstalk(
     golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
     run, drift_v = golden("r0").whole, 0.005
@@ -176,7 +179,7 @@ def test_a_zero_is_taken_off_only_where_the_crosstalk_is_known(
     )
 
 
-def test_the_crosstalk_is_taken_off_where_the_wheel_is_and_where_it_started(
+def test_crosstalk_is_subtracted_at_present_and_start_angle(
     golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
     run, c, s = golden("r0").whole, 4e-4, -3e-4
@@ -196,7 +199,7 @@ def cell(run: AngleRun, newton: FloatArray | float) -> AngleRun:
     return replace(run, normal_force_v=np.broadcast_to(newton, run.t_s.shape) / 20.0)
 
 
-def test_the_load_cell_gives_the_normal_force_where_there_is_one(
+def test_load_cell_if_present_gives_normal_force(
     golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
     run = golden("r0").whole
@@ -209,7 +212,7 @@ def test_the_load_cell_gives_the_normal_force_where_there_is_one(
     assert found.mu_u < plain.mu_u
 
 
-def test_a_block_lost_behind_the_stop_changes_nothing() -> None:
+def test_block_lost_after_the_stop_changes_nothing() -> None:
     known = trial("clean_0", 4.0, 10.0, 1, 1, rig=drawn_rig(0), seed=3).known
     whole, stop = known.run, known.run.stop_s
     lost = cut(whole, (whole.t_s < stop + 0.01) | (whole.t_s > stop + 0.03))
@@ -220,7 +223,7 @@ def test_a_block_lost_behind_the_stop_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize("newton", [0.0, 1.3, math.nan])
-def test_a_load_cell_that_contradicts_the_scale_excludes_the_run(
+def test_load_cell_contradicting_scale_excludes_run(
     newton: float, golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
     run = golden("r0").whole
@@ -229,7 +232,7 @@ def test_a_load_cell_that_contradicts_the_scale_excludes_the_run(
     assert "load_cell_disagrees" in codes(found) and math.isnan(found.mu)
 
 
-def test_a_known_rise_of_the_load_is_used_without_a_load_cell(
+def test_known_load_rise_is_used_without_load_cell(
     golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
     run = golden("r0").whole
@@ -242,9 +245,7 @@ def test_a_known_rise_of_the_load_is_used_without_a_load_cell(
 
 @pytest.mark.parametrize("voltage_v", [4.0, 10.0])
 @pytest.mark.parametrize("set_name", ["clean_0", "clean_45"])
-def test_slip_is_that_of_the_contact_and_its_uncertainty_holds(
-    set_name: str, voltage_v: float
-) -> None:
+def test_slip_is_that_of_contact_within_its_uncertainty(set_name: str, voltage_v: float) -> None:
     item = trial(set_name, 5.0, voltage_v, 1, 1, rig=drawn_rig(0), seed=5, individual=9)
     run, truth = item.simulated, item.simulated.truth
     found = analyse_better(item.known.run, item.known.calibration, item.known.rig)

@@ -43,7 +43,7 @@ def test_the_torque_holds_inertia_bearings_and_rolling_resistance(rig: AngleRig)
 
 
 @pytest.mark.parametrize("normal_n", [NORMAL_N, 20.0])  # more, and less, than the platform weighs
-def test_the_motion_asks_for_the_force_that_drives_it(rig: AngleRig, normal_n: float) -> None:
+def test_motion_asks_for_force_that_drives_it(rig: AngleRig, normal_n: float) -> None:
     axial = 0.05 * normal_n
     across = ROLLING_N * math.sin(ALPHA) + axial * math.cos(ALPHA)
     rails = 0.6 + 0.01 * (abs(normal_n - 3.0 * 9.81) + across) + 0.3 * SPEED_M_S

@@ -12,7 +12,7 @@ T_S = PERIOD_S * np.arange(600)
 
 
 @pytest.mark.parametrize("hz", [2.0, 7.0, 14.0, 20.0])
-def test_amplitude_falls_with_the_sixth_power_and_nothing_is_shifted(hz: float) -> None:
+def test_amplitude_falls_with_sixth_power_without_phase_shift(hz: float) -> None:
     wave = np.sin(2 * np.pi * hz * T_S)
     middle = slice(200, 400)
     found = smooth(wave, PERIOD_S, 14.0).position[middle]
@@ -27,7 +27,7 @@ def test_constant_acceleration_passes_unchanged_up_to_the_ends() -> None:
     assert track.acceleration[50:-50] == pytest.approx(5.0, abs=1e-3)
 
 
-def test_the_uncertainty_of_the_speed_is_its_true_error_for_random_motion() -> None:
+def test_speed_uncertainty_is_true_error_for_random_motion() -> None:
     """Motion with random jerk, of the size that belongs to the cut-off, seen in white noise."""
     rng, noise, cutoff_hz, fine = np.random.default_rng(1), 1e-3, 14.0, 10
     density = noise**2 * PERIOD_S * (2 * np.pi * cutoff_hz) ** 6

@@ -49,7 +49,7 @@ def by_name(found: Budget, part: str) -> float:
     return size
 
 
-def test_there_are_13_terms_and_each_is_sensitivity_times_input(
+def test_all_13_terms_are_sensitivity_times_input(
     known: tuple[AngleCalibration, AngleRig],
 ) -> None:
     found = budget(conditions(known[1], 0.1868, 39.24), *known, SIZES)
@@ -117,7 +117,7 @@ def test_the_sums_are_those_of_the_reference(known: tuple[AngleCalibration, Angl
     assert weak.paper == budget(conditions(known[1], 0.1868, 39.24), *known, SIZES).paper
 
 
-def test_a_zero_that_was_not_tared_keeps_its_whole_drift_and_crosstalk(
+def test_untared_zero_keeps_whole_drift_and_crosstalk(
     known: tuple[AngleCalibration, AngleRig],
 ) -> None:
     at = conditions(known[1], 0.1868, 39.24)
@@ -129,7 +129,7 @@ def test_a_zero_that_was_not_tared_keeps_its_whole_drift_and_crosstalk(
         assert without.better == without.paper == with_it.paper
 
 
-def test_the_budget_of_a_set_has_the_medians_of_its_runs(
+def test_budget_of_set_has_medians_of_its_runs(
     known: tuple[AngleCalibration, AngleRig],
 ) -> None:
     runs = [budget(conditions(known[1], 0.2, n), *known, SIZES) for n in (39.24, 49.05, 78.48)]

@@ -69,9 +69,7 @@ def of(played: Played, *sets: str) -> list[KnownRun]:
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_every_set_is_within_5_per_cent_of_what_the_rig_was_set_to(
-    name: str, played: Played
-) -> None:
+def test_every_set_is_within_5_percent_of_truth(name: str, played: Played) -> None:
     found = of_set(played.result, name)
     assert found.maximum is not None and found.paper.value is not None
     assert found.maximum.value == pytest.approx(TABLE_1[name], rel=0.05)
@@ -80,14 +78,14 @@ def test_every_set_is_within_5_per_cent_of_what_the_rig_was_set_to(
     assert abs(found.maximum.value - TABLE_1[name]) < 0.5 * (found.paper.value - TABLE_1[name])
 
 
-def test_the_slopes_over_the_angle_are_within_their_targets(played: Played) -> None:
+def test_slopes_over_angle_are_within_their_targets(played: Played) -> None:
     true = played.result.trends["published"].line.slope_per_deg
     assert played.result.trends["better"].line.slope_per_deg == pytest.approx(true, rel=0.04)
     assert played.result.trends["paper"].line.slope_per_deg == pytest.approx(true, rel=0.10)
     assert played.result.trends["better"].sets == SETS[:4]
 
 
-def test_the_trend_is_that_of_one_wheel_whatever_its_sets_are_called(played: Played) -> None:
+def test_trend_of_one_wheel_ignores_the_set_names(played: Played) -> None:
     names = dict(zip(SETS, ("b", "d", "a", "c", "x"), strict=True))
     runs = [
         replace(known, run=replace(known.run, set_name=names[known.run.set_name]))
@@ -109,7 +107,7 @@ def test_slip_is_within_its_target(played: Played) -> None:
     assert math.sqrt(np.mean(np.square(errors))) < 0.015
 
 
-def test_the_uncertainty_of_a_run_is_that_of_its_error(played: Played) -> None:
+def test_uncertainty_of_run_is_that_of_its_error(played: Played) -> None:
     z = []
     for item, found in zip(played.trials, played.result.runs, strict=True):
         blocks = found.better.blocks
@@ -148,7 +146,7 @@ def test_the_crosstalk_is_learnt_from_the_runs(played: Played) -> None:
     assert found.zero_u_nm == pytest.approx(0.0126, rel=0.35)  # 0.4 ustrain, 70 % common
 
 
-def test_few_runs_learn_no_crosstalk_and_say_so(played: Played) -> None:
+def test_few_runs_estimate_no_crosstalk_and_report_it(played: Played) -> None:
     result = analyse_campaign(of(played, "clean_0")[:4], PUBLISHED)
     assert any("not taken off" in text for text in result.statements)
 
@@ -166,7 +164,7 @@ def test_usable_and_resultant_follow_from_the_rolling_coefficient(played: Played
         assert found.maximum.coefficient is Coefficient.ROLLING
 
 
-def test_a_rolling_run_has_a_demand_and_enters_no_curve(played: Played) -> None:
+def test_rolling_run_has_demand_and_enters_no_curve(played: Played) -> None:
     rolling = [r for r in played.result.runs if {f.code for f in r.flags} & {"no_sliding"}]
     assert len(rolling) > 5
     assert all(r.better.regime is not Regime.SLIDING and not r.excluded for r in rolling)
@@ -215,7 +213,7 @@ def test_missing_repeats_are_named(played: Played) -> None:
     assert len(analyse_campaign(runs, PUBLISHED, repeats=3).sets[0].missing) == 9
 
 
-def test_a_set_that_was_run_twice_leaves_no_repeat_missing_in_the_others(played: Played) -> None:
+def test_set_run_twice_leaves_no_repeat_missing_elsewhere(played: Played) -> None:
     again = of(played, "clean_45")
     result = analyse_campaign([*again, *played.runs], PUBLISHED)
     assert [item.name for item in result.sets] == list(SETS)  # by angle, whatever came first
@@ -231,7 +229,7 @@ def test_a_set_that_hardly_slides_has_no_maximum(played: Played) -> None:
     assert any("slides steadily in" in text for text in found.warnings)
 
 
-def test_runs_at_two_angles_under_one_name_have_no_maximum(played: Played) -> None:
+def test_set_with_runs_at_two_angles_lacks_maximum(played: Played) -> None:
     runs = [
         replace(known, run=replace(known.run, set_name="mixed"))
         for known in of(played, "clean_0", "clean_15")
@@ -241,7 +239,7 @@ def test_runs_at_two_angles_under_one_name_have_no_maximum(played: Played) -> No
     assert any("angles from 0 to 15" in text for text in found.warnings)
 
 
-def test_a_set_of_bad_runs_only_gives_reasons_and_no_number(played: Played) -> None:
+def test_set_of_only_bad_runs_gives_reasons_only(played: Played) -> None:
     runs = [
         replace(known, run=replace(known.run, load_stable=False)) for known in of(played, "clean_0")
     ]
@@ -254,20 +252,20 @@ def test_a_set_of_bad_runs_only_gives_reasons_and_no_number(played: Played) -> N
     json.dumps(result.to_json(), allow_nan=False)
 
 
-def test_an_empty_campaign_is_one_without_sets() -> None:
+def test_campaign_without_sets_is_empty() -> None:
     result = analyse_campaign([])
     assert result.sets == () and result.trends == {}
     json.dumps(result.to_json(), allow_nan=False)
 
 
-def test_several_calibrations_in_a_set_are_told(played: Played) -> None:
+def test_several_calibrations_in_a_set_are_reported(played: Played) -> None:
     runs = of(played, "clean_0")
     other = replace(runs[0].calibration, torque=Known(2.0, 0.02))
     result = analyse_campaign([replace(runs[0], calibration=other), *runs[1:]])
     assert any("several calibrations" in text for text in result.sets[0].warnings)
 
 
-def test_a_run_that_its_recording_speaks_against_is_kept_with_the_reason(played: Played) -> None:
+def test_run_flagged_by_its_recording_keeps_the_reason(played: Played) -> None:
     def spoilt(run: AngleRun) -> AngleRun:
         return replace(run, flags=(Flag("incomplete", "The trial was aborted."),))
 
@@ -278,7 +276,7 @@ def test_a_run_that_its_recording_speaks_against_is_kept_with_the_reason(played:
     assert math.isnan(result.runs[0].better.mu) and result.sets[0].paper.flagged == 1
 
 
-def test_the_json_names_every_coefficient_and_holds_no_nan(played: Played) -> None:
+def test_json_names_every_coefficient_and_holds_no_nan(played: Played) -> None:
     text = json.dumps(played.result.to_json(), allow_nan=False)
     read = json.loads(text)
     for item in read["sets"].values():
@@ -293,7 +291,7 @@ def test_the_json_names_every_coefficient_and_holds_no_nan(played: Played) -> No
     assert "cannot tell" in read["trends"]["published"]["sentence"]
 
 
-def test_the_result_does_not_depend_on_what_was_published(played: Played) -> None:
+def test_result_does_not_depend_on_published_values(played: Played) -> None:
     runs = of(played, "clean_0")
     other = SetReference("another table", {"clean_0": 0.9})
     with_it, without = analyse_campaign(runs[:12], other), analyse_campaign(runs[:12])
@@ -301,7 +299,7 @@ def test_the_result_does_not_depend_on_what_was_published(played: Played) -> Non
     assert (with_it.sets[0].published, without.sets[0].published) == (0.9, None)
 
 
-def test_runs_of_two_rigs_in_a_set_are_told(played: Played) -> None:
+def test_runs_of_two_rigs_in_set_are_reported(played: Played) -> None:
     runs = of(played, "clean_0")
     other = replace(runs[0].rig, wheel_radius_m=0.049)
     result = analyse_campaign([replace(runs[0], rig=other), *runs[1:]])

@@ -37,7 +37,7 @@ def test_exact_blocks_give_the_exact_maximum() -> None:
 
 
 @pytest.mark.parametrize("runs", [5, 15])
-def test_the_interval_holds_the_true_maximum_as_often_as_it_says(runs: int) -> None:
+def test_interval_holds_true_maximum_as_often_as_stated(runs: int) -> None:
     rng = np.random.default_rng(2)
     held = 0
     for _ in range(150):
@@ -51,7 +51,7 @@ def test_the_scatter_is_that_between_runs() -> None:
     assert found.scatter == pytest.approx(0.02, rel=0.35)
 
 
-def test_a_fifth_of_bad_runs_moves_the_maximum_by_less_than_a_per_cent() -> None:
+def test_fifth_of_bad_runs_hardly_moves_maximum() -> None:
     speeds, frictions = made(np.random.default_rng(4))
     clean = pool(speeds, frictions, range(25))
     spoilt = [m * (1.4 if k % 5 == 0 else 1.0) for k, m in enumerate(frictions)]
@@ -61,7 +61,7 @@ def test_a_fifth_of_bad_runs_moves_the_maximum_by_less_than_a_per_cent() -> None
     assert np.all(found.curve.block_weight[bad] == 0.0)
 
 
-def test_the_maximum_of_the_curve_is_not_that_of_the_points() -> None:
+def test_maximum_of_curve_is_not_that_of_points() -> None:
     speeds, frictions = made(np.random.default_rng(5))
     found = pool(speeds, frictions, range(25))
     assert max(float(m.max()) for m in frictions) > 1.03 * MU
@@ -69,7 +69,7 @@ def test_the_maximum_of_the_curve_is_not_that_of_the_points() -> None:
 
 
 @pytest.mark.parametrize(("slow", "fast", "edge"), [(0.8, 1.6, "slow"), (0.05, 0.2, "fast")])
-def test_a_maximum_beyond_the_speeds_is_told_and_widens_the_interval(
+def test_maximum_beyond_speeds_is_reported_and_widens_interval(
     slow: float, fast: float, edge: str
 ) -> None:
     exact = made(np.random.default_rng(6), slow=slow, fast=fast, between=0.0, within=0.0)
@@ -79,7 +79,7 @@ def test_a_maximum_beyond_the_speeds_is_told_and_widens_the_interval(
     assert 0.0 < MU - found.maximum < 2.0 * found.maximum_u
 
 
-def test_the_curve_is_quoted_on_the_range_of_the_data_only() -> None:
+def test_curve_is_quoted_on_range_of_data_only() -> None:
     speeds, frictions = made(np.random.default_rng(7))
     curve = pool(speeds, frictions, range(25)).curve
     everything = np.concatenate(speeds)

@@ -248,7 +248,7 @@ def found_in(
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_told_and_leaves_no_number(
+def test_fault_is_reported_and_gives_no_number(
     fault: str, golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
     make, code, reason = FAULTS[fault]
@@ -281,7 +281,7 @@ def test_every_fault_of_the_table_is_made_here() -> None:
     assert [code for code, severity in table if severity == "note"] == ["pot_near_end"]
 
 
-def test_a_potentiometer_that_might_have_reached_its_end_is_a_note(
+def test_potentiometer_possibly_at_its_end_is_a_note(
     golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
     run = replace(golden("r5").whole, wheel_v=golden("r5").whole.wheel_v + 3.0)
@@ -291,14 +291,14 @@ def test_a_potentiometer_that_might_have_reached_its_end_is_a_note(
     assert np.isfinite(analyse_paper(run, calibration, rig).mu)
 
 
-def test_a_spike_or_two_are_no_rail_and_no_end(
+def test_single_spikes_are_no_rail_or_end(
     golden: Golden, found_in: Callable[[AngleRun], tuple[Flag, ...]]
 ) -> None:
     run = put(golden("r2").whole, "gauge_a_v", 0.2, 10.0, 3)
     assert found_in(put(run, "wheel_v", 0.25, 5.0, 3)) == ()
 
 
-def test_what_happens_after_the_stop_is_not_judged(
+def test_events_after_the_stop_are_not_judged(
     golden: Golden, found_in: Callable[[AngleRun], tuple[Flag, ...]]
 ) -> None:
     run = golden("r2").whole
@@ -308,7 +308,7 @@ def test_what_happens_after_the_stop_is_not_judged(
     assert found_in(cut(run, (run.t_s < after) | (run.t_s > after + 0.02))) == ()
 
 
-def test_several_faults_are_all_told(
+def test_several_faults_are_all_reported(
     golden: Golden, found_in: Callable[[AngleRun], tuple[Flag, ...]]
 ) -> None:
     run = golden("r2").whole
@@ -320,7 +320,7 @@ def test_several_faults_are_all_told(
     }  # fmt: skip
 
 
-def test_what_the_recording_says_comes_first_and_is_not_said_twice(
+def test_flag_of_recording_comes_first_and_only_once(
     golden: Golden, found_in: Callable[[AngleRun], tuple[Flag, ...]]
 ) -> None:
     told = (Flag("watchdog", "Step drive timed out."), Flag("incomplete", "Cut off."))
@@ -329,7 +329,7 @@ def test_what_the_recording_says_comes_first_and_is_not_said_twice(
     assert [flag.code for flag in found_in(run)].count("watchdog") == 1
 
 
-def test_a_run_that_was_never_driven_is_not_called_short_too(
+def test_undriven_run_is_not_also_called_short(
     golden: Golden, found_in: Callable[[AngleRun], tuple[Flag, ...]]
 ) -> None:
     undriven = Flag("not_driven", "The relay was never told to close.")
@@ -337,13 +337,13 @@ def test_a_run_that_was_never_driven_is_not_called_short_too(
     assert found_in(run) == (undriven,)
 
 
-def test_a_record_of_the_papers_kind_is_taken_when_asked_for(
+def test_record_like_the_papers_is_accepted_on_request(
     golden: Golden, calibration: AngleCalibration, rig: AngleRig
 ) -> None:
     assert raw_flags(golden("r2").run, calibration, rig, Limits(pre_trigger_s=0.0)) == ()
 
 
-def test_signals_that_are_not_whole_are_not_computed_with(golden: Golden) -> None:
+def test_incomplete_signals_are_not_computed_with(golden: Golden) -> None:
     run = golden("r2").whole
     assert whole(run)
     assert not whole(put(run, "platform_v", -0.05, float("inf"), 1))

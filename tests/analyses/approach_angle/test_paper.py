@@ -59,7 +59,7 @@ def test_golden_results(name: str, golden: Golden, analyse: Analyse) -> None:
 
 
 @pytest.mark.parametrize("name", RUNS)
-def test_only_the_samples_from_the_command_to_the_stop_count(
+def test_only_samples_from_command_to_stop_count(
     name: str, golden: Golden, analyse: Analyse
 ) -> None:
     alone, whole = analyse(golden(name).run, AS_PUBLISHED), analyse(golden(name).whole)
@@ -120,9 +120,7 @@ def test_curves_belong_together_in_time(golden: Golden, analyse: Analyse) -> Non
     assert curves.gaussian_nm.max() == pytest.approx(curves.torque_nm.max(), rel=1e-9)
 
 
-def test_padding_at_the_ends_loses_speed_where_the_line_does_not(
-    golden: Golden, analyse: Analyse
-) -> None:
+def test_padding_at_ends_loses_speed_unlike_line(golden: Golden, analyse: Analyse) -> None:
     """Why the paper takes the line off: with odd padding V sags by several per cent at the end."""
 
     def last_speed(ends: Ends) -> float:
@@ -215,6 +213,6 @@ def test_no_run_is_so_bad_that_it_raises(
 @pytest.mark.parametrize(
     "options", [{"averages": (5, 10)}, {"averages": (5, 11)}, {"averages": (4,) * 7}]
 )
-def test_settings_that_shift_the_time_or_do_not_match_are_refused(options: Any) -> None:
+def test_settings_with_time_shift_or_mismatch_are_refused(options: Any) -> None:
     with pytest.raises(ValueError, match=r"iteration|odd"):
         PaperSettings(**options)

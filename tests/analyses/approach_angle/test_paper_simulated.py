@@ -54,7 +54,7 @@ def test_no_good_run_is_excluded(rows: list[Row]) -> None:
     assert {f.code for item in rows for f in item.found.flags} == {"no_sliding", "partly_sliding"}
 
 
-def test_the_maximum_of_each_set_is_too_large_as_in_the_reference(rows: list[Row]) -> None:
+def test_maximum_of_each_set_exceeds_truth_like_reference(rows: list[Row]) -> None:
     largest: dict[str, float] = defaultdict(float)
     for item in rows:
         largest[item.set_name] = max(largest[item.set_name], item.found.mu)
@@ -82,7 +82,7 @@ def test_the_regime_is_that_of_the_contact(rows: list[Row]) -> None:
 
 @pytest.mark.parametrize("set_name", SETS)
 @pytest.mark.parametrize(("load_kg", "voltage_v"), [(4.0, 10.0), (8.0, 4.0), (8.0, 10.0)])
-def test_on_an_ideal_rig_only_the_inertia_is_missing(
+def test_on_ideal_rig_only_inertia_is_missing(
     set_name: str, load_kg: float, voltage_v: float
 ) -> None:
     item = trial(
@@ -106,7 +106,7 @@ def test_on_an_ideal_rig_only_the_inertia_is_missing(
         ("scale_unsteady", {"scale_unsteady"}),
     ],
 )
-def test_what_is_spoilt_on_the_rig_is_told(fault: str, codes: set[str], voltage_v: float) -> None:
+def test_faults_of_the_rig_are_reported(fault: str, codes: set[str], voltage_v: float) -> None:
     item = trial("clean_15", 5.0, voltage_v, 1, 1, rig=drawn_rig(0), seed=7, fault=fault)
     found = analysed(item)
     assert codes <= {flag.code for flag in found.flags}
@@ -114,7 +114,7 @@ def test_what_is_spoilt_on_the_rig_is_told(fault: str, codes: set[str], voltage_
     assert np.isnan([found.mu, found.torque_nm, found.slip, found.slip_corrected]).all()
 
 
-def test_a_wheel_that_cannot_slide_has_no_friction_coefficient() -> None:
+def test_wheel_that_cannot_slide_has_no_friction_coefficient() -> None:
     item = trial("clean_30", 5.0, 10.0, 1, 1, rig=drawn_rig(0), seed=7, fault="no_sliding")
     found = analysed(item)
     assert found.regime is Regime.ROLLING

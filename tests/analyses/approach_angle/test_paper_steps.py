@@ -25,7 +25,7 @@ def times(duration_s: float) -> FloatArray:
     return np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
 
 
-def test_series_within_the_basis_is_found_again_on_a_whole_second() -> None:
+def test_series_in_basis_is_recovered_on_whole_second() -> None:
     t = times(1.0)
     signal = 0.4 + 0.3 * np.cos(2 * np.pi * 7 * t) - 0.2 * np.sin(2 * np.pi * 19 * t)
     fit = fit_fourier(t, signal[:, None], highest_hz=19, rcond=1e-12)
@@ -34,7 +34,7 @@ def test_series_within_the_basis_is_found_again_on_a_whole_second() -> None:
     np.testing.assert_allclose(fit.coefficients[:, 0], expected, atol=1e-12)
 
 
-def test_the_printed_system_with_b0_has_the_same_curve_and_one_column_too_many() -> None:
+def test_printed_system_with_b0_has_one_redundant_column() -> None:
     t = times(1.0)
     signal = np.random.default_rng(1).standard_normal(t.size)
     ours = fit_fourier(t, signal[:, None], highest_hz=19, rcond=1e-12)
@@ -44,7 +44,7 @@ def test_the_printed_system_with_b0_has_the_same_curve_and_one_column_too_many()
     np.testing.assert_allclose(printed @ solution, ours.curves[:, 0], atol=1e-12)
 
 
-def test_the_constant_is_not_the_mean_of_a_short_record_but_the_curve_has_it(
+def test_constant_of_short_record_is_not_its_mean(
     golden: Callable[[str], Any],
 ) -> None:
     run = golden("r5").run
@@ -56,7 +56,7 @@ def test_the_constant_is_not_the_mean_of_a_short_record_but_the_curve_has_it(
     )
 
 
-def test_the_mean_of_the_curve_hardly_depends_on_rcond(golden: Callable[[str], Any]) -> None:
+def test_mean_of_curve_hardly_depends_on_rcond(golden: Callable[[str], Any]) -> None:
     """The bandwidth does, and with it the edges: rcond is a setting that must be told."""
     run = golden("r3").run
     found, other = (
@@ -76,7 +76,7 @@ def corrected(eps_x: float, eps_y: float, gamma: float, theta: float) -> tuple[f
     )
 
 
-def test_gauges_at_45_degrees_show_the_torque_and_no_bending() -> None:
+def test_gauges_at_45_degrees_show_torque_without_bending() -> None:
     """Al 6082, G = 26 GPa, r = 10 mm: 146.9 microstrain at the 6 N m of the paper."""
     shear_modulus, radius = 26e9, 0.010
     scale = shear_modulus * np.pi * radius**4 / 2.0 / radius
@@ -87,7 +87,7 @@ def test_gauges_at_45_degrees_show_the_torque_and_no_bending() -> None:
         assert torque_nm(np.array([a]), np.array([b]), scale)[0] == pytest.approx(6.0)
 
 
-def test_torque_of_the_curves_is_the_curve_of_the_torques_series(
+def test_torque_of_curves_is_curve_of_torques_series(
     golden: Callable[[str], Any],
 ) -> None:
     run = golden("r2").run
@@ -100,9 +100,7 @@ def test_torque_of_the_curves_is_the_curve_of_the_torques_series(
 
 @pytest.mark.parametrize("sigma", [0.005, 0.02, 0.06])
 @pytest.mark.parametrize("peak_s", [0.02, 0.2])
-def test_sigma_of_a_gaussian_is_found_even_where_the_window_is_clipped(
-    sigma: float, peak_s: float
-) -> None:
+def test_gaussian_sigma_is_found_in_a_clipped_window(sigma: float, peak_s: float) -> None:
     t = times(0.5)
     at = t[np.searchsorted(t, peak_s)]
     found = fit_peak(t, 2.5 * np.exp(-0.5 * ((t - at) / sigma) ** 2), 0.1)
@@ -112,7 +110,7 @@ def test_sigma_of_a_gaussian_is_found_even_where_the_window_is_clipped(
     assert t[found.window][-1] == pytest.approx(at + 0.05, abs=1.5 / RATE_HZ)
 
 
-def test_a_flat_torque_has_no_end_of_its_peak() -> None:
+def test_flat_torque_has_no_end_of_its_peak() -> None:
     t = times(0.5)
     assert fit_peak(t, np.ones(t.size), 0.1).sigma_s > 1.0
 
@@ -125,7 +123,7 @@ def test_the_low_pass_is_butterworths(cutoff_hz: float) -> None:
         np.testing.assert_allclose(ours, theirs, rtol=1e-12)
 
 
-def test_smoothing_leaves_a_line_and_takes_the_same_off_both_ends() -> None:
+def test_smoothing_keeps_a_line_and_shortens_both_ends() -> None:
     settings, t = PaperSettings(), times(0.4)
     signals = np.stack([0.3 + 2.0 * t, 7.0 - t])
     half = settings.lost // 2
@@ -135,7 +133,7 @@ def test_smoothing_leaves_a_line_and_takes_the_same_off_both_ends() -> None:
     assert settings.lost == 154
 
 
-def test_smoothing_has_no_phase_and_cuts_at_9_6_hz() -> None:
+def test_smoothing_without_phase_cuts_at_9_6_hz() -> None:
     settings, t = PaperSettings(), times(3.0)
     half = settings.lost // 2
     inside = slice(t.size // 3, 2 * t.size // 3)
@@ -157,7 +155,7 @@ def test_central_difference_is_exact_for_a_parabola() -> None:
 
 
 @pytest.mark.parametrize(("degrees", "paper"), [(0, 0.0), (15, -0.034), (30, -0.134), (45, -0.293)])
-def test_a_rolling_wheel_has_no_corrected_slip_at_any_angle(degrees: int, paper: float) -> None:
+def test_rolling_wheel_lacks_corrected_slip_at_any_angle(degrees: int, paper: float) -> None:
     alpha = np.radians(degrees)
     platform = np.linspace(1e-6, 2.0, 500)
     slip = mean_slip(platform * np.cos(alpha), platform, float(alpha))

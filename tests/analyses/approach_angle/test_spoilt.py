@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.random import Generator
+from support.angle_better import analyse_better
 from support.angle_runs import drawn_rig, trial
 
-from rigd_analyses.approach_angle.better import analyse_better
 from rigd_analyses.approach_angle.campaign import analyse_campaign
 from rigd_analyses.approach_angle.data import AngleRun, FloatArray, KnownRun
 from rigd_analyses.approach_angle.paper import analyse_paper
@@ -108,7 +108,7 @@ def near(value: float, expected: float) -> bool:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_spoilt_run_gives_its_own_number_or_none(seed: int) -> None:
+def test_spoilt_run_gives_its_own_number_or_none(seed: int) -> None:
     calibration, rig = good().calibration, good().rig
     paper = analyse_paper(good().run, calibration, rig).mu
     better = analyse_better(good().run, calibration, rig).mu
@@ -126,14 +126,14 @@ def test_a_spoilt_run_gives_its_own_number_or_none(seed: int) -> None:
     assert told > 20
 
 
-def test_a_campaign_of_spoilt_runs_is_a_result_that_can_be_written() -> None:
+def test_campaign_of_spoilt_runs_gives_a_writable_result() -> None:
     result = analyse_campaign(runs(9, 60))
     assert all(run.flags for run in result.runs if math.isnan(run.better.mu))
     json.dumps(result.to_json(), allow_nan=False)
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])
-def test_a_campaign_of_few_runs_is_one(count: int) -> None:
+def test_campaign_of_few_runs_is_accepted(count: int) -> None:
     result = analyse_campaign([good()] * count)
     assert len(result.runs) == count and not result.trends
     json.dumps(result.to_json(), allow_nan=False)

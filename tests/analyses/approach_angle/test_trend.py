@@ -27,7 +27,7 @@ def test_the_line_through_table_1() -> None:
     assert line.dof == 2
 
 
-def test_maxima_that_lie_on_a_line_by_chance_leave_its_slope_as_uncertain_as_they_are() -> None:
+def test_chance_alignment_of_maxima_keeps_slope_uncertain() -> None:
     on_a_line = [0.2 + 0.5 * a for a in ALPHA[:3]]
     sure = trend("made", NAMES[:3], ALPHA[:3], on_a_line)
     found = trend("made", NAMES[:3], ALPHA[:3], on_a_line, [0.01, 0.03, 0.01])
@@ -40,7 +40,7 @@ def test_maxima_that_lie_on_a_line_by_chance_leave_its_slope_as_uncertain_as_the
     assert found.line.intercept_u > 0.01
 
 
-def test_the_demand_of_rolling_fits_table_1_as_well_and_that_is_said() -> None:
+def test_rolling_demand_fitting_table_1_equally_is_reported() -> None:
     found = trend("published", NAMES, ALPHA, TABLE_1)
     assert found is not None
     assert found.demand.a == pytest.approx(0.180, abs=5e-4)
@@ -49,14 +49,14 @@ def test_the_demand_of_rolling_fits_table_1_as_well_and_that_is_said() -> None:
     assert "cannot tell" in found.sentence
 
 
-def test_where_one_form_is_far_better_the_sentence_says_which() -> None:
+def test_sentence_names_the_form_that_fits_far_better() -> None:
     straight = trend("made", NAMES, ALPHA, [0.2 + 0.5 * a for a in ALPHA])
     rolling = trend("made", NAMES, ALPHA, [(0.2 + 0.3 * math.sin(a)) / math.cos(a) for a in ALPHA])
     assert straight is not None and "The line describes" in straight.sentence
     assert rolling is not None and "The demand form describes" in rolling.sentence
 
 
-def test_three_maxima_on_a_line_do_not_tell_a_limit_from_a_demand() -> None:
+def test_three_collinear_maxima_cannot_separate_limit_from_demand() -> None:
     found = trend("made", NAMES[:3], ALPHA[:3], [0.2 + 0.5 * a for a in ALPHA[:3]])
     assert found is not None and "3 maxima alone cannot tell" in found.sentence
 

@@ -28,7 +28,7 @@ def test_right_intervals_cover_95_percent() -> None:
     assert found.varies
 
 
-def test_a_study_that_varies_nothing_is_seen() -> None:
+def test_study_without_variation_is_detected() -> None:
     """Its intervals cover always, and errors spread over 0.5 % of them."""
     found = coverage(experiments(1e-4, 0.02))
     assert found.share == 100.0

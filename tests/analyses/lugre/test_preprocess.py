@@ -22,7 +22,7 @@ def pvc(bench: Callable[..., Any]) -> Any:
     return bench("pvc")
 
 
-def test_slip_force_and_bias_are_those_of_the_rig(bench: Callable[..., Any]) -> None:
+def test_slip_force_and_bias_are_those_of_rig(bench: Callable[..., Any]) -> None:
     rig = bench("pvc")
     clean = replace(rig, noisy=False).trial(1.05, 1)
     processed = process_trial(rig.trial(1.05, 1), rig.constants, Guards())
@@ -40,7 +40,7 @@ def test_slip_force_and_bias_are_those_of_the_rig(bench: Callable[..., Any]) -> 
     assert abs(np.mean(force_error[used])) < 0.04
 
 
-def test_the_drive_is_found_and_what_follows_is_left_out(pvc: Any) -> None:
+def test_drive_is_found_and_later_samples_are_excluded(pvc: Any) -> None:
     trial = pvc.trial(1.05, 1)
     processed = process_trial(trial, pvc.constants, Guards())
     assert isinstance(processed, ProcessedTrial)
@@ -61,7 +61,7 @@ def test_the_mask_keeps_off_steps_and_standstill(pvc: Any) -> None:
     assert np.all(processed.samples.slip_m_s[: processed.drive.start + 1] == 0.0)
 
 
-def test_a_trial_that_does_not_move_is_left_out_with_its_reason(pvc: Any) -> None:
+def test_trial_without_motion_is_excluded_with_its_reason(pvc: Any) -> None:
     sweep = process(pvc.sweep(1, (0.15, *CURRENTS)), pvc.constants)
     assert [t.current_a for t in sweep.trials] == list(CURRENTS)
     assert [r.label for r in sweep.account.rejected] == ["0.15 A"]
@@ -136,7 +136,7 @@ def test_samples_that_are_not_numbers_are_refused(pvc: Any) -> None:
     trial = pvc.trial(1.05, 1)
     spoiled = trial.carriage_position_m.copy()
     spoiled[700:703] = np.nan
-    with pytest.raises(DataError, match=r"carriage position has 3 samples .* index 700"):
+    with pytest.raises(DataError, match=r"carriage position .* index 700"):
         process_trial(replace(trial, carriage_position_m=spoiled), pvc.constants, Guards())
 
 
@@ -147,7 +147,7 @@ def test_a_constant_channel_is_refused(pvc: Any) -> None:
         process_trial(replace(trial, acceleration_m_s2=dead), pvc.constants, Guards())
 
 
-def test_a_gap_in_the_clock_and_unequal_arrays_are_refused(pvc: Any) -> None:
+def test_gap_in_clock_and_unequal_arrays_are_refused(pvc: Any) -> None:
     trial = pvc.trial(1.05, 1)
     late = trial.t_s.copy()
     late[500:] += 0.004
@@ -178,11 +178,11 @@ def test_no_rest_and_no_step_are_refused(pvc: Any) -> None:
 
 
 def test_too_few_trials_are_refused(pvc: Any) -> None:
-    with pytest.raises(DataError, match="1 of 2 trials can be fitted, need at least 3"):
+    with pytest.raises(DataError, match=r"1 of 2 trials .*at least 3"):
         process(pvc.sweep(1, (0.15, 1.05)), pvc.constants)
 
 
-def test_nothing_moves_is_a_rejection_not_a_number(bench: Callable[..., Any]) -> None:
+def test_trial_without_motion_is_rejected_without_a_number(bench: Callable[..., Any]) -> None:
     rig = bench("pvc")
     outcome = process_trial(rig.trial(0.15, 1), rig.constants, Guards())
     assert isinstance(outcome, TrialRejection)

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rigd.analysis.friction import SlipForce
 from rigd_analyses.lugre.curve import LEAST_SEEN, seen
-from rigd_analyses.lugre.model import LugreModel, SlipForce, friction
+from rigd_analyses.lugre.model import LugreModel, friction
 
 THETA = np.array([0.05, 0.12, 0.2, 50.0, 0.3, 2.5])
 VISITED = (2e-3, 0.08)

@@ -14,7 +14,7 @@ import pytest
 from rigd.analysis import Analysis, DataError, Evaluation, Needs, Options
 from rigd.analysis.check import Case, SimulatedTrial, check_analysis, examine_analysis, write_case
 from rigd.analysis.source import RecordedSweep, open_sweep
-from rigd.analysis.terminal import Column, Row, TerminalReport, TerminalTable
+from rigd.analysis.terminal import Column, TableRow, TerminalReport, TerminalTable
 from rigd.sdk.check import NonConforming
 
 TRUTH = 3.0
@@ -36,7 +36,7 @@ class MeanEvaluation(Evaluation):
         return dict(self.found)
 
     def terminal_report(self) -> TerminalReport:
-        rows = tuple(Row((name, str(interval))) for name, interval in self.found.items())
+        rows = tuple(TableRow((name, str(interval))) for name, interval in self.found.items())
         return (TerminalTable((Column("name"), Column("interval")), rows),)
 
 
@@ -164,7 +164,7 @@ def test_a_good_analysis_keeps_every_rule(tmp_path: Path) -> None:
     assert len(of_cases) == 2 * 3
 
 
-def test_an_analysis_that_is_slow_to_import_is_found(
+def test_analysis_that_is_slow_to_import_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "slow_analysis.py").write_text(
@@ -205,9 +205,11 @@ def test_each_broken_promise_is_found(
     assert any(finding.rule == rule and words in finding.problem for finding in report.findings), (
         str(report)
     )
-    with pytest.raises(NonConforming):
-        (tmp_path / "again").mkdir()
-        check_analysis(broken, [case()], tmp_path / "again", read=read)
+
+
+def test_broken_promise_is_raised_with_its_report(tmp_path: Path) -> None:
+    with pytest.raises(NonConforming, match="the truth is 3"):
+        check_analysis(Wrong, [case()], tmp_path, read=read)
 
 
 def test_a_case_is_recorded_as_it_is(tmp_path: Path) -> None:

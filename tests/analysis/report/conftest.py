@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.report import (
     Facts,
     Provenance,
     ReferenceCurve,
     ReportAttachment,
     ReportSection,
-    render_report,
 )
 from rigd.analysis.result import (
     Autocorrelation,
@@ -226,14 +226,14 @@ def make_section() -> Callable[..., ReportSection]:
 
 @pytest.fixture(scope="session")
 def three_floors() -> list[ReportSection]:
-    """Return the size of a real report: three floors, ten trials each, 2000 samples a trial."""
-    return [section(floor, seed=seed) for seed, floor in enumerate(FLOORS)]
+    """Return three floors, three trials each, 2000 samples a trial as in a real report."""
+    return [section(floor, seed=seed, trials=3) for seed, floor in enumerate(FLOORS)]
 
 
 @pytest.fixture(scope="session")
 def page(three_floors: list[ReportSection], provenance: Provenance) -> str:
     """Return the report on :func:`three_floors`."""
-    return render_report(three_floors, provenance, title="Three floors")
+    return ParameterEvaluation("Three floors", tuple(three_floors), (), provenance).report()
 
 
 @pytest.fixture(scope="session")

@@ -3,9 +3,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection, PolyCollection
 
 from rigd.analysis.report import ReportSection
+from rigd.analysis.report.plots.axes import grid
 from rigd.analysis.report.plots.curve import curves
+from rigd.analysis.result import Seen
 
 Maker = Callable[..., ReportSection]
 
@@ -65,3 +68,29 @@ def test_few_decades_have_numbers_between(
     shown = {text.get_text() for at, text in ticks if low <= at <= high}
     assert numbers <= shown
     assert ("0.05" in shown) == (first > 1e-4)
+
+
+def test_binned_data_lie_below_curve_and_band(make_section: Maker) -> None:
+    section = make_section(trials=1, samples=200)
+    curve = section.result.curve
+    points = zip(curve.x, curve.y, strict=True)
+    seen = tuple(Seen(float(x), float(y), 0.9 * y, 1.1 * y, 50) for x, y in points)
+    with_data = replace(section.result, curve=replace(curve, seen=seen))
+    ax = curves([replace(section, result=with_data)], [0]).axes[0]
+    fitted = next(line for line in ax.get_lines() if line.get_label() == section.label)
+    dots = next(line for line in ax.get_lines() if line.get_marker() == "o")
+    bars = next(item for item in ax.collections if isinstance(item, LineCollection))
+    band = next(item for item in ax.collections if isinstance(item, PolyCollection))
+    assert dots.get_zorder() < fitted.get_zorder()
+    assert ax.get_children().index(bars) < ax.get_children().index(band)
+    assert bars.get_zorder() <= band.get_zorder()
+
+
+@pytest.mark.parametrize("most", [7.0, 27.0, 430.0])
+def test_ticks_stand_at_one_two_and_five(most: float) -> None:
+    _, (ax,) = grid(1, 1, 5.0, 3.0)
+    ax.plot([0.0, most], [0.0, 0.3 * most])
+    for axis in (ax.xaxis, ax.yaxis):
+        step = float(np.diff(axis.get_majorticklocs())[0])
+        first_digit = float(f"{step:.3e}".partition("e")[0])
+        assert first_digit in (1.0, 2.0, 5.0)

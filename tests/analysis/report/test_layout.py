@@ -44,7 +44,7 @@ def test_no_trial_no_choice() -> None:
         ("run 7", "wet stone", False),
     ],
 )
-def test_label_may_say_the_condition(
+def test_label_may_contain_the_condition(
     trials: tuple[TrialFit, ...], label: str, condition: str, said: bool
 ) -> None:
     assert names_condition(replace(trials[0], label=label, condition=condition)) is said

@@ -17,7 +17,7 @@ from rigd.analysis.report.view import build_view
 from rigd.analysis.result import ParameterEstimate, Verdict
 
 ENDS = st.none() | st.floats(0.1, 10.0)
-OPEN = (Verdict.UNIDENTIFIABLE, Verdict.UNRESOLVED)
+OPEN = (Verdict.UNIDENTIFIABLE, Verdict.UNRESOLVED, Verdict.MISFIT)
 
 
 @pytest.fixture(scope="module")
@@ -49,10 +49,10 @@ def test_json_gives_numbers_where_the_table_does(
         assert not item["identifiable"]
 
 
-def test_no_open_parameter_has_a_number_in_the_terminal(
+def test_no_open_parameter_has_number_in_terminal(
     section: ReportSection, provenance: Provenance
 ) -> None:
-    verdicts = dict(zip(("a", "b", "c", "d", "e"), Verdict, strict=True))
+    verdicts = dict(zip(("a", "b", "c", "d", "e", "f"), Verdict, strict=True))
     found = tuple(
         replace(section.result.parameters[3], name=name, verdict=verdict, estimate=7.25)
         for name, verdict in verdicts.items()
@@ -64,7 +64,7 @@ def test_no_open_parameter_has_a_number_in_the_terminal(
         assert any(c.isdigit() for c in shown) == (verdicts[row.cells[1]] not in OPEN), row
 
 
-def test_trials_alike_in_name_are_told_apart(section: ReportSection) -> None:
+def test_trials_with_equal_names_are_distinguished(section: ReportSection) -> None:
     """As in two recordings of one condition; the greatest reach may stand in either of them."""
     first = section.result.trials[0]
     further = replace(first, fitted=3.0 * first.fitted, rms=9.0)

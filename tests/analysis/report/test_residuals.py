@@ -23,7 +23,7 @@ def test_trials_follow_one_another(make_section: Callable[..., ReportSection]) -
     assert starts == [0.0, time[399], time[799], time[1199]]
 
 
-def test_normal_values_lie_on_the_diagonal_and_heavy_tails_do_not() -> None:
+def test_normal_values_lie_on_diagonal_unlike_heavy_tails() -> None:
     rng = np.random.default_rng(8)
     expected, found = normal_quantiles(rng.normal(3.0, 2.0, 20_000))
     middle = np.abs(expected) < 2.5

@@ -23,7 +23,7 @@ def test_two_digits_of_uncertainty(uncertainty: float, places: int | None) -> No
 
 
 @pytest.mark.parametrize("nothing", [math.nan, math.inf, -1.0])
-def test_uncertainty_that_says_nothing(nothing: float) -> None:
+def test_unusable_uncertainty_gives_no_places(nothing: float) -> None:
     assert places_for(nothing) is None
 
 

@@ -19,7 +19,7 @@ def test_lowest_cost_comes_first_and_is_counted(make_section: Maker) -> None:
     assert table.lines[-1].rise == "+7.4 %"
 
 
-def test_columns_that_the_data_do_not_determine_are_marked(make_section: Maker) -> None:
+def test_columns_that_data_do_not_determine_are_marked(make_section: Maker) -> None:
     table = start_table(make_section(trials=1, samples=200).result)
     assert table is not None
     assert dict(zip((name for name, _ in table.names), table.loose, strict=True)) == {

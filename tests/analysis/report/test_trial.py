@@ -18,7 +18,7 @@ def trials(make_section: Maker) -> tuple[TrialFit, ...]:
 
 
 @pytest.mark.parametrize("signals", [0, 1, 2, 3, 4])
-def test_every_signal_fit_and_residual_has_an_axis_that_overlaps_no_other(
+def test_axes_of_signals_fits_and_residuals_never_overlap(
     trials: tuple[TrialFit, ...], signals: int
 ) -> None:
     trial = replace(
@@ -35,7 +35,7 @@ def test_every_signal_fit_and_residual_has_an_axis_that_overlaps_no_other(
             assert box.x1 <= other.x0 or other.x1 <= box.x0 or box.y1 <= other.y0
 
 
-def test_small_axes_are_one_per_trial_on_one_scale(trials: tuple[TrialFit, ...]) -> None:
+def test_each_trial_has_small_axes_on_one_scale(trials: tuple[TrialFit, ...]) -> None:
     long = replace(trials[0], label="a label that goes on and on, run 17 of the second day")
     axes = small_multiples((long, *trials[1:])).axes
     assert [ax.get_title(loc="left") or ax.get_title() for ax in axes] == [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -10,19 +11,13 @@ from pathlib import Path
 from typing import TypeVar
 
 import pytest
-from support.answering_rig import (
-    FILE,
-    QUESTION,
-    RECORDING,
-    REPORT,
-    RUN_PAGE,
-    TEXT,
-    Served,
-    served,
-)  # fmt: skip
 from support.command import Ended, rigd, start
+from support.played_campaign import FILE, RECORDING, REPORT, RUN_PAGE, TEXT, TRIP, WEIGH
+from support.played_rig import RUN
+from support.served_rig import Served, free_port, serve
 
-from rigd.remote.protocol.arguments import Answered, NoArguments, StartArguments
+from rigd.config.remote import RemoteSetup
+from rigd.remote.protocol import ClientUser, as_json
 from rigd.remote.protocol.status import Interrupted, TripView
 
 T = TypeVar("T")
@@ -30,7 +25,8 @@ T = TypeVar("T")
 
 @pytest.fixture
 def remote() -> Iterator[Served]:
-    with served() as found:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with serve(RemoteSetup((endpoint,), roles={"carol": "maintainer"})) as found:
         yield found
 
 
@@ -48,7 +44,7 @@ class Asking:
         self.folder = folder
 
     def __call__(self, *words: str, identity: str = "alice", code: int = 0) -> Ended:
-        self.remote.show()
+        self.remote.rig.show()
         where = ("--endpoint", self.remote.endpoint, "--as", identity)
         ended = rigd("remote", *words, *where, cwd=self.folder)
         assert ended.code == code, ended
@@ -62,71 +58,72 @@ def until(look: Callable[[], T], true: Callable[[T], bool]) -> None:
         time.sleep(0.02)
 
 
-def test_status_shows_what_a_person_must_know(ask: Asking) -> None:
+def test_status_shows_state_prompt_and_holder(ask: Asking) -> None:
     rig = ask.remote.rig
-    rig.running, rig.prompt = "a.mcap", QUESTION
+    rig.state, rig.prompt = "running", WEIGH
     rig.interrupted = (Interrupted(run="b.mcap", reason="x", trials_done=1, trials_total=3),)
-    rig.lease.obey("bob", "lease_take", NoArguments())
+    rig.lease.take(ClientUser.of("bob"))
     shown = ask("status").out
-    for text in ("lugre-1: running", "recording a.mcap", "waits for an answer: Put the weight on",
+    for text in ("lugre-1: running", f"recording {RUN}", f"waits for an answer: {WEIGH.text}",
                  "control: bob", "interrupted: b.mcap, 1 of 3 trials"):  # fmt: skip
         assert text in shown
     status = ask("status", "--json").json
-    assert (status["state"], status["prompt"]["id"]) == ("running", 7)
+    assert (status["state"], status["prompt"]["id"]) == ("running", WEIGH.id)
 
 
-def test_start_takes_control_for_as_long_as_it_needs(ask: Asking) -> None:
+def test_start_holds_control_only_as_long_as_needed(ask: Asking) -> None:
     (ask.folder / "mine.yaml").write_text(TEXT)
     said = ("--note", "wheel cleaned", "--meta", "specimen=W7")
     out = ask("start", "mine.yaml", "--set", "floor=pvc", "--yes", "--seed", "7", *said).out
     assert f"rigd remote status --watch --endpoint {ask.remote.endpoint} --as alice" in out
     rig = ask.remote.rig
     assert rig.verbs() == ["lease_take", "start", "lease_release"]
-    args = next(args for _, verb, args in rig.done if verb == "start")
-    assert isinstance(args, StartArguments)
-    assert (args.procedure, args.set, args.seed, args.answers) == (
-        FILE, {"floor": "pvc"}, 7, "procedure",
-    )  # fmt: skip
-    assert (args.note, args.meta) == ("wheel cleaned", {"specimen": "W7"})
-    assert rig.running is not None
+    assert rig.given("start") == [
+        {
+            "procedure": as_json(FILE), "set": {"floor": "pvc"}, "seed": 7, "answers": "procedure",
+            "note": "wheel cleaned", "meta": {"specimen": "W7"},
+        }
+    ]  # fmt: skip
+    assert rig.state == "running"
 
 
-def test_a_name_is_the_daemons_and_a_file_of_that_name_here_is_not_passed_over_in_silence(
+def test_start_by_name_warns_of_differing_local_file(
     ask: Asking,
 ) -> None:
     (ask.folder / "procedures").mkdir()
-    (ask.folder / "small.yaml").write_text(TEXT)
-    assert ask("start", "small").err == ""  # the same
-    (ask.folder / "small.yaml").write_text(f"{TEXT}# edited\n")
-    assert "as the daemon has it; to start yours, give its path: small.yaml" in (
-        ask("start", "small").err
+    (ask.folder / "quick.yaml").write_text(TEXT)
+    assert ask("start", "quick").err == ""  # the same
+    ask.remote.rig.end()
+    (ask.folder / "quick.yaml").write_text(f"{TEXT}# edited\n")
+    assert "as the daemon has it; to start your own file, give its path: quick.yaml" in (
+        ask("start", "quick").err
     )
     (ask.folder / "procedures" / "mine.yaml").write_text(TEXT)
     assert "give its path: procedures/mine.yaml" in ask("start", "mine", code=2).err
 
 
-def test_a_file_that_is_wrong_is_told_with_its_place_before_anything_is_sent(ask: Asking) -> None:
+def test_wrong_file_is_reported_with_place_before_sending(ask: Asking) -> None:
     (ask.folder / "mine.yaml").write_text(TEXT.replace("steps:", "stepz:"))
-    assert "mine.yaml:7:3: unknown key 'stepz'" in ask("start", "mine.yaml", code=2).err
+    told = ask("start", "mine.yaml", code=2).err
+    assert re.search(r"mine\.yaml:\d+:\d+: unknown key 'stepz'", told)
     assert ask.remote.rig.verbs() == []
 
 
 def test_each_command_to_a_run(ask: Asking) -> None:
     rig = ask.remote.rig
-    rig.running, rig.prompt = "a.mcap", QUESTION
-    for words in (["pause"], ["resume"], ["ack", "overrun"]):
+    rig.state, rig.prompt = "running", WEIGH
+    for words in (["pause"], ["resume"], ["ack", TRIP.interlock]):
         ask(*words)
     assert "needs the role maintainer" in ask("act", "scale", "tare", code=3).err
     ask("act", "scale", "tare", identity="carol")
-    assert ask("answer", "1200 g").out == "weight: 1200 g\n"
-    given = [args.value for _, _, args in rig.done if isinstance(args, Answered)]
-    assert given == [1.2]
+    assert ask("answer", "1200 g").out == "weigh: 1200 g\n"
+    assert [args["value"] for args in rig.given("answer")] == [1.2]
     assert rig.lease.view().holder is None
 
 
-def test_an_answer_that_cannot_be_is_told_and_control_given_back(ask: Asking) -> None:
-    ask.remote.rig.prompt = QUESTION
-    assert "is not in kg" in ask("answer", "3 m", code=2).err
+def test_impossible_answer_is_reported_and_control_released(ask: Asking) -> None:
+    ask.remote.rig.prompt = WEIGH
+    assert "is not in g" in ask("answer", "3 m", code=2).err
     assert "no such prompt" in ask("answer", "1 kg", "--id", "3", code=3).err
     assert ask.remote.rig.lease.view().holder is None
 
@@ -134,70 +131,77 @@ def test_an_answer_that_cannot_be_is_told_and_control_given_back(ask: Asking) ->
 @pytest.mark.parametrize("verb", ["stop", "abort", "estop"])
 def test_stopping_needs_no_control(ask: Asking, verb: str) -> None:
     rig = ask.remote.rig
-    rig.running = "a.mcap"
-    rig.lease.obey("bob", "lease_take", NoArguments())
+    rig.state = "running"
+    rig.lease.take(ClientUser.of("bob"))
     assert ask(verb, "--reason", "smoke").out == f"{verb}: asked for\n"
-    assert rig.done == [("alice", verb, "smoke")]
+    assert (rig.done, rig.given(verb)) == ([("alice", verb)], [{"reason": "smoke"}])
     assert ask(verb, "--json").json == {"acted": False}
 
 
-def test_what_another_has_is_told(ask: Asking) -> None:
-    ask.remote.rig.lease.obey("bob", "lease_take", NoArguments())
+def test_holder_of_the_lease_is_named(ask: Asking) -> None:
+    ask.remote.rig.lease.take(ClientUser.of("bob"))
     err = ask("pause", code=3).err
     assert "bob has the control lease" in err
     assert "bob has control, for another" in ask("lease").out
     words = ["remote", "lease", "request", "--endpoint", ask.remote.endpoint, "--as", "alice"]
     asking = start(words, ask.folder)
-    until(ask.remote.rig.lease.view, lambda lease: lease.asked_by == ("alice",))
+    until(ask.remote.rig.lease.view, lambda lease: lease.asked_by == (ClientUser.of("alice"),))
     assert ask("lease", "give", "alice", identity="bob").out.startswith("alice has control")
     until(ask.remote.rig.verbs, lambda verbs: verbs.count("lease_take") == 2)  # pause, and this
     asking.signal(signal.SIGINT)
     assert asking.end().out.endswith("alice has control of lugre-1 until Ctrl-C gives it back\n"
                                      "given back\n")  # fmt: skip
-    assert ask("lease").out == "nobody has control\n"
+    assert ask("lease").out == "no client has control\n"
 
 
 def test_events_and_recordings(ask: Asking) -> None:
-    ask.remote.tell("step", name="one")
-    ask.remote.tell("trial_start", number=1, parameters={"current": 0.3}, units={"current": "A"})
-    ask.remote.tell("devices", scale="", drive="")
-    ask.remote.tell("command", who="eve", verb="start", args={"set": {"floor": "\n\x1b[2Jfake"}})
+    ask.remote.rig.emit("step", name="one")
+    ask.remote.rig.emit(
+        "trial_start", number=1, parameters={"current": 0.3}, units={"current": "A"}
+    )
+    ask.remote.rig.emit("devices", scale="", drive="")
+    ask.remote.rig.emit(
+        "command", who="eve", verb="start", args={"set": {"floor": "\n\x1b[2Jfake"}}
+    )
     lines = ask("events").out.splitlines()
     assert [" ".join(line.split()[2:]) for line in lines] == [
         "step one", "trial_start number 1; current 0.3 A", "devices scale, drive",
         "command eve: start set floor [2Jfake",
     ]  # fmt: skip
     assert json.loads(ask("events", "--json").out.splitlines()[0])["data"] == {"name": "one"}
-    assert "a.mcap" in ask("runs").out
-    assert ask("runs", "--json").json["runs"][0]["run"] == "a.mcap"
-    assert ask("fetch", "a.mcap", "--to", "data").out == "data/a.mcap\n"
-    assert (ask.folder / "data" / "a.mcap").read_bytes() == RECORDING
-    assert ask("report", "a.mcap", "--make", "--json").json == {"path": "a.html", "size": 36}
-    assert (ask.folder / "a.html").read_bytes() == REPORT
+    run, plain = ask.remote.rig.runs[0].run, ask.remote.rig.runs[2].run
+    stem = run.removesuffix(".mcap")
+    assert run in ask("runs").out
+    assert ask("runs", "--json").json["runs"][0]["run"] == run
+    assert ask("fetch", run, "--to", "data").out == f"data/{run}\n"
+    assert (ask.folder / "data" / run).read_bytes() == RECORDING
+    made = ask("report", run, "--make", "--json").json
+    assert made == {"path": f"{stem}.html", "size": len(REPORT)}
+    assert (ask.folder / f"{stem}.html").read_bytes() == REPORT
     assert "identify" in ask.remote.rig.verbs()
-    assert ask("report", "a.mcap").out == "a-run.html\n"
-    assert (ask.folder / "a-run.html").read_bytes() == RUN_PAGE
-    made = ask("report", "plain.mcap", "--make")  # it says nothing of an identification
-    assert made.out == "plain-run.html\n"
+    assert ask("report", run).out == f"{stem}-run.html\n"
+    assert (ask.folder / f"{stem}-run.html").read_bytes() == RUN_PAGE
+    made = ask("report", plain, "--make").out  # it says nothing of an identification
+    assert made == f"{plain.removesuffix('.mcap')}-run.html\n"
     assert ask.remote.rig.verbs().count("identify") == 1
 
 
 def test_procedures_and_dry_runs(ask: Asking) -> None:
-    assert "small" in ask("procedures").out
-    assert "fit to run" in ask("dry-run", "small").out
-    assert ask("dry-run", "small", "--json").json["duration_s"] == 2.0
+    assert "quick" in ask("procedures").out
+    assert "fit to run" in ask("dry-run", "quick").out
+    assert ask("dry-run", "quick", "--json").json["duration_s"] == 93.4
 
 
-def test_a_trip_is_shown_with_what_to_do(ask: Asking) -> None:
+def test_trip_is_shown_with_its_remedy(ask: Asking) -> None:
     trip = TripView(
         interlock="overrun", action="abort", message="beyond the end", since_ns=1,
         latched=True, acknowledged=False,
     )  # fmt: skip
-    ask.remote.rig.trips = (trip,)
+    ask.remote.rig.trips.append(trip)
     assert "overrun acted (abort): beyond the end; rigd remote ack overrun" in ask("status").out
 
 
-def test_list_shows_who_is_alive_and_why_not(ask: Asking, tmp_path: Path) -> None:
+def test_list_shows_reachable_rigs_and_errors(ask: Asking, tmp_path: Path) -> None:
     config = tmp_path / "config" / "rigd"
     config.mkdir(parents=True)
     (config / "remotes.yaml").write_text(
@@ -212,13 +216,13 @@ def test_list_shows_who_is_alive_and_why_not(ask: Asking, tmp_path: Path) -> Non
     assert rigd("remote", "status", "--rig", "lugre-1", cwd=tmp_path).code == 0
 
 
-def test_nobody_there_is_exit_code_4(tmp_path: Path) -> None:
+def test_missing_daemon_gives_exit_code_4(tmp_path: Path) -> None:
     ended = rigd("remote", "status", "--endpoint", "tcp/127.0.0.1:9", cwd=tmp_path)
     assert ended.code == 4
     assert "nobody lets us in at tcp/127.0.0.1:9" in ended.err
 
 
-def test_certificates_are_made_and_what_to_write_is_shown(tmp_path: Path) -> None:
+def test_setup_tls_makes_certificates_and_shows_configuration(tmp_path: Path) -> None:
     words = ("remote", "setup-tls", "certs", "--host", "127.0.0.1", "--client", "alice")
     out = rigd(*words, cwd=tmp_path).out
     assert (tmp_path / "certs" / "alice.key").stat().st_mode & 0o077 == 0

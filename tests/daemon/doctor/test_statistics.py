@@ -11,7 +11,7 @@ from rigd.daemon.doctor.statistics import Statistics
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e6])
-def test_blocks_of_any_length_give_what_the_whole_gives(offset: float) -> None:
+def test_blocks_of_any_length_give_equal_statistics(offset: float) -> None:
     random = np.random.default_rng(7)
     values = offset + random.normal(0.3, 0.02, 5000)
     seen = Statistics()
@@ -25,14 +25,14 @@ def test_blocks_of_any_length_give_what_the_whole_gives(offset: float) -> None:
     assert not seen.climbing
 
 
-def test_what_is_not_finite_is_counted_and_left_out() -> None:
+def test_non_finite_values_are_counted_and_left_out() -> None:
     seen = Statistics()
     seen.add(np.array([1.0, math.nan, 3.0]))
     seen.add(np.array([math.inf]))
     assert (seen.count, seen.not_finite, seen.mean) == (2, 2, 2.0)
 
 
-def test_a_value_that_never_changes_is_constant_and_one_that_only_climbs_climbs() -> None:
+def test_unchanged_value_is_constant_and_rising_value_climbs() -> None:
     still, clock = Statistics(), Statistics()
     for begin in range(0, 9, 3):
         still.add(np.full(3, 4.2))

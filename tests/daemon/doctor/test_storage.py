@@ -22,7 +22,7 @@ def checks(runs: Path, needs: StorageNeeds | None) -> dict[str, Check]:
     return {item.name: item for item in examine_storage(runs, needs)}
 
 
-def test_the_folder_of_recordings_need_not_be_there_and_is_left_as_it_was(tmp_path: Path) -> None:
+def test_missing_folder_of_recordings_is_left_uncreated(tmp_path: Path) -> None:
     found = checks(tmp_path / "a" / "runs", StorageNeeds(1e3, 1000))
     speed = found["disk speed"].figures["bytes_per_s"]
     assert isinstance(speed, float)
@@ -31,7 +31,7 @@ def test_the_folder_of_recordings_need_not_be_there_and_is_left_as_it_was(tmp_pa
     assert [path.name for path in tmp_path.iterdir()] == ["state"]
 
 
-def test_a_rig_that_gives_more_than_the_disk_takes_fails(tmp_path: Path) -> None:
+def test_rig_that_gives_more_than_disk_takes_fails(tmp_path: Path) -> None:
     speed = checks(tmp_path, StorageNeeds(1e15, 1000))["disk speed"]
     assert speed.verdict is CheckVerdict.FAIL
     assert "fewer streams" in speed.advice

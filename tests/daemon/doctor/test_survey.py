@@ -47,13 +47,13 @@ def test_a_channel_shows_its_zero_and_its_noise() -> None:
     assert check.figures["zero"] == pytest.approx(1.0)
 
 
-def test_a_channel_at_the_end_of_its_range_is_saturated() -> None:
+def test_channel_at_end_of_its_range_is_saturated() -> None:
     check = channel([1.0, 10.0, 2.0], low=-10.0, high=10.0)
     assert check.verdict is CheckVerdict.WARN
     assert "10 m/s^2" in check.advice
 
 
-def test_a_relay_that_reads_open_at_rest_is_at_no_end_of_anything() -> None:
+def test_relay_open_at_rest_is_not_saturated() -> None:
     relay = load_rig("angle-1").devices["relay"]
     (closed,) = relay.channels
     for value, verdict in ((0.0, CheckVerdict.OK), (1.0, CheckVerdict.WARN)):
@@ -67,11 +67,11 @@ def test_a_channel_without_numbers_fails() -> None:
     assert channel([]).verdict is CheckVerdict.FAIL
 
 
-def test_a_channel_that_stands_still_is_called_constant() -> None:
+def test_constant_channel_is_reported() -> None:
     assert "constant" in channel([0.5, 0.5, 0.5]).found
 
 
-def test_a_device_is_judged_by_its_rate_and_its_stale_rows() -> None:
+def test_device_is_judged_by_rate_and_stale_rows() -> None:
     survey = Survey(RIG)
     survey.take("carriage", rows("carriage", 1000))
     survey.take("wheel_encoder", rows("wheel_encoder", 800, 1_250_000))
@@ -104,7 +104,7 @@ def test_the_cycle_is_judged_by_its_own_stream() -> None:
     assert work.verdict is CheckVerdict.WARN  # 70 % of the period
 
 
-def test_reasons_are_told_apart_by_the_device_they_are_of() -> None:
+def test_reasons_are_separated_by_their_device() -> None:
     told = [
         "bus: cannot be opened\n  is it up?",
         "scale: nothing answers; is it off; scale_2: shows lb, expected kg\n  press UNIT\n  twice",

@@ -35,7 +35,7 @@ def test_slots_that_are_left_out_are_missed() -> None:
         (replace(ON_TIME, missed=1000), CheckVerdict.FAIL),
     ],
 )
-def test_the_verdict_follows_what_was_missed(late: Lateness, verdict: CheckVerdict) -> None:
+def test_verdict_depends_on_missed_cycles(late: Lateness, verdict: CheckVerdict) -> None:
     check = lateness_check("timing", "cycle", late, 1_000_000)
     assert check.verdict is verdict
     assert bool(check.advice) == (verdict is not CheckVerdict.OK)
@@ -44,13 +44,11 @@ def test_the_verdict_follows_what_was_missed(late: Lateness, verdict: CheckVerdi
 @pytest.mark.parametrize(
     ("gap_s", "silence_s"), [(1e-3, 0.05), (0.026, 0.1), (0.06, 0.15), (0.12, 0.25), (3.0, 6.0)]
 )
-def test_the_silence_suggested_is_twice_the_longest_gap_at_least(
-    gap_s: float, silence_s: float
-) -> None:
+def test_silence_suggested_is_twice_longest_gap_at_least(gap_s: float, silence_s: float) -> None:
     assert suggested_silence_s(gap_s) == silence_s
 
 
-def test_a_rig_whose_silence_is_too_short_is_told_what_to_write() -> None:
+def test_too_short_silence_is_reported_with_better_value() -> None:
     rig = replace(load_rig("lugre-1"), supervision=Supervision(cycle_silence_s=0.05))
     fits = silence_check("timing", replace(ON_TIME, longest_gap_s=0.024), rig)
     stalls = silence_check("timing", replace(ON_TIME, longest_gap_s=0.030), rig)
@@ -59,7 +57,7 @@ def test_a_rig_whose_silence_is_too_short_is_told_what_to_write() -> None:
     assert "cycle_silence: 100 ms" in stalls.advice
 
 
-def test_a_bare_cycle_runs_at_its_rate_in_a_process_of_its_own() -> None:
+def test_bare_cycle_keeps_its_rate_in_own_process() -> None:
     found = measure(5_000_000, 1.0)
     late = found.lateness
     assert late.cycles + late.missed == pytest.approx(150, abs=2)  # 200, 50 of them to warm up

@@ -71,7 +71,7 @@ def test_frames_bound_every_sample_exactly(tmp_path: Path) -> None:
     assert feed.skipped == 0
 
 
-def test_the_thread_shows_what_another_process_pushes(tmp_path: Path) -> None:
+def test_thread_sends_rows_of_another_process(tmp_path: Path) -> None:
     folder, kept = folder_of(RIG, tmp_path / "run", 100_000), Kept()
     raw: dict[str, int] = {}
 
@@ -101,7 +101,7 @@ def test_the_thread_shows_what_another_process_pushes(tmp_path: Path) -> None:
         assert [event.kind for event in kept.events[:2]] == ["mark", "mark"]
 
 
-def test_events_of_both_rings_come_in_order_from_the_first(tmp_path: Path) -> None:
+def test_events_of_both_rings_keep_order_from_first(tmp_path: Path) -> None:
     folder, kept = folder_of(RIG, tmp_path / "run"), Kept()
     cycle, daemon = folder.event_ring("cycle"), folder.event_ring("daemon")
     daemon.push(1, "run_start", -1, {})
@@ -129,7 +129,7 @@ def test_events_of_both_rings_come_in_order_from_the_first(tmp_path: Path) -> No
     assert feed.events(0) == (kept.events, 5)
 
 
-def test_a_run_that_does_not_record_a_stream_leaves_its_last_value(tmp_path: Path) -> None:
+def test_run_without_a_stream_keeps_its_last_value(tmp_path: Path) -> None:
     folder, kept = folder_of(RIG, tmp_path / "run"), Kept()
     feed = Feed(RIG, kept)
     assert feed.latest().values == {}
@@ -152,7 +152,7 @@ def test_a_run_that_does_not_record_a_stream_leaves_its_last_value(tmp_path: Pat
         feed.attach(RunFolder.at(tmp_path / "empty"))
 
 
-def test_a_value_that_is_no_number_is_told_as_none(tmp_path: Path) -> None:
+def test_value_that_is_not_a_number_becomes_none(tmp_path: Path) -> None:
     folder, feed = folder_of(RIG, tmp_path / "run"), Feed(RIG, Kept())
     feed.attach(folder)
     rows = numbered(STREAMS["cycle"], START_NS, 0, 1)
@@ -177,7 +177,7 @@ class Frozen(Kept):
         super().frame(stream, payload)
 
 
-def test_a_frozen_consumer_holds_up_no_writer_and_gets_fewer_frames(tmp_path: Path) -> None:
+def test_frozen_consumer_blocks_no_writer_and_loses_frames(tmp_path: Path) -> None:
     folder, frozen = folder_of(RIG, tmp_path / "run", 100_000), Frozen()
     board, first = folder.board(), next(iter(STREAMS))  # in whose frame it freezes
     with Feed(RIG, frozen) as feed, writer(folder, rate_hz=1000):
@@ -206,7 +206,7 @@ class Broken(Kept):
         super().frame(stream, payload)
 
 
-def test_a_failure_to_show_is_logged_once_and_outlived(
+def test_failure_to_show_is_logged_once_and_survived(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     folder, broken = folder_of(RIG, tmp_path / "run"), Broken()

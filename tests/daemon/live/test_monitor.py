@@ -32,7 +32,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-def test_an_idle_rig_is_shown_until_it_is_wanted() -> None:
+def test_idle_rig_is_shown_until_a_run_starts() -> None:
     kept = Kept()
     held = RunFolder.take(RIG.name, command="the daemon")
     with Feed(RIG, kept) as feed:
@@ -58,7 +58,7 @@ def test_an_idle_rig_is_shown_until_it_is_wanted() -> None:
         RunFolder.take(RIG.name, command="another").release()
 
 
-def test_what_keeps_a_rig_from_being_shown_is_told_once_and_tried_again(
+def test_failure_to_show_is_reported_once_and_retried(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(module, "AGAIN_S", 0.0)

@@ -24,7 +24,7 @@ def rows(count: int, seed: int = 1, holes: float = 0.0) -> Rows:
     return made
 
 
-def test_rows_become_points_with_every_value_in_its_place() -> None:
+def test_rows_become_points_with_values_in_their_place() -> None:
     made = rows(5)
     points = Points.of(STREAM, made[::2])
     assert points.times_ns.tolist() == made["t_ns"][::2].tolist()
@@ -36,7 +36,7 @@ def test_rows_become_points_with_every_value_in_its_place() -> None:
 
 @pytest.mark.parametrize("count", [1, 2, 59, 60, 61, 62, 119, 120, 121, 320, 5000])
 @pytest.mark.parametrize("most", [2, 3, 60])
-def test_a_point_bounds_all_rows_since_the_one_before(count: int, most: int) -> None:
+def test_point_bounds_all_rows_since_one_before(count: int, most: int) -> None:
     made = rows(count, seed=count)
     points = Points.of(STREAM, made).reduced(most)
     assert len(points) == min(count, most)
@@ -53,7 +53,7 @@ def test_a_point_bounds_all_rows_since_the_one_before(count: int, most: int) -> 
     assert points.high[-1].tolist() == points.low[-1].tolist()
 
 
-def test_what_is_not_a_number_hides_nothing_beside_it() -> None:
+def test_nan_hides_no_value_beside_it() -> None:
     made = rows(200, holes=0.5)
     made["b"] = np.nan
     points = Points.of(STREAM, made).reduced(3)
@@ -63,7 +63,7 @@ def test_what_is_not_a_number_hides_nothing_beside_it() -> None:
     assert Points.of(STREAM, made).reduced(2).high[0, 2] == np.inf
 
 
-def test_what_is_reduced_twice_bounds_the_same() -> None:
+def test_points_reduced_twice_have_equal_bounds() -> None:
     parts = [Points.of(STREAM, rows(300, seed)).reduced(40) for seed in range(5)]
     whole = Points.joined(parts).reduced(7)
     assert whole.low.min(axis=0).tolist() == [

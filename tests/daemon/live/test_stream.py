@@ -26,7 +26,7 @@ def rows(first: int, count: int, status: int = 3) -> Rows:
     return made
 
 
-def test_a_frame_says_what_its_rows_say(tmp_path: Path) -> None:
+def test_frame_has_the_values_of_its_rows(tmp_path: Path) -> None:
     ring = RowRing.create(tmp_path / "ring", STREAM, 1000)
     live = LiveStream(4, STREAM)
     assert live.read() is None
@@ -51,7 +51,7 @@ def test_a_frame_says_what_its_rows_say(tmp_path: Path) -> None:
     assert live.newest() == (START_NS + 932_000_000, [932.0, np.sin(932)])
 
 
-def test_rows_that_repeat_an_earlier_one_are_not_shown(tmp_path: Path) -> None:
+def test_rows_that_repeat_earlier_one_are_not_shown(tmp_path: Path) -> None:
     ring = RowRing.create(tmp_path / "ring", STREAM, 1000)
     live = LiveStream(0, STREAM)
     live.attach(ring)
@@ -65,7 +65,7 @@ def test_rows_that_repeat_an_earlier_one_are_not_shown(tmp_path: Path) -> None:
     assert came["a"].tolist() == [6, 8]
 
 
-def test_who_comes_late_sees_ten_seconds(tmp_path: Path) -> None:
+def test_late_client_gets_the_last_ten_seconds(tmp_path: Path) -> None:
     live = LiveStream(0, STREAM)
     assert live.history() is None
     assert live.newest() is None
@@ -84,7 +84,7 @@ def test_who_comes_late_sees_ten_seconds(tmp_path: Path) -> None:
     assert live.newest() == (START_NS + 100_000_000_000, [100_000.0, np.sin(100_000)])
 
 
-def test_a_value_beyond_what_a_picture_holds_is_shown_as_infinite() -> None:
+def test_value_too_large_for_picture_becomes_infinite() -> None:
     made = rows(0, 1)
     made["a"], made["b"] = 1e300, np.nan
     frame = LiveStream(0, STREAM).frame(made)

@@ -61,7 +61,7 @@ def test_no_viewer_ever_sees_a_torn_event(tmp_path: Path) -> None:
             late += view.skipped
 
 
-def test_a_view_of_a_ring_that_was_removed_still_sees_its_end(tmp_path: Path) -> None:
+def test_view_of_a_removed_ring_sees_its_end(tmp_path: Path) -> None:
     folder = prepared(tmp_path / "run", [STREAM], CAPACITY)
     ring = folder.row_rings(folder.job)["s"]
     view = View(RowRing.attach(ring.path, STREAM))

@@ -30,7 +30,7 @@ def current(newest: Newest, now_ns: int) -> Reading:
     )
 
 
-def test_a_channel_has_no_row_then_a_value_that_ages() -> None:
+def test_channel_has_no_row_then_value_that_ages() -> None:
     newest = Newest(RIG)
     assert current(newest, 0).state == "no row"
     newest.take("wheel_servo", rows(1_000_000, 2_000_000))
@@ -41,7 +41,7 @@ def test_a_channel_has_no_row_then_a_value_that_ages() -> None:
     assert current(newest, 1_000_000_000).state == "stale"
 
 
-def test_a_row_that_repeats_an_earlier_one_does_not_make_it_younger() -> None:
+def test_repeated_row_does_not_make_the_value_younger() -> None:
     newest = Newest(RIG)
     newest.take("wheel_servo", rows(1_000_000))
     newest.take("wheel_servo", rows(500_000_000, status=7 | STALE))
@@ -50,7 +50,7 @@ def test_a_row_that_repeats_an_earlier_one_does_not_make_it_younger() -> None:
     assert reading.age_s == pytest.approx(0.499)
 
 
-def test_what_is_no_number_is_said_to_be_none() -> None:
+def test_value_that_is_not_a_number_reads_none() -> None:
     newest = Newest(RIG)
     newest.take("wheel_servo", rows(1, current=float("nan")))
     assert current(newest, 2).state == "NaN"
@@ -67,7 +67,7 @@ def test_a_device_means_all_its_channels() -> None:
     assert "carriage.position" in str(wrong.value)
 
 
-def test_a_part_of_a_rig_keeps_the_links_and_interlocks_of_its_devices() -> None:
+def test_part_of_rig_keeps_its_links_and_interlocks() -> None:
     part = only(WIRE, {"carriage", "scale"})
     assert list(part.devices) == ["carriage", "scale"]
     assert list(part.links) == ["encoder_bus"]
@@ -75,7 +75,7 @@ def test_a_part_of_a_rig_keeps_the_links_and_interlocks_of_its_devices() -> None
     assert names == {"overrun_far", "overrun_near", "carriage_silent"}
 
 
-def test_an_action_that_a_device_has_not_is_refused_with_those_that_have_it() -> None:
+def test_unknown_action_is_refused_with_devices_having_it() -> None:
     check_action(WIRE, "scale", "tare")
     with pytest.raises(ConfigError, match="no action 'tare'") as wrong:
         check_action(WIRE, "wheel_servo", "tare")

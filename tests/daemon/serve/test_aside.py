@@ -26,7 +26,7 @@ from rigd.remote.server import working_for
 QUICK = (ROOT / "procedures" / "quick.yaml").read_text()
 
 
-def test_a_dry_run_tells_steps_time_and_peaks() -> None:
+def test_dry_run_returns_steps_time_and_peaks() -> None:
     rig = load_rig("lugre-1")
     done = CalculationWorker().dry_run(
         rig.source.text, rig.source.path, QUICK, "quick", {"current": "1.2 A"}
@@ -41,7 +41,7 @@ def test_a_dry_run_tells_steps_time_and_peaks() -> None:
     assert current.highest == pytest.approx(1.2)
 
 
-def test_what_speaks_against_a_dry_run_is_told() -> None:
+def test_refusals_of_a_dry_run_are_returned() -> None:
     rig = load_rig("lugre-1")
     with pytest.raises(Refusal, match="curent") as refused:
         CalculationWorker().dry_run(
@@ -74,12 +74,12 @@ def test_a_long_check_is_done() -> None:
     assert check(CalculationWorker()) == CheckReport(ok=True, trials=1001, prompts=0)
 
 
-def test_a_check_that_takes_too_long_is_given_up() -> None:
-    with pytest.raises(Refusal, match=r"check was given up: it took longer than 0\.1 s"):
+def test_check_that_takes_too_long_is_given_up() -> None:
+    with pytest.raises(Refusal, match=r"check .*given up.* 0\.1 s"):
         check(CalculationWorker(0.1))
 
 
-def test_a_check_that_needs_too_much_memory_is_given_up() -> None:
+def test_check_beyond_memory_bound_is_given_up() -> None:
     longer = LONG.replace("0.001 A", "0.0002 A")
     with pytest.raises(Refusal, match="check needs more than 60 MB of memory"):
         check(CalculationWorker(memory=60 << 20), longer)
@@ -90,7 +90,7 @@ def test_a_check_ends_with_its_client() -> None:
         check(CalculationWorker())
 
 
-def test_a_recording_is_identified_and_its_report_stands_beside_it(tmp_path: Path) -> None:
+def test_identification_writes_its_report_beside_the_recording(tmp_path: Path) -> None:
     rig = load_rig("lugre-1")
     text = (ROOT / "procedures" / "constant_current.yaml").read_text()
     few = text.replace("step: 0.15 A", "step: 0.45 A")
@@ -116,7 +116,7 @@ def test_data_that_cannot_answer_make_no_report(tmp_path: Path) -> None:
     assert not (tmp_path / "run.html").exists()
 
 
-def test_any_recording_is_drawn_and_the_page_stands_beside_it(tmp_path: Path) -> None:
+def test_drawing_writes_the_page_beside_the_recording(tmp_path: Path) -> None:
     recording = tmp_path / "run.mcap"
     stream = Stream("axis", (Channel("position", "m"),))
     RecordingWriter.create(
@@ -132,18 +132,16 @@ def test_any_recording_is_drawn_and_the_page_stands_beside_it(tmp_path: Path) ->
     assert not is_drawn(recording)  # it has been gone on with
 
 
-def test_one_that_is_killed_is_told_as_such(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_killed_calculation_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     killed = tmp_path / "python"
     killed.write_text("#!/bin/sh\ncat > /dev/null\nkill -KILL $$\n")
     killed.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(killed))
-    with pytest.raises(Refusal, match=r"identify was ended from outside \(signal SIGKILL\)"):
+    with pytest.raises(Refusal, match=r"identify .*SIGKILL"):
         CalculationWorker().identify(tmp_path / "run.mcap")
 
 
-def test_one_calculation_at_a_time_and_none_outlives_the_daemon() -> None:
+def test_one_calculation_at_time_and_none_outlives_daemon() -> None:
     rig, aside, ended = load_rig("lugre-1"), CalculationWorker(), list[Refusal]()
 
     def long() -> None:

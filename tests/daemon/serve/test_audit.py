@@ -15,7 +15,7 @@ from rigd.model.errors import RecordingError
 START_NS = 1_790_000_000_000_000_000
 
 
-def test_each_line_says_who_did_what_when_and_what_became_of_it(tmp_path: Path) -> None:
+def test_each_line_has_person_command_time_and_outcome(tmp_path: Path) -> None:
     log = AuditLog(tmp_path / "audit.jsonl", clock=lambda: START_NS)
     log.write("alice", "start", {"set": {"floor": "pvc"}}, role="operator")
     log.write("bob", "start", {}, "no_lease: alice has it")
@@ -32,7 +32,7 @@ def test_each_line_says_who_did_what_when_and_what_became_of_it(tmp_path: Path) 
     assert log.path.stat().st_mode & 0o007 == 0
 
 
-def test_what_is_there_stays(tmp_path: Path) -> None:
+def test_existing_lines_are_kept(tmp_path: Path) -> None:
     path = tmp_path / "audit.jsonl"
     for who in ("alice", "bob"):
         AuditLog(path).write(who, "pause", {})
@@ -55,7 +55,7 @@ def test_lines_of_several_threads_do_not_mix(tmp_path: Path) -> None:
     assert len(lines) == 80
 
 
-def test_a_disk_that_refuses_is_said_until_it_no_longer_does(tmp_path: Path) -> None:
+def test_disk_error_is_reported_until_the_disk_recovers(tmp_path: Path) -> None:
     log = AuditLog(tmp_path / "gone" / "audit.jsonl")
     log.write("alice", "pause", {})
     assert "cannot be written" in log.broken
@@ -69,7 +69,7 @@ def test_a_disk_that_refuses_is_said_until_it_no_longer_does(tmp_path: Path) -> 
     assert tried["result"] == "tried again"
 
 
-def test_a_line_that_a_full_disk_has_torn_spoils_no_other(
+def test_line_torn_by_full_disk_spoils_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log, write = AuditLog(tmp_path / "audit.jsonl"), os.write

@@ -25,25 +25,25 @@ def library(tmp_path: Path) -> Library:
     return Library(file_axis.rig(tmp_path / "axis"), own)
 
 
-def test_own_procedures_stand_before_shipped_ones_of_the_same_name(tmp_path: Path) -> None:
+def test_own_procedures_come_before_shipped_of_same_name(tmp_path: Path) -> None:
     lines = {procedure.name: procedure for procedure in library(tmp_path).lines().procedures}
     assert lines["sweep"].problem is None
     assert lines["quick"].title == "Moves an axis"
     assert "has no channel" in str(lines["approach_angles"].problem)
 
 
-def test_a_file_that_is_wrong_is_listed_and_nothing_runs_in_its_place(tmp_path: Path) -> None:
+def test_wrong_file_is_listed_and_nothing_replaces_it(tmp_path: Path) -> None:
     made = library(tmp_path)
     (tmp_path / "procedures" / "quick.yaml").write_text(SWEEP.replace("title:", "titel:"))
     lines = {procedure.name: procedure for procedure in made.lines().procedures}
     assert "title" in str(lines["broken"].problem)
     assert "key 'title' is missing" in str(lines["quick"].problem)
     assert str(tmp_path) not in str(lines["quick"].problem)
-    with pytest.raises(Refusal, match=r"quick\.yaml:\d+:\d+: key 'title' is missing"):
+    with pytest.raises(Refusal, match=r"quick\.yaml:\d+:\d+: .*'title'"):
         made.view("quick")
 
 
-def test_every_shipped_procedure_is_offered_and_some_rig_can_run_it(tmp_path: Path) -> None:
+def test_every_shipped_procedure_is_offered_and_runs_somewhere(tmp_path: Path) -> None:
     problems = [
         {
             procedure.name: procedure.problem
@@ -64,11 +64,11 @@ def test_a_form_can_be_made_from_a_procedure(tmp_path: Path) -> None:
     assert (time.name, time.swept, time.default) == ("time", False, "0.3 s")
     assert view.procedure.text == SWEEP
     assert view.on_client_loss == "stop"
-    with pytest.raises(Refusal, match=r"no procedure 'swep'\n  did you mean 'sweep'"):
+    with pytest.raises(Refusal, match=r"'swep'\n.*'sweep'"):
         library(tmp_path).view("swep")
 
 
-def test_what_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
+def test_problem_is_reported_with_its_place(tmp_path: Path) -> None:
     good = Checked.model_validate({"procedure": travelling(SWEEP), "set": {"time": "2 s"}})
     assert library(tmp_path).check(good) == CheckReport(ok=True, trials=3, prompts=0)
     spoilt = travelling(SWEEP.replace("axis.speed", "axis.sped"))
@@ -83,7 +83,7 @@ def test_what_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
     assert not check.ok
 
 
-def test_a_pipe_among_the_procedures_keeps_nobody_waiting(tmp_path: Path) -> None:
+def test_pipe_among_procedures_delays_no_client(tmp_path: Path) -> None:
     own = library(tmp_path)
     os.mkfifo(tmp_path / "pipe.yaml")
     assert "pipe" not in [procedure.name for procedure in own.lines().procedures]

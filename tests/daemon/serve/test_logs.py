@@ -25,7 +25,7 @@ def log_some(stream: io.StringIO, *, as_json: bool | None) -> list[str]:
 
 
 @pytest.mark.parametrize("as_json", [True, None])
-def test_where_no_person_reads_each_record_is_an_object(as_json: bool | None) -> None:
+def test_log_without_terminal_has_json_object_per_record(as_json: bool | None) -> None:
     first, second = map(json.loads, log_some(io.StringIO(), as_json=as_json))
     assert (first["level"], first["logger"], first["message"]) == (
         "info", "rigd.test", "began quick",

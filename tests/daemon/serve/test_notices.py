@@ -9,7 +9,7 @@ import pytest
 from rigd.daemon.serve.notices import KEPT, Notices
 
 
-def test_a_clients_words_break_no_line_and_steer_no_terminal(
+def test_client_text_cannot_break_lines_or_steer_terminal(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     notices = Notices(lambda: None)

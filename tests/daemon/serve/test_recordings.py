@@ -59,14 +59,14 @@ def test_the_newest_come_first_and_pages_follow(tmp_path: Path) -> None:
     assert rest.runs[0].started_ns == 1_795_248_000_000_000_000
 
 
-def test_a_run_in_virtual_time_began_when_its_file_was_made(tmp_path: Path) -> None:
+def test_run_in_virtual_time_began_with_its_file(tmp_path: Path) -> None:
     path = tmp_path / "20261121-080000-sweep.mcap"
     record(path, started="2020-01-02T00:00:00+00:00", mode="simulated, virtual time")
     (line,) = Recordings(tmp_path).lines(10, None, None).runs
     assert line.started_ns == 1_795_248_000_000_000_000
 
 
-def test_what_cannot_be_read_is_listed_with_its_problem(tmp_path: Path) -> None:
+def test_unreadable_recording_is_listed_with_its_problem(tmp_path: Path) -> None:
     (tmp_path / "torn.mcap").write_bytes(b"no recording")
     (tmp_path / "nowhere.mcap").symlink_to(tmp_path / "unmounted")
     (tmp_path / "folder.mcap").mkdir()
@@ -82,7 +82,7 @@ def test_what_cannot_be_read_is_listed_with_its_problem(tmp_path: Path) -> None:
     assert recordings.view("foreign.mcap", None).line == lines[2]
 
 
-def test_one_that_has_just_begun_is_running_not_torn(tmp_path: Path) -> None:
+def test_recording_just_begun_is_running_not_torn(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").touch()
     recordings = Recordings(tmp_path)
     (line,) = recordings.lines(10, None, "a.mcap").runs
@@ -90,7 +90,7 @@ def test_one_that_has_just_begun_is_running_not_torn(tmp_path: Path) -> None:
     assert recordings.view("a.mcap", "a.mcap").line == line
 
 
-def test_a_file_is_fetched_in_pieces_that_make_it_whole(tmp_path: Path) -> None:
+def test_file_is_fetched_in_pieces_that_complete_it(tmp_path: Path) -> None:
     path = tmp_path / "big.html"
     whole = bytes(range(256)) * 3000
     path.write_bytes(whole)
@@ -109,7 +109,7 @@ def test_a_file_is_fetched_in_pieces_that_make_it_whole(tmp_path: Path) -> None:
         recordings.piece(path, len(whole) + 1, 10)
 
 
-def test_a_file_that_grows_is_not_taken_for_what_it_was(tmp_path: Path) -> None:
+def test_growing_file_is_not_served_as_earlier_version(tmp_path: Path) -> None:
     path = tmp_path / "a.html"
     path.write_bytes(b"one")
     recordings = Recordings(tmp_path)
@@ -121,7 +121,7 @@ def test_a_file_that_grows_is_not_taken_for_what_it_was(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["../secret.mcap", "/etc/passwd", "a.txt", ".mcap", "missing.mcap"]
 )
-def test_nothing_but_recordings_can_be_asked_for(tmp_path: Path, name: str) -> None:
+def test_only_recordings_can_be_requested(tmp_path: Path, name: str) -> None:
     (tmp_path / "a.txt").write_text("secret")
     folder = tmp_path / "runs"
     folder.mkdir()
@@ -141,7 +141,7 @@ def test_a_run_without_an_end_is_offered(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_all_there_is_to_say_of_a_run(tmp_path: Path) -> None:
+def test_view_of_a_run_is_complete(tmp_path: Path) -> None:
     record(tmp_path / "a.mcap")
     view = Recordings(tmp_path).view("a.mcap", None)
     assert view.line.state == "complete"
@@ -151,7 +151,7 @@ def test_all_there_is_to_say_of_a_run(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["pipe", "link", "folder"])
 @pytest.mark.parametrize("suffix", [".mcap", ".html"])
-def test_what_is_no_regular_file_is_not_opened(tmp_path: Path, kind: str, suffix: str) -> None:
+def test_file_that_is_not_regular_is_not_opened(tmp_path: Path, kind: str, suffix: str) -> None:
     """A pipe would keep who opens it waiting, a link gives away what stands elsewhere."""
     runs, secret = tmp_path / "runs", tmp_path / "secret"
     runs.mkdir()

@@ -77,7 +77,7 @@ def test_a_torn_recording_is_repaired_and_offered(tmp_path: Path) -> None:
     assert told[0].startswith("a.mcap was torn and is repaired")
 
 
-def test_what_cannot_be_repaired_keeps_nothing_from_being_served(tmp_path: Path) -> None:
+def test_unrepairable_recording_does_not_prevent_serving(tmp_path: Path) -> None:
     (tmp_path / "none.mcap").write_bytes(b"")
     record(tmp_path / "a.mcap")
     found, _, told = recover(tmp_path)
@@ -85,7 +85,7 @@ def test_what_cannot_be_repaired_keeps_nothing_from_being_served(tmp_path: Path)
     assert any("none.mcap is empty" in line for line in told)
 
 
-def test_what_tripped_in_a_run_that_was_killed_bars_the_next(tmp_path: Path) -> None:
+def test_trip_in_a_killed_run_bars_the_next(tmp_path: Path) -> None:
     record(tmp_path / "a.mcap", tripped=True)
     _, trips, _ = recover(tmp_path)
     with pytest.raises(Refusal, match="far tripped"):
@@ -96,14 +96,14 @@ def test_what_tripped_in_a_run_that_was_killed_bars_the_next(tmp_path: Path) -> 
     trips.begin_run()
 
 
-def test_trips_of_a_run_before_the_last_are_old_news(tmp_path: Path) -> None:
+def test_trips_of_run_before_last_are_old_news(tmp_path: Path) -> None:
     record(tmp_path / "a.mcap", tripped=True)
     record(tmp_path / "b.mcap", ended="complete")
     _, trips, _ = recover(tmp_path)
     assert trips.views() == ()
 
 
-def test_a_run_that_was_gone_on_with_is_offered_no_more(tmp_path: Path) -> None:
+def test_resumed_run_is_not_offered_again(tmp_path: Path) -> None:
     path = record(tmp_path / "a.mcap")
     found, _, _ = recover(tmp_path)
     path.unlink()
@@ -117,7 +117,7 @@ def test_a_run_that_was_gone_on_with_is_offered_no_more(tmp_path: Path) -> None:
     assert [view.run for view in found.views()] == ["b.mcap"]
 
 
-def test_what_another_version_left_is_kept_and_bars_no_run(tmp_path: Path) -> None:
+def test_memory_of_another_version_is_kept_and_ignored(tmp_path: Path) -> None:
     folder = RunFolder.take("bench", command="test")
     (folder.path / "job.json").write_text('{"version": 99}')
     (folder.path / "rows-0.ring").write_bytes(b"rows of another version")

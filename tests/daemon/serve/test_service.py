@@ -15,7 +15,7 @@ from rigd.model.errors import Blocked, Exit
 from rigd.model.limits import Interlock
 from rigd.model.severity import Severity
 from rigd.record import Recording, run_info
-from rigd.remote.protocol import Code, Refusal
+from rigd.remote.protocol import ClientUser, Code, Refusal
 from rigd.remote.protocol.arguments import StartArguments
 from rigd.remote.protocol.limits import LEASE_S
 
@@ -54,19 +54,19 @@ def test_a_run_is_started_shown_recorded_and_audited(tmp_path: Path) -> None:
     assert "text" not in served.audited()[1]["args"]["procedure"]
 
 
-def test_note_that_steers_a_terminal_starts_nothing(tmp_path: Path) -> None:
+def test_control_characters_in_a_note_are_refused(tmp_path: Path) -> None:
     for said in ({"note": "a\x1b[2Jb"}, {"meta": {"specimen": "a\nb"}}):
-        with pytest.raises(ValidationError, match="which is no text"):
+        with pytest.raises(ValidationError, match="control character"):
             StartArguments.model_validate({"procedure": travelling(LONG), **said})
 
 
-def test_who_stands_behind_a_client_of_several_is_written_down(tmp_path: Path) -> None:
+def test_person_behind_a_shared_client_is_recorded(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.command("lease_take", "panel", user="Ada")
         run = served.command("start", "panel", user="Ada", procedure=travelling(LONG))["run"]
-        assert served.status.lease.holder == "panel"
+        assert served.status.lease.holder == ClientUser.of("panel", "Ada")
         served.until(lambda status: status.step == "go")
-        served.service.stop("panel", "abort", "smoke\x1b[2J\n", "Olga")
+        served.stop("panel", "abort", "smoke\x1b[2J\n", "Olga")
         last = served.until_idle().last
         assert last is not None
         assert last.reason == "abort by Olga (panel): smoke [2J "
@@ -77,18 +77,18 @@ def test_who_stands_behind_a_client_of_several_is_written_down(tmp_path: Path) -
     assert began["operator"] == "Ada (panel)"
 
 
-def test_two_starts_are_one_run(tmp_path: Path) -> None:
+def test_second_start_is_refused_during_a_run(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start(LONG)
         with pytest.raises(Refusal, match="sweep is running") as refused:
             served.start(SWEEP)
         assert refused.value.code is Code.CONFLICT
-        served.service.stop("eve", "abort", "")
+        served.stop("eve", "abort")
         served.until_idle()
     assert len(list(served.runs.glob("*.mcap"))) == 1
 
 
-def test_the_rig_of_a_daemon_is_nobody_elses(tmp_path: Path) -> None:
+def test_rig_of_a_daemon_is_in_use(tmp_path: Path) -> None:
     with (
         ServedAxis(tmp_path) as served,
         pytest.raises(Blocked, match=r"rigd serve.*\n  .*rigd remote start PROCEDURE --rig file-"),
@@ -99,13 +99,13 @@ def test_the_rig_of_a_daemon_is_nobody_elses(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("verb", "ending"), [("stop", "stopped"), ("abort", "aborted"), ("estop", "estopped")]
 )
-def test_whoever_may_connect_may_stop(tmp_path: Path, verb: str, ending: str) -> None:
+def test_every_client_may_stop(tmp_path: Path, verb: str, ending: str) -> None:
     with ServedAxis(tmp_path) as served:
-        assert served.service.stop("eve", verb, "").acted is False
+        assert served.stop("eve", verb) is False
         served.start(LONG)
         served.until(lambda status: status.step == "go")
-        assert served.service.stop("eve", verb, "smoke").acted is True
-        assert served.service.stop("eve", verb, "smoke").acted is False
+        assert served.stop("eve", verb, "smoke") is True
+        assert served.stop("eve", verb, "smoke") is False
         last = served.until_idle().last
         assert last is not None
         assert (last.ending, last.reason, last.exit_code) == (ending, f"{verb} by eve: smoke", 5)
@@ -121,13 +121,13 @@ def test_an_estop_waits_for_no_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         served.start(LONG)
         with monkeypatch.context() as broken:
             broken.setattr(served.audit, "write", hang)
-            assert served.service.stop("eve", "stop", "").acted
-            assert served.service.stop("eve", "estop", "").acted
+            assert served.stop("eve", "stop")
+            assert served.stop("eve", "estop")
         served.until_idle()
     assert [line["what"] for line in served.audited()[2:]] == ["stop", "estop"]
 
 
-def test_who_has_vanished_before_the_run_begins_begins_none(
+def test_client_vanished_before_run_starts_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nobody would stop it: that its client has vanished was told when nothing ran."""
@@ -143,7 +143,7 @@ def test_a_stop_while_devices_are_opened_is_heeded(tmp_path: Path) -> None:
     with ServedAxis(tmp_path, opens_in_s=20.0) as served:
         served.start()
         served.until(lambda status: served.axis.exists())
-        served.service.stop("eve", "stop", "")
+        served.stop("eve", "stop")
         last = served.until_idle().last
         assert last is not None
         assert last.ending == "stopped"
@@ -164,7 +164,7 @@ def test_a_run_is_paused_and_resumed(tmp_path: Path) -> None:
         assert last.ending == "complete"
 
 
-def test_prompts_are_answered_by_who_has_the_lease(tmp_path: Path) -> None:
+def test_only_lease_holder_answers_prompts(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         run = served.start(ASKING)
         first = served.until(lambda status: status.prompt).prompt
@@ -174,7 +174,7 @@ def test_prompts_are_answered_by_who_has_the_lease(tmp_path: Path) -> None:
         )  # fmt: skip
         with pytest.raises(Refusal, match=r"7 kg is outside 0 kg \.\. 5 kg"):
             served.command("answer", prompt_id=first.id, value=7.0)
-        with pytest.raises(Refusal, match="wants a number in kg"):
+        with pytest.raises(Refusal, match="expects a number in kg"):
             served.command("answer", prompt_id=first.id, value="heavy")
         served.command("answer", prompt_id=first.id, value=1.1)
         second = served.until(lambda status: status.prompt and status.trials_done == 1).prompt
@@ -193,14 +193,14 @@ def test_a_stop_takes_the_prompt_away(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start(ASKING)
         served.until(lambda status: status.prompt)
-        served.service.stop("eve", "stop", "")
+        served.stop("eve", "stop")
         last = served.until_idle().last
         assert last is not None
         assert last.ending == "stopped"
         assert served.status.prompt is None
 
 
-def test_the_procedures_own_answers_are_taken_where_that_is_asked_for(tmp_path: Path) -> None:
+def test_answers_of_procedure_are_used_on_request(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start(ASKING, answers="procedure")
         last = served.until_idle().last
@@ -214,7 +214,7 @@ def vanish(served: ServedAxis) -> None:
     served.service.tend()
 
 
-def test_a_run_whose_client_vanishes_is_stopped_by_default(tmp_path: Path) -> None:
+def test_run_whose_client_vanishes_is_stopped_by_default(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start(LONG)
         served.until(lambda status: status.step == "go")
@@ -228,12 +228,13 @@ def test_a_run_whose_client_vanishes_is_stopped_by_default(tmp_path: Path) -> No
     ]
 
 
-def test_a_run_whose_page_is_closed_names_the_person(tmp_path: Path) -> None:
+def test_run_whose_page_is_closed_names_person(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.command("lease_take", "panel", user="Ada")
         served.command("start", "panel", user="Ada", procedure=travelling(LONG))
         served.until(lambda status: status.step == "go")
-        served.command("lease_renew", "panel", user="Bob")  # to whom Ada handed it over
+        served.lease.request(ClientUser.of("panel", "Bob"))
+        served.command("lease_give", "panel", user="Ada", to="panel")
         vanish(served)
         last = served.until_idle().last
         assert last is not None
@@ -246,7 +247,7 @@ def test_a_run_whose_page_is_closed_names_the_person(tmp_path: Path) -> None:
     ]
 
 
-def test_a_run_may_end_its_trial_when_its_client_vanishes(tmp_path: Path) -> None:
+def test_run_may_end_trial_if_its_client_vanishes(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start(set={"time": "2 s"}, on_client_loss="finish_trial")
         served.until(lambda status: status.step == "go")
@@ -258,7 +259,7 @@ def test_a_run_may_end_its_trial_when_its_client_vanishes(tmp_path: Path) -> Non
         assert line["trials_done"] == 1
 
 
-def test_a_run_may_go_on_when_its_client_vanishes(tmp_path: Path) -> None:
+def test_run_may_continue_when_its_client_vanishes(tmp_path: Path) -> None:
     text = f"{SWEEP}on_client_loss: continue\n"
     with ServedAxis(tmp_path) as served:
         served.start(text)
@@ -270,7 +271,7 @@ def test_a_run_may_go_on_when_its_client_vanishes(tmp_path: Path) -> None:
         assert last.ending == "complete"
 
 
-def test_nobody_answers_a_prompt_of_a_trial_that_is_only_to_end(tmp_path: Path) -> None:
+def test_ending_trial_gets_no_answer_to_its_prompt(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start(ASKING, on_client_loss="finish_trial")
         served.until(lambda status: status.prompt)
@@ -280,7 +281,7 @@ def test_nobody_answers_a_prompt_of_a_trial_that_is_only_to_end(tmp_path: Path) 
         assert last.ending == "stopped"
 
 
-def test_who_comes_back_may_let_the_run_go_on(tmp_path: Path) -> None:
+def test_returning_client_may_let_run_continue(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start(set={"time": "1 s"}, on_client_loss="finish_trial")
         served.until(lambda status: status.step == "go")
@@ -292,7 +293,7 @@ def test_who_comes_back_may_let_the_run_go_on(tmp_path: Path) -> None:
         assert last.ending == "complete"
 
 
-def test_whoever_has_taken_over_steers_the_run_of_one_who_has_vanished(tmp_path: Path) -> None:
+def test_new_lease_holder_steers_run_of_vanished_client(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start()
         served.until(lambda status: status.step == "go")
@@ -303,7 +304,7 @@ def test_whoever_has_taken_over_steers_the_run_of_one_who_has_vanished(tmp_path:
         assert last.ending == "complete"
 
 
-def test_who_gives_the_lease_back_has_not_vanished(tmp_path: Path) -> None:
+def test_client_that_releases_lease_is_not_lost(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start()
         served.command("lease_release")
@@ -316,7 +317,7 @@ def test_who_gives_the_lease_back_has_not_vanished(tmp_path: Path) -> None:
 FAR = Interlock("far", "axis.position", high=0.005, action=Severity.ABORT, message="too far out")
 
 
-def test_after_a_trip_nothing_starts_before_it_is_acknowledged(tmp_path: Path) -> None:
+def test_after_trip_nothing_starts_before_it_is_acknowledged(tmp_path: Path) -> None:
     with ServedAxis(tmp_path, interlocks=(FAR,)) as served:
         served.start(LONG)
         status = served.until_idle()
@@ -346,18 +347,18 @@ def test_after_a_trip_nothing_starts_before_it_is_acknowledged(tmp_path: Path) -
         assert status.trips == ()
 
 
-def test_a_blocked_run_says_why(tmp_path: Path) -> None:
+def test_blocked_run_reports_the_reason(tmp_path: Path) -> None:
     near = Interlock("near", "axis.position", low=0.05, action=Severity.ABORT)
     with ServedAxis(tmp_path, interlocks=(near,)) as served:
         served.start()
         last = served.until_idle().last
         assert last is not None
         assert (last.ending, last.exit_code, last.recorded) == ("blocked", 3, False)
-        assert "near stands violated at rest" in last.reason
+        assert "near is violated at rest" in last.reason
         assert not list(served.runs.glob("*.mcap"))
 
 
-def test_what_is_wrong_in_a_procedure_is_told_with_its_place(tmp_path: Path) -> None:
+def test_mistake_in_procedure_is_reported_with_its_place(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.command("lease_take")
         misspelt = SWEEP.replace("axis.speed", "axis.speeed")
@@ -370,14 +371,14 @@ def test_what_is_wrong_in_a_procedure_is_told_with_its_place(tmp_path: Path) -> 
         assert served.status.state == "idle"
 
 
-def test_nothing_starts_that_could_not_be_audited(tmp_path: Path) -> None:
+def test_no_run_starts_without_the_audit_log(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.command("lease_take")
         served.audit.path = tmp_path / "no such folder" / "audit.jsonl"
         with pytest.raises(Refusal, match="nobody could tell who did this"):
             served.command("start", procedure=travelling(SWEEP))
         assert served.status.state == "idle"
-        assert served.service.stop("eve", "stop", "").acted is False
+        assert served.stop("eve", "stop") is False
         for _ in range(2):
             served.service.tend()
         told = [notice.text for notice in served.status.notices if notice.level == "error"]
@@ -388,7 +389,7 @@ def test_a_resumed_run_may_go_on_alone(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         run = served.start(set={"time": "0.5 s"}, answers="procedure")
         served.until(lambda status: status.trials_done == 1 and status.step == "go")
-        served.service.stop("eve", "abort", "")
+        served.stop("eve", "abort")
         served.until_idle()
         served.command("resume_run", run=run, on_client_loss="continue")
         served.until(lambda status: status.step == "go")
@@ -401,11 +402,11 @@ def test_a_resumed_run_may_go_on_alone(tmp_path: Path) -> None:
         assert "vanished" not in last.reason
 
 
-def test_a_run_that_was_interrupted_is_offered_and_gone_on_with(tmp_path: Path) -> None:
+def test_interrupted_run_is_offered_and_resumed(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         run = served.start(set={"time": "0.5 s"}, answers="procedure")
         served.until(lambda status: status.trials_done == 1 and status.step == "go")
-        served.service.stop("eve", "abort", "")
+        served.stop("eve", "abort")
         served.until_idle()
         assert served.status.interrupted == ()  # a person wanted its end
         served.command("resume_run", run=run)
@@ -420,7 +421,7 @@ def test_a_run_that_was_interrupted_is_offered_and_gone_on_with(tmp_path: Path) 
     assert sorted(trial.number for trial in info.trials if trial.complete) == [1, 2, 3]
 
 
-def test_a_daemon_that_ends_stops_the_run_and_begins_nothing(tmp_path: Path) -> None:
+def test_daemon_that_ends_stops_run_and_begins_nothing(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         run = served.start(LONG)
         served.until(lambda status: status.step == "go")
@@ -431,7 +432,7 @@ def test_a_daemon_that_ends_stops_the_run_and_begins_nothing(tmp_path: Path) -> 
     assert run_info(Recording.open(served.runs / run)).reason == "stopped by SIGTERM"
 
 
-def test_what_does_not_change_is_described(tmp_path: Path) -> None:
+def test_description_has_the_constant_data(tmp_path: Path) -> None:
     with ServedAxis(tmp_path, interlocks=(FAR,)) as served:
         told = served.ask("describe")
     assert told["rig"] == served.rig.name
@@ -444,7 +445,7 @@ def test_what_does_not_change_is_described(tmp_path: Path) -> None:
     assert not told["simulated"]
 
 
-def test_the_status_can_always_be_told(tmp_path: Path) -> None:
+def test_status_is_always_available(tmp_path: Path) -> None:
     """Whatever stands in it, it is a message that a client can read."""
     with ServedAxis(tmp_path) as served:
         served.notices.note("x" * 100_000, "error")
@@ -463,7 +464,7 @@ def sweep_of(steps: int, trials: int) -> str:
     )
 
 
-def test_a_check_of_too_many_steps_is_refused_at_once(tmp_path: Path) -> None:
+def test_check_of_too_many_steps_is_refused_immediately(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         found = served.ask("check", procedure=travelling(sweep_of(500, 16_000)), set={})
     told = "16000 trials of 500 steps are 8000000 steps, more than 200000"
@@ -471,7 +472,7 @@ def test_a_check_of_too_many_steps_is_refused_at_once(tmp_path: Path) -> None:
     assert found["problems"][0]["line"] == 7
 
 
-def test_a_folder_removed_during_a_run_spoils_no_later_run(tmp_path: Path) -> None:
+def test_folder_removed_during_run_spoils_no_later_run(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.start(set={"time": "2 s"})
         served.until(lambda status: status.step == "go")

@@ -32,7 +32,7 @@ def trip(name: str, action: Severity, *, latch: bool = False, t_ns: int = 1) -> 
         (Severity.ESTOP, True, True),
     ],
 )
-def test_what_ended_a_run_or_is_latched_bars_the_next(
+def test_ending_or_latched_trip_bars_next_run(
     tmp_path: Path, action: Severity, latch: bool, bars: bool
 ) -> None:
     memory = TripMemory(tmp_path / "trips.json")
@@ -48,7 +48,7 @@ def test_what_ended_a_run_or_is_latched_bars_the_next(
     assert memory.views() == ()
 
 
-def test_an_interlock_that_trips_again_must_be_acknowledged_again(tmp_path: Path) -> None:
+def test_interlock_that_trips_again_must_be_acknowledged_again(tmp_path: Path) -> None:
     memory = TripMemory(tmp_path / "trips.json")
     memory.note([trip("far", Severity.STOP, t_ns=1)])
     memory.acknowledge("far", "alice")
@@ -59,12 +59,12 @@ def test_an_interlock_that_trips_again_must_be_acknowledged_again(tmp_path: Path
         memory.begin_run()
 
 
-def test_what_was_never_tripped_cannot_be_acknowledged(tmp_path: Path) -> None:
+def test_untripped_interlock_cannot_be_acknowledged(tmp_path: Path) -> None:
     with pytest.raises(Refusal, match="nothing to acknowledge"):
         TripMemory(tmp_path / "trips.json").acknowledge("far", "alice")
 
 
-def test_what_has_tripped_outlives_the_daemon(tmp_path: Path) -> None:
+def test_trips_survive_a_restart_of_the_daemon(tmp_path: Path) -> None:
     path = tmp_path / "trips.json"
     memory = TripMemory(path)
     memory.note([trip("far", Severity.STOP, t_ns=7), trip("hot", Severity.WARN, t_ns=5)])
@@ -76,7 +76,7 @@ def test_what_has_tripped_outlives_the_daemon(tmp_path: Path) -> None:
     TripMemory(path).begin_run()
 
 
-def test_a_recording_tells_the_same_of_a_trip() -> None:
+def test_trip_read_from_recording_is_the_same() -> None:
     known = trip("far", Severity.ABORT, latch=True, t_ns=9)
     data = {
         "name": "far", "action": "abort", "priority": "medium", "latched": True, "value": 2.0,
@@ -85,7 +85,7 @@ def test_a_recording_tells_the_same_of_a_trip() -> None:
     assert RememberedTrip.recorded(Event(9, "interlock", NO_TRIAL, data)) == known
 
 
-def test_a_file_that_is_none_is_not_taken_for_nothing(tmp_path: Path) -> None:
+def test_invalid_trip_file_is_not_read_as_empty(tmp_path: Path) -> None:
     path = tmp_path / "trips.json"
     path.write_text('{"known_ns": 1, "trips": [{"interlock": "far"}]}')
     with pytest.raises(RecordingError, match="does not say what has tripped"):

@@ -11,7 +11,7 @@ from support.served_axis import SWEEP, ServedAxis, travelling
 from support.served_rig import request
 
 from rigd.config.remote import RemoteSetup
-from rigd.remote.protocol import VERBS, Code, Keys, Kind, Lane, Verb
+from rigd.remote.protocol import VERBS, ClientUser, Code, Keys, Kind, Lane, Verb
 from rigd.remote.server.dispatcher import Dispatcher
 from rigd.remote.server.refused import Refused
 
@@ -63,7 +63,7 @@ def test_wild_arguments_change_nothing(tmp_path: Path) -> None:
         codes = set()
         for kind, verbs in VERBS.items():
             for name, verb in verbs.items():
-                if name.startswith("lease_") or verb.lane is Lane.LONG:
+                if name.startswith("lease_") or verb.rule.lane is Lane.LONG:
                     continue
                 for _ in range(8 if verb.arguments.model_fields else 1):
                     payload = request(name, args=wild(rng, verb))
@@ -74,7 +74,7 @@ def test_wild_arguments_change_nothing(tmp_path: Path) -> None:
                     assert not (answer.ok and kind is Kind.COMMAND), said
         after = served.status
         assert (after.state, after.lease.holder, after.trips, after.last) == (
-            "idle", "eve", before.trips, before.last,
+            "idle", ClientUser.of("eve"), before.trips, before.last,
         )  # fmt: skip
         assert set(served.runs.iterdir()) - set(files) <= {served.audit.path}
     assert {"done", "not_found", "bad_request", "refused", "conflict"} <= codes

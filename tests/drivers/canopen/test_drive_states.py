@@ -35,18 +35,18 @@ def test_states_by_mask(statusword: int, state: DriveState) -> None:
     assert state_of(statusword) is state
 
 
-def test_the_way_to_operation_enabled_takes_transitions_2_3_4() -> None:
+def test_operation_enabled_needs_transitions_2_3_4() -> None:
     enabling = Enabling()
     words = [enabling.next(word) for word in (0x0250, 0x0231, 0x0233, 0x1237)]
     assert words == [0x06, 0x07, 0x0F, 0x0F]
 
 
-def test_nothing_is_asked_of_a_drive_that_is_not_ready_or_reacts_to_a_fault() -> None:
+def test_unready_or_faulting_drive_gets_no_command() -> None:
     enabling = Enabling()
     assert [enabling.next(word) for word in (0x0000, 0x001F, 0x0017)] == [0, 0, 0]
 
 
-def test_a_fault_is_reset_by_an_edge_that_rises_again_until_it_is_gone() -> None:
+def test_fault_is_reset_by_repeated_rising_edges() -> None:
     enabling = Enabling()
     words = [enabling.next(0x0218) for _ in range(4 * Enabling.HOLD)]
     rises = sum(new == 0x80 and old == 0x00 for old, new in itertools.pairwise(words))

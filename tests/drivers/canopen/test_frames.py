@@ -82,7 +82,7 @@ def test_an_emergency_of_a_lost_heartbeat() -> None:
     )
 
 
-def test_bytes_of_the_manufacturer_are_shown_as_they_are() -> None:
+def test_bytes_of_manufacturer_are_shown_as_they_are() -> None:
     found = emcy.decode(bytes.fromhex("10 23 03 DE AD 00 00 01"))
     assert str(found).endswith("(overcurrent at the output) "
                                "(error register: generic, current) [de ad 00 00 01]")  # fmt: skip

@@ -13,7 +13,7 @@ def frame(text: str) -> bytes:
     return bytes.fromhex(text)
 
 
-def test_an_expedited_upload_reads_the_device_type_of_a_servo() -> None:
+def test_expedited_upload_reads_device_type_of_servo() -> None:
     transfer = Upload(0x1000, 0)
     assert transfer.request == frame("40 00 10 00 00 00 00 00")
     assert transfer.feed(frame("43 00 10 00 92 01 02 00")) is None
@@ -37,7 +37,7 @@ def test_an_expedited_upload_heeds_the_size(reply: str, data: str) -> None:
     assert transfer.data == frame(data)
 
 
-def test_a_segmented_upload_alternates_the_toggle_and_stops_at_the_last_segment() -> None:
+def test_segmented_upload_toggles_and_stops_at_last_segment() -> None:
     transfer = Upload(0x1008, 0)
     assert transfer.request == frame("40 08 10 00 00 00 00 00")
     assert transfer.feed(frame("41 08 10 00 1A 00 00 00")) == frame("60 00 00 00 00 00 00 00")
@@ -57,7 +57,7 @@ def test_a_segmented_upload_alternates_the_toggle_and_stops_at_the_last_segment(
         ("64 00 7F 00", "23 16 10 01 64 00 7F 00"),
     ],
 )
-def test_an_expedited_download_tells_its_size(data: str, request_: str) -> None:
+def test_expedited_download_contains_its_size(data: str, request_: str) -> None:
     expected = frame(request_)
     transfer = Download(int.from_bytes(expected[1:3], "little"), expected[3], frame(data))
     assert transfer.request == expected
@@ -76,7 +76,7 @@ def test_a_segmented_download() -> None:
     assert transfer.done
 
 
-def test_an_abort_is_told_in_words() -> None:
+def test_abort_code_is_explained() -> None:
     with pytest.raises(Aborted, match="0x06090030, the value is out of range") as caught:
         Download(0x6060, 0, b"\x0a").feed(frame("80 60 60 00 30 00 09 06"))
     assert caught.value.code == 0x06090030
@@ -95,7 +95,7 @@ def test_an_upload_takes_no_other_reply(reply: str, why: str) -> None:
         Upload(0x1000, 0).feed(frame(reply))
 
 
-def test_a_wrong_toggle_is_refused_and_aborted_by_its_code() -> None:
+def test_wrong_toggle_is_refused_and_aborted_with_code() -> None:
     transfer = Upload(0x1008, 0)
     transfer.feed(frame("41 08 10 00 0E 00 00 00"))
     with pytest.raises(Garbled, match="toggle"):
@@ -103,7 +103,7 @@ def test_a_wrong_toggle_is_refused_and_aborted_by_its_code() -> None:
     assert transfer.abort(0x05030000) == frame("80 08 10 00 00 00 03 05")
 
 
-def test_a_value_of_another_length_than_announced_is_refused() -> None:
+def test_value_of_another_length_than_announced_is_refused() -> None:
     transfer = Upload(0x1008, 0)
     transfer.feed(frame("41 08 10 00 08 00 00 00"))
     with pytest.raises(Garbled, match="7 bytes came, 8 were announced"):
@@ -119,7 +119,7 @@ def test_an_endless_value_is_cut_off() -> None:
 
 
 @given(st.lists(st.binary(max_size=9), max_size=20), st.sampled_from([1, 4, 5, 40]))
-def test_whatever_comes_a_transfer_ends_or_is_refused(replies: list[bytes], size: int) -> None:
+def test_transfer_ends_or_fails_with_any_input(replies: list[bytes], size: int) -> None:
     for transfer in (Upload(0x1008, 0, limit=30), Download(0x1008, 0, bytes(size))):
         for reply in replies:
             try:

@@ -6,17 +6,28 @@ import time
 from collections.abc import Callable
 
 import pytest
-from support.can_bench import Clock, belt, encoder, wheel
+from support.can_bench import (
+    Clock,
+    belt,
+    belt_config,
+    encoder,
+    encoder_config,
+    wheel,
+    wheel_config,
+)
 from support.can_script import ScriptedBus, ScriptedServo, number, servo
 from support.can_script import encoder as scripted_encoder
 
 from rigd.sdk import DeviceError, LinkError, ProtocolError
-from rigd_drivers.can_bus import CanBus
+from rigd_drivers.can_bus import CanBus, CanBusConfig
+from rigd_drivers.cia402_servo.current import CurrentServo
+from rigd_drivers.cia402_servo.speed import SpeedServo
+from rigd_drivers.cia406_encoder import Cia406Encoder
 
 Connect = Callable[..., tuple[CanBus, ScriptedBus]]
 
 
-def test_a_drive_is_left_operational_switched_off_and_mapped(connect: Connect) -> None:
+def test_drive_is_left_operational_switched_off_and_mapped(connect: Connect) -> None:
     drive = servo()
     bus, port = connect(drive)
     driver = wheel(bus)
@@ -43,7 +54,7 @@ def test_a_drive_is_left_operational_switched_off_and_mapped(connect: Connect) -
     assert set(words) == {b"\x00\x00"}
 
 
-def test_the_mapping_is_written_while_the_pdo_is_off(connect: Connect) -> None:
+def test_mapping_is_written_while_pdo_is_off(connect: Connect) -> None:
     bus, port = connect(servo())
     wheel(bus).open()
     writes = [data for to, data in port.sent if to == 0x601 and data[0] >> 5 == 1]
@@ -72,7 +83,7 @@ def test_the_mapping_is_written_while_the_pdo_is_off(connect: Connect) -> None:
         ((0x6007, 0), 0x06090030, r"6007:00 .*out of range", ""),
     ],
 )
-def test_a_refused_set_up_names_object_abort_and_remedy(
+def test_refused_set_up_names_object_abort_and_remedy(
     connect: Connect, address: tuple[int, int], code: int, message: str, hint: str
 ) -> None:
     drive = servo()
@@ -86,7 +97,9 @@ def test_a_refused_set_up_names_object_abort_and_remedy(
 
 
 @pytest.mark.parametrize("address", [(0x1016, 1), (0x6007, 0), (0x1A00, 2), (0x1017, 0)])
-def test_what_does_not_read_back_is_refused(connect: Connect, address: tuple[int, int]) -> None:
+def test_setting_that_does_not_read_back_is_refused(
+    connect: Connect, address: tuple[int, int]
+) -> None:
     drive = servo()
     drive.stuck.add(address)
     bus, _ = connect(drive)
@@ -112,7 +125,7 @@ def changed(address: tuple[int, int], value: bytes) -> ScriptedServo:
         (changed((0x6076, 0), number(100, 4)), {}, "at most 0.111 A"),
     ],
 )
-def test_another_device_than_the_rig_file_says_is_refused(
+def test_device_other_than_in_rig_file_is_refused(
     connect: Connect, drive: ScriptedServo, options: dict[str, object], message: str
 ) -> None:
     bus, _ = connect(drive)
@@ -120,7 +133,7 @@ def test_another_device_than_the_rig_file_says_is_refused(
         wheel(bus, **options).open()
 
 
-def test_a_torque_constant_that_the_drive_does_not_tell_must_be_given(connect: Connect) -> None:
+def test_torque_constant_absent_in_drive_must_be_given(connect: Connect) -> None:
     drive = servo()
     del drive.objects[0x3001, 5]
     bus, _ = connect(drive)
@@ -131,7 +144,7 @@ def test_a_torque_constant_that_the_drive_does_not_tell_must_be_given(connect: C
     wheel(bus, torque_constant="29.5 mN m/A").open()
 
 
-def test_a_drive_that_would_cut_the_current_is_refused(connect: Connect) -> None:
+def test_drive_that_would_cut_current_is_refused(connect: Connect) -> None:
     drive = servo()
     drive.objects[0x3001, 2] = number(1999, 4)
     bus, _ = connect(drive)
@@ -153,7 +166,7 @@ def test_another_unit_of_velocity_is_refused_with_both(connect: Connect) -> None
     belt(bus, velocity_unit="1 rpm").open()
 
 
-def test_a_node_that_does_not_answer_is_named_with_those_that_do(connect: Connect) -> None:
+def test_silent_node_is_named_with_those_that_answer(connect: Connect) -> None:
     bus, port = connect(servo(3), scripted_encoder())
     port.say(0x702, "05")
     with pytest.raises(LinkError, match=r"node 1 .*does not .*found: 2, 3, 11") as caught:
@@ -161,13 +174,13 @@ def test_a_node_that_does_not_answer_is_named_with_those_that_do(connect: Connec
     assert "1000 kbit/s" in (caught.value.hint or "")
 
 
-def test_nobody_is_there_at_all(connect: Connect) -> None:
+def test_empty_bus_is_an_error(connect: Connect) -> None:
     bus, _ = connect()
     with pytest.raises(LinkError, match=r"node 1 .*does not .*no node was found"):
         wheel(bus).open()
 
 
-def test_errors_instead_of_answers_tell_of_the_bitrate(connect: Connect) -> None:
+def test_error_frames_only_suggest_a_wrong_bitrate(connect: Connect) -> None:
     drive = servo()
     drive.silent = True
     bus, port = connect(drive)
@@ -178,7 +191,7 @@ def test_errors_instead_of_answers_tell_of_the_bitrate(connect: Connect) -> None
     assert "bitrate" in (caught.value.hint or "")
 
 
-def test_two_nodes_with_one_id_are_told_by_their_answers(connect: Connect) -> None:
+def test_two_nodes_with_same_id_are_detected(connect: Connect) -> None:
     drive = servo()
     drive.replies = 2
     bus, _ = connect(drive)
@@ -186,12 +199,12 @@ def test_two_nodes_with_one_id_are_told_by_their_answers(connect: Connect) -> No
         wheel(bus).open()
 
 
-def test_two_devices_of_the_rig_file_cannot_have_one_id(connect: Connect) -> None:
+def test_rig_file_with_two_equal_ids_is_refused(connect: Connect) -> None:
     first = servo()
     bus, _ = connect(first)
     wheel(bus).open()
     second = belt(bus, node=1)
-    with pytest.raises(ProtocolError, match="two devices of the rig file have node id 1"):
+    with pytest.raises(ProtocolError, match=r"two devices .*node id 1"):
         second.open()
     second.close()
     assert first.state == 0x05  # still operational: it is not the second one's
@@ -199,7 +212,7 @@ def test_two_devices_of_the_rig_file_cannot_have_one_id(connect: Connect) -> Non
         wheel(bus, node=127).open()
 
 
-def test_a_drive_that_is_opened_again_is_no_second_one(connect: Connect) -> None:
+def test_drive_can_be_opened_again_after_failure(connect: Connect) -> None:
     drive = servo()
     drive.refuse[0x1600, 0] = 0x06010002
     bus, _ = connect(drive)
@@ -229,24 +242,22 @@ def test_a_fault_that_can_be_reset_is_reset(connect: Connect) -> None:
     assert drive.objects[0x6041, 0] == number(0x0250, 2)
 
 
-def test_a_fault_that_stays_is_told_with_its_cause(connect: Connect) -> None:
+def test_persistent_fault_is_reported_with_its_cause(connect: Connect) -> None:
     drive = changed((0x6041, 0), number(0x0218, 2))
     drive.stuck.add((0x6040, 0))
     drive.objects[0x1003, 1] = number(0x3220, 4)
     bus, _ = connect(drive)
-    with pytest.raises(DeviceError, match=r"stays in fault; last error: 0x3220 \(supply under"):
+    with pytest.raises(DeviceError, match=r"stays in fault; .*0x3220"):
         wheel(bus).open()
 
 
-def test_a_watchdog_that_does_not_act_is_no_watchdog(connect: Connect) -> None:
+def test_watchdog_that_does_not_act_is_no_watchdog(connect: Connect) -> None:
     drive = servo()
     bus, port = connect(drive)
     driver = wheel(bus)
     driver.open()
     first = len(port.sent)
-    with pytest.raises(
-        DeviceError, match=r"did not switch itself off within 0.200 s .* measured: 0.2"
-    ):
+    with pytest.raises(DeviceError, match=r"0\.200 s .* measured: 0\.2"):
         driver.prove_watchdog()
     assert drive.objects[0x6041, 0] == number(0x0250, 2)  # switched off all the same
     sent = [identifier for identifier, _ in port.sent[first:]]
@@ -276,7 +287,7 @@ class Tripping(ScriptedServo):
 
 
 @pytest.mark.parametrize(("stalls", "proven"), [([], True), ([1.0], True), ([1.0, 1.0], False)])
-def test_a_stall_of_this_host_is_no_proof_of_anything(
+def test_stall_of_this_host_proves_no_watchdog(
     connect: Connect, clock: Clock, stalls: list[float], proven: bool
 ) -> None:
     drive = Tripping(clock, stalls)
@@ -299,7 +310,7 @@ def test_a_drive_without_power_cannot_be_proven(connect: Connect) -> None:
     driver.open()
     drive.stuck.add((0x6040, 0))
     first = len(port.sent)
-    with pytest.raises(DeviceError, match="stays in switch on disabled, expected ready") as caught:
+    with pytest.raises(DeviceError, match="switch on disabled, expected ready") as caught:
         driver.prove_watchdog()
     assert port.sent[first:].count((0x201, bytes(4))) == 2  # made safe all the same
     assert "supply" in (caught.value.hint or "")
@@ -314,7 +325,7 @@ def test_a_watchdog_shorter_than_three_heartbeats_blocks_arming(connect: Connect
     assert wheel(bus, watchdog="60 ms").preflight() == ()
 
 
-def test_an_rpdo_timer_is_set_where_there_is_one(connect: Connect) -> None:
+def test_rpdo_timer_is_set_if_it_exists(connect: Connect) -> None:
     drive = servo()
     drive.objects[0x1400, 5] = number(0, 2)
     bus, _ = connect(drive)
@@ -322,18 +333,25 @@ def test_an_rpdo_timer_is_set_where_there_is_one(connect: Connect) -> None:
     assert drive.objects[0x1400, 5] == number(100, 2)
 
 
-def test_drivers_tell_what_they_measure_without_a_bus() -> None:
-    servo_, axis, angle = wheel(None), belt(None), encoder(None)
+def test_drivers_declare_channels_and_setpoints() -> None:
+    servo_ = CurrentServo.declare(wheel_config())
+    axis = SpeedServo.declare(belt_config())
+    unclutched = SpeedServo.declare(belt_config(clutch=False))
+    angle = Cia406Encoder.declare(encoder_config())
     assert [(c.name, c.unit) for c in servo_.channels] == [
         ("current", "A"), ("current_raw", "1"), ("angle", "rad"), ("counts", "count"),
     ]  # fmt: skip
     assert [(c.name, c.low, c.high) for c in servo_.setpoints] == [("current", -2.0, 2.0)]
     assert [c.name for c in axis.channels] == ["position", "speed", "force"]
     assert [c.name for c in axis.setpoints] == ["speed", "engaged"]
-    assert [c.name for c in belt(None, clutch=False).setpoints] == ["speed"]
+    assert [c.name for c in unclutched.setpoints] == ["speed"]
     assert [c.name for c in angle.channels] == ["angle", "counts"]
-    for driver in (servo_, axis, angle):
-        driver.make_safe()  # nothing to do, and nothing to fail
+
+
+def test_unopened_drivers_are_made_safe_silently() -> None:
+    bus = CanBus(CanBusConfig(interface="hub"))
+    for driver in (wheel(bus), belt(bus), encoder(bus)):
+        driver.make_safe()
         driver.close()
 
 
@@ -347,7 +365,7 @@ def test_drivers_tell_what_they_measure_without_a_bus() -> None:
         ({(0x1000, 0): number(0x20192, 4)}, {}, "profile 402 .*expected 406"),
     ],
 )
-def test_another_encoder_than_the_rig_file_says_is_refused(
+def test_encoder_other_than_in_rig_file_is_refused(
     connect: Connect,
     objects: dict[tuple[int, int], bytes],
     options: dict[str, object],
@@ -360,8 +378,8 @@ def test_another_encoder_than_the_rig_file_says_is_refused(
         encoder(bus, **options).open()
 
 
-def test_options_of_the_other_kind_of_encoder_are_refused() -> None:
+def test_options_of_other_kind_of_encoder_are_refused() -> None:
     with pytest.raises(ValueError, match="'gear_ratio' belongs to 'kind: rotary'"):
-        encoder(None, kind="linear", distance_per_count="30 um/count", gear_ratio=2)
+        encoder_config(kind="linear", distance_per_count="30 um/count", gear_ratio=2)
     with pytest.raises(ValueError, match="needs 'distance_per_count'"):
-        encoder(None, kind="linear")
+        encoder_config(kind="linear")

@@ -54,7 +54,7 @@ def test_objects_are_named_as_the_file_names_them(small: Sheet) -> None:
     assert servo.called(0x2345) == "0x2345"
 
 
-def test_limits_of_signed_types_may_be_written_as_bits(small: Sheet) -> None:
+def test_limits_of_signed_types_may_be_bit_patterns(small: Sheet) -> None:
     assert small.unwritable(objects.TARGET_TORQUE, -1000) is None
     assert small.unwritable(objects.TARGET_TORQUE, 1000) is None
     problem = small.unwritable(objects.TARGET_TORQUE, -1001)
@@ -63,7 +63,7 @@ def test_limits_of_signed_types_may_be_written_as_bits(small: Sheet) -> None:
     assert problem == "small.eds:15: 0x6071 Target torque is at most 1000, not 1001"
 
 
-def test_a_missing_object_is_named_by_what_it_is_for(small: Sheet) -> None:
+def test_missing_object_is_named_by_its_purpose(small: Sheet) -> None:
     problem = small.unreadable(objects.SUPPORTED_MODES)
     assert problem == "small.eds: there is no object 0x6502 (supported drive modes)"
 
@@ -73,12 +73,12 @@ def test_another_size_of_a_value_is_named(small: Sheet) -> None:
     assert problem == "small.eds:11: 0x6071 Target torque has 2 bytes, this driver expects 4"
 
 
-def test_what_has_no_parts_has_no_sub_index(small: Sheet) -> None:
+def test_object_without_parts_has_no_sub_index(small: Sheet) -> None:
     problem = small.unreadable(Entry(0x6071, 1, "h", "part"))
     assert problem == "small.eds:9: there is no object 0x6071:01 (part) in 0x6071 Target torque"
 
 
-def test_limits_of_what_is_put_together_of_fields_say_nothing(tmp_path: Path) -> None:
+def test_limits_of_composed_fields_are_ignored(tmp_path: Path) -> None:
     limits = ("1016sub1/HighLimit", "1800sub1/HighLimit", "1A00sub1/HighLimit")
     path = write_eds(tmp_path / "x.eds", dict.fromkeys(limits, "65535"))  # as Elmo's 1016h
     sheet = read_sheet(path)
@@ -86,7 +86,7 @@ def test_limits_of_what_is_put_together_of_fields_say_nothing(tmp_path: Path) ->
     assert not list(sheet.unmappable(Pdo(1, True, 0x181, SYNCHRONOUS, (objects.STATUSWORD,))))
 
 
-def test_what_is_write_only_cannot_be_read(tmp_path: Path) -> None:
+def test_write_only_object_cannot_be_read(tmp_path: Path) -> None:
     path = write_eds(tmp_path / "x.eds", {"6041/AccessType": "wo"})
     line = line_of(path, "6041", "AccessType")
     problem = read_sheet(path).unreadable(objects.STATUSWORD)
@@ -123,7 +123,7 @@ def test_an_array_has_the_parts_that_are_described(tmp_path: Path) -> None:
         ({"1800sub2/HighLimit": "0"}, "1800sub2/HighLimit: 0x1800:02 TPDO communication"),
     ],
 )
-def test_what_cannot_be_mapped_is_said(
+def test_object_that_cannot_be_mapped_is_reported(
     tmp_path: Path, changes: dict[str, str | None], problem: str
 ) -> None:
     path = write_eds(tmp_path / "x.eds", changes)
@@ -206,7 +206,7 @@ def test_a_wrong_file_is_refused_with_its_line(
     assert str(caught.value).startswith(f"{path}:{line}:")
 
 
-def test_what_the_library_stumbles_over_is_refused(tmp_path: Path) -> None:
+def test_file_that_breaks_the_library_is_refused(tmp_path: Path) -> None:
     """Names of the parts of an object that has none."""
     path = written(tmp_path / "x.eds", SMALL + "[6071Name]\nNrOfEntries=2\n1=One\n2=Two\n")
     with pytest.raises(ConfigError, match=r"x\.eds: cannot be understood: "):
@@ -223,7 +223,7 @@ def test_all_problems_are_named_at_once(tmp_path: Path) -> None:
     ]
 
 
-def test_what_is_no_text_or_too_large_is_refused(tmp_path: Path) -> None:
+def test_binary_or_too_large_file_is_refused(tmp_path: Path) -> None:
     binary = tmp_path / "x.eds"
     for wrong in (b"\0\0", b"ProductName=\x1b]0;title\x07"):
         binary.write_bytes(b"[DeviceInfo]\n" + wrong)
@@ -238,14 +238,14 @@ def test_what_is_no_text_or_too_large_is_refused(tmp_path: Path) -> None:
         read_sheet(tmp_path)
 
 
-def test_a_file_that_changed_is_read_anew(tmp_path: Path) -> None:
+def test_changed_file_is_read_again(tmp_path: Path) -> None:
     path = written(tmp_path / "x.eds", SMALL)
     assert read_sheet(path).find(0x6072) is None
     path.write_text(SMALL.replace("6071", "6072"), "utf-8")
     assert read_sheet(path).find(0x6072) is not None
 
 
-def test_a_dcf_tells_node_bit_rate_and_values(tmp_path: Path) -> None:
+def test_dcf_has_node_bit_rate_and_values(tmp_path: Path) -> None:
     text = SMALL + "ParameterValue=0xFFFF\n[DeviceComissioning]\nNodeID=0x05\nBaudrate=500\n"
     path = written(tmp_path / "x.dcf", text)
     sheet = read_sheet(path)
@@ -254,7 +254,7 @@ def test_a_dcf_tells_node_bit_rate_and_values(tmp_path: Path) -> None:
     assert facts["values"].startswith("1 as configured")
 
 
-def test_objects_that_a_maker_lists_and_forgets_are_remarked(tmp_path: Path) -> None:
+def test_objects_that_maker_lists_and_forgets_are_remarked(tmp_path: Path) -> None:
     path = written(tmp_path / "x.eds", SMALL + "[OptionalObjects]\nSupportedObjects=1\n1=0x6502\n")
     remark = "line 18: [OptionalObjects] lists 0x6502, and there is no section [6502]"
     assert CanBus.read_sheet(path).remarks == (remark,)

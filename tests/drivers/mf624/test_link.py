@@ -64,7 +64,7 @@ def opened(io: Recorder, **options: object) -> BenchMf624:
     return link
 
 
-def test_opening_looks_brings_to_rest_and_only_then_drives(io: Recorder) -> None:
+def test_opening_checks_and_rests_outputs_before_driving(io: Recorder) -> None:
     link = BenchMf624(io, high_at_rest=[1, 4])
     link.open()
     assert io.taken() == [
@@ -79,7 +79,7 @@ def test_opening_looks_brings_to_rest_and_only_then_drives(io: Recorder) -> None
     assert link.alone == [True]
 
 
-def test_a_scan_is_started_once_and_read_in_order(io: Recorder) -> None:
+def test_scan_is_started_once_and_read_in_order(io: Recorder) -> None:
     link = opened(io)
     link.use_inputs(analog=(5, 0), encoders=(2,))
     link.use_inputs(analog=(3,), encoders=(0,))
@@ -146,7 +146,7 @@ def test_the_one_shot_gets_one_edge_a_cycle(io: Recorder) -> None:
     assert io.taken() == [("w16", *DOUT, 0)], "only a cycle retriggers it"
 
 
-def test_closing_leaves_the_card_at_rest_and_twice_is_silent(io: Recorder) -> None:
+def test_closing_rests_card_and_repeats_silently(io: Recorder) -> None:
     link = opened(io, high_at_rest=[0])
     link.take_outputs(analog=(0,), lines=(0,))
     link.set_line(0, high=False)
@@ -157,7 +157,7 @@ def test_closing_leaves_the_card_at_rest_and_twice_is_silent(io: Recorder) -> No
     assert (io.taken(), io.closed) == ([], 1)
 
 
-def test_a_rescue_grounds_the_outputs_over_a_connection_of_its_own(io: Recorder) -> None:
+def test_rescue_grounds_outputs_over_connection_of_its_own(io: Recorder) -> None:
     link = BenchMf624(io, high_at_rest=[2])
     link.rescue()
     assert io.taken() == [
@@ -170,16 +170,16 @@ def test_a_rescue_grounds_the_outputs_over_a_connection_of_its_own(io: Recorder)
     assert (link.alone, io.closed) == ([False], 1)
 
 
-def test_a_conversion_that_never_ends_is_not_waited_for(io: Recorder) -> None:
+def test_conversion_that_never_ends_is_not_waited_for(io: Recorder) -> None:
     link = opened(io)
     link.use_inputs(analog=(0,))
     io.answers[GPIOC] = lambda: 0x024006C0 | 1 << 17
-    with pytest.raises(LinkError, match="converter has not finished 1 inputs within 100 reads"):
+    with pytest.raises(LinkError, match=r"converter .* 1 inputs .*100 reads"):
         link.begin(0)
     assert ("r16", *ADDATA) not in io.taken()
 
 
-def test_a_card_that_is_gone_is_seen_at_opening_in_a_cycle_and_in_a_rescue(io: Recorder) -> None:
+def test_lost_card_is_detected_at_every_stage(io: Recorder) -> None:
     link = opened(io)
     io.answers[GPIOC] = lambda: 0xFFFFFFFF
     with pytest.raises(LinkError, match="is gone"):
@@ -192,7 +192,7 @@ def test_a_card_that_is_gone_is_seen_at_opening_in_a_cycle_and_in_a_rescue(io: R
     assert io.closed == 2
 
 
-def test_a_scan_that_came_short_is_seen_by_the_reference() -> None:
+def test_scan_that_came_short_is_seen_by_reference() -> None:
     terminals = Terminals()
     card = terminals.card()
     terminals.volts_in[:2] = [1.0, -2.0]
@@ -203,7 +203,7 @@ def test_a_scan_that_came_short_is_seen_by_the_reference() -> None:
     link.begin(0)
     assert link.volts[:2] == pytest.approx([1.0, -2.0], abs=1e-3)
     card.inject("fifo_short", words=1)
-    with pytest.raises(LinkError, match=r"input 7 reads -0\.001 V, it is wired to 5 V"):
+    with pytest.raises(LinkError, match=r"input 7 reads -0\.001 V, .*5 V"):
         link.begin(0)
     card.clear()
     terminals.volts_in[7] = 4.7
@@ -213,7 +213,7 @@ def test_a_scan_that_came_short_is_seen_by_the_reference() -> None:
         link.begin(0)
 
 
-def test_what_a_killed_master_left_in_the_fifo_shifts_nothing() -> None:
+def test_fifo_left_by_killed_master_shifts_nothing() -> None:
     terminals = Terminals()
     card = terminals.card()
     terminals.volts_in[:2] = [1.0, 2.0]
@@ -240,7 +240,7 @@ def test_what_a_killed_master_left_in_the_fifo_shifts_nothing() -> None:
         (lambda link: link.use_inputs(analog=(6,)), "input 6 is not below input 6, the reference"),
     ],
 )
-def test_what_the_card_has_not_or_not_twice(
+def test_missing_or_doubly_used_card_inputs_are_refused(
     use: Callable[[BenchMf624], None], message: str
 ) -> None:
     link = BenchMf624(
@@ -260,5 +260,5 @@ def test_a_closed_card_has_no_readings(io: Recorder) -> None:
 
 
 def test_an_interface_that_is_not_installed_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"no way 'comedi' .* one of uio, emulator, lugre"):
+    with pytest.raises(ValueError, match=r"'comedi' .* uio, emulator, lugre"):
         Mf624Config.model_validate({"interface": "comedi"})

@@ -39,11 +39,11 @@ def test_analogue_inputs_are_14_bits_in_twos_complement(word: int, volts: float)
         (20 / 0x4000, 0x2001),
     ],
 )
-def test_analogue_outputs_are_14_bits_offset_binary_and_clip(volts: float, code: int) -> None:
+def test_analogue_outputs_clip_at_14_bit_offset_binary(volts: float, code: int) -> None:
     assert mf.code_of(volts) == code
 
 
-def test_addresses_of_what_there_is_several_of() -> None:
+def test_addresses_of_repeated_registers_are_right() -> None:
     assert [mf.da(item) for item in (0, 1, 7)] == [(2, 0x20), (2, 0x22), (2, 0x2E)]
     assert [mf.irc(item) for item in (0, 1, 3)] == [(4, 0x70), (4, 0x74), (4, 0x7C)]
 

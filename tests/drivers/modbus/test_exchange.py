@@ -19,7 +19,7 @@ def answer(value: int) -> bytes:
     return body + check_sum(body).to_bytes(2, "little")
 
 
-def test_a_serial_line_waits_for_the_gap_after_an_answer() -> None:
+def test_serial_line_waits_for_gap_after_answer() -> None:
     exchange = Exchange(RtuFraming(), 1, RTU)
     exchange.send(READ_5, 0)
     assert not exchange.free(1 * MS)
@@ -29,7 +29,7 @@ def test_a_serial_line_waits_for_the_gap_after_an_answer() -> None:
     assert exchange.free(6 * MS)
 
 
-def test_a_late_answer_is_not_taken_for_the_next_ones() -> None:
+def test_late_answer_is_not_taken_for_next_ones() -> None:
     """The measured trap: register 6 read as the value of register 5."""
     exchange = Exchange(RtuFraming(), 1, RTU)
     exchange.send(READ_5, 0)
@@ -44,7 +44,7 @@ def test_a_late_answer_is_not_taken_for_the_next_ones() -> None:
     assert exchange.receive(answer(66), 214 * MS) == Answer(READ_6, (66,))
 
 
-def test_what_comes_at_the_last_moment_puts_the_next_request_off() -> None:
+def test_late_bytes_delay_the_next_request() -> None:
     exchange = Exchange(RtuFraming(), 1, RTU)
     exchange.send(READ_5, 0)
     exchange.receive(b"", 60 * MS)
@@ -69,7 +69,7 @@ def test_on_tcp_the_number_tells_and_nobody_waits() -> None:
     assert exchange.counts[Trouble.LATE] == 1
 
 
-def test_the_status_tells_news_once_and_goes_on_counting() -> None:
+def test_status_reports_news_once_and_keeps_counting() -> None:
     exchange = Exchange(TcpFraming(), 1, Timing(50 * MS))
     for start in (0, 100 * MS):
         exchange.send(READ_5, start)
@@ -78,7 +78,7 @@ def test_the_status_tells_news_once_and_goes_on_counting() -> None:
     assert exchange.status() == 2 << 16
 
 
-def test_an_abandoned_request_frees_the_line_after_one_gap() -> None:
+def test_abandoned_request_frees_line_after_one_gap() -> None:
     exchange = Exchange(RtuFraming(), 1, RTU)
     exchange.send(READ_5, 0)
     exchange.abandon(10 * MS)
@@ -86,7 +86,7 @@ def test_an_abandoned_request_frees_the_line_after_one_gap() -> None:
     assert exchange.free(12 * MS)
 
 
-def test_a_reply_to_an_abandoned_request_is_not_taken_for_a_later_ones() -> None:
+def test_reply_to_abandoned_request_never_answers_later_one() -> None:
     exchange = Exchange(RtuFraming(), 1, RTU)
     exchange.send(READ_5, 0)
     exchange.abandon(10 * MS)

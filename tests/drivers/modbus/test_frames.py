@@ -190,9 +190,7 @@ def test_tcp_frames_of_the_guide() -> None:
         ("02 03 04 00 B1 1F 40 E7 D4", Trouble.WRONG_UNIT),
     ],
 )
-def test_what_is_not_exactly_the_answer_is_named_and_never_taken(
-    reply: str, trouble: Trouble
-) -> None:
+def test_inexact_answer_is_named_and_never_accepted(reply: str, trouble: Trouble) -> None:
     framing = RtuFraming()
     buffer = bytearray.fromhex(reply)
     if trouble is Trouble.WRONG_UNIT:
@@ -202,7 +200,7 @@ def test_what_is_not_exactly_the_answer_is_named_and_never_taken(
 
 
 @given(st.integers(0, 8 * 9 - 1), st.integers(1, 0xFFFF))
-def test_no_burst_of_up_to_16_wrong_bits_is_taken(position: int, pattern: int) -> None:
+def test_burst_up_to_16_wrong_bits_is_rejected(position: int, pattern: int) -> None:
     """What a CRC-16 promises: every burst of at most 16 bits is found."""
     good = int.from_bytes(bytes.fromhex("01 03 04 00 B1 1F 40 A3 D4"), "big")
     spoiled = good ^ (pattern << position) & ((1 << 72) - 1)
@@ -213,7 +211,7 @@ def test_no_burst_of_up_to_16_wrong_bits_is_taken(position: int, pattern: int) -
 
 
 @given(st.binary(max_size=300))
-def test_noise_on_a_serial_line_is_never_an_answer(noise: bytes) -> None:
+def test_noise_on_serial_line_is_never_answer(noise: bytes) -> None:
     framing = RtuFraming()
     buffer = bytearray(noise)
     assert framing.unwrap(buffer, 1, WATCHED) is None or check_sum(noise[:-2]) == int.from_bytes(
@@ -221,7 +219,7 @@ def test_noise_on_a_serial_line_is_never_an_answer(noise: bytes) -> None:
     )
 
 
-def test_a_late_transaction_is_told_from_one_never_sent() -> None:
+def test_late_transaction_is_told_from_one_never_sent() -> None:
     framing = TcpFraming()
     framing.wrap(1, WATCHED)
     framing.wrap(1, WATCHED)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from rigd_drivers.modbus.registers import Access, Register
@@ -23,9 +25,9 @@ HOLDING = 40001  # number that manuals give the register at address 0
         ("tuna-id551", 40001, 40005, "float32"),
     ],
 )
-def test_transmitters(name: str, force: int, status: int, kind: str) -> None:
+def test_transmitters(name: str, force: int, status: int, kind: Any) -> None:
     described = TransmitterMap.model_validate(shipped_map(name, "transmitter"))
-    assert described.force == Register(address=force - HOLDING, type=kind)  # type: ignore[arg-type]
+    assert described.force == Register(address=force - HOLDING, type=kind)
     assert {flag.address for flag in described.status.values()} == {status - HOLDING}
     assert "manual" in described.source
 
@@ -64,7 +66,7 @@ def access(**options: object) -> Access:
         ({}, [range(0, 1), range(0, 1), range(0, 4), range(1, 2)], [(0, 4)]),
     ],
 )
-def test_reads_cover_all_tear_nothing_and_are_no_larger_than_allowed(
+def test_reads_cover_all_registers_within_size_without_tearing(
     options: dict[str, object], spans: list[range], blocks: list[tuple[int, int]]
 ) -> None:
     reads = access(**options).reads(spans)
@@ -81,8 +83,8 @@ def test_reads_cover_all_tear_nothing_and_are_no_larger_than_allowed(
         ("float32", -12.5, (0xC148, 0x0000)),  # IEEE 754: sign, 1.5625 x 2^3
     ],
 )
-def test_numbers_in_registers(kind: str, value: float, words: tuple[int, ...]) -> None:
-    register = Register(address=10, type=kind)  # type: ignore[arg-type]
+def test_numbers_in_registers(kind: Any, value: float, words: tuple[int, ...]) -> None:
+    register = Register(address=10, type=kind)
     assert register.encode(value, "high-first") == words
     assert register.encode(value, "low-first") == words[::-1]
     stored = dict(enumerate(words, 10))

@@ -40,7 +40,7 @@ def armed(bench: ServoBench, **options: Any) -> Any:
 
 
 @both_drives
-def test_it_is_enabled_at_rest_and_follows_its_setpoint(servo: ServoBench, drive: str) -> None:
+def test_drive_is_enabled_at_rest_and_follows_setpoint(servo: ServoBench, drive: str) -> None:
     driver = armed(servo, **DRIVES[drive])
     assert servo.state()["enabled"]
     assert servo.physics.speed == 0.0
@@ -55,16 +55,16 @@ def test_it_is_enabled_at_rest_and_follows_its_setpoint(servo: ServoBench, drive
 
 
 @pytest.mark.parametrize("drive", ["delta-asda-b"])
-def test_setpoints_do_not_wear_out_the_memory_of_the_drive(servo: ServoBench) -> None:
+def test_setpoints_do_not_wear_out_memory_of_drive(servo: ServoBench) -> None:
     driver = armed(servo, **DRIVES["delta-asda-b"])
     cycle(driver, lambda rows: len(rows) > 3, [10.0])
-    assert servo.part._drive.stored == 0  # type: ignore[attr-defined]
+    assert servo.part._drive.stored == 0
 
 
 def test_an_axis_moves_in_metres(servo: ServoBench) -> None:
     driver = armed(servo, travel="-0.01 m/rad", max_speed="100 rad/s")
-    assert driver.setpoints[0].unit == "m/s"
-    assert (driver.setpoints[0].low, driver.setpoints[0].high) == (-1.0, 1.0)
+    (setpoint,) = driver.declaration.setpoints
+    assert (setpoint.unit, setpoint.low, setpoint.high) == ("m/s", -1.0, 1.0)
     cycle(driver, lambda rows: servo.physics.speed != 0, [0.5])
     assert servo.physics.speed == pytest.approx(-50.0, abs=RPM / 2)
 
@@ -95,11 +95,11 @@ def test_a_dead_watchdog_is_found_out(servo: ServoBench) -> None:
     servo.fault("watchdog_dead")
     driver = servo.driver()
     driver.open()
-    with pytest.raises(DeviceError, match=r"did not trip; its watchdog is set to 0.5 s"):
+    with pytest.raises(DeviceError, match=r"did not trip; .*0\.5 s"):
         driver.prove_watchdog()
 
 
-def test_a_watchdog_that_is_not_kept_refuses_to_arm(servo: ServoBench) -> None:
+def test_watchdog_that_is_not_kept_refuses_to_arm(servo: ServoBench) -> None:
     servo.fault("watchdog_unset")
     driver = servo.driver()
     driver.open()
@@ -119,11 +119,11 @@ def test_a_silent_master_stops_the_drive(servo: ServoBench) -> None:
         while servo.physics.speed != 0.0:  # the master is silent: that is the test
             assert time.monotonic() - began < driver.watchdog_s + 0.1 + lost_s()
             time.sleep(0.01)
-    with pytest.raises(DeviceError, match="communication fault means that it heard nothing"):
+    with pytest.raises(DeviceError, match="communication fault"):
         rows_of(driver, 5)
 
 
-def test_a_lost_reply_neither_trips_nor_stops_the_drive(servo: ServoBench) -> None:
+def test_lost_reply_neither_trips_nor_stops_drive(servo: ServoBench) -> None:
     driver = armed(servo)
     for fault in ("silent", "late", "wrong_unit"):
         servo.fault(fault, count=1)
@@ -141,16 +141,16 @@ def test_a_fault_of_the_drive_ends_the_run(servo: ServoBench, fault: str) -> Non
     driver.make_safe()
 
 
-def test_a_drive_disabled_by_somebody_else_ends_the_run(servo: ServoBench) -> None:
+def test_drive_disabled_by_somebody_else_ends_run(servo: ServoBench) -> None:
     driver = armed(servo)
     other = b"\x06" + (8501).to_bytes(2, "big") + b"\0\0"
-    servo.call(lambda: servo.part.bank.answer(other))  # type: ignore[attr-defined]
+    servo.call(lambda: servo.part.bank.answer(other))
     with pytest.raises(DeviceError, match="no longer enabled"):
         cycle(driver, lambda rows: False, [10.0])
 
 
 @both_drives
-def test_a_watchdog_that_acts_before_arming_is_no_fault(servo: ServoBench, drive: str) -> None:
+def test_watchdog_that_acts_before_arming_is_no_fault(servo: ServoBench, drive: str) -> None:
     driver = servo.driver(**DRIVES[drive])
     driver.open()
     rows_of(driver, 1)
@@ -184,13 +184,13 @@ def test_a_drive_that_has_tripped_already_proves_nothing(servo: ServoBench) -> N
         driver.prove_watchdog()
 
 
-def test_a_fault_of_the_last_session_is_reset_at_opening(servo: ServoBench) -> None:
+def test_fault_of_last_session_is_reset_at_opening(servo: ServoBench) -> None:
     servo.fault("overcurrent")
     armed(servo)
 
 
 @pytest.mark.parametrize("fault", ["late", "wrong_unit", "silent"])
-def test_it_is_made_safe_in_time_whatever_the_line_does(servo: ServoBench, fault: str) -> None:
+def test_drive_is_made_safe_in_time_despite_line(servo: ServoBench, fault: str) -> None:
     """One reply is spoiled while a request is out: the disable still comes through.
 
     Whether its acknowledgement does too, in so short a time, is another matter.
@@ -208,7 +208,7 @@ def test_it_is_made_safe_in_time_whatever_the_line_does(servo: ServoBench, fault
     assert servo.physics.speed == 0.0
 
 
-def test_making_safe_on_a_dead_line_is_bounded_and_says_so(servo: ServoBench) -> None:
+def test_make_safe_on_dead_line_ends_and_reports(servo: ServoBench) -> None:
     driver = armed(servo)
     servo.fault("deaf")
     with witnessed() as lost_s:
@@ -245,10 +245,10 @@ def test_a_setpoint_that_is_no_number_is_refused(servo: ServoBench) -> None:
 
 
 @pytest.mark.parametrize("drive", ["delta-asda-b"])
-def test_a_parameter_that_must_be_set_at_the_drive_is_named(servo: ServoBench) -> None:
-    bank = servo.part.bank  # type: ignore[attr-defined]
+def test_parameter_to_set_at_the_drive_is_named(servo: ServoBench) -> None:
+    bank = servo.part.bank
     servo.call(lambda: bank.constant(0x020A, 0x0111))
-    with pytest.raises(ProtocolError, match=r"digital input 1, P2-10 .* is 0x0111, expected 0x010"):
+    with pytest.raises(ProtocolError, match=r"P2-10 .* 0x0111, expected 0x010"):
         servo.driver(map="delta-asda-b", watchdog="1 s").open()
 
 
@@ -300,7 +300,7 @@ while True:
 
 
 @pytest.mark.parametrize("rescued", [True, False])
-def test_a_master_that_is_killed_leaves_no_drive_turning(servo: ServoBench, rescued: bool) -> None:
+def test_master_that_is_killed_leaves_no_drive_turning(servo: ServoBench, rescued: bool) -> None:
     """By another process at once, or by the drive's own watchdog."""
     watchdog = "5 s" if rescued else "0.5 s"
     options = servo.options(map="schneider-atv320", max_speed="3000 rpm", watchdog=watchdog)

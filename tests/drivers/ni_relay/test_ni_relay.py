@@ -119,7 +119,7 @@ def row(driver: NiRelay) -> tuple[float, float, int]:
     return closed, latency, int(status)
 
 
-def test_it_closes_and_opens_and_says_how_long_that_took(rig: Rig) -> None:
+def test_relay_closes_and_opens_and_reports_the_duration(rig: Rig) -> None:
     driver = armed(rig.opened())
     assert driver.identity == (
         "USB-6009, serial number 01C0FFEE, NI-DAQmx 24.5.0, relay on port0/line0"
@@ -139,7 +139,7 @@ def test_it_closes_and_opens_and_says_how_long_that_took(rig: Rig) -> None:
     assert not rig.bench.closed
 
 
-def test_a_wish_is_pending_until_the_card_confirms_it(rig: Rig) -> None:
+def test_request_is_pending_until_card_confirms(rig: Rig) -> None:
     driver = armed(rig.opened(watchdog=None))
     rig.inject("stall", seconds=0.1)
     driver.write((1.0,))
@@ -162,7 +162,7 @@ def test_of_many_wishes_the_newest_counts(rig: Rig) -> None:
     assert len(rig.bench.line) - before <= 3  # what was under way, and the newest
 
 
-def test_not_armed_it_heeds_no_setpoint_and_feeds_nothing(rig: Rig) -> None:
+def test_unarmed_relay_ignores_setpoints_and_feeds_no_watchdog(rig: Rig) -> None:
     driver = rig.opened()
     before = len(rig.bench.edges)
     end = time.monotonic() + 0.3
@@ -172,7 +172,7 @@ def test_not_armed_it_heeds_no_setpoint_and_feeds_nothing(rig: Rig) -> None:
     assert len(rig.bench.edges) == before
 
 
-def test_nan_is_refused_and_the_setpoint_before_it_holds(rig: Rig) -> None:
+def test_nan_is_refused_and_setpoint_before_it_holds(rig: Rig) -> None:
     driver = armed(rig.opened())
     cycles(driver, 1.0, lambda: row(driver)[0] == 1.0)
     with pytest.raises(DeviceError, match="NaN; expected 0 or 1"):
@@ -197,20 +197,20 @@ def test_a_one_shot_that_stays_up_is_found(rig: Rig) -> None:
     assert "nothing would open the relay" in str(caught.value.hint)
 
 
-def test_a_one_shot_that_does_not_come_up_is_found(rig: Rig) -> None:
+def test_one_shot_that_stays_down_is_found(rig: Rig) -> None:
     driver = rig.opened(watchdog={**WATCHDOG, "line": "port0/line5"})
-    with pytest.raises(DeviceError, match="does not come up when port0/line5 toggles"):
+    with pytest.raises(DeviceError, match=r"not come up .*port0/line5"):
         driver.prove_watchdog()
 
 
-def test_without_a_one_shot_there_is_nothing_to_prove(rig: Rig) -> None:
+def test_without_one_shot_there_is_nothing_to_prove(rig: Rig) -> None:
     driver = rig.opened(watchdog=None)
     assert driver.watchdog_s is None
     with pytest.raises(DeviceError, match="no one-shot is declared"):
         driver.prove_watchdog()
 
 
-def test_a_cycle_that_falls_silent_starves_the_one_shot(rig: Rig) -> None:
+def test_cycle_that_falls_silent_starves_one_shot(rig: Rig) -> None:
     driver = armed(rig.opened())
     cycles(driver, 1.0, lambda: rig.bench.closed)
     with witnessed() as lost_s:
@@ -220,7 +220,7 @@ def test_a_cycle_that_falls_silent_starves_the_one_shot(rig: Rig) -> None:
             time.sleep(0.005)
         assert rig.bench.line[-1][1]  # by the one-shot alone: the line still closes
         assert rig.bench.edges[-1] * 1e-9 < silent + 0.1 + 0.2 + lost_s()
-    with pytest.raises(DeviceError, match="the one-shot dropped and opened the relay"):
+    with pytest.raises(DeviceError, match="one-shot dropped"):
         cycles(driver, 1.0, lambda: False)
 
 
@@ -235,7 +235,7 @@ def test_a_slow_one_shot_makes_no_stale_rows(rig: Rig) -> None:
     assert sum(given) > 0.9 * len(given)
 
 
-def test_make_safe_opens_and_lets_the_one_shot_drop(rig: Rig) -> None:
+def test_make_safe_opens_and_lets_one_shot_drop(rig: Rig) -> None:
     driver = armed(rig.opened())
     cycles(driver, 1.0, lambda: rig.bench.closed)
     driver.make_safe()
@@ -248,7 +248,7 @@ def test_make_safe_opens_and_lets_the_one_shot_drop(rig: Rig) -> None:
     armed(driver)
 
 
-def test_a_server_that_dies_is_told_and_make_safe_ends(rig: Rig) -> None:
+def test_dead_server_is_reported_and_make_safe_ends(rig: Rig) -> None:
     bench = Bench()
     with served(bench.part):
         driver = NiRelay(
@@ -258,7 +258,7 @@ def test_a_server_that_dies_is_told_and_make_safe_ends(rig: Rig) -> None:
         )
         driver.open()
         armed(driver)
-    with pytest.raises(LinkError, match=r"cannot (switch|read) a line of NI card .*UNAVAILABLE"):
+    with pytest.raises(LinkError, match=r"(switch|read) a line .*UNAVAILABLE"):
         cycles(driver, 1.0, lambda: False)
     with pytest.raises(LinkError):
         driver.make_safe()
@@ -266,7 +266,7 @@ def test_a_server_that_dies_is_told_and_make_safe_ends(rig: Rig) -> None:
     driver.close()
 
 
-def test_a_card_pulled_out_is_told_and_its_relay_is_open(rig: Rig) -> None:
+def test_removed_card_is_reported_and_relay_is_open(rig: Rig) -> None:
     driver = armed(rig.opened())
     cycles(driver, 1.0, lambda: rig.bench.closed)
     rig.inject("removal")
@@ -340,7 +340,7 @@ def a_client(rig: Rig) -> Iterator[subprocess.Popen[str]]:
             client.kill()
 
 
-def test_killed_the_one_shot_opens_it_and_a_second_link_does(rig: Rig) -> None:
+def test_after_kill_one_shot_or_second_link_opens(rig: Rig) -> None:
     with a_client(rig) as client:
         assert rig.bench.closed
         client.kill()
@@ -359,7 +359,7 @@ def test_killed_the_one_shot_opens_it_and_a_second_link_does(rig: Rig) -> None:
     armed(rig.opened())  # and what the server kept is in nobody's way
 
 
-def test_what_a_killed_client_left_is_cleared_by_the_next(rig: Rig) -> None:
+def test_next_client_clears_what_killed_one_left(rig: Rig) -> None:
     with a_client(rig) as client:
         client.kill()
         client.wait()
@@ -371,7 +371,7 @@ def test_what_a_killed_client_left_is_cleared_by_the_next(rig: Rig) -> None:
 
 def test_a_client_that_lives_is_left_alone(rig: Rig) -> None:
     with a_client(rig):
-        with pytest.raises(LinkError, match="another rigd on this machine feeds its one-shot"):
+        with pytest.raises(LinkError, match=r"another rigd .*one-shot"):
             rig.opened()
         assert rig.bench.closed
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,11 +14,11 @@ from rigd_drivers.scale.driver import SerialScale
 from rigd_sim.wire.scale import SimScale
 
 
-def simulated(folder: Path, dialect: str) -> Callable[[], AbstractContextManager[Peer]]:
+def simulated(folder: Path, dialect: Any) -> Callable[[], AbstractContextManager[Peer]]:
     @contextmanager
     def peer() -> Iterator[Peer]:
         path = folder / "scale"
-        scale = SimScale("scale", path, lambda: 0.0, dialect=dialect, settling_s=0.02)  # type: ignore[arg-type]
+        scale = SimScale("scale", path, lambda: 0.0, dialect=dialect, settling_s=0.02)
 
         async def inject(fault: str) -> None:
             scale.inject(fault)

@@ -9,6 +9,7 @@ import termios
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pydantic import ValidationError
@@ -73,12 +74,12 @@ class Bench:
 
 @contextlib.asynccontextmanager
 async def bench(
-    folder: Path, dialect: str = "mt-sics", *, unit: str = "kg", shows: str = "kg", baud: int = 9600
+    folder: Path, dialect: Any = "mt-sics", *, unit: str = "kg", shows: Any = "kg", baud: int = 9600
 ) -> AsyncIterator[Bench]:
     load = [2.0]
     port = folder / "scale"
     scale = SimScale(
-        "scale", port, lambda: load[0], dialect=dialect, unit=shows, settling_s=0.02  # type: ignore[arg-type]
+        "scale", port, lambda: load[0], dialect=dialect, unit=shows, settling_s=0.02
     )  # fmt: skip
     config = ScaleConfig.model_validate(
         {"port": str(port), "dialect": dialect, "unit": unit, "baud": baud, "interval": "0.11 s"}
@@ -189,7 +190,7 @@ def test_a_scale_in_pounds_is_refused(dialect: str, tmp_path: Path) -> None:
     asyncio.run(main())
 
 
-def test_a_unit_changed_at_the_keypad_ends_the_run(tmp_path: Path) -> None:
+def test_unit_changed_at_keypad_ends_run(tmp_path: Path) -> None:
     async def main() -> None:
         async with bench(tmp_path) as found:
             await found.driver.open()
@@ -207,7 +208,7 @@ def test_a_unit_changed_at_the_keypad_ends_the_run(tmp_path: Path) -> None:
 def test_every_unit_becomes_si(unit: str, factor: float, channel: str, tmp_path: Path) -> None:
     async def main() -> None:
         async with bench(tmp_path, unit=unit, shows=unit) as found:
-            assert found.driver.channels[0].name == channel
+            assert found.driver.declaration.channels[0].name == channel
             await found.driver.open()
             async with found.running():
                 await found.rows.until(lambda row: abs(row[0] - 2.0 * factor) < 0.01)
@@ -218,7 +219,7 @@ def test_every_unit_becomes_si(unit: str, factor: float, channel: str, tmp_path:
 @pytest.mark.parametrize(
     "fault", ["garbage", "nul", "partial", "merged", "no_cr", "echo", "lost", "late"]
 )
-def test_a_bad_line_now_and_then_costs_a_row_at_most(fault: str, tmp_path: Path) -> None:
+def test_occasional_bad_line_costs_at_most_one_row(fault: str, tmp_path: Path) -> None:
     async def main() -> None:
         async with bench(tmp_path) as found:
             await found.driver.open()
@@ -301,7 +302,7 @@ def test_a_load_that_never_rests_is_not_tared(
     asyncio.run(main())
 
 
-def test_an_action_that_is_given_up_does_not_happen_later(
+def test_abandoned_action_does_not_happen_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The load moves between the reading that was stable and the command: the scale waits."""
@@ -340,7 +341,7 @@ def test_a_zero_with_a_load_on_is_refused(tmp_path: Path) -> None:
     asyncio.run(main())
 
 
-def test_a_and_d_with_error_codes_says_why_it_refuses(tmp_path: Path) -> None:
+def test_and_scale_with_error_codes_explains_its_refusal(tmp_path: Path) -> None:
     async def main() -> None:
         async with bench(tmp_path, "and-d") as found:
             language = found.scale._language
@@ -356,7 +357,7 @@ def test_a_and_d_with_error_codes_says_why_it_refuses(tmp_path: Path) -> None:
     asyncio.run(main())
 
 
-def test_an_adapter_that_cannot_do_what_is_set_says_so(
+def test_adapter_reports_settings_that_it_cannot_do(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What glibc makes of a parity that the hardware ignores: EINVAL."""
@@ -418,7 +419,7 @@ def test_kern_is_not_asked_faster_than_it_allows() -> None:
     assert ScaleConfig.model_validate({**options, "dialect": "mt-sics"}).interval == 0.05
 
 
-def test_baud_rate_and_data_bits_are_read_as_a_rig_file_has_them() -> None:
+def test_baud_rate_and_data_bits_parse_as_written() -> None:
     config = ScaleConfig.model_validate(
         {"port": "/dev/ttyS0", "dialect": "and-d", "baud": "2400", "data_bits": "7"}
     )

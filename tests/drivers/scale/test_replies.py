@@ -142,5 +142,4 @@ def test_a_line_without_end_is_bounded_and_forgotten() -> None:
     for _ in range(100):
         assert buffer.feed(b"x" * 100) == []
     assert buffer.feed(b"x\nS I\n") == [b"S I"]
-    assert buffer.discarded == 100 * 100 + 1
     assert buffer.feed(b"y" * MAX_LINE + b"\n") == [b"y" * MAX_LINE]

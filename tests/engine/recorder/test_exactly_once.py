@@ -129,7 +129,7 @@ def test_killed_while_it_closes(step: int, folder: RunFolder, job: Job) -> None:
     assert [end.data["state"] for end in ends] == ["done"]
 
 
-def test_a_resumed_recording_is_counted_from_where_it_was(folder: RunFolder, job: Job) -> None:
+def test_resumed_recording_is_counted_from_where_it_was(folder: RunFolder, job: Job) -> None:
     source = Source(folder)
     source.push(30)
     drain_leftovers(folder)
@@ -157,22 +157,22 @@ def test_nothing_was_recorded_yet_so_nothing_is_left(folder: RunFolder, job: Job
     assert not folder.has_job
 
 
-def test_a_file_that_is_already_there_is_never_touched(folder: RunFolder, job: Job) -> None:
+def test_file_that_is_already_there_is_never_touched(folder: RunFolder, job: Job) -> None:
     job.recording.write_bytes(b"precious")
     with pytest.raises(RecordingError, match="exists already"):
         Transfer(folder).open()
     assert job.recording.read_bytes() == b"precious"
 
 
-def test_a_ring_that_cannot_be_read_says_how_to_go_on(folder: RunFolder) -> None:
+def test_unreadable_ring_error_says_how_to_continue(folder: RunFolder) -> None:
     os.truncate(folder.path / "rows-0.ring", 0)
     with pytest.raises(RecordingError, match="another layout") as refused:
         drain_leftovers(folder)
-    assert f"{folder.path}; removing it gives them up" in str(refused.value)
+    assert f"{folder.path}; to discard them, remove it" in str(refused.value)
     assert folder.has_job  # nothing is given up unasked
 
 
-def test_a_run_that_still_writes_is_not_offered_for_removal(
+def test_run_still_writing_is_not_offered_for_removal(
     folder: RunFolder, job: Job, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rigd.engine.recorder.transfer._PATIENCE_S", 0.1)
@@ -180,7 +180,7 @@ def test_a_run_that_still_writes_is_not_offered_for_removal(
     alive.open()  # as a run does whose lock file somebody removed
     with pytest.raises(RecordingError, match="being written by another process") as refused:
         drain_leftovers(folder)
-    assert "removing" not in str(refused.value)
+    assert "remove it" not in str(refused.value)
     alive.close()
     assert drain_leftovers(folder) == job.recording
 
@@ -202,7 +202,7 @@ def test_killed_while_it_made_the_file(folder: RunFolder, job: Job) -> None:
     assert torn.stat().st_size == 5
 
 
-def test_another_recording_of_that_name_is_not_added_to(folder: RunFolder, job: Job) -> None:
+def test_other_recording_of_same_name_is_not_extended(folder: RunFolder, job: Job) -> None:
     Source(folder).push(10)
     assert die_at(5, folder, lambda transfer: transfer.move())
     job.recording.unlink()
@@ -211,12 +211,12 @@ def test_another_recording_of_that_name_is_not_added_to(folder: RunFolder, job: 
     ).close()
     with pytest.raises(RecordingError, match="is not the recording that the rings") as caught:
         drain_leftovers(folder)
-    assert f"{folder.path}; removing it gives them up" in (caught.value.hint or "")
+    assert f"{folder.path}; to discard them, remove it" in (caught.value.hint or "")
     assert Recording.open(job.recording).count("fast") == 0
     assert folder.has_job
 
 
-def test_rows_that_are_gone_from_the_file_are_told(folder: RunFolder, job: Job) -> None:
+def test_rows_missing_from_file_are_reported(folder: RunFolder, job: Job) -> None:
     source = Source(folder)
     source.push(10)
     transfer = Transfer(folder)
@@ -242,9 +242,7 @@ def test_an_overrun_is_told(folder: RunFolder, job: Job) -> None:
     assert (event.data["rows"], event.data["events"]) == ({"slow": 7}, 0)
 
 
-def test_a_reader_that_holds_the_file_for_a_moment_is_waited_for(
-    folder: RunFolder, job: Job
-) -> None:
+def test_reader_holding_file_briefly_is_waited_for(folder: RunFolder, job: Job) -> None:
     import fcntl
     import threading
 

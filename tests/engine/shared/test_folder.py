@@ -40,7 +40,7 @@ def job_in(tmp_path: Path) -> Job:
     )
 
 
-def test_what_is_prepared_is_found_by_the_other_processes(tmp_path: Path, state: Path) -> None:
+def test_prepared_folder_is_found_by_other_processes(tmp_path: Path, state: Path) -> None:
     mine = RunFolder.take("bench", command="test")
     job = job_in(tmp_path)
     mine.prepare(job, {"servo": 100, "force": 50})
@@ -76,7 +76,7 @@ else:
 """
 
 
-def test_a_rig_in_use_is_refused_with_the_name_of_who_uses_it() -> None:
+def test_rig_in_use_is_refused_with_its_holder() -> None:
     command = [sys.executable, "-c", HOLD, "hold"]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
@@ -90,19 +90,19 @@ def test_a_rig_in_use_is_refused_with_the_name_of_who_uses_it() -> None:
     RunFolder.take("bench", command="test").release()
 
 
-def test_who_holds_a_rig_may_say_what_to_do_instead() -> None:
+def test_holder_of_rig_may_state_an_alternative() -> None:
     held = RunFolder.take("bench", command="rigd serve")
     held.mark("rigd serve", hint="ask it: rigd remote start")
-    with pytest.raises(InUse, match=r"\(rigd serve\)\n  ask it: rigd remote start") as caught:
+    with pytest.raises(InUse, match=r"rigd serve.*\n.*rigd remote start") as caught:
         RunFolder.take("bench", command="test")
     assert caught.value.lives
     held.mark("rigd serve", Path("/data/run.mcap"))
-    with pytest.raises(InUse, match=r"\(rigd serve, recording /data/run.mcap\)$"):
+    with pytest.raises(InUse, match=r"rigd serve, .*/data/run\.mcap"):
         RunFolder.take("bench", command="test")
     held.release()
 
 
-def test_a_rig_that_cannot_be_marked_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rig_that_cannot_be_marked_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> int:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -113,7 +113,7 @@ def test_a_rig_that_cannot_be_marked_is_let_go(monkeypatch: pytest.MonkeyPatch) 
     RunFolder.take("bench", command="test").release()
 
 
-def test_what_a_dead_process_has_started_is_waited_for() -> None:
+def test_child_of_dead_process_is_waited_for() -> None:
     command = [sys.executable, "-c", HOLD, "pass on"]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
@@ -134,7 +134,7 @@ def test_a_dead_process_its_parent_ignores_is_dead() -> None:
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
         os.waitid(os.P_PID, other.pid, os.WEXITED | os.WNOWAIT)
-        with pytest.raises(InUse, match="it died") as caught:
+        with pytest.raises(InUse, match="which died") as caught:
             RunFolder.take("bench", command="test")
         assert not caught.value.lives
         assert other.stdin is not None
@@ -142,12 +142,12 @@ def test_a_dead_process_its_parent_ignores_is_dead() -> None:
         RunFolder.take("bench", command="test", patience_s=30.0).release()
 
 
-def test_a_rig_is_in_use_until_the_last_process_of_the_run_is_gone() -> None:
+def test_rig_is_in_use_until_last_process_ends() -> None:
     command = [sys.executable, "-c", HOLD, "pass on"]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
         assert other.wait() == 0
-        with pytest.raises(Blocked, match=f"process {other.pid} .* died, and they are still"):
+        with pytest.raises(Blocked, match=f"process {other.pid} .* died; they are still"):
             RunFolder.take("bench", command="test")
         assert other.stdin is not None
         other.stdin.close()
@@ -173,7 +173,7 @@ def test_odd_names_make_folders_of_their_own(rig: str, state: Path) -> None:
         folder.release()
 
 
-def test_a_state_folder_that_others_may_write_to_is_refused(state: Path) -> None:
+def test_state_folder_writable_by_others_is_refused(state: Path) -> None:
     state.mkdir(mode=0o700)
     state.chmod(0o777)
     with pytest.raises(Blocked, match="not private"):
@@ -192,7 +192,7 @@ def test_a_state_folder_of_another_user_is_refused(
         state_folder()
 
 
-def test_a_link_in_place_of_the_state_folder_is_refused(state: Path, tmp_path: Path) -> None:
+def test_link_in_place_of_state_folder_is_refused(state: Path, tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir(mode=0o700)
     state.symlink_to(tmp_path / "elsewhere")
     with pytest.raises(Blocked, match="not private"):
@@ -205,7 +205,7 @@ def test_without_a_setting_the_folder_is_in_memory(monkeypatch: pytest.MonkeyPat
         assert state_folder() == Path(f"/dev/shm/rigd-{os.geteuid()}")
 
 
-def test_a_ring_that_has_no_room_is_said_so(tmp_path: Path) -> None:
+def test_ring_without_room_is_reported(tmp_path: Path) -> None:
     folder = RunFolder.take("bench", command="test")
     with pytest.raises(RecordingError, match=r"cannot make .*rows-0"):
         folder.prepare(job_in(tmp_path), {"servo": 1 << 45, "force": 1})

@@ -48,7 +48,7 @@ def test_a_row_is_there_until_it_is_released(tmp_path: Path) -> None:
     assert (writer.head, writer.tail, writer.overruns) == (4, 2, 2)
 
 
-def test_blocks_wrap_and_what_does_not_fit_is_counted(tmp_path: Path) -> None:
+def test_blocks_wrap_and_rows_beyond_room_are_counted(tmp_path: Path) -> None:
     writer, reader = ring_of(tmp_path, 10)
     rows = np.zeros(7, row_dtype(STREAM))
     rows["t_ns"] = range(7)
@@ -60,7 +60,7 @@ def test_blocks_wrap_and_what_does_not_fit_is_counted(tmp_path: Path) -> None:
     assert reader.overruns == 4
 
 
-def test_a_view_hinders_nobody_and_counts_what_it_missed(tmp_path: Path) -> None:
+def test_view_hinders_nobody_and_counts_what_it_missed(tmp_path: Path) -> None:
     writer, reader = ring_of(tmp_path, 8)
     view = View(RowRing.attach(writer.path, STREAM))
     for t in range(5):
@@ -88,7 +88,7 @@ class Racing(RowRing):
         return rows
 
 
-def test_a_view_drops_what_was_overwritten_while_it_copied(tmp_path: Path) -> None:
+def test_view_drops_what_was_overwritten_while_it_copied(tmp_path: Path) -> None:
     ring = Racing.create(tmp_path / "ring", STREAM, 8)
     view = View(ring)
     for t in range(8):
@@ -98,7 +98,7 @@ def test_a_view_drops_what_was_overwritten_while_it_copied(tmp_path: Path) -> No
     assert view.skipped == 4
 
 
-def test_a_view_trusts_no_row_that_a_block_may_be_overwriting(tmp_path: Path) -> None:
+def test_view_rejects_row_that_a_block_may_overwrite(tmp_path: Path) -> None:
     ring = RowRing.create(tmp_path / "ring", STREAM, 8)
     rows = np.zeros(3, row_dtype(STREAM))
     ring.push_block(rows)
@@ -169,7 +169,7 @@ def test_events_that_do_not_fit_are_counted(tmp_path: Path) -> None:
     assert again.released == kept + 1
 
 
-def test_an_event_view_hinders_nobody_and_sees_what_is_still_there(tmp_path: Path) -> None:
+def test_event_view_blocks_nobody_and_sees_remaining_events(tmp_path: Path) -> None:
     writer = EventRing.create(tmp_path / "events", 600)
     reader = EventRing.attach(writer.path)
     early = EventView(EventRing.attach(writer.path))
@@ -188,7 +188,7 @@ def test_an_event_view_hinders_nobody_and_sees_what_is_still_there(tmp_path: Pat
     assert late.skipped == 50
 
 
-def test_an_event_view_attached_late_begins_with_the_first(tmp_path: Path) -> None:
+def test_event_view_attached_late_begins_with_first(tmp_path: Path) -> None:
     writer = EventRing.create(tmp_path / "events", 600)
     for number in range(3):
         writer.push(number, "trip", 0, {})
@@ -211,7 +211,7 @@ class RacingEvents(EventRing):
         return copied
 
 
-def test_an_event_view_drops_what_was_overwritten_while_it_copied(tmp_path: Path) -> None:
+def test_event_view_drops_events_overwritten_during_copy(tmp_path: Path) -> None:
     ring = RacingEvents.create(tmp_path / "events", 600)
     view = EventView(ring)
     for number in range(10):
@@ -221,7 +221,7 @@ def test_an_event_view_drops_what_was_overwritten_while_it_copied(tmp_path: Path
     assert view.skipped == 29
 
 
-def test_an_event_that_json_has_no_form_for_is_refused(tmp_path: Path) -> None:
+def test_event_without_json_form_is_refused(tmp_path: Path) -> None:
     ring = EventRing.create(tmp_path / "events", 1000)
     with pytest.raises(RecordingError, match="'odd' cannot be recorded"):
         ring.push(0, "odd", -1, {"what": object()})

@@ -20,7 +20,7 @@ def test_rows_keep_order_and_values_across_the_wrap() -> None:
     assert ring.overruns == 0
 
 
-def test_a_full_ring_keeps_what_it_has_and_counts_what_it_loses() -> None:
+def test_full_ring_keeps_rows_and_counts_lost_ones() -> None:
     ring = RowRing.unshared(STREAM, 3)
     for t in range(5):
         ring.push(t, (0.0, 0.0, 0))
@@ -30,7 +30,7 @@ def test_a_full_ring_keeps_what_it_has_and_counts_what_it_loses() -> None:
     assert ring.fill == 0.0
 
 
-def test_drained_rows_do_not_change_when_the_ring_goes_on() -> None:
+def test_drained_rows_do_not_change_with_later_writes() -> None:
     ring = RowRing.unshared(STREAM, 2)
     ring.push(1, (1.0, 1.0, 0))
     rows = ring.drain()

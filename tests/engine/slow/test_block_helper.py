@@ -32,7 +32,7 @@ def faulted(place: Place) -> str:
     return str(place.helper.poll())
 
 
-def test_rows_reach_the_ring_and_the_newest_the_table(placed: Placed) -> None:
+def test_rows_reach_ring_and_newest_table(placed: Placed) -> None:
     place = placed(counter())
     place.helper.start()
     assert (place.helper.identity, place.helper.rate_hz) == ("counter 1", 2000.0)
@@ -60,7 +60,7 @@ def test_a_device_that_cannot_be_opened_says_why(placed: Placed) -> None:
     assert not alive(place.helper.pid)
 
 
-def test_a_helper_that_is_not_open_in_time_is_ended(placed: Placed) -> None:
+def test_helper_not_open_in_time_is_ended(placed: Placed) -> None:
     place = placed(counter())
     with pytest.raises(LinkError, match="daq was not open within 0 s"):
         place.helper.start(timeout_s=0.0)  # no interpreter starts in no time
@@ -72,13 +72,11 @@ def test_a_helper_that_is_not_open_in_time_is_ended(placed: Placed) -> None:
     [
         ("overrun", r"daq: samples were lost \(make the buffer larger\)$"),
         ("bug", "daq: its driver fails: ZeroDivisionError: a bug in the driver"),
-        ("narrow", r"daq: the driver gave values of shape \(10, 2\) .* expected \(10, 3\)"),
-        ("backwards", "daq: the driver gave times that do not increase"),
+        ("narrow", r"daq: the driver returned values of shape \(10, 2\) .* expected \(10, 3\)"),
+        ("backwards", "daq: the driver returned times that do not increase"),
     ],
 )
-def test_a_fault_reaches_the_run_behind_the_rows_before_it(
-    placed: Placed, fault: str, words: str
-) -> None:
+def test_fault_reaches_run_behind_rows_before_it(placed: Placed, fault: str, words: str) -> None:
     place = placed(counter(fault=fault, blocks=3))
     place.helper.start()
     reason = faulted(place)
@@ -88,7 +86,7 @@ def test_a_fault_reaches_the_run_behind_the_rows_before_it(
     assert ("Traceback" in place.log.read_text()) == (fault == "bug")
 
 
-def test_what_fails_first_is_told_and_not_what_fails_then(placed: Placed) -> None:
+def test_first_failure_is_reported_not_the_following_one(placed: Placed) -> None:
     place = placed(counter(fault="sticky"))
     place.helper.start()
     assert faulted(place) == "daq: the sensor is broken"
@@ -105,7 +103,7 @@ def test_no_rows_are_no_fault_of_the_process(placed: Placed) -> None:
     assert place.helper.poll() is None
 
 
-def test_a_killed_helper_is_reported_and_its_rows_are_kept(placed: Placed) -> None:
+def test_killed_helper_is_reported_and_rows_are_kept(placed: Placed) -> None:
     place = placed(counter())
     place.helper.start()
     until(lambda: place.ring.head >= 20)
@@ -129,7 +127,7 @@ def test_a_helper_that_hangs_is_reported_and_ended(placed: Placed, how: str) -> 
     assert not alive(pid)
 
 
-def test_a_daemon_that_was_away_does_not_blame_the_helper(
+def test_daemon_that_was_away_does_not_blame_helper(
     placed: Placed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     place = placed(counter(fault="hang", blocks=0), silence_s=1.0)
@@ -185,7 +183,7 @@ threading.Event().wait()
 
 
 @pytest.mark.parametrize("fault", ["", "hang"])
-def test_it_ends_with_the_daemon_and_holds_the_rig_until_then(
+def test_helper_ends_with_daemon_and_holds_rig_meanwhile(
     placed: Placed, tmp_path: Path, fault: str
 ) -> None:
     place = placed(counter(fault=fault))  # makes ring and table; its own helper is not started
@@ -214,7 +212,7 @@ def test_it_ends_with_the_daemon_and_holds_the_rig_until_then(
     assert place.ring.head >= 20
 
 
-def test_a_table_or_ring_of_other_streams_is_refused(placed: Placed, tmp_path: Path) -> None:
+def test_table_or_ring_of_other_streams_is_refused(placed: Placed, tmp_path: Path) -> None:
     place = placed(counter())
     (tmp_path / "rows.ring").write_bytes(b"")
     with pytest.raises(DeviceError, match=r"daq: .*rows\.ring has another layout"):

@@ -13,8 +13,8 @@ import pytest
 from support.blocks import Counter, CounterConfig, device_of, until
 
 from rigd.engine.shared import RowRing
-from rigd.engine.slow.beside import SlowRows
-from rigd.engine.slow.latest import Latest
+from rigd.engine.slow.off_cycle import SlowRows
+from rigd.engine.slow.stand_ins import LatestRowProxy
 from rigd.engine.slow.table import LatestTable, Slot
 from rigd.engine.windows import Windows
 from rigd.model.channels import Channel, Stream
@@ -29,7 +29,7 @@ def table(tmp_path: Path) -> LatestTable:
     return LatestTable.create(tmp_path / "latest", [NARROW, WIDE])
 
 
-def test_a_row_is_read_as_written_in_another_mapping(table: LatestTable, tmp_path: Path) -> None:
+def test_row_is_read_as_written_in_another_mapping(table: LatestTable, tmp_path: Path) -> None:
     other = LatestTable.attach(tmp_path / "latest", [NARROW, WIDE])
     assert other.slot("scale").read() is None
     row = [index * 1.5 for index in range(20)] + [float(0xFFFFFFFF)]
@@ -59,9 +59,7 @@ def test_the_table_of_other_streams_is_refused(table: LatestTable, tmp_path: Pat
         LatestTable.attach(tmp_path / "latest", [WIDE, NARROW])
 
 
-def test_a_writer_killed_in_the_middle_leaves_no_torn_row(
-    table: LatestTable, tmp_path: Path
-) -> None:
+def test_writer_killed_in_middle_leaves_no_torn_row(table: LatestTable, tmp_path: Path) -> None:
     slot = table.slot("scale")
     slot.write(10, [1.0])
     with (tmp_path / "latest").open("r+b") as file, mmap.mmap(file.fileno(), 0) as memory:
@@ -111,7 +109,7 @@ class Clock:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.ns = 1_000_000_000
-        monkeypatch.setattr("rigd.engine.slow.latest.monotonic_ns", lambda: self.ns)
+        monkeypatch.setattr("rigd.engine.slow.stand_ins.monotonic_ns", lambda: self.ns)
 
 
 @pytest.fixture
@@ -119,17 +117,18 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     return Clock(monkeypatch)
 
 
-def stand_in(tmp_path: Path) -> tuple[Latest, Slot]:
+def stand_in(tmp_path: Path) -> tuple[LatestRowProxy, Slot]:
     device = device_of("daq", Counter, CounterConfig())
     slot = LatestTable.create(tmp_path / "own", [device.stream]).slot("daq")
-    return Latest(device, slot), slot
+    return LatestRowProxy(device, slot), slot
 
 
 def test_the_cycle_sees_each_row_once(tmp_path: Path, clock: Clock) -> None:
     latest, slot = stand_in(tmp_path)
-    assert [channel.name for channel in latest.channels] == ["number", "half"]
-    assert (latest.has_status, latest.silent_s, latest.every_cycle) == (True, 0.5, False)
-    assert latest.setpoints == ()
+    declared = latest.declaration
+    assert [channel.name for channel in declared.channels] == ["number", "half"]
+    assert (declared.has_status, declared.silent_s, declared.every_cycle) == (True, 0.5, False)
+    assert declared.setpoints == ()
     assert latest.read(0) is None
     slot.write(clock.ns - 1, [1.0, 0.5, 3.0])
     assert latest.read(0) == [1.0, 0.5, 3.0]
@@ -138,7 +137,7 @@ def test_the_cycle_sees_each_row_once(tmp_path: Path, clock: Clock) -> None:
     assert latest.read(0) == [2.0, 1.0, 3.0]
 
 
-def test_a_row_that_is_old_when_it_comes_is_no_news(tmp_path: Path, clock: Clock) -> None:
+def test_row_already_old_on_arrival_is_no_news(tmp_path: Path, clock: Clock) -> None:
     latest, slot = stand_in(tmp_path)
     slot.write(clock.ns - 500_000_001, [1.0, 0.5, 3.0])
     assert latest.read(0) is None
@@ -149,10 +148,10 @@ def test_a_row_that_is_old_when_it_comes_is_no_news(tmp_path: Path, clock: Clock
 def test_what_an_earlier_run_left_is_no_news(tmp_path: Path, clock: Clock) -> None:
     _, slot = stand_in(tmp_path)
     slot.write(clock.ns, [1.0, 0.5, 3.0])
-    assert Latest(device_of("daq", Counter, CounterConfig()), slot).read(0) is None
+    assert LatestRowProxy(device_of("daq", Counter, CounterConfig()), slot).read(0) is None
 
 
-def test_a_row_is_as_old_as_it_was_when_it_was_taken(tmp_path: Path, clock: Clock) -> None:
+def test_row_age_counts_from_when_it_was_taken(tmp_path: Path, clock: Clock) -> None:
     latest, slot = stand_in(tmp_path)
     slot.write(clock.ns - 12_000_000, [1.0, 0.5, 3.0])
     assert latest.read(5_000_000_000) is not None
@@ -162,7 +161,7 @@ def test_a_row_is_as_old_as_it_was_when_it_was_taken(tmp_path: Path, clock: Cloc
     assert latest.taken_ns == 6_000_000_000
 
 
-def test_rows_of_a_slow_device_are_recorded_while_the_window_is_open(tmp_path: Path) -> None:
+def test_slow_device_rows_are_recorded_in_open_window(tmp_path: Path) -> None:
     table = LatestTable.create(tmp_path / "windowed", [NARROW])
     cycle = table.windows("scale")
     ring = RowRing.create(tmp_path / "rows", NARROW, 100)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 import pytest
 from support.blocks import device_of, until
-from support.served import served
+from support.served import OnLoop, served
 
 from rigd.config.rig import DeviceConfig
-from rigd.engine.slow.latest import Latest
+from rigd.engine.slow.stand_ins import LatestRowProxy
 from rigd.model.errors import LinkError
 from rigd_drivers.ni_daq import NiDaq
 from rigd_drivers.ni_daq.config import NiDaqConfig
@@ -21,7 +20,6 @@ from .conftest import Place
 
 RATE_HZ = 9600.0
 LSB_V = 20 / 2**14
-OnLoop = Callable[[Callable[[], Any]], Any]
 
 
 @pytest.fixture
@@ -43,7 +41,7 @@ def test_four_inputs_at_9600_hz_without_loss(
 ) -> None:
     device = daq(card[0].port, rate="9600 Hz")
     place = placed(device)
-    latest = Latest(device, place.slot)
+    latest = LatestRowProxy(device, place.slot)
     place.helper.start()
     assert place.helper.identity.startswith("USB-6009, serial number")
     assert place.helper.rate_hz == RATE_HZ
@@ -75,7 +73,7 @@ def test_an_overrun_of_the_card_ends_the_run(
     until(lambda: on_loop(part.state)["tasks"] == 0)  # the task is cleared all the same
 
 
-def test_a_wrong_card_is_refused_before_anything_is_read(
+def test_wrong_card_is_refused_before_anything_is_read(
     card: tuple[SimNi, OnLoop], placed: Callable[..., Place]
 ) -> None:
     place = placed(daq(card[0].port, device="Dev7"))

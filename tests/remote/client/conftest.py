@@ -1,15 +1,15 @@
-"""Rigs that answer."""
+"""A rig that is served."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import pytest
-from support.answering_rig import Served, served
+from support.served_rig import Served, serve
 
 
 @pytest.fixture
 def remote() -> Iterator[Served]:
-    """A rig that answers every verb."""
-    with served() as found:
+    """A rig as it is served unless its file says otherwise."""
+    with serve() as found:
         yield found

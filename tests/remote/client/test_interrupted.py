@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from support.answering_rig import served
+from support.served_rig import serve
 
 from rigd.remote import Client
 
@@ -19,7 +19,7 @@ from pathlib import Path
 from rigd.remote import Client
 with Client("lugre-1", endpoint=sys.argv[1], identity="alice") as rig:
     {take}
-        run = rig.start("small").run
+        run = rig.start("quick").run
         print("runs", flush=True)
         rig.wait(run)
 """
@@ -29,7 +29,7 @@ with Client("lugre-1", endpoint=sys.argv[1], identity="alice") as rig:
 def test_an_interrupt_stops_the_run_at_once(tmp_path: Path, take: str) -> None:
     script = tmp_path / "script.py"
     script.write_text(SCRIPT.format(take=take))
-    with served() as found:
+    with serve() as found:
         ended = subprocess.Popen(
             [sys.executable, str(script), found.endpoint],
             stdout=subprocess.PIPE,
@@ -42,7 +42,8 @@ def test_an_interrupt_stops_the_run_at_once(tmp_path: Path, take: str) -> None:
         ended.send_signal(signal.SIGINT)
         _, told = ended.communicate(timeout=60)
         assert told.rstrip().endswith("KeyboardInterrupt")
-        assert found.rig.done[-1] == ("alice", "stop", "Ctrl-C in a script")
+        assert found.rig.done[-1] == ("alice", "stop")
+        assert found.rig.given("stop") == [{"reason": "Ctrl-C in a script"}]
 
 
 def test_an_interrupt_without_control_stops_nothing() -> None:
@@ -51,7 +52,7 @@ def test_an_interrupt_without_control_stops_nothing() -> None:
             rig.status()
             raise KeyboardInterrupt
 
-    with served() as found:
+    with serve() as found:
         with pytest.raises(KeyboardInterrupt):
             look()
         assert found.rig.verbs() == []

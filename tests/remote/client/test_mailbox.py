@@ -13,7 +13,7 @@ def put_all(mailbox: PayloadQueue, payloads: list[bytes]) -> None:
         mailbox.put(payload)
 
 
-def test_what_one_thread_puts_another_takes_in_order() -> None:
+def test_payloads_are_taken_in_order() -> None:
     async def take() -> list[bytes]:
         mailbox = PayloadQueue(10_000)
         sent = [str(number).encode() for number in range(5000)]
@@ -29,7 +29,7 @@ def test_what_one_thread_puts_another_takes_in_order() -> None:
     asyncio.run(asyncio.wait_for(take(), 30))
 
 
-def test_where_too_many_wait_the_newest_are_kept() -> None:
+def test_full_queue_keeps_the_newest() -> None:
     async def take() -> None:
         mailbox = PayloadQueue(3)
         for number in range(10):
@@ -40,7 +40,7 @@ def test_where_too_many_wait_the_newest_are_kept() -> None:
     asyncio.run(take())
 
 
-def test_closing_ends_who_waits() -> None:
+def test_closing_ends_a_waiting_reader() -> None:
     async def take() -> None:
         mailbox = PayloadQueue(3)
 

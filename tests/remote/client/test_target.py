@@ -30,12 +30,12 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "rigd"
 
 
-def test_without_a_list_a_rig_is_on_this_machine(home: Path) -> None:
+def test_without_list_rig_is_on_this_machine(home: Path) -> None:
     target = find_target("lugre-1")
     assert (target.rig, target.endpoint, target.tls) == ("lugre-1", "tcp/127.0.0.1:7447", None)
 
 
-def test_the_list_says_where_and_as_whom(home: Path) -> None:
+def test_list_gives_address_and_identity(home: Path) -> None:
     (home / "remotes.yaml").write_text(LIST)
     target = find_target("lugre-1")
     assert (target.endpoint, target.identity) == ("tcp/127.0.0.1:7001", "ann")
@@ -43,7 +43,7 @@ def test_the_list_says_where_and_as_whom(home: Path) -> None:
     assert find_target("lugre-1", "tcp/127.0.0.1:9").endpoint == "tcp/127.0.0.1:9"
 
 
-def test_certificates_in_the_list_are_found_beside_it_and_name_the_client(home: Path) -> None:
+def test_certificates_beside_list_are_found_and_name_client(home: Path) -> None:
     setup_tls(home / "certs", ["rig.lab"], ["alice"])
     (home / "remotes.yaml").write_text(LIST)
     target = find_target("wire-1")
@@ -51,21 +51,21 @@ def test_certificates_in_the_list_are_found_beside_it_and_name_the_client(home: 
     assert target.tls == files_of(home / "certs", "alice")
 
 
-def test_the_only_rig_of_the_list_needs_no_name(home: Path) -> None:
+def test_only_rig_of_list_needs_no_name(home: Path) -> None:
     (home / "remotes.yaml").write_text("remotes: {far-1: {endpoint: tcp/127.0.0.1:7002}}\n")
     assert find_target().rig == "far-1"
 
 
-def test_of_several_rigs_one_must_be_named(home: Path) -> None:
+def test_choice_among_several_rigs_needs_a_name(home: Path) -> None:
     (home / "remotes.yaml").write_text(LIST)
     with pytest.raises(ConfigError, match=r"which rig\? .* has lugre-1, wire-1"):
         find_target()
     assert "did you mean 'lugre-1'" in find_target("lugre1").note
 
 
-def test_what_is_wrong_in_the_list_is_named_with_its_place(home: Path) -> None:
+def test_mistake_in_list_is_named_with_its_place(home: Path) -> None:
     (home / "remotes.yaml").write_text("remotes:\n  lugre-1: {endpont: tcp/127.0.0.1:7001}\n")
-    with pytest.raises(ConfigError, match=r"remotes\.yaml:2:13: unknown key 'endpont'"):
+    with pytest.raises(ConfigError, match=r"remotes\.yaml:2:13: .*'endpont'"):
         find_target("lugre-1")
     assert list_path() == home / "remotes.yaml"
 
@@ -73,7 +73,7 @@ def test_what_is_wrong_in_the_list_is_named_with_its_place(home: Path) -> None:
 @pytest.mark.parametrize(
     "endpoint", ["127.0.0.1:7447", "tcp/a", "udp/a:1", "tcp/a:1#iface=lo", "tcp/a:70000", ""]
 )
-def test_what_is_no_address_is_refused(endpoint: str) -> None:
+def test_invalid_address_is_refused(endpoint: str) -> None:
     with pytest.raises(ConfigError, match="is not the address of a daemon"):
         make_target("lugre-1", endpoint)
 
@@ -99,7 +99,7 @@ def test_a_certificate_is_its_owners(tmp_path: Path) -> None:
         make_target("lugre-1", "tls/rig.lab:7447", TlsFiles(files.ca, junk, files.key))
 
 
-def test_names_are_made_to_fit_a_key_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_names_are_made_to_fit_key_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LOGNAME", "Zoë /*lab")
     assert make_target().identity == "Zo-lab"
     with pytest.raises(Refusal, match="cannot stand in a key"):

@@ -38,7 +38,7 @@ class Source:
         return asyncio.run(fetch(self.piece, path))
 
 
-def test_a_file_comes_whole_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
+def test_file_comes_whole_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
     path = Source().fetch(tmp_path / "deep" / "a.mcap")
     assert path.read_bytes() == WHOLE
     assert [item.name for item in path.parent.iterdir()] == ["a.mcap"]
@@ -49,7 +49,7 @@ def test_an_empty_file_comes_too(tmp_path: Path) -> None:
     assert nothing.fetch(tmp_path / "a.mcap").read_bytes() == b""
 
 
-def test_what_broke_off_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_broken_transfer_continues_at_its_byte(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     broken = Source(breaks_at=3 * PIECE)
     with pytest.raises(LinkError):
@@ -61,7 +61,7 @@ def test_what_broke_off_goes_on_where_it_was(tmp_path: Path) -> None:
     assert again.asked[:2] == [0, 3 * PIECE]  # the first says whether it is still that file
 
 
-def test_another_file_of_that_name_on_the_daemon_begins_anew(tmp_path: Path) -> None:
+def test_other_file_of_same_name_restarts_the_transfer(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with pytest.raises(LinkError):
         Source(breaks_at=3 * PIECE).fetch(path)
@@ -70,14 +70,14 @@ def test_another_file_of_that_name_on_the_daemon_begins_anew(tmp_path: Path) -> 
     assert path.read_bytes() == other
 
 
-def test_what_is_there_already_is_fetched_once(tmp_path: Path) -> None:
+def test_existing_file_is_not_fetched_again(tmp_path: Path) -> None:
     path = Source().fetch(tmp_path / "a.mcap")
     again = Source()
     assert again.fetch(path) == path
     assert again.asked == [0]
 
 
-def test_a_file_of_ones_own_is_never_written_over(tmp_path: Path) -> None:
+def test_other_local_file_is_never_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     path.write_text("mine")
     with pytest.raises(RecordingError, match="exists, and is another file"):
@@ -85,7 +85,7 @@ def test_a_file_of_ones_own_is_never_written_over(tmp_path: Path) -> None:
     assert path.read_text() == "mine"
 
 
-def test_what_came_wrong_gets_no_name(tmp_path: Path) -> None:
+def test_transfer_with_errors_gets_no_name(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     flipped = WHOLE[:5000] + b"X" + WHOLE[5001:]
     with pytest.raises(RecordingError, match="came with the SHA-256"):
@@ -93,7 +93,7 @@ def test_what_came_wrong_gets_no_name(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_that_changes_meanwhile_is_told(tmp_path: Path) -> None:
+def test_file_that_changes_meanwhile_is_reported(tmp_path: Path) -> None:
     source = Source()
 
     async def changing(offset: int) -> PieceView:
@@ -105,7 +105,7 @@ def test_a_file_that_changes_meanwhile_is_told(tmp_path: Path) -> None:
         asyncio.run(fetch(changing, tmp_path / "a.mcap"))
 
 
-def test_a_daemon_that_gives_other_bytes_than_asked_for_is_told(tmp_path: Path) -> None:
+def test_daemon_sending_other_bytes_is_reported(tmp_path: Path) -> None:
     async def stuck(offset: int) -> PieceView:
         return await Source().piece(0)
 

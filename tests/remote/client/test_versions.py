@@ -38,7 +38,7 @@ def endpoint() -> Iterator[str]:
         yield at
 
 
-def test_a_rig_of_another_version_can_be_stopped_but_not_read(endpoint: str) -> None:
+def test_rig_of_another_version_can_only_be_stopped(endpoint: str) -> None:
     with Client("lugre-1", endpoint=endpoint, identity="eve") as rig:
         with pytest.raises(Refusal, match="stop: carried out; here it is 2"):
             rig.stop()

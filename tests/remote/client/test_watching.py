@@ -35,22 +35,22 @@ def read(heard: Sequence[RigEvent], known: Sequence[RigEvent], since: int | None
     return asyncio.run(collect())
 
 
-def test_what_was_lost_on_the_way_is_asked_for() -> None:
+def test_lost_events_are_requested_again() -> None:
     told = [event(seq) for seq in range(8)]
     assert read([told[2], told[5], told[6]], told, None) == told[2:7]
 
 
-def test_from_a_number_on_the_known_come_first_and_none_twice() -> None:
+def test_known_events_come_first_and_none_twice() -> None:
     told = [event(seq) for seq in range(8)]
     assert read(told[4:], told[:6], 3) == told[3:]
 
 
-def test_what_the_daemon_has_forgotten_stays_a_gap() -> None:
+def test_forgotten_events_stay_a_gap() -> None:
     told = [event(seq) for seq in range(8)]
     assert [item.seq for item in read([told[1], told[7]], told[5:], None)] == [1, 5, 6, 7]
 
 
-def test_a_daemon_that_was_started_anew_counts_from_the_start() -> None:
+def test_restarted_daemon_counts_from_zero() -> None:
     new = [event(0, 100), event(1, 101)]
     assert read([event(40), event(41), *new], [], None) == [event(40), event(41), *new]
 
@@ -69,28 +69,28 @@ def status(
     )  # fmt: skip
 
 
-def test_a_run_has_ended_once_it_is_the_last() -> None:
+def test_run_has_ended_once_it_is_last() -> None:
     watch = RunWatch(RUN)
     assert watch.ended(status(0.0, run=RUN)) is None
     assert watch.ended(status(0.1, run=RUN)) is None
     assert watch.ended(status(0.2, last=ENDED)) == ENDED
 
 
-def test_how_an_interrupted_run_ended_before_is_not_how_it_ends() -> None:
+def test_earlier_end_of_resumed_run_is_not_final() -> None:
     watch = RunWatch(RUN)
     assert watch.ended(status(0.0, last=ENDED)) is None  # from before it went on
     assert watch.ended(status(0.1, run=RUN, last=ENDED)) is None
     assert watch.ended(status(0.2, last=ENDED)) == ENDED
 
 
-def test_a_run_too_short_to_be_seen_has_ended_all_the_same() -> None:
+def test_run_too_short_to_observe_has_ended_too() -> None:
     watch = RunWatch(RUN)
     assert watch.ended(status(0.0, last=ENDED)) is None
     assert watch.ended(status(1.5, last=ENDED)) == ENDED
 
 
 @pytest.mark.parametrize("run", [None, "b.mcap"])
-def test_a_run_of_which_nothing_is_known_is_not_waited_for(run: str | None) -> None:
+def test_unknown_run_is_not_waited_for(run: str | None) -> None:
     watch = RunWatch(RUN)
     other = LastRun(run="c.mcap", ending="complete", reason="all done", exit_code=0)
     assert watch.ended(status(0.0, run=run, last=other)) is None  # may be from before it began
@@ -99,9 +99,9 @@ def test_a_run_of_which_nothing_is_known_is_not_waited_for(run: str | None) -> N
     assert watch.ended(status(2.0, run=run, last=ENDED)) == ENDED
 
 
-def test_a_daemon_that_died_with_the_run_is_told() -> None:
+def test_daemon_that_died_with_run_is_reported() -> None:
     watch = RunWatch(RUN)
     left = (Interrupted(run=RUN, reason="", trials_done=1, trials_total=3),)
     assert watch.ended(status(0.0, run=RUN)) is None
-    with pytest.raises(LinkError, match="was started anew"):
+    with pytest.raises(LinkError, match="restarted"):
         watch.ended(status(5.0, interrupted=left))

@@ -50,7 +50,7 @@ def test_the_bytes_are_read_as_documented() -> None:
         b"RGF1" + struct.pack("<HHIIQ", 0, 65535, 2**32 - 1, 0, 0),
     ],
 )
-def test_what_is_not_a_frame_is_refused(payload: bytes) -> None:
+def test_bytes_that_are_no_frame_are_refused(payload: bytes) -> None:
     with pytest.raises(Refusal):
         decode_frame(payload)
 

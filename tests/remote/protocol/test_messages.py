@@ -90,29 +90,29 @@ def test_no_two_requests_have_the_same_id() -> None:
     ],
     ids=lambda payload: f"{len(payload)} bytes",
 )
-def test_what_is_not_a_request_is_refused(payload: bytes) -> None:
+def test_payload_that_is_no_request_is_refused(payload: bytes) -> None:
     assert refused(payload).code is Code.BAD_REQUEST
 
 
-def test_a_version_to_come_is_told_from_nonsense() -> None:
+def test_later_version_is_distinguished_from_nonsense() -> None:
     found = refused(request_bytes(v=2, new="key"))
     assert found.code is Code.VERSION
     assert "version 2 of the protocol, here it is 1" in found.message
 
 
-def test_what_a_daemon_of_another_version_refuses_is_understood() -> None:
+def test_refusal_of_another_version_is_understood() -> None:
     sent = json.loads(encode_refusal("0" * 32, Refusal(Code.VERSION, "here it is 2")))
     got = decode_refusal(json.dumps(sent | {"v": 2}).encode())
     assert (got.code, got.message) == (Code.VERSION, "here it is 2")
 
 
-def test_a_missing_version_is_not_taken_for_this_one() -> None:
+def test_missing_version_is_refused() -> None:
     data = json.loads(request_bytes())
     del data["v"]
     assert refused(json.dumps(data).encode()).code is Code.BAD_REQUEST
 
 
-def test_a_request_too_large_is_refused_on_both_sides() -> None:
+def test_request_too_large_is_refused_on_both_sides() -> None:
     large = START.model_copy(
         update={"procedure": START.procedure.model_copy(update={"text": "x" * MAX_REQUEST_BYTES})}
     )
@@ -138,7 +138,7 @@ def test_nesting_up_to_the_limit_passes() -> None:
     assert decode(Reply, encode_reply("0" * 32, {"a": value})).result == {"a": value}
 
 
-def test_what_is_told_of_a_bad_message_is_short() -> None:
+def test_error_of_bad_message_is_short() -> None:
     assert len(refused(request_bytes(**{"k" * 5000: 1})).message) <= 300
 
 
@@ -152,7 +152,7 @@ def test_a_recording_is_named_never_a_path(name: str) -> None:
         PieceArguments(run=name)
 
 
-def test_a_procedure_that_is_not_what_was_sent_is_refused() -> None:
+def test_procedure_differing_from_sent_text_is_refused() -> None:
     spoilt = encode_request(new_request(START)).replace(b"procedure: one", b"procedure: two")
     found = refused(spoilt)
     assert found.code is Code.BAD_REQUEST
@@ -178,15 +178,15 @@ def test_a_refusal_survives_the_wire() -> None:
     assert (got.code, got.message, got.hint) == (refusal.code, refusal.message, refusal.hint)
 
 
-def test_a_refusal_has_no_id_where_none_could_be_read() -> None:
+def test_refusal_of_unreadable_request_has_no_id() -> None:
     assert json.loads(encode_refusal("", Refusal(Code.BAD_REQUEST, "no")))["id"] == ""
 
 
-def test_what_zenoh_itself_says_is_a_refusal_too() -> None:
+def test_error_of_zenoh_is_a_refusal() -> None:
     assert decode_refusal(b"Timeout").code is Code.INTERNAL
 
 
-def test_a_status_says_every_state_of_a_run() -> None:
+def test_status_has_every_state_of_a_run() -> None:
     assert set(get_args(State)) == {state.name.lower() for state in RunState}
 
 
@@ -209,7 +209,7 @@ def test_a_status_survives_the_wire() -> None:
     assert got.trial.parameters["up"] is True
 
 
-def test_what_a_file_says_at_any_length_can_be_told() -> None:
+def test_file_text_of_any_length_can_be_sent() -> None:
     """The text of a prompt is its author's; a status that cannot be told hides the rig."""
     prompt = PromptView(id=1, name="ready", text="\ud800" + "x" * 10_000, kind="confirm")
     assert decode(PromptView, encode(prompt)).text == "?" + "x" * (MAX_TEXT - 1)
@@ -220,6 +220,6 @@ def test_no_text_of_a_procedure_steers_a_terminal() -> None:
     assert prompt.text == "µ ?[2J?2J?\n\tok"
 
 
-def test_an_event_refuses_what_json_cannot_say() -> None:
+def test_event_refuses_values_without_json_form() -> None:
     with pytest.raises(ValidationError):
         RigEvent(v=VERSION, seq=1, t_ns=1, kind="trip", data={"value": float("nan")})

@@ -7,14 +7,14 @@ import threading
 from rigd.remote.server.inbox import MAX_SENDERS, MAX_WAITING, Inbox
 
 
-def test_in_the_order_of_one_sender() -> None:
+def test_requests_of_a_sender_keep_their_order() -> None:
     inbox = Inbox[int]()
     for number in range(5):
         assert inbox.put("alice", number)
     assert [inbox.take() for _ in range(5)] == list(range(5))
 
 
-def test_who_sends_much_is_served_in_turn_with_who_sends_little() -> None:
+def test_busy_client_is_served_in_turn_with_others() -> None:
     inbox = Inbox[str]()
     for number in range(4):
         inbox.put("flood", f"flood {number}")
@@ -44,7 +44,7 @@ def test_each_sender_and_all_of_them_are_bounded() -> None:
     assert inbox.put("flood", 0)
 
 
-def test_who_waits_is_woken_by_an_item_and_by_the_end() -> None:
+def test_waiting_thread_wakes_by_item_and_end() -> None:
     inbox = Inbox[int]()
     taken: list[int | None] = []
 
@@ -64,7 +64,7 @@ def test_who_waits_is_woken_by_an_item_and_by_the_end() -> None:
     assert taken == [1, 2, None]
 
 
-def test_closing_gives_back_what_waits_and_takes_no_more() -> None:
+def test_closing_returns_waiting_items_and_accepts_none() -> None:
     inbox = Inbox[int]()
     inbox.put("alice", 1)
     inbox.put("bob", 2)

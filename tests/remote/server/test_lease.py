@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import pytest
 
-from rigd.remote.protocol import Code, LeaseView, Refusal
-from rigd.remote.protocol.arguments import NoArguments, Receiver
+from rigd.remote.protocol import ClientUser, Code, LeaseView, Refusal
 from rigd.remote.protocol.limits import LEASE_S
 from rigd.remote.server.lease import ASKING_S, MAX_ASKING, Lease
 
 #: Wall clock at the monotonic clock's zero, ns.
 WALL_NS = 1_700_000_000_000_000_000
+
+
+def client(name: str) -> ClientUser:
+    """Return a client, or after a slash one of its users: `panel/Ada`."""
+    identity, _, user = name.partition("/")
+    return ClientUser.of(identity, user)
 
 
 class Desk:
@@ -25,10 +30,11 @@ class Desk:
         )
 
     def does(self, identity: str, verb: str) -> LeaseView:
-        return self.lease.obey(identity, f"lease_{verb}", NoArguments())
+        view: LeaseView = getattr(self.lease, verb)(client(identity))
+        return view
 
     def give(self, identity: str, to: str) -> LeaseView:
-        return self.lease.obey(identity, "lease_give", Receiver(to=to))
+        return self.lease.give(client(identity), client(to))
 
     def passes(self, seconds: float) -> None:
         self.now_ns += round(seconds * 1e9)
@@ -48,16 +54,16 @@ def desk() -> Desk:
 
 def test_a_free_lease_is_taken(desk: Desk) -> None:
     view = desk.does("alice", "take")
-    assert view == LeaseView(holder="alice", until_ns=WALL_NS + round(LEASE_S * 1e9))
-    desk.lease.check("alice")
+    assert view == LeaseView(holder=client("alice"), until_ns=WALL_NS + round(LEASE_S * 1e9))
+    desk.lease.check(client("alice"))
 
 
-def test_the_second_is_refused_and_told_who_has_it(desk: Desk) -> None:
+def test_second_client_is_refused_with_holders_name(desk: Desk) -> None:
     desk.does("alice", "take")
-    with pytest.raises(Refusal, match=r"alice has the control lease, for another 6\.0 s"):
+    with pytest.raises(Refusal, match=r"alice .*lease, .*6\.0 s"):
         desk.does("bob", "take")
     with pytest.raises(Refusal, match="which alice has") as caught:
-        desk.lease.check("bob")
+        desk.lease.check(client("bob"))
     assert caught.value.code is Code.NO_LEASE
 
 
@@ -76,21 +82,21 @@ def test_a_renewed_lease_lasts(desk: Desk) -> None:
     assert desk.lease.lost() == ()
 
 
-def test_a_lease_that_is_not_renewed_ends_and_says_whose_it_was(desk: Desk) -> None:
+def test_lease_not_renewed_ends_and_names_its_holder(desk: Desk) -> None:
     desk.does("alice", "take")
     desk.passes(LEASE_S)
     assert desk.lease.view() == LeaseView()
-    assert desk.lease.lost() == ("alice",)
+    assert desk.lease.lost() == (client("alice"),)
     assert desk.lease.lost() == ()
     assert desk.refuses("alice", "renew") is Code.NO_LEASE
-    assert desk.does("bob", "take").holder == "bob"
+    assert desk.does("bob", "take").holder == client("bob")
 
 
-def test_who_lost_it_is_told_even_where_another_took_it_at_once(desk: Desk) -> None:
+def test_loser_is_notified_although_another_took_lease(desk: Desk) -> None:
     desk.does("alice", "take")
     desk.passes(LEASE_S + 1)
     desk.does("bob", "take")
-    assert desk.lease.lost() == ("alice",)
+    assert desk.lease.lost() == (client("alice"),)
 
 
 def test_a_released_or_seized_lease_is_not_lost(desk: Desk) -> None:
@@ -101,12 +107,12 @@ def test_a_released_or_seized_lease_is_not_lost(desk: Desk) -> None:
     assert desk.lease.lost() == ()
 
 
-def test_who_asks_is_shown_until_they_have_it(desk: Desk) -> None:
+def test_request_for_lease_is_shown_until_granted(desk: Desk) -> None:
     desk.does("alice", "take")
     desk.does("bob", "request")
-    assert desk.does("carol", "request").asked_by == ("bob", "carol")
+    assert desk.does("carol", "request").asked_by == (client("bob"), client("carol"))
     view = desk.give("alice", "bob")
-    assert (view.holder, view.asked_by) == ("bob", ("carol",))
+    assert (view.holder, view.asked_by) == (client("bob"), (client("carol"),))
 
 
 def test_asking_is_forgotten_after_a_while(desk: Desk) -> None:
@@ -124,14 +130,14 @@ def test_asking_makes_no_sense_without_another_holder(desk: Desk) -> None:
     assert desk.refuses("alice", "request") is Code.CONFLICT
 
 
-def test_the_list_of_those_who_ask_is_bounded(desk: Desk) -> None:
+def test_list_of_lease_requests_is_bounded(desk: Desk) -> None:
     desk.does("alice", "take")
     for number in range(MAX_ASKING):
         desk.does(f"client-{number}", "request")
     assert desk.refuses("one-more", "request") is Code.BUSY
 
 
-def test_only_the_holder_gives_and_only_to_who_may_command(desk: Desk) -> None:
+def test_holder_gives_only_to_client_that_may_command(desk: Desk) -> None:
     desk.does("alice", "take")
     with pytest.raises(Refusal) as caught:
         desk.give("bob", "bob")
@@ -139,4 +145,29 @@ def test_only_the_holder_gives_and_only_to_who_may_command(desk: Desk) -> None:
     with pytest.raises(Refusal) as caught:
         desk.give("alice", "observer")
     assert caught.value.code is Code.REFUSED
-    assert desk.lease.view().holder == "alice"
+    assert desk.lease.view().holder == client("alice")
+
+
+def test_users_of_one_client_hold_separate_leases(desk: Desk) -> None:
+    desk.does("panel/Ada", "take")
+    for other in ("panel/Bob", "panel"):
+        assert desk.refuses(other, "renew") is Code.NO_LEASE
+        assert desk.refuses(other, "take") is Code.LEASE_HELD
+    desk.passes(LEASE_S)
+    assert desk.lease.lost() == (client("panel/Ada"),)
+
+
+def test_user_gets_the_lease_only_after_asking(desk: Desk) -> None:
+    desk.does("panel/Ada", "take")
+    with pytest.raises(Refusal) as caught:
+        desk.give("panel/Ada", "panel/Bob")
+    assert caught.value.code is Code.NOT_FOUND
+    desk.does("panel/Bob", "request")
+    assert desk.give("panel/Ada", "panel/Bob").holder == client("panel/Bob")
+
+
+def test_client_named_alone_passes_to_first_asking_user(desk: Desk) -> None:
+    desk.does("alice", "take")
+    desk.does("panel/Ada", "request")
+    desk.does("panel/Bob", "request")
+    assert desk.give("alice", "panel").holder == client("panel/Ada")

@@ -11,7 +11,7 @@ from rigd.remote.protocol.status import RefusedCounts
 from rigd.remote.server.refused import Refused
 
 
-def test_a_flood_is_counted_in_full_and_logged_in_a_line_a_second(
+def test_flood_is_counted_fully_and_logged_each_second(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     now_ns = 0
@@ -26,7 +26,7 @@ def test_a_flood_is_counted_in_full_and_logged_in_a_line_a_second(
     assert "999 more since" in caplog.text
 
 
-def test_what_is_in_the_ordinary_course_is_neither(caplog: pytest.LogCaptureFixture) -> None:
+def test_normal_refusal_is_neither_counted_nor_logged(caplog: pytest.LogCaptureFixture) -> None:
     refused = Refused()
     for code in (Code.NO_LEASE, Code.LEASE_HELD, Code.CONFLICT, Code.REFUSED, Code.BUSY):
         refused.count("rigd/a/cmd/bob/start", Refusal(code, "no"))
@@ -34,7 +34,7 @@ def test_what_is_in_the_ordinary_course_is_neither(caplog: pytest.LogCaptureFixt
     assert caplog.records == []
 
 
-def test_what_a_client_wrote_cannot_break_a_line_of_the_log(
+def test_text_of_client_cannot_break_log_lines(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     Refused().count("a\nb" * 200, Refusal(Code.BAD_REQUEST, "args.a\nb: unknown" * 200))

@@ -41,13 +41,13 @@ def memory() -> Memory:
     return Memory()
 
 
-def test_what_was_done_is_answered_from_memory(memory: Memory) -> None:
+def test_repeated_request_is_answered_from_memory(memory: Memory) -> None:
     assert memory.requests.recall("alice", "1", b"digest") is None
     memory.carries_out("1")
     assert memory.requests.recall("alice", "1", b"digest") is DONE
 
 
-def test_an_id_belongs_to_one_request_of_one_identity(memory: Memory) -> None:
+def test_id_belongs_to_one_request_of_one_identity(memory: Memory) -> None:
     memory.carries_out("1")
     with pytest.raises(Refusal) as caught:
         memory.requests.recall("alice", "1", b"other")
@@ -56,22 +56,22 @@ def test_an_id_belongs_to_one_request_of_one_identity(memory: Memory) -> None:
 
 
 @pytest.mark.parametrize("age_s", [FRESH_S + 1, -FRESH_S - 1, 1e9])
-def test_what_is_not_fresh_is_refused(memory: Memory, age_s: float) -> None:
+def test_old_request_is_refused(memory: Memory, age_s: float) -> None:
     assert memory.refuses(age_s=age_s) is Code.REPLAYED
 
 
 @pytest.mark.parametrize("age_s", [0, FRESH_S - 1, 1 - FRESH_S])
-def test_what_is_fresh_enough_is_admitted(memory: Memory, age_s: float) -> None:
+def test_recent_request_is_admitted(memory: Memory, age_s: float) -> None:
     memory.admit(age_s=age_s)
 
 
-def test_what_an_earlier_daemon_may_have_carried_out_is_refused(memory: Memory) -> None:
+def test_request_possibly_done_by_earlier_daemon_is_refused(memory: Memory) -> None:
     memory.up_ns = round(2e9)
     assert memory.refuses(age_s=3.0) is Code.REPLAYED
     memory.admit(age_s=1.0)
 
 
-def test_a_reply_is_remembered_until_its_request_is_too_old(memory: Memory) -> None:
+def test_reply_is_remembered_until_request_is_too_old(memory: Memory) -> None:
     """Sent as far ahead as is allowed, it stays fresh for twice as long."""
     memory.admit(age_s=-FRESH_S)
     memory.requests.remember("alice", "1", b"digest", DONE)
@@ -84,7 +84,7 @@ def test_a_reply_is_remembered_until_its_request_is_too_old(memory: Memory) -> N
         memory.requests.admit("alice", sent_ns)
 
 
-def test_the_memory_of_one_identity_is_bounded_and_empties(memory: Memory) -> None:
+def test_memory_of_one_identity_is_bounded_and_empties(memory: Memory) -> None:
     for number in range(MAX_REQUESTS):
         memory.carries_out(str(number))
     assert memory.refuses() is Code.BUSY
@@ -101,7 +101,7 @@ def test_the_number_of_identities_is_bounded(memory: Memory) -> None:
     memory.admit("client-0")
 
 
-def test_what_was_not_admitted_pushes_out_the_oldest(memory: Memory) -> None:
+def test_full_memory_forgets_the_oldest_request(memory: Memory) -> None:
     """Stops are never refused for the lack of room."""
     for number in range(MAX_REQUESTS + 1):
         memory.requests.remember("alice", str(number), b"digest", DONE)

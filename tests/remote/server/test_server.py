@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from support.recorded_rig import RecordedRig
+from support.played_rig import PlayedRig
 from support.served_rig import RIG, Served, free_port, key, request, serve
 from support.zenoh_client import Refused, ZenohClient, config
 
@@ -30,14 +30,14 @@ def test_a_second_daemon_does_not_get_the_address() -> None:
     assert "a port each" in str(caught.value.hint)
 
 
-def test_an_address_that_is_not_here_is_told_without_the_source_of_zenoh() -> None:
+def test_foreign_address_is_reported_without_zenoh_source() -> None:
     elsewhere = RemoteSetup(("tcp/192.0.2.1:7447",))  # for documentation (RFC 5737)
     with pytest.raises(LinkError, match=r"cannot listen on tcp/192\.0\.2\.1:7447") as caught:
         Server(RIG, elsewhere, Lease(lambda name: True))
     assert ".rs:" not in str(caught.value)
 
 
-def test_certificates_that_are_not_there_are_told(tmp_path: Path) -> None:
+def test_missing_certificates_are_reported(tmp_path: Path) -> None:
     files = TlsFiles(tmp_path / "ca.crt", tmp_path / "rigd.crt", tmp_path / "rigd.key")
     listening = RemoteSetup((f"tls/127.0.0.1:{free_port()}",), files, {"alice": "operator"})
     with pytest.raises(ConfigError, match=r"rigd\.crt cannot be read: No such file") as caught:
@@ -61,7 +61,7 @@ def own_sockets() -> set[str]:
     return found
 
 
-def test_it_listens_where_it_is_told_and_nowhere_else() -> None:
+def test_server_listens_only_on_its_addresses() -> None:
     """By itself zenoh listens on every interface, joins a multicast group and shares memory."""
     listening, before = setup(), own_sockets()
     port = int(listening.listen[0].rpartition(":")[2])
@@ -72,18 +72,17 @@ def test_it_listens_where_it_is_told_and_nowhere_else() -> None:
 
 
 def test_nothing_is_answered_before_it_is_started() -> None:
-    listening = setup()
-    lease = Lease(lambda name: True)
-    server = Server(RIG, listening, lease)
+    listening, rig = setup(), PlayedRig()
+    server = Server(RIG, listening, rig.lease)
     with server, ZenohClient(config(listening.listen[0])) as client:
         assert client.alive("rigd/*/alive") == []
         assert client.get(key("ask", "eve", "latest"), request("latest")) == []
-        server.start(RecordedRig(RIG, lease))
+        server.start(rig)
         assert client.alive("rigd/*/alive") == [f"rigd/{RIG}/alive"]
         assert "result" in client.ask(key("ask", "eve", "latest"), request("latest"))
 
 
-def test_once_closed_it_is_gone_and_its_address_free() -> None:
+def test_closed_server_is_gone_and_frees_its_address() -> None:
     listening = setup()
     with serve(listening) as served:
         client = served.client()
@@ -105,7 +104,7 @@ def test_a_late_joiner_gets_the_newest_status(on_loopback: Served) -> None:
     assert second["seq"] > first["seq"]
 
 
-def test_an_event_and_a_frame_reach_who_listens(on_loopback: Served) -> None:
+def test_event_and_frame_reach_subscribers(on_loopback: Served) -> None:
     with on_loopback.client() as client:
         client.subscribe(f"rigd/{RIG}/event")
         client.subscribe(f"rigd/{RIG}/live/*")
@@ -116,9 +115,7 @@ def test_an_event_and_a_frame_reach_who_listens(on_loopback: Served) -> None:
     assert came == {f"rigd/{RIG}/event": 1, f"rigd/{RIG}/live/wheel": 1}
 
 
-def test_a_server_that_serves_nobody_any_more_says_so(
-    on_loopback: Served, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hanging_lane_is_reported(on_loopback: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rigd.remote.server.server._STUCK_S", 0.0)
     with on_loopback.client() as client, on_loopback.rig.hanging("stop"):
         asking = client.asking(key("stop", "eve", "stop"), request("stop"))
@@ -133,7 +130,7 @@ def test_a_server_that_serves_nobody_any_more_says_so(
 
 
 @pytest.mark.parametrize("verb", ["dry_run", "pause"])
-def test_a_stop_overtakes_what_takes_long(on_loopback: Served, verb: str) -> None:
+def test_stop_overtakes_a_long_request(on_loopback: Served, verb: str) -> None:
     rig = on_loopback.rig
     rig.hold_lease("eve")
     with on_loopback.client() as client, on_loopback.client() as other, rig.hanging(verb):
@@ -147,11 +144,11 @@ def test_a_stop_overtakes_what_takes_long(on_loopback: Served, verb: str) -> Non
         assert "result" in asking()
 
 
-class Sick(RecordedRig):
+class Sick(PlayedRig):
     """Fails to tell its status from the second time on, until it is well again."""
 
-    def __init__(self, name: str, lease: Lease) -> None:
-        super().__init__(name, lease)
+    def __init__(self) -> None:
+        super().__init__()
         self.failed = threading.Event()
         self.well = threading.Event()
 
@@ -163,11 +160,11 @@ class Sick(RecordedRig):
         return super().status()
 
 
-def test_a_rig_that_cannot_tell_its_status_falls_silent_and_comes_back(
+def test_rig_without_status_falls_silent_and_returns(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    listening, lease = setup(), Lease(lambda name: True)
-    server, rig = Server(RIG, listening, lease), Sick(RIG, lease)
+    listening, rig = setup(), Sick()
+    server = Server(RIG, listening, rig.lease)
     with server, ZenohClient(config(listening.listen[0])) as client, caplog.at_level("ERROR"):
         server.start(rig)
         client.subscribe(f"rigd/{RIG}/status")

@@ -18,7 +18,7 @@ def on_the_bench(**options: object) -> AnglePlant:
     return plant
 
 
-def test_a_weight_on_the_arm_of_the_clamped_shaft_gives_the_torque_scale() -> None:
+def test_weight_on_clamped_arm_gives_torque_scale() -> None:
     """K_T = m g L / d(V_a - V_b), and what the arm's bending adds to a misaligned pair."""
     plant = on_the_bench()
     plant.change("shaft", "clamped")
@@ -49,7 +49,7 @@ def test_the_weight_bends_the_shaft_downwards() -> None:
     assert common[1] - common[0] == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_clamped_shaft_does_not_turn_and_freeing_it_takes_the_weight_off() -> None:
+def test_freeing_the_clamped_shaft_removes_the_weight() -> None:
     plant = on_the_bench()
     plant.change("shaft", "clamped")
     plant.change("arm_mass", 3.0)
@@ -64,7 +64,7 @@ def test_a_clamped_shaft_does_not_turn_and_freeing_it_takes_the_weight_off() -> 
     assert plant._bench.arm_mass == 0.0
 
 
-def test_a_lifted_wheel_shows_the_friction_of_its_bearings() -> None:
+def test_lifted_wheel_shows_friction_of_its_bearings() -> None:
     plant = on_the_bench(voltage_v=4.0)
     plant.command(True)
     pass_time(plant, 2.0)
@@ -92,9 +92,7 @@ def test_a_pushed_platform_is_slowed_by_its_rails() -> None:
 
 @pytest.mark.parametrize(("set_name", "lift"), [("clean_0", "down"), ("clean_45", "down"),
                                                ("clean_0", "lifted")])  # fmt: skip
-def test_a_platform_that_is_pushed_to_its_end_rests_there_and_the_wheel_rolls_along(
-    set_name: str, lift: str
-) -> None:
+def test_platform_pushed_to_end_rests_and_turns_wheel(set_name: str, lift: str) -> None:
     plant = make_plant(set_name, parameters=varied(normal_force={"rise_spread": 0.0}))
     plant.change("wheel_lift", lift)
     pass_time(plant, 0.1)

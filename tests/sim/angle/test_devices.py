@@ -43,7 +43,7 @@ def test_conforms(driver: type) -> None:
     check_driver(driver, {})
 
 
-def test_what_takes_long_the_first_time_is_done_when_the_card_is_opened() -> None:
+def test_slow_first_work_is_done_at_opening() -> None:
     # In a cycle it would be a silence for which the cycle is taken for dead.
     code = """
 from support.angle_plant import make_plant
@@ -56,10 +56,10 @@ assert sample.signatures, "it compiles with the first block"
 
 
 @pytest.mark.parametrize("load_cell", [False, True])
-def test_a_block_has_quantities_beside_their_volts_and_times_without_gaps(load_cell: bool) -> None:
+def test_block_has_quantities_beside_volts_and_gapless_times(load_cell: bool) -> None:
     daq = started(make_plant(), load_cell=load_cell)
     inputs = 5 if load_cell else 4
-    names = [channel.name for channel in daq.channels]
+    names = [channel.name for channel in daq.declaration.channels]
     expected = [name for signal in layout.SIGNALS[:inputs] for name in (signal, f"{signal}_raw")]
     assert names == [*expected, "device_time", "clock_rate"]
     got = [block for _, block in blocks(daq, 500)]
@@ -79,9 +79,7 @@ def test_a_block_has_quantities_beside_their_volts_and_times_without_gaps(load_c
 
 
 @pytest.mark.parametrize(("block", "latency_ms"), [(96, 8.0), (480, 15.0)])
-def test_a_block_comes_its_latency_after_its_end_with_an_exponential_tail(
-    block: int, latency_ms: float
-) -> None:
+def test_block_arrives_after_latency_with_exponential_tail(block: int, latency_ms: float) -> None:
     daq = started(make_plant(), block=block, latency=f"{latency_ms} ms")
     late = [(now - int(item.times_ns[-1])) * 1e-6 - 1e3 / 9600 for now, item in blocks(daq, 6000)]
     assert min(late) >= latency_ms - 3.0
@@ -95,7 +93,8 @@ def test_no_newest_row_grows_older_than_declared() -> None:
     got = blocks(daq, 1000)
     came, newest = zip(*((now, int(block.times_ns[-1])) for now, block in got), strict=True)
     oldest_s = max(np.subtract(came[1:], newest[:-1])) * 1e-9
-    assert daq.oldest_s - 0.5e-3 < oldest_s <= daq.oldest_s + 1e-3  # cycles are 1 ms apart
+    declared_s = daq.declaration.oldest_s
+    assert declared_s - 0.5e-3 < oldest_s <= declared_s + 1e-3  # cycles are 1 ms apart
 
 
 def test_no_block_overtakes_the_one_before_it() -> None:
@@ -108,14 +107,14 @@ def test_no_block_overtakes_the_one_before_it() -> None:
     assert min(np.diff(due)) == 0
 
 
-def test_samples_that_nobody_read_in_time_are_lost_and_that_is_said() -> None:
+def test_samples_unread_in_time_are_lost_and_reported() -> None:
     daq = started(make_plant())
     pass_time(daq.link, 8.0)
     with pytest.raises(DeviceError, match=r"were not read for 6\.8 s and are lost"):
         daq.read_block(0.0)
 
 
-def test_the_cycle_sees_the_median_of_the_last_samples() -> None:
+def test_cycle_sees_median_of_last_samples() -> None:
     daq = started(make_plant(), median=5)
     rows = np.zeros((96, 11))
     rows[-5:, 6] = [0.1, 0.2, 99.0, 0.3, -99.0]
@@ -127,7 +126,7 @@ def test_the_cycle_sees_the_median_of_the_last_samples() -> None:
     assert even.newest_row(Block(np.arange(96, dtype=np.int64), rows))[6] == pytest.approx(0.25)
 
 
-def test_an_input_at_a_rail_is_in_the_status_word() -> None:
+def test_input_at_rail_is_in_status_word() -> None:
     plant = make_plant()
     daq = started(plant)
     pass_time(plant, 0.05)
@@ -137,7 +136,7 @@ def test_an_input_at_a_rail_is_in_the_status_word() -> None:
     assert block is not None
     assert set(block.values[:, -1]) == {0b1010}
     assert set(block.values[:, 3]) == {10.0}
-    assert daq.status_bits == {
+    assert daq.declaration.status_bits == {
         "gauge_a_at_rail": 1,
         "gauge_b_at_rail": 2,
         "wheel_angle_at_rail": 4,
@@ -165,7 +164,7 @@ def relay(plant: AnglePlant) -> AngleRelay:
     return device
 
 
-def test_the_relay_obeys_once_armed_and_shows_its_contact_not_the_command() -> None:
+def test_armed_relay_obeys_and_shows_its_contact() -> None:
     plant = make_plant()
     device = relay(plant)
     device.write([1.0])
@@ -182,7 +181,7 @@ def test_the_relay_obeys_once_armed_and_shows_its_contact_not_the_command() -> N
     assert device.read(plant.now_ns + 20 * MS) == (0.0,)
 
 
-def test_the_relay_refuses_what_is_no_number_and_what_nobody_knows() -> None:
+def test_relay_refuses_nan_and_unknown_values() -> None:
     plant = make_plant()
     device = relay(plant)
     device.arm()
@@ -190,32 +189,32 @@ def test_the_relay_refuses_what_is_no_number_and_what_nobody_knows() -> None:
         device.write([math.nan])
     plant.change("wheel", "coated")
     plant.change("angle", math.pi / 4)
-    with pytest.raises(DeviceError, match="no friction is published for the coated wheel at 45"):
+    with pytest.raises(DeviceError, match=r"friction .*coated wheel at 45"):
         device.write([1.0])
 
 
-def test_the_scale_has_a_row_for_each_reading_and_none_between() -> None:
+def test_scale_has_one_row_for_each_reading() -> None:
     plant = make_plant()
     scale = AngleScale(DriverConfig(), plant)
     rows = [scale.read(k * 10 * MS) for k in range(1, 701)]
     taken = [row for row in rows if row is not None]
     assert len(taken) == 28
-    assert taken[-1][1] == scale.status_bits["stable"]
+    assert taken[-1][1] == scale.declaration.status_bits["stable"]
     assert taken[-1][0] == pytest.approx(4.0, abs=0.2)
     plant.change("scale_weight", 50.0)
     late = [row for k in range(701, 1401) if (row := scale.read(k * 10 * MS)) is not None]
     assert math.isnan(late[-1][0])
-    assert late[-1][1] == scale.status_bits["overload"]
+    assert late[-1][1] == scale.declaration.status_bits["overload"]
 
 
 def test_the_truth_is_the_hidden_state() -> None:
     plant = make_plant()
     plant.command(True)
-    row = AngleTruth(DriverConfig(), plant).read(300 * MS)
+    truth = AngleTruth(DriverConfig(), plant)
+    row, channels = truth.read(300 * MS), truth.declaration.channels
     assert row == plant.truth
-    assert len(row) == len(AngleTruth.channels)
     radius = shipped().wheel.radius * shipped().wheel.effective_radius
-    named = dict(zip((channel.name for channel in AngleTruth.channels), row, strict=True))
+    named = dict(zip((channel.name for channel in channels), row, strict=True))
     assert named["platform_speed"] > 0.1
     assert named["sliding_speed"] == pytest.approx(
         radius * named["wheel_speed"] - named["platform_speed"]

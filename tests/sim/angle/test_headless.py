@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from support.angle_headless import POST_S, PRE_S, WATCHDOG_S, SimulatedRun, simulate
 
 from rigd_sim.plants.angle import layout
-from rigd_sim.plants.angle.headless import POST_S, PRE_S, WATCHDOG_S, SimulatedRun, simulate
 
 #: set, load, voltage; mean F_r/N of the reference runs r0, r2, r3, r5 of angle_golden.npz, which
 #: stop on blocks of 50 ms.
@@ -40,7 +40,7 @@ def test_runs_resemble_those_of_an_independent_simulator(
 
 @pytest.mark.parametrize("set_name", list(layout.SETS))
 @pytest.mark.parametrize(("load_kg", "voltage_v"), [(4, 4), (4, 10), (8, 4), (8, 10)])
-def test_a_run_lasts_less_than_700_ms_and_has_a_peak_then_a_plateau(
+def test_run_below_700_ms_has_peak_then_plateau(
     set_name: str, load_kg: float, voltage_v: float
 ) -> None:
     run = simulate(set_name, load_kg, voltage_v)
@@ -64,7 +64,7 @@ def test_the_pre_trigger_samples_are_at_rest() -> None:
     assert run.truth["platform_position"][-1] > 0.3
 
 
-def test_the_stop_comes_within_a_block_and_its_latency() -> None:
+def test_stop_comes_within_block_and_its_latency() -> None:
     """On average half a block and the latency after the threshold: 12.5 ms with 10 ms blocks."""
     late = []
     for seed in range(30):
@@ -86,7 +86,7 @@ def test_longer_blocks_stop_later() -> None:
     assert travelled[480] > travelled[24] + 0.01
 
 
-def test_an_ideal_rig_errs_by_the_wheels_inertia_alone() -> None:
+def test_ideal_rig_errs_by_wheels_inertia_alone() -> None:
     for set_name, load_kg, voltage_v in (("clean_0", 4.0, 10.0), ("clean_45", 4.0, 8.5)):
         run = simulate(set_name, load_kg, voltage_v, noise=False, drag=False)
         steady = run.window(0.15, run.stop_s)
@@ -101,7 +101,7 @@ def test_an_ideal_rig_errs_by_the_wheels_inertia_alone() -> None:
         assert mu - run.true_mu(0.15, run.stop_s) == pytest.approx(excess, abs=2e-3)
 
 
-def test_bearing_and_rolling_add_to_the_torque_of_a_real_one() -> None:
+def test_bearing_and_rolling_add_to_the_torque() -> None:
     run = simulate("clean_0", 4.0, 10.0)
     steady = run.window(0.2, run.stop_s)
     n, w = run.truth["normal_force"][steady], run.truth["wheel_speed"][steady]
@@ -121,7 +121,7 @@ def test_seeds_scatter_and_repeat() -> None:
     assert simulate(seed=3, individual=2).torque_scale != found.torque_scale
 
 
-def test_the_load_cell_shows_the_normal_force_while_it_varies() -> None:
+def test_load_cell_shows_normal_force_while_it_varies() -> None:
     run = simulate("clean_45", 6.0, 8.5, load_cell=True)
     assert run.normal_force_v is not None
     force = (run.normal_force_v - run.normal_force_zero_v) * run.normal_force_scale
@@ -132,7 +132,7 @@ def test_the_load_cell_shows_the_normal_force_while_it_varies() -> None:
     assert simulate().normal_force_v is None
 
 
-def test_rubbing_adds_its_moment_to_the_torque_and_nothing_to_the_friction() -> None:
+def test_rubbing_adds_torque_but_no_friction() -> None:
     clean, rubbed = (simulate("clean_0", 4.0, 10.0, rubbing_nm=moment) for moment in (0.0, 0.3))
     means = [torque(run)[run.window(0.25, 0.5)].mean() for run in (clean, rubbed)]
     assert means[1] - means[0] == pytest.approx(0.3, abs=0.02)
@@ -158,7 +158,7 @@ def test_a_dead_potentiometer_stays_where_it_was(fault: str, dead: str) -> None:
         assert not run.watchdog
 
 
-def test_a_potentiometer_at_its_end_shows_nothing_until_it_has_come_back() -> None:
+def test_potentiometer_at_its_end_shows_nothing_until_back() -> None:
     run = simulate("clean_0", 4.0, 10.0, fault="wheel_pot_at_end")
     before = run.truth["wheel_angle"] < 2 * math.pi - 1.0
     assert np.abs(run.wheel_v[before]).max() < 0.01
@@ -193,6 +193,6 @@ def test_on_rubber_the_wheel_does_not_slide() -> None:
         ({"load_kg": 80.0}, "it takes 1 kg to 12 kg"),
     ],
 )
-def test_what_cannot_be_simulated_is_refused(options: dict[str, object], message: str) -> None:
+def test_impossible_simulation_is_refused(options: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         simulate(**options)  # type: ignore[arg-type] # by name

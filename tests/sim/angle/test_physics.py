@@ -65,14 +65,14 @@ def test_the_wheel_keeps_its_angular_momentum(set_name: str) -> None:
     assert left == pytest.approx(gained, abs=1e-4 * integral(known["torque"]))
 
 
-def test_the_sliding_speed_is_that_of_the_effective_radius_along_the_rolling_direction() -> None:
+def test_sliding_speed_uses_effective_radius_in_rolling_direction() -> None:
     known = driven(make_plant("clean_30", 4.0, 7.0))
     radius = shipped().wheel.radius * shipped().wheel.effective_radius
     expected = radius * known["wheel_speed"] - known["platform_speed"] * math.cos(math.pi / 6)
     np.testing.assert_allclose(known["sliding_speed"], expected, atol=1e-12)
 
 
-def test_friction_is_largest_at_half_a_metre_per_second_and_there_as_published() -> None:
+def test_friction_peaks_at_half_metre_per_second() -> None:
     """The curve of each set, after breakaway, has its maximum where the parameters say."""
     for name in layout.SETS:
         plant = make_plant(name, 4.0, 10.0, noise=False)
@@ -85,7 +85,7 @@ def test_friction_is_largest_at_half_a_metre_per_second_and_there_as_published()
         np.testing.assert_allclose(limit, published * np.exp(-0.08 * decades**2), rtol=1e-6)
 
 
-def test_halving_the_step_changes_speeds_by_less_than_a_tenth_of_a_millimetre_per_second() -> None:
+def test_halved_step_changes_speeds_below_tolerance() -> None:
     # The relay acts at a step; a quarter of a step aside, both grids see it at the same times.
     step = STEP_S
     relay: dict[str, object] = {"pick_up": 149.75 * step, "bounce": 40 * step}
@@ -104,9 +104,7 @@ def test_halving_the_step_changes_speeds_by_less_than_a_tenth_of_a_millimetre_pe
         assert np.abs(speeds[1] - speeds[2]).max() < 1e-4
 
 
-def test_the_motor_on_10_v_has_13_newton_metres_at_standstill_and_45_rad_per_s_without_load() -> (
-    None
-):
+def test_motor_on_10_v_has_published_figures() -> None:
     ideal = varied(motor={"source_resistance": 0.0, "gearbox_drag": 0.0})
     stalled = make_plant(parameters=ideal)
     stalled.change("wheel_lift", "lifted")
@@ -135,7 +133,7 @@ def contact(plant: AnglePlant, command: bool, seconds: float) -> list[tuple[floa
     return changes
 
 
-def test_the_relay_closes_late_and_bounces_and_opens_late() -> None:
+def test_relay_closes_late_and_bounces_and_opens_late() -> None:
     plant = make_plant()
     closing = contact(plant, True, 0.02)
     assert [closed for _, closed in closing] == [True, False, True, False, True]
@@ -146,7 +144,7 @@ def test_the_relay_closes_late_and_bounces_and_opens_late() -> None:
     assert opening[0][0] == pytest.approx(6e-3, abs=3 * STEP_S)
 
 
-def test_a_relay_that_is_told_otherwise_in_time_does_not_move() -> None:
+def test_relay_commanded_back_in_time_does_not_move() -> None:
     plant = make_plant()
     assert contact(plant, True, 4e-3) == contact(plant, False, 20e-3) == []
     assert truth(plant, "wheel_speed") == 0.0
@@ -173,9 +171,7 @@ def test_the_shaft_carries_nothing_within_the_backlash() -> None:
 
 @pytest.mark.parametrize("load_kg", [4.0, 5.0, 6.0, 8.0])
 @pytest.mark.parametrize("set_name", list(layout.SETS))
-def test_opening_the_relay_does_not_stop_the_platform_before_its_bumper(
-    set_name: str, load_kg: float
-) -> None:
+def test_opened_relay_lets_platform_coast_to_its_bumper(set_name: str, load_kg: float) -> None:
     plant = make_plant(set_name, load_kg, 4.0)
     driven(plant)
     plant.command(False)
@@ -185,7 +181,7 @@ def test_opening_the_relay_does_not_stop_the_platform_before_its_bumper(
 
 
 @pytest.mark.parametrize(("brake", "low_m", "high_m"), [(False, 0.35, 2.5), (True, 0.06, 0.36)])
-def test_without_a_bumper_it_would_coast_for_metres_and_a_shorted_motor_would_brake(
+def test_without_bumper_platform_coasts_and_shorted_motor_brakes(
     brake: bool, low_m: float, high_m: float
 ) -> None:
     """angle.md §4.6 has 0.5 to 2.5 m and, with a brake contact, 0.09 to 0.36 m."""
@@ -200,7 +196,7 @@ def test_without_a_bumper_it_would_coast_for_metres_and_a_shorted_motor_would_br
         assert low_m < truth(plant, "platform_position") - start < high_m
 
 
-def test_what_rests_stays_where_it_is_and_is_free_of_creep() -> None:
+def test_resting_rig_stays_in_place_without_creep() -> None:
     plant = make_plant("clean_45", 8.0, 10.0)
     driven(plant)
     plant.command(False)
@@ -212,7 +208,7 @@ def test_what_rests_stays_where_it_is_and_is_free_of_creep() -> None:
     assert truth(plant, "platform_speed") == truth(plant, "wheel_speed") == 0.0
 
 
-def test_the_normal_force_vibrates_at_the_rollers_and_is_constant_without_noise() -> None:
+def test_normal_force_vibrates_at_rollers_except_without_noise() -> None:
     known = driven(make_plant("clean_0", 4.0, 10.0))
     late = slice(-4096, None)
     n = known["normal_force"][late] - np.mean(known["normal_force"][late])
@@ -232,7 +228,7 @@ def smooth_wheel(**changed: float) -> AngleParameters:
     return varied(normal_force={**still, **changed})
 
 
-def test_the_normal_force_rises_along_the_travel_and_with_the_traction() -> None:
+def test_normal_force_rises_along_travel_and_with_traction() -> None:
     """N = N_0 (1 + 0.03 x/(0.3 m)) + 0.02 F_r."""
     plant = make_plant("clean_45", parameters=smooth_wheel(rise=0.03, tilting=0.02))
     at_rest = truth(plant, "normal_force")

@@ -31,7 +31,7 @@ def played(times_ns: list[int], *, seed: int = 1) -> tuple[bytes, list[float], t
     return np.concatenate(volts).tobytes(), plant.truth, plant.scale()
 
 
-def test_the_same_seed_gives_the_same_bits_however_time_is_divided() -> None:
+def test_same_seed_gives_same_bits_for_any_division() -> None:
     end = 3 * S
     by_cycles = played([k * MS for k in range(1, 3001)])
     in_jumps = played([*range(0, end, 333_333_333), end])
@@ -53,7 +53,7 @@ def test_the_first_call_sets_the_origin_of_time() -> None:
     assert np.array_equal(Acquisition(other, start_ns=0).read_due().volts, first.volts)
 
 
-def test_again_at_the_same_time_does_nothing_and_back_is_refused() -> None:
+def test_repeated_time_does_nothing_and_earlier_is_refused() -> None:
     plant = make_plant()
     plant.advance(5 * MS)
     steps = plant.steps
@@ -63,7 +63,7 @@ def test_again_at_the_same_time_does_nothing_and_back_is_refused() -> None:
         plant.advance(4 * MS)
 
 
-def test_every_push_back_begins_a_run_with_a_scatter_of_its_own() -> None:
+def test_every_push_back_begins_run_with_own_scatter() -> None:
     plant = make_plant()
     starts, surfaces = [], []
     for _ in range(3):
@@ -82,7 +82,7 @@ def test_every_push_back_begins_a_run_with_a_scatter_of_its_own() -> None:
     assert platform_v / pots.volts_per_rad * pots.pulley == pytest.approx(0.09, abs=0.003)
 
 
-def test_a_push_back_leaves_the_wheel_at_rest_with_its_breakaway() -> None:
+def test_push_back_leaves_wheel_at_rest_with_breakaway() -> None:
     """Two runs without scatter between them are the same, to within a step of the relay."""
     plant, torques = make_plant(noise=False), []
     for _ in range(2):
@@ -136,11 +136,11 @@ def test_an_impossible_change_is_refused(quantity: str, value: float | str, mess
         make_plant().change(quantity, value)
 
 
-def test_a_combination_of_which_nothing_is_published_may_be_mounted_but_not_run() -> None:
+def test_unpublished_combination_can_be_mounted_but_not_run() -> None:
     """Either of angle and wheel may be changed first; nothing but a run asks for both."""
     plant = make_plant("clean_45")
     plant.change("wheel", "coated")
-    with pytest.raises(ValueError, match="no friction is published for the coated wheel at 45"):
+    with pytest.raises(ValueError, match=r"friction .*coated wheel at 45"):
         plant.command(True)
     with pytest.raises(ValueError, match="no friction is published"):
         plant.change("platform", "start")
@@ -153,7 +153,7 @@ def test_a_combination_of_which_nothing_is_published_may_be_mounted_but_not_run(
 
 
 @pytest.mark.parametrize("place", ["start", "end"])
-def test_nobody_pushes_a_platform_that_is_driven_or_whose_shaft_is_clamped(place: str) -> None:
+def test_driven_or_clamped_platform_cannot_be_pushed(place: str) -> None:
     plant = make_plant()
     plant.command(True)
     with pytest.raises(ValueError, match="the relay is closed"):
@@ -164,7 +164,7 @@ def test_nobody_pushes_a_platform_that_is_driven_or_whose_shaft_is_clamped(place
         plant.change("platform", place)
 
 
-def test_a_rig_file_names_angle_wheel_load_voltage_with_units() -> None:
+def test_rig_file_gives_set_up_with_units() -> None:
     config = AngleConfig.model_validate({"angle": "45 deg", "load": "8 kg", "voltage": "7 V"})
     plant = AnglePlant(config, period_ns=MS, seed=1, parameters=shipped())
     assert plant._bench.angle == pytest.approx(math.pi / 4)
@@ -191,7 +191,7 @@ def test_the_parameter_file_is_attached_to_recordings() -> None:
         ("inductance: 0.25 mH", "inductance: 1 uH", ["the winding's rate", "is too fast"]),
     ],
 )
-def test_a_wrong_parameter_file_is_refused_with_the_place(
+def test_wrong_parameter_file_is_refused_with_place(
     tmp_path: Path, old: str, new: str, parts: list[str]
 ) -> None:
     text = AngleConfig.find_parameters("approach_angle").read_text("utf-8")

@@ -34,7 +34,7 @@ def exact(**gauges: object) -> AngleParameters:
     )
 
 
-def test_gauges_show_the_shear_strain_of_the_torque_half_each_and_opposite() -> None:
+def test_gauges_show_opposite_halves_of_shear_strain() -> None:
     """gamma = T r/(G J), 24.49 ustrain per N m; +-45 degrees see +-gamma/2."""
     plant = make_plant(noise=False)
     plant.command(True)
@@ -49,7 +49,7 @@ def test_gauges_show_the_shear_strain_of_the_torque_half_each_and_opposite() -> 
     )
 
 
-def test_misaligned_gauges_see_the_bending_turn_with_the_shaft() -> None:
+def test_misaligned_gauges_see_bending_turn_with_shaft() -> None:
     """eps_x (1 + nu)/2 (sin 2a + sin 2b) cos(angle), eps_x = arm N r/(E I)."""
     plant = make_plant("clean_0", 8.0, 10.0, parameters=exact())
     plant.command(True)
@@ -68,7 +68,7 @@ def test_misaligned_gauges_see_the_bending_turn_with_the_shaft() -> None:
     np.testing.assert_allclose(found, crosstalk, atol=1e-9)
 
 
-def test_zeros_drift_from_run_to_run_and_mostly_together() -> None:
+def test_zeros_drift_between_runs_and_mostly_together() -> None:
     plant = make_plant()
     zeros = []
     for _ in range(300):
@@ -80,7 +80,7 @@ def test_zeros_drift_from_run_to_run_and_mostly_together() -> None:
     assert np.corrcoef(a, b)[0, 1] == pytest.approx(0.7, abs=0.1)
 
 
-def test_noise_hum_and_resolution_at_rest_are_those_of_the_parameters() -> None:
+def test_noise_hum_and_resolution_match_the_parameters() -> None:
     volts = samples(make_plant(), 4.0)
     assert np.array_equal(np.round(volts / (20 / 2**14)), volts / (20 / 2**14))
     times = np.arange(len(volts)) / 9600
@@ -97,7 +97,7 @@ def test_noise_hum_and_resolution_at_rest_are_those_of_the_parameters() -> None:
     assert np.abs(correlations).max() < 5 / math.sqrt(len(volts))
 
 
-def test_with_a_load_cell_the_card_loses_a_bit() -> None:
+def test_with_load_cell_card_loses_bit() -> None:
     volts = samples(make_plant(), 0.5, load_cell=True)
     steps = volts / (20 / 2**13)
     assert volts.shape[1] == 5
@@ -118,7 +118,7 @@ def test_the_inputs_are_converted_one_after_the_other() -> None:
     assert volts[0, 0] == pytest.approx(1e-4 * layout.STEPS_PER_S / 4, rel=1e-6)
 
 
-def test_a_switching_relay_disturbs_the_gauges_for_half_a_millisecond() -> None:
+def test_switching_relay_disturbs_gauges_for_half_millisecond() -> None:
     plant = make_plant(parameters=varied(gauges={**SILENT, "spike": 8e-6}))
     plant.command(True)
     pass_time(plant, 0.009)
@@ -129,7 +129,7 @@ def test_a_switching_relay_disturbs_the_gauges_for_half_a_millisecond() -> None:
     assert not spikes[: round(0.008 * layout.STEPS_PER_S)].any(), "nothing before the contact"
 
 
-def test_a_potentiometer_has_a_slope_error_and_one_that_repeats_every_turn() -> None:
+def test_potentiometer_has_slope_error_and_cyclic_error() -> None:
     plant = make_plant("clean_0", 4.0, 10.0, parameters=exact())
     plant.command(True)
     pass_time(plant, 0.5)
@@ -156,7 +156,7 @@ def test_a_potentiometer_ends_and_does_not_wrap() -> None:
     assert np.all(np.diff(known["wheel_angle_v"]) >= 0.0)
 
 
-def test_individuals_differ_within_the_tolerances_and_each_is_always_the_same() -> None:
+def test_individuals_differ_within_tolerances_and_repeat() -> None:
     rigs = [make_plant(individual=number).individual for number in range(60)]
     assert rigs[7] == make_plant(individual=7, seed=99).individual
     for name, nominal, spread in (
@@ -182,7 +182,7 @@ def readings(plant: AnglePlant, seconds: float) -> list[tuple[float, int]]:
     return taken
 
 
-def test_the_scale_is_slow_lags_and_calls_only_a_reading_at_rest_stable() -> None:
+def test_slow_scale_calls_only_resting_reading_stable() -> None:
     plant = make_plant()
     settled = readings(plant, 6.0)
     assert len(settled) == 24  # 4 Hz
@@ -210,7 +210,7 @@ def test_the_scale_shows_an_overload() -> None:
     assert readings(plant, 6.0)[-1][1] == layout.STABLE
 
 
-def test_the_load_that_bolts_set_scatters_and_the_scale_shows_it() -> None:
+def test_load_set_by_bolts_scatters_on_the_scale() -> None:
     plant = make_plant()
     loads = []
     for _ in range(200):

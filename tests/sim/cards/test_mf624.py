@@ -44,7 +44,7 @@ def test_conversion_is_14_bits_in_twos_complement(
     assert scan(terminals.card(), 1 << 4)[0] == word
 
 
-def test_the_fifo_gives_the_scan_in_order_then_all_ones(terminals: Terminals) -> None:
+def test_fifo_gives_scan_in_order_then_all_ones(terminals: Terminals) -> None:
     terminals.volts_in = [item * 10 / 8192 for item in range(8)]
     card = terminals.card()
     assert scan(card, 0b10100110) == [1, 2, 5, 7, *[0xFFFF] * 4]
@@ -54,7 +54,7 @@ def test_the_fifo_gives_the_scan_in_order_then_all_ones(terminals: Terminals) ->
     assert card.r32(ADDATA) == 5 << 16 | 2, "32 bits pop two words"
 
 
-def test_reading_adstart_converts_at_once_and_eolc_tells_when_it_is_over(
+def test_reading_adstart_converts_and_eolc_shows_the_end(
     terminals: Terminals,
 ) -> None:
     card = terminals.card()
@@ -69,7 +69,7 @@ def test_reading_adstart_converts_at_once_and_eolc_tells_when_it_is_over(
     assert card.r16(ADDATA) == 0x1000
 
 
-def test_words_nobody_read_come_first(terminals: Terminals) -> None:
+def test_unread_words_come_first(terminals: Terminals) -> None:
     card = terminals.card()
     terminals.volts_in[0] = 5.0
     card.w16(ADCTRL, 1)
@@ -88,7 +88,7 @@ def test_writing_and_reading_one_address_are_two_things(terminals: Terminals) ->
     assert card.r16(ADDATA) == 0xFFFF, "writing DA0 starts no conversion"
 
 
-def test_outputs_are_grounded_until_dacen_and_wake_at_full_scale(terminals: Terminals) -> None:
+def test_outputs_are_grounded_until_dacen_then_full_scale(terminals: Terminals) -> None:
     card = terminals.card()
     assert terminals.volts_out == [0.0] * 8
     card.w32(GPIOC, BASE | DACEN)
@@ -119,7 +119,7 @@ def test_counters_wrap_and_show_the_index(terminals: Terminals) -> None:
     assert card.r32(IRCSTATUS) == 0x01000100
 
 
-def test_physics_is_brought_to_now_before_it_is_looked_at() -> None:
+def test_physics_advances_to_now_before_a_read() -> None:
     looks: list[str] = []
 
     def volts() -> float:

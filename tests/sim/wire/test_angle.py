@@ -50,7 +50,7 @@ def world(clock: Clock, one_shot_s: float | None = ONE_SHOT_S, **options: Any) -
     return AngleWorld(plant(**options), one_shot_s, clock)
 
 
-def test_the_relay_needs_its_line_and_the_one_shot(clock: Clock) -> None:
+def test_relay_needs_its_line_and_one_shot(clock: Clock) -> None:
     found = world(clock)
     found.ask(closed=True)
     clock.pass_ms(50)
@@ -64,7 +64,7 @@ def test_the_relay_needs_its_line_and_the_one_shot(clock: Clock) -> None:
     assert found.safe_since_ns == clock.ns
 
 
-def test_the_one_shot_drops_when_it_should_and_not_when_somebody_looks(clock: Clock) -> None:
+def test_one_shot_drops_when_due_without_any_reader(clock: Clock) -> None:
     found = world(clock)
     found.ask(closed=True)
     found.trigger(level=True)
@@ -79,7 +79,7 @@ def test_the_one_shot_drops_when_it_should_and_not_when_somebody_looks(clock: Cl
     assert not found.one_shot_up()
 
 
-def test_what_stood_where_when_it_opened(clock: Clock) -> None:
+def test_state_at_relay_opening_is_kept(clock: Clock) -> None:
     found = world(clock, one_shot_s=None, noise=False)
     found.ask(closed=True)
     while float(found.state()["platform_position"]) < 0.1:
@@ -97,7 +97,7 @@ def test_what_stood_where_when_it_opened(clock: Clock) -> None:
     assert found.furthest > 0.45  # the relay does not stop it, the bumper does
 
 
-def test_what_no_friction_is_known_of_is_not_driven(clock: Clock) -> None:
+def test_set_up_of_unknown_friction_is_not_driven(clock: Clock) -> None:
     found = world(clock, one_shot_s=None)
     found.change("wheel", "coated")
     found.change("angle", math.radians(30))
@@ -114,7 +114,7 @@ def test_what_no_friction_is_known_of_is_not_driven(clock: Clock) -> None:
     assert found.plant.closed
 
 
-def test_a_welded_contact_and_a_broken_one(clock: Clock) -> None:
+def test_welded_and_broken_contact_are_simulated(clock: Clock) -> None:
     found = world(clock)
     relay = SimRelay("relay", found, "a line")
     relay.inject("welded")
@@ -135,7 +135,7 @@ def test_a_welded_contact_and_a_broken_one(clock: Clock) -> None:
     assert relay.state()["contact"]
 
 
-def test_a_one_shot_that_stays_up_keeps_the_relay(clock: Clock) -> None:
+def test_one_shot_that_stays_up_keeps_relay(clock: Clock) -> None:
     found = world(clock)
     relay = SimRelay("relay", found, "a line")
     relay.inject("one_shot_dead")
@@ -146,7 +146,7 @@ def test_a_one_shot_that_stays_up_keeps_the_relay(clock: Clock) -> None:
     assert not relay.state()["coil"]
 
 
-def test_faults_of_a_relay_that_it_does_not_know(clock: Clock) -> None:
+def test_faults_of_relay_that_it_does_not_know(clock: Clock) -> None:
     relay = SimRelay("relay", world(clock, one_shot_s=None), "a line")
     for fault, options in (("fire", {}), ("welded", {"side": "left"})):
         with pytest.raises(ValueError, match="it knows welded: "):
@@ -155,7 +155,7 @@ def test_faults_of_a_relay_that_it_does_not_know(clock: Clock) -> None:
         relay.inject("one_shot_dead")
 
 
-def test_the_card_samples_the_plant_at_its_own_rate(clock: Clock) -> None:
+def test_card_samples_plant_at_its_own_rate(clock: Clock) -> None:
     item = world(clock, noise=False)
     inputs: list[int | None] = [3, None, 0]  # platform, nothing, gauge a: as the task has them
     sampler = Sampled(item, inputs, 9600.0, clock.ns)
@@ -171,7 +171,7 @@ def test_the_card_samples_the_plant_at_its_own_rate(clock: Clock) -> None:
     assert volts[0] == pytest.approx(at_start, abs=1e-6)
 
 
-def test_samples_nobody_fetched_for_long_are_lost(clock: Clock) -> None:
+def test_samples_not_fetched_for_long_are_lost(clock: Clock) -> None:
     found = world(clock)
     sampler = Sampled(found, [0], 9600.0, clock.ns)
     clock.pass_ms(1e3 * (layout.HISTORY_ROWS / layout.STEPS_PER_S + 1))
@@ -197,7 +197,7 @@ def test_the_parts_are_those_of_the_rig(folder: Folder) -> None:
     assert state["ai2_v"] == pytest.approx(0.46, abs=0.1)
 
 
-def test_the_scale_is_the_plants_and_stable_when_that_is(folder: Folder) -> None:
+def test_scale_is_plants_and_stable_when_that_is(folder: Folder) -> None:
     simulation = WireAngle(config(plant={"noise": False, "load": "5 kg"}))
     found, parts = simulation.build(folder)
     assert isinstance(found, AngleWorld)

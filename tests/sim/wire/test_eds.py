@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -52,10 +53,10 @@ def rules(entry: Entry) -> dict[str, object]:
 
 
 @pytest.mark.parametrize(("name", "make"), [("rigd_servo", servo), ("rigd_encoder", encoder)])
-def test_a_shipped_eds_says_what_the_simulated_device_has(
-    tmp_path: Path, name: str, make: type[CanopenNode]
+def test_shipped_eds_matches_simulated_device(
+    tmp_path: Path, name: str, make: Callable[[CanHub], CanopenNode]
 ) -> None:
-    node = make(CanHub("hub", tmp_path / "hub"))  # type: ignore[call-arg, arg-type]
+    node = make(CanHub("hub", tmp_path / "hub"))
     entries = {at: each for at, each in node.dictionary._entries.items() if at[0] >= 0x1000}
     od = import_eds(EDS / f"{name}.eds", NODE)
     described = {

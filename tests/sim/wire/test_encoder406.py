@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.can import Client, run
+from support.can import Client, on_loop
 from support.nodes import ENCODER, SYNC, encoder, pdo, written
 
 from rigd_sim.wire.can.encoder import Scale
@@ -23,68 +23,58 @@ async def _running(client: Client) -> None:
     client.send(0x000, "01 00")
 
 
-def test_it_says_what_it_is(tmp_path: Path) -> None:
+@on_loop
+async def test_encoder_reports_its_identity(tmp_path: Path) -> None:
     golden = {
         "40 00 10 00 00 00 00 00": "43 00 10 00 96 01 00 00",  # device profile 406
         "40 01 65 00 00 00 00 00": "43 01 65 00 00 04 00 00",  # counts per turn
         "40 02 65 00 00 00 00 00": "4b 02 65 00 40 00 00 00",  # turns
         "40 04 60 00 00 00 00 00": "43 04 60 00 0a 00 00 00",  # position
     }
-
-    async def scenario() -> None:
-        async with encoder(tmp_path, SCALE) as (_, client, _):
-            for request, answer in golden.items():
-                assert await client.sdo(ENCODER, request) == answer
-
-    run(scenario())
+    async with encoder(tmp_path, SCALE) as (_, client, _):
+        for request, answer in golden.items():
+            assert await client.sdo(ENCODER, request) == answer
 
 
-def test_position_rolls_over_at_the_end_of_its_turns(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with encoder(tmp_path, SCALE) as (_, client, physics):
-            await _running(client)
-            assert await _position(client) == "0a 00 00 00"
-            physics.counts = -11.0
-            assert await _position(client) == "ff ff 00 00"  # 65536 positions
-            physics.counts = 65536.0
-            assert await _position(client) == "0a 00 00 00"
-
-    run(scenario())
+@on_loop
+async def test_position_rolls_over_at_end_of_its_turns(tmp_path: Path) -> None:
+    async with encoder(tmp_path, SCALE) as (_, client, physics):
+        await _running(client)
+        assert await _position(client) == "0a 00 00 00"
+        physics.counts = -11.0
+        assert await _position(client) == "ff ff 00 00"  # 65536 positions
+        physics.counts = 65536.0
+        assert await _position(client) == "0a 00 00 00"
 
 
-def test_faults_of_counting(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with encoder(tmp_path, SCALE) as (node, client, physics):
-            await _running(client)
-            node.inject("jump", counts=-10)
-            assert await _position(client) == "00 00 00 00"
-            node.inject("sign_flip")
-            physics.counts = -256.0
-            assert await _position(client) == "00 01 00 00"
-            node.clear("sign_flip")
-            node.inject("missed_counts", fraction=0.5)
-            physics.counts += 2
-            assert await _position(client) == "01 01 00 00"
-            node.clear()
-            node.inject("index_reset")
-            physics.counts += 1
-            assert await _position(client) == "01 00 00 00"
-            assert node.state()["faults"] == ""
-            with pytest.raises(ValueError, match="'counts' is missing"):
-                node.inject("jump")
-
-    run(scenario())
+@on_loop
+async def test_faults_of_counting(tmp_path: Path) -> None:
+    async with encoder(tmp_path, SCALE) as (node, client, physics):
+        await _running(client)
+        node.inject("jump", counts=-10)
+        assert await _position(client) == "00 00 00 00"
+        node.inject("sign_flip")
+        physics.counts = -256.0
+        assert await _position(client) == "00 01 00 00"
+        node.clear("sign_flip")
+        node.inject("missed_counts", fraction=0.5)
+        physics.counts += 2
+        assert await _position(client) == "01 01 00 00"
+        node.clear()
+        node.inject("index_reset")
+        physics.counts += 1
+        assert await _position(client) == "01 00 00 00"
+        assert node.state()["faults"] == ""
+        with pytest.raises(ValueError, match="'counts' is missing"):
+            node.inject("jump")
 
 
-def test_an_observer_sees_what_is_really_there(tmp_path: Path) -> None:
+@on_loop
+async def test_observer_reads_the_true_state(tmp_path: Path) -> None:
     scale = Scale(1024, 64, start=10, measure="position", per_count=0.5)
-
-    async def scenario() -> None:
-        async with encoder(tmp_path, scale) as (node, client, physics):
-            await _running(client)
-            physics.counts = 4.0
-            assert await _position(client) == "0e 00 00 00"
-            node.inject("jump", counts=100)
-            assert node.state()["position"] == 2.0
-
-    run(scenario())
+    async with encoder(tmp_path, scale) as (node, client, physics):
+        await _running(client)
+        physics.counts = 4.0
+        assert await _position(client) == "0e 00 00 00"
+        node.inject("jump", counts=100)
+        assert node.state()["position"] == 2.0

@@ -54,7 +54,7 @@ def entry(**keys: object) -> FaultEntry:
     return FaultEntry.model_validate({"part": "lamp", "fault": "dark", **keys})
 
 
-def test_a_fault_without_a_time_shows_at_once_until_cleared() -> None:
+def test_fault_without_time_shows_at_once_until_cleared() -> None:
     plan, lamp = schedule()
     plan.add(entry(options={"much": 1}), 100.0)
     assert lamp.shown == {"dark": {"much": 1}}
@@ -100,7 +100,7 @@ def test_conditions_compare_numbers_in_si_words_and_truth(text: str, holds: bool
     assert Condition.read(text).holds({"lamp": lamp.state}) is holds
 
 
-def test_a_fault_by_chance_comes_again_and_again_and_repeats_with_its_seed() -> None:
+def test_random_fault_recurs_and_repeats_with_its_seed() -> None:
     told = []
     for _ in range(2):
         plan, lamp = schedule()
@@ -135,14 +135,14 @@ def test_clearing_forgets_what_is_planned() -> None:
         ({"options": {"more": 1}}, "takes much"),
     ],
 )
-def test_names_that_are_wrong_are_told_at_once(keys: dict[str, Any], words: str) -> None:
+def test_wrong_names_are_reported_at_once(keys: dict[str, Any], words: str) -> None:
     plan, lamp = schedule()
     with pytest.raises(ValueError, match=words):
         plan.add(entry(**keys), 0.0)
     assert not lamp.told
 
 
-def test_options_refused_later_are_reported_and_hinder_nothing_else() -> None:
+def test_options_refused_later_are_reported_without_effect() -> None:
     plan, lamp = schedule()
     plan.add(entry(options={"more": 1}, at="1 s"), 0.0)
     plan.add(entry(fault="flicker", at="1 s"), 0.0)
@@ -178,9 +178,7 @@ def test_a_fault_file_is_read_with_its_units(tmp_path: Path) -> None:
         ("faults: [\n", "cannot be read"),
     ],
 )
-def test_a_wrong_fault_file_is_refused_with_its_place(
-    tmp_path: Path, text: str, words: str
-) -> None:
+def test_wrong_fault_file_is_refused_with_its_place(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "faults.yaml"
     path.write_text(text)
     with pytest.raises(ConfigError, match=words):

@@ -10,7 +10,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
-from support.can import Client, run
+from support.can import Client, on_loop, run
 
 from rigd_sim.wire.can.timing import Arbiter, frame_ns
 from rigd_sim.wire.hub import CanHub
@@ -37,106 +37,92 @@ async def bus(
         await hub.stop()
 
 
-def test_a_frame_reaches_everybody_but_its_sender(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 3) as (_, (a, b, c)):
-            a.send(0x123, "01 02 03")
-            a.send(0x9ABCDEF0, "")  # flags of extended frames pass unchanged
-            for other in (b, c):
-                assert await other.frames(2) == [(0x123, "01 02 03"), (0x9ABCDEF0, "")]
-            assert await a.silent()
-
-    run(scenario())
+@on_loop
+async def test_a_frame_reaches_everybody_but_its_sender(tmp_path: Path) -> None:
+    async with bus(tmp_path, 3) as (_, (a, b, c)):
+        a.send(0x123, "01 02 03")
+        a.send(0x9ABCDEF0, "")  # flags of extended frames pass unchanged
+        for other in (b, c):
+            assert await other.frames(2) == [(0x123, "01 02 03"), (0x9ABCDEF0, "")]
+        assert await a.silent()
 
 
-def test_every_client_sees_one_order_also_of_what_nodes_answer(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 2) as (hub, (a, b)):
-            first = hub.attach(lambda can_id, data, t_ns: first.send(0x181, b"\1"))
-            second = hub.attach(lambda can_id, data, t_ns: second.send(0x182, b"\2"))
-            first.listen([0x080])
-            second.listen([0x080, 0x181])
-            a.send(0x080)
-            seen = await b.frames(4)
-            assert seen == [(0x080, ""), (0x181, "01"), (0x182, "02"), (0x182, "02")]
-            assert await a.frames(3) == seen[1:]
-
-    run(scenario())
+@on_loop
+async def test_every_client_sees_same_order_including_answers(tmp_path: Path) -> None:
+    async with bus(tmp_path, 2) as (hub, (a, b)):
+        first = hub.attach(lambda can_id, data, t_ns: first.send(0x181, b"\1"))
+        second = hub.attach(lambda can_id, data, t_ns: second.send(0x182, b"\2"))
+        first.listen([0x080])
+        second.listen([0x080, 0x181])
+        a.send(0x080)
+        seen = await b.frames(4)
+        assert seen == [(0x080, ""), (0x181, "01"), (0x182, "02"), (0x182, "02")]
+        assert await a.frames(3) == seen[1:]
 
 
-def test_a_node_hears_only_what_it_listens_to_and_nothing_once_detached(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 2) as (hub, (a, b)):
-            heard: list[int] = []
-            port = hub.attach(lambda can_id, data, t_ns: heard.append(can_id))
-            port.listen([0x10])
-            a.send(0x10)
-            a.send(0x11)
-            await b.frames(2)
-            port.detach()
-            port.detach()
-            a.send(0x10)
-            await b.frames(1)
-            assert heard == [0x10]
-
-    run(scenario())
+@on_loop
+async def test_node_hears_only_its_subscriptions_until_detached(tmp_path: Path) -> None:
+    async with bus(tmp_path, 2) as (hub, (a, b)):
+        heard: list[int] = []
+        port = hub.attach(lambda can_id, data, t_ns: heard.append(can_id))
+        port.listen([0x10])
+        a.send(0x10)
+        a.send(0x11)
+        await b.frames(2)
+        port.detach()
+        port.detach()
+        a.send(0x10)
+        await b.frames(1)
+        assert heard == [0x10]
 
 
-def test_a_client_that_does_not_read_loses_frames_and_hinders_nobody(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 3) as (hub, (a, b, stopped)):
-            for number in range(3000):
-                a.send(number % 0x7FF)
-                assert (await b.receive())[0] == number % 0x7FF
-            lost = int(hub.state()["lost"])
-            assert 0 < lost < 3000
-            assert hub.state()["frames"] == 3000
-            assert (await stopped.receive())[0] == 0  # what came first is kept
-
-    run(scenario())
+@on_loop
+async def test_client_without_reads_loses_only_own_frames(tmp_path: Path) -> None:
+    async with bus(tmp_path, 3) as (hub, (a, b, stopped)):
+        for number in range(3000):
+            a.send(number % 0x7FF)
+            assert (await b.receive())[0] == number % 0x7FF
+        lost = int(hub.state()["lost"])
+        assert 0 < lost < 3000
+        assert hub.state()["frames"] == 3000
+        assert (await stopped.receive())[0] == 0  # what came first is kept
 
 
-def test_a_client_that_goes_is_forgotten(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 2) as (hub, (a, b)):
-            a.send(0x1)
-            await b.receive()
-            b.close()
-            a.send(0x2)
-            while hub.state()["clients"] != 1:
-                await asyncio.sleep(0)
-            c = Client(tmp_path / "bus")
-            while hub.state()["clients"] != 2:
-                await asyncio.sleep(0)
-            a.send(0x3)
-            assert await c.receive() == (0x3, "")
-            c.close()
-
-    run(scenario())
+@on_loop
+async def test_disconnected_client_is_forgotten(tmp_path: Path) -> None:
+    async with bus(tmp_path, 2) as (hub, (a, b)):
+        a.send(0x1)
+        await b.receive()
+        b.close()
+        a.send(0x2)
+        while hub.state()["clients"] != 1:
+            await asyncio.sleep(0)
+        c = Client(tmp_path / "bus")
+        while hub.state()["clients"] != 2:
+            await asyncio.sleep(0)
+        a.send(0x3)
+        assert await c.receive() == (0x3, "")
+        c.close()
 
 
-def test_packets_that_are_no_frames_are_counted_and_not_relayed(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 2) as (hub, (a, b)):
-            a.socket.send(b"hello")
-            a.socket.send(bytes(17))
-            a.socket.send(b"\1\0\0\0\x09" + bytes(11))  # nine bytes of data
-            a.send(BUS_OFF, "00" * 8)  # nobody can send an error frame
-            a.send(0x7, "aa")
-            assert await b.receive() == (0x7, "aa")
-            assert hub.state()["malformed"] == 4
-
-    run(scenario())
+@on_loop
+async def test_invalid_packets_are_counted_and_not_relayed(tmp_path: Path) -> None:
+    async with bus(tmp_path, 2) as (hub, (a, b)):
+        a.socket.send(b"hello")
+        a.socket.send(bytes(17))
+        a.socket.send(b"\1\0\0\0\x09" + bytes(11))  # nine bytes of data
+        a.send(BUS_OFF, "00" * 8)  # nobody can send an error frame
+        a.send(0x7, "aa")
+        assert await b.receive() == (0x7, "aa")
+        assert hub.state()["malformed"] == 4
 
 
-def test_a_taken_name_is_refused(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 0):
-            with pytest.raises(OSError) as refused:
-                await CanHub("other", tmp_path / "bus").start()
-            assert refused.value.errno == errno.EADDRINUSE
-
-    run(scenario())
+@on_loop
+async def test_a_taken_name_is_refused(tmp_path: Path) -> None:
+    async with bus(tmp_path, 0):
+        with pytest.raises(OSError) as refused:
+            await CanHub("other", tmp_path / "bus").start()
+        assert refused.value.errno == errno.EADDRINUSE
     assert not (tmp_path / "bus").exists()
 
 
@@ -166,38 +152,34 @@ def test_the_lowest_identifier_wins_among_those_that_wait() -> None:
     assert arbiter.busy_ns == 220_000
 
 
-def test_with_a_bitrate_frames_come_no_sooner_than_bits_can(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 2, bitrate=10e3) as (hub, (a, b)):
-            start = time.monotonic()
-            for can_id in (0x300, 0x200, 0x100):
-                a.send(can_id)
-            order = [(await b.receive())[0] for _ in range(3)]
-            assert time.monotonic() - start >= 3 * 5.5e-3
-            assert order == [0x300, 0x100, 0x200]
-            assert 0 < float(hub.state()["load"]) <= 1
-
-    run(scenario())
+@on_loop
+async def test_frames_are_no_faster_than_the_bitrate(tmp_path: Path) -> None:
+    async with bus(tmp_path, 2, bitrate=10e3) as (hub, (a, b)):
+        start = time.monotonic()
+        for can_id in (0x300, 0x200, 0x100):
+            a.send(can_id)
+        order = [(await b.receive())[0] for _ in range(3)]
+        assert time.monotonic() - start >= 3 * 5.5e-3
+        assert order == [0x300, 0x100, 0x200]
+        assert 0 < float(hub.state()["load"]) <= 1
 
 
-def test_dropped_and_duplicated_frames(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 2) as (hub, (a, b)):
-            hub.inject("drop", id=0x10)
-            hub.inject("duplicate", id=0x11)
-            for can_id in (0x10, 0x11, 0x12):
-                a.send(can_id)
-            assert [f[0] for f in await b.frames(3)] == [0x11, 0x11, 0x12]
-            assert hub.state()["faults"] == "drop duplicate"
-            hub.clear("drop")
-            a.send(0x10)
-            assert await b.receive() == (0x10, "")
-            hub.clear()
-            a.send(0x11)
-            assert await b.receive() == (0x11, "")
-            assert await b.silent()
-
-    run(scenario())
+@on_loop
+async def test_dropped_and_duplicated_frames(tmp_path: Path) -> None:
+    async with bus(tmp_path, 2) as (hub, (a, b)):
+        hub.inject("drop", id=0x10)
+        hub.inject("duplicate", id=0x11)
+        for can_id in (0x10, 0x11, 0x12):
+            a.send(can_id)
+        assert [f[0] for f in await b.frames(3)] == [0x11, 0x11, 0x12]
+        assert hub.state()["faults"] == "drop duplicate"
+        hub.clear("drop")
+        a.send(0x10)
+        assert await b.receive() == (0x10, "")
+        hub.clear()
+        a.send(0x11)
+        assert await b.receive() == (0x11, "")
+        assert await b.silent()
 
 
 def test_some_frames_are_dropped_by_chance(tmp_path: Path) -> None:
@@ -217,87 +199,77 @@ def test_some_frames_are_dropped_by_chance(tmp_path: Path) -> None:
     assert 110 < counts.pop() < 170
 
 
-def test_delayed_frames_are_late_and_in_order_reordered_ones_are_not(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 2) as (hub, (a, b)):
-            hub.inject("delay", delay_s=0.02, jitter_s=0.01)
-            start = time.monotonic()
-            for can_id in range(10):
-                a.send(can_id)
-            assert [f[0] for f in await b.frames(10)] == list(range(10))
-            assert time.monotonic() - start >= 0.02
-            hub.clear()
-            hub.inject("reorder")
-            for can_id in range(4):
-                a.send(can_id)
-            assert [f[0] for f in await b.frames(4)] == [1, 0, 3, 2]
-            a.send(0x9)  # held back with nobody to overtake it, and let go by clearing
-            while "reorder" in str(hub.state()["faults"]):
-                await asyncio.sleep(0.01)
-                hub.clear("reorder")
-            assert await b.receive() == (0x9, "")
-
-    run(scenario())
+@on_loop
+async def test_delayed_frames_keep_order_and_reordered_do_not(tmp_path: Path) -> None:
+    async with bus(tmp_path, 2) as (hub, (a, b)):
+        hub.inject("delay", delay_s=0.02, jitter_s=0.01)
+        start = time.monotonic()
+        for can_id in range(10):
+            a.send(can_id)
+        assert [f[0] for f in await b.frames(10)] == list(range(10))
+        assert time.monotonic() - start >= 0.02
+        hub.clear()
+        hub.inject("reorder")
+        for can_id in range(4):
+            a.send(can_id)
+        assert [f[0] for f in await b.frames(4)] == [1, 0, 3, 2]
+        a.send(0x9)  # held back with nobody to overtake it, and let go by clearing
+        while "reorder" in str(hub.state()["faults"]):
+            await asyncio.sleep(0.01)
+            hub.clear("reorder")
+        assert await b.receive() == (0x9, "")
 
 
-def test_bus_off_is_told_and_then_silent_until_cleared(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 2) as (hub, (a, b)):
-            hub.inject("bus_off")
-            errors = [f[0] for f in await b.frames(5)]
-            assert errors == [PROTOCOL_ERROR] * 4 + [BUS_OFF]
-            a.send(0x80)
-            assert await b.silent()
-            hub.clear("bus_off")
-            assert (await b.receive())[0] == RESTARTED
-            a.send(0x80)
-            assert await b.receive() == (0x80, "")
-
-    run(scenario())
+@on_loop
+async def test_bus_off_is_reported_then_silent_until_cleared(tmp_path: Path) -> None:
+    async with bus(tmp_path, 2) as (hub, (a, b)):
+        hub.inject("bus_off")
+        errors = [f[0] for f in await b.frames(5)]
+        assert errors == [PROTOCOL_ERROR] * 4 + [BUS_OFF]
+        a.send(0x80)
+        assert await b.silent()
+        hub.clear("bus_off")
+        assert (await b.receive())[0] == RESTARTED
+        a.send(0x80)
+        assert await b.receive() == (0x80, "")
 
 
-def test_a_wrong_bitrate_gives_error_frames_only(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 2) as (hub, (a, b)):
-            hub.inject("wrong_bitrate")
-            a.send(0x80)
-            assert (await b.receive())[0] == PROTOCOL_ERROR
-            assert (await a.receive())[0] == PROTOCOL_ERROR  # the sender's own controller too
-            node = hub.attach(lambda can_id, data, t_ns: None)
-            node.send(0x701, b"\0")
-            assert (await b.receive())[0] == PROTOCOL_ERROR
-
-    run(scenario())
+@on_loop
+async def test_a_wrong_bitrate_gives_error_frames_only(tmp_path: Path) -> None:
+    async with bus(tmp_path, 2) as (hub, (a, b)):
+        hub.inject("wrong_bitrate")
+        a.send(0x80)
+        assert (await b.receive())[0] == PROTOCOL_ERROR
+        assert (await a.receive())[0] == PROTOCOL_ERROR  # the sender's own controller too
+        node = hub.attach(lambda can_id, data, t_ns: None)
+        node.send(0x701, b"\0")
+        assert (await b.receive())[0] == PROTOCOL_ERROR
 
 
-def test_a_stalled_bus_takes_nothing_until_the_senders_queue_is_full(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 2) as (hub, (a, b)):
-            hub.inject("stalled")
-            sent = 0
-            with pytest.raises(BlockingIOError):
-                while True:
-                    a.send(0x80)
-                    sent += 1
-            assert await b.silent()
-            hub.clear("stalled")
-            assert len(await b.frames(sent)) == sent
-
-    run(scenario())
+@on_loop
+async def test_stalled_bus_accepts_frames_until_queue_is_full(tmp_path: Path) -> None:
+    async with bus(tmp_path, 2) as (hub, (a, b)):
+        hub.inject("stalled")
+        sent = 0
+        with pytest.raises(BlockingIOError):
+            while True:
+                a.send(0x80)
+                sent += 1
+        assert await b.silent()
+        hub.clear("stalled")
+        assert len(await b.frames(sent)) == sent
 
 
-def test_a_babbling_node_sends_without_a_pause(tmp_path: Path) -> None:
-    async def scenario() -> None:
-        async with bus(tmp_path, 1) as (hub, (a,)):
-            start = time.monotonic()
-            hub.inject("babble", id=0x001, rate_hz=2000.0, length=2)
-            assert set(await a.frames(200)) == {(0x001, "00 00")}
-            assert time.monotonic() - start >= 199 / 2000
-            hub.clear("babble")
-            while not await a.silent():
-                pass
-
-    run(scenario())
+@on_loop
+async def test_a_babbling_node_sends_without_a_pause(tmp_path: Path) -> None:
+    async with bus(tmp_path, 1) as (hub, (a,)):
+        start = time.monotonic()
+        hub.inject("babble", id=0x001, rate_hz=2000.0, length=2)
+        assert set(await a.frames(200)) == {(0x001, "00 00")}
+        assert time.monotonic() - start >= 199 / 2000
+        hub.clear("babble")
+        while not await a.silent():
+            pass
 
 
 @pytest.mark.parametrize(

@@ -185,7 +185,7 @@ def test_the_rig_file_drives_the_rig(bench: Bench) -> None:
         assert state["safe_since_ns"] > 0
 
 
-def test_every_drive_of_the_rig_file_proves_its_watchdog(brief: Bench) -> None:
+def test_every_drive_of_rig_file_proves_its_watchdog(brief: Bench) -> None:
     with master(brief) as rig:
         drives = [device for device in rig.devices.values() if device.watchdog_s is not None]
         assert len(drives) == 3
@@ -194,7 +194,7 @@ def test_every_drive_of_the_rig_file_proves_its_watchdog(brief: Bench) -> None:
             assert not brief.state()["enabled"]
 
 
-def test_when_the_master_dies_the_outputs_hold_and_the_one_shot_stops_the_drives(
+def test_after_master_dies_one_shot_stops_drives(
     brief: Bench,
 ) -> None:
     rig = Master(brief)
@@ -219,7 +219,7 @@ def test_when_the_master_dies_the_outputs_hold_and_the_one_shot_stops_the_drives
     rig.link.close()
 
 
-def test_a_one_shot_that_never_drops_is_found_before_arming(brief: Bench) -> None:
+def test_one_shot_that_never_drops_prevents_arming(brief: Bench) -> None:
     brief.ask(lambda: brief.part.inject("one_shot_dead"))
     with master(brief) as rig, pytest.raises(DeviceError, match="one-shot was still up"):
         rig.devices["wheel_servo"].prove_watchdog()
@@ -248,14 +248,14 @@ def test_faults_at_the_bench_reach_the_operator(
 
 
 def test_faults_it_does_not_know(bench: Bench) -> None:
-    with pytest.raises(ValueError, match=r"no fault 'smoke'; it knows eolc_stuck, .*one_shot_dead"):
+    with pytest.raises(ValueError, match=r"'smoke'.* eolc_stuck, .*one_shot_dead"):
         bench.part.inject("smoke")
-    with pytest.raises(ValueError, match=r"fault 'drive_fault' with .*'gantry'.* is not known"):
+    with pytest.raises(ValueError, match=r"'drive_fault' .*'gantry'"):
         bench.part.inject("drive_fault", drive="gantry")
     assert set(bench.part.faults) > {"eolc_stuck", "one_shot_dead"}
 
 
-def test_a_name_that_is_taken_is_told(bench: Bench) -> None:
+def test_name_in_use_is_reported(bench: Bench) -> None:
     second = SimMf624("card", bench.path, bench.card, bench.wiring)
     with pytest.raises(OSError, match="in use"), serving(second):
         pass

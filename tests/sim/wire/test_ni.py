@@ -109,7 +109,7 @@ def test_the_system_and_the_device(client: Client) -> None:
     assert caught.value.error_code == -200220
 
 
-def test_what_is_not_simulated_is_refused_loudly(client: Client) -> None:
+def test_unsimulated_function_raises_an_error(client: Client) -> None:
     device = Device("Dev1", grpc_options=client.options())
     with pytest.raises(DaqError, match="does not serve attribute 0x231D"):
         _ = device.product_num
@@ -139,7 +139,7 @@ def test_single_ended_and_other_ranges(client: Client) -> None:
         assert [ai_channel.ai_rng_high for ai_channel in task.ai_channels] == [10.0, 1.25]
 
 
-def test_a_read_that_times_out_hands_over_what_there_is(client: Client) -> None:
+def test_read_that_times_out_returns_available_samples(client: Client) -> None:
     with client.task("ai0", "ai1") as task:
         task.start()
         data = np.zeros((2, 1000))
@@ -155,7 +155,7 @@ def test_a_read_that_times_out_hands_over_what_there_is(client: Client) -> None:
         assert not packed[2 * count :].any()
 
 
-def test_overrun_stays_until_the_task_is_started_anew(client: Client) -> None:
+def test_overrun_stays_until_the_task_restarts(client: Client) -> None:
     with client.task("ai0") as task:
         task.start()
         read(task, 10)
@@ -169,7 +169,7 @@ def test_overrun_stays_until_the_task_is_started_anew(client: Client) -> None:
         read(task, 10)
 
 
-def test_a_card_that_is_pulled_out_and_plugged_in(client: Client) -> None:
+def test_card_that_is_pulled_out_and_plugged_in(client: Client) -> None:
     with client.task("ai0") as task:
         task.start()
         client.inject("removal")
@@ -217,7 +217,7 @@ def test_faults_of_an_input(client: Client) -> None:
         assert np.abs(fresh()[1] + 3.0).max() < LSB_V
 
 
-def test_lines_are_pulled_up_until_driven_and_then_keep_their_level() -> None:
+def test_lines_are_high_until_driven_then_keep_level() -> None:
     told: list[bool] = []
     part = SimNi(
         "daq", {}, lines=Lines({"port0/line2": lambda: False}, {"port0/line0": told.append})

@@ -47,7 +47,7 @@ def test_mt_sics_replies_are_those_of_the_manual() -> None:
     assert scale.answer(b"SI", STABILITY_S) == [b"S +"]
 
 
-def test_a_and_d_replies_are_those_of_the_manual() -> None:
+def test_and_d_replies_are_those_of_manual() -> None:
     """A&D FX-i: ST,+00123.45  g; EK-i: ST,+0001.234 kg; OL,+9999999E+19."""
     assert AndD(weighing(0.12345), PLATE, 0.1).answer(b"Q", 0.0) == [b"ST,+00123.45  g"]
     heavy = weighing(1.234, "kg", 0.001)
@@ -115,7 +115,7 @@ def test_a_name_is_taken_once_and_freed(tmp_path: Path) -> None:
     asyncio.run(main())
 
 
-def test_replugged_it_has_another_number_behind_the_same_name(tmp_path: Path) -> None:
+def test_replugged_it_has_another_number_behind_same_name(tmp_path: Path) -> None:
     async def main() -> None:
         scale = SimScale("scale", tmp_path / "scale", lambda: 1.0)
         await scale.start()

@@ -71,7 +71,7 @@ def test_a_push_the_other_way_gives_the_same() -> None:
         assert back[name].value == pytest.approx(there[name].value, rel=1e-9)
 
 
-def test_the_share_of_the_load_is_taken_out_and_said_to_be_unmeasured() -> None:
+def test_load_share_is_subtracted_and_reported_as_unmeasured() -> None:
     result = calibrate_rails(pushes(1), RAILS)
     other = calibrate_rails(pushes(1), replace(RAILS, rail_load=0.0))
     difference = other.measured["rail_constant"].value - result.measured["rail_constant"].value
@@ -80,7 +80,7 @@ def test_the_share_of_the_load_is_taken_out_and_said_to_be_unmeasured() -> None:
     assert "cannot tell it from rail_constant" in result.kept["rail_load"]
 
 
-def test_a_coast_begins_when_the_hand_lets_go_and_ends_before_the_stop() -> None:
+def test_coast_begins_at_release_and_ends_before_stop() -> None:
     coast = coast_of(push(0.4, np.random.default_rng(2)))
     assert coast is not None
     assert coast.t_s[0] == 0.0
@@ -124,7 +124,7 @@ def test_bearings_are_recovered_with_their_interval() -> None:
     assert np.all(np.mean(np.abs(scores) < 2.0, axis=0) >= 0.9)
 
 
-def test_torque_that_still_accelerates_the_wheel_is_not_put_down_to_its_bearings() -> None:
+def test_accelerating_torque_is_not_attributed_to_bearings() -> None:
     steady, gaining = (
         [
             Spin((0.012 + 2e-4 * w + 4e-4 * dw) / 2.04 + 1e-6 * (-1) ** n, w, dw, 1.4)
@@ -137,7 +137,7 @@ def test_torque_that_still_accelerates_the_wheel_is_not_put_down_to_its_bearings
         assert measured["bearing_constant"].value == pytest.approx(0.012, rel=1e-3)
 
 
-def test_a_viscosity_that_is_not_seen_is_kept_and_said() -> None:
+def test_unseen_viscosity_is_kept_and_reported() -> None:
     result = calibrate_bearings(spins(1, viscous=0.0), BEARINGS)
     assert "bearing_constant" in result.measured
     assert "bearing_viscous" not in result.measured

@@ -27,7 +27,7 @@ def test_the_true_span_lies_in_the_interval() -> None:
     assert np.mean(np.abs(scores) < 2.0) >= 0.93
 
 
-def test_zero_linearity_and_hysteresis_are_told() -> None:
+def test_zero_linearity_and_hysteresis_are_reported() -> None:
     shown = WEIGHTS + 0.020
     shown[6] += 0.012  # at 4 kg on the way down
     zero, linearity = calibrated(shown).facts
@@ -43,7 +43,7 @@ def test_zero_linearity_and_hysteresis_are_told() -> None:
         (WEIGHTS + 0.2 * (WEIGHTS == 8.0), "off the straight line"),
     ],
 )
-def test_what_is_no_calibration_is_refused(shown: np.ndarray, part: str) -> None:
+def test_data_without_a_calibration_are_refused(shown: np.ndarray, part: str) -> None:
     result = calibrated(shown)
     assert not result.measured
     assert any(part in refusal for refusal in result.refusals)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.angle_plant import make_plant, mean_volts, pass_time
+from support.cases import some
 
 from rigd_analyses.approach_angle.calibration.torque import ArmBench, calibrate_torque
 from rigd_sim.plants.angle.plant import AnglePlant
@@ -15,6 +16,7 @@ BENCH = ArmBench(
 )  # fmt: skip
 MASSES = np.array([0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0])
 SCALE = 2.04
+RIGS = some(range(1, 21), 2)
 
 
 def gauges(scale: float = SCALE, common: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
@@ -46,15 +48,15 @@ def calibrated_on(individual: int) -> tuple[float, float]:
     return found.value - true_scale(plant), found.u
 
 
-def test_the_true_scale_lies_in_the_interval_on_rigs_that_differ() -> None:
+def test_true_scale_lies_in_interval_on_differing_rigs() -> None:
     """Arm, gains and gauge angles are drawn; U = 2 u must hold it in 95 % and not be lavish."""
-    deviations, u = np.array([calibrated_on(individual) for individual in range(1, 21)]).T
+    deviations, u = np.array([calibrated_on(individual) for individual in RIGS]).T
     assert np.count_nonzero(np.abs(deviations) > 2 * u) <= 2
     assert 0.5 < np.sqrt(np.mean((deviations / u) ** 2)) < 1.5
     assert np.all(u < 0.004 * SCALE)
 
 
-def test_ideal_gauges_give_the_scale_and_the_budget_of_the_arm() -> None:
+def test_ideal_gauges_give_scale_and_budget_of_arm() -> None:
     result = calibrate_torque(MASSES, *gauges(), BENCH)
     found = result.measured["torque_scale"]
     assert found.value == pytest.approx(SCALE, rel=1e-12)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.angle_recording import Recorded, calibration_text, small_campaign, write_campaign
+from support.angle_recording import Recorded, calibration_of, small_campaign, write_campaign
 
 from rigd.analysis import Options
 from rigd.analysis.evaluation import evaluate
@@ -26,7 +26,7 @@ def campaign() -> tuple[Recorded, ...]:
 @pytest.fixture(scope="session")
 def calibration(campaign: Sequence[Recorded]) -> str:
     """Return the calibration of the rig of :func:`campaign`."""
-    return calibration_text(campaign[0].run)
+    return calibration_of(campaign[0].run)
 
 
 @pytest.fixture

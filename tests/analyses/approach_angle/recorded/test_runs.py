@@ -26,7 +26,7 @@ def read(path: Path, index: int = 0) -> AngleRun:
     return read_run(sweep, trial, find_signals(sweep))
 
 
-def test_samples_are_those_recorded_and_time_is_zero_at_the_command(
+def test_samples_are_those_recorded_timed_from_command(
     campaign: Sequence[Recorded], record: Record
 ) -> None:
     simulated = campaign[7].run
@@ -45,22 +45,18 @@ def test_samples_are_those_recorded_and_time_is_zero_at_the_command(
     assert run.flags == ()
 
 
-def test_time_is_the_even_one_of_the_card(campaign: Sequence[Recorded], record: Record) -> None:
+def test_time_is_the_even_time_of_the_card(campaign: Sequence[Recorded], record: Record) -> None:
     steps = np.diff(read(record(campaign[:1])).t_s)
     assert np.ptp(steps) < 1e-8  # rigd's own moves by 20 µs from block to block
 
 
-def test_the_load_is_the_last_that_stood_not_that_of_the_weights_before(
-    campaign: Sequence[Recorded], record: Record
-) -> None:
+def test_load_is_last_settled_load_before_run(campaign: Sequence[Recorded], record: Record) -> None:
     run = read(record(campaign[:1]))
     assert run.load_n == pytest.approx(campaign[0].run.scale_kg * 9.81)
     assert run.load_stable
 
 
-def test_a_scale_that_never_stands_gives_no_load(
-    campaign: Sequence[Recorded], record: Record
-) -> None:
+def test_scale_never_at_rest_gives_no_load(campaign: Sequence[Recorded], record: Record) -> None:
     run = read(record([replace(campaign[0], stable=False)]))
     assert np.isnan(run.load_n)
     assert not run.load_stable
@@ -74,7 +70,7 @@ def test_rows_that_are_not_new_are_not_taken(campaign: Sequence[Recorded], recor
     assert run.load_n == pytest.approx(found.run.scale_kg * 9.81)
 
 
-def test_of_a_card_that_is_always_recorded_only_what_surrounds_the_drive_is_taken(
+def test_continuous_recording_is_cut_to_the_drive(
     campaign: Sequence[Recorded], record: Record
 ) -> None:
     run = campaign[0].run
@@ -104,10 +100,10 @@ def test_of_a_card_that_is_always_recorded_only_what_surrounds_the_drive_is_take
         ({"card_s": lambda t_s: np.full(len(t_s), np.nan)}, "clocks_disagree", "or no number"),
     ],
 )
-def test_what_the_recording_says_against_a_run_is_a_flag(
-    campaign: Sequence[Recorded], record: Record, change: dict[str, object], code: str, words: str
+def test_objection_in_recording_becomes_flag(
+    campaign: Sequence[Recorded], record: Record, change: dict[str, Any], code: str, words: str
 ) -> None:
-    run = read(record([replace(campaign[0], **change)]))  # type: ignore[arg-type]
+    run = read(record([replace(campaign[0], **change)]))
     flag = next(flag for flag in run.flags if flag.code == code)
     assert words in flag.reason
     assert flag.severity is Severity.EXCLUDED
@@ -128,15 +124,13 @@ def test_the_angle_that_was_mounted_counts(campaign: Sequence[Recorded], record:
         assert "angle 0.572958 deg (planned 0 deg)" in flag.reason
 
 
-def test_the_wheel_is_the_one_that_was_said_to_be_fitted(
-    campaign: Sequence[Recorded], record: Record
-) -> None:
+def test_wheel_is_the_answer_to_the_prompt(campaign: Sequence[Recorded], record: Record) -> None:
     fitted = {"name": "fit_wheel", "changes": "wheel", "planned": "clean", "answer": "worn"}
     path = record([campaign[0], replace(campaign[1], answers=(fitted,))])
     assert [read(path, index).wheel for index in (0, 1)] == ["clean", "worn"]
 
 
-def test_the_last_complete_attempt_at_a_trial_tells() -> None:
+def test_last_complete_attempt_at_a_trial_counts() -> None:
     def attempt(number: int, start_ns: int, *, complete: bool) -> TrialInfo:
         return TrialInfo(number, start_ns, complete=complete)
 

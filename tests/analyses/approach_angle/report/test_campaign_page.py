@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from html import escape, unescape
 
@@ -13,6 +14,7 @@ from support.angle_runs import TABLE_1, drawn_rig
 from support.markup import outline
 
 from rigd.analysis.report import Facts, Provenance, ReportAttachment
+from rigd.analysis.report.page import render
 from rigd_analyses.approach_angle.campaign import analyse_campaign
 from rigd_analyses.approach_angle.data import (
     AngleCalibration,
@@ -23,9 +25,8 @@ from rigd_analyses.approach_angle.data import (
     Regime,
     SetReference,
 )
-from rigd_analyses.approach_angle.report import render_campaign
 from rigd_analyses.approach_angle.report.run_plots import one_run
-from rigd_analyses.approach_angle.report.view import typical_run
+from rigd_analyses.approach_angle.report.view import TEMPLATES, build_campaign_view, typical_run
 from rigd_analyses.approach_angle.result import CampaignResult, RunResult
 
 HOSTILE = "<script>alert(1)</script> & \"x\" 'y' $\\alpha$ ]]> --> {{ 7*7 }}"
@@ -59,6 +60,19 @@ def known_runs() -> list[KnownRun]:
     return found
 
 
+def page_of(
+    result: CampaignResult, provenance: Provenance, title: str, calibrations: Sequence[str] = ()
+) -> str:
+    """Return the page that a campaign has."""
+    return render(
+        "campaign.html.jinja",
+        lambda: build_campaign_view(result, calibrations),
+        provenance,
+        title,
+        TEMPLATES,
+    )
+
+
 @pytest.fixture(scope="module")
 def result() -> CampaignResult:
     return analyse_campaign(known_runs(), SetReference("Table 1 of the paper", TABLE_1))
@@ -66,7 +80,7 @@ def result() -> CampaignResult:
 
 @pytest.fixture(scope="module")
 def page(result: CampaignResult) -> str:
-    return render_campaign(result, PROVENANCE, title="A campaign", calibrations=["Calibration c."])
+    return page_of(result, PROVENANCE, "A campaign", ["Calibration c."])
 
 
 def chapter(page: str, name: str) -> str:
@@ -85,20 +99,18 @@ def test_tags_nest_references_resolve_and_nothing_is_loaded(page: str) -> None:
     assert not re.search(r"\ssrc=|url\((?!#)", page)
 
 
-def test_a_page_of_two_hundred_runs_stays_below_three_megabytes(page: str) -> None:
+def test_page_of_200_runs_stays_below_three_megabytes(page: str) -> None:
     """Figures do not grow with the runs, but the markers do: 24 runs are an eighth of 200."""
     markers = page.count("<use ")
     assert len(page.encode()) + 8 * 120 * markers < 3e6
 
 
 def test_the_same_input_gives_the_same_page(result: CampaignResult, page: str) -> None:
-    again = render_campaign(result, PROVENANCE, title="A campaign", calibrations=["Calibration c."])
+    again = page_of(result, PROVENANCE, "A campaign", ["Calibration c."])
     assert again == page
 
 
-def test_every_figure_of_the_paper_is_there_for_every_set(
-    page: str, result: CampaignResult
-) -> None:
+def test_every_set_has_every_figure_of_the_paper(page: str, result: CampaignResult) -> None:
     labels = outline(page).labels
     assert all(labels)
     assert sum("Maximum coefficient over the approach angle" in label for label in labels) == 1
@@ -113,7 +125,7 @@ def test_every_figure_of_the_paper_is_there_for_every_set(
         assert f"Trial {chosen[0].run.number}, {chosen[0].run.label}: {chosen[1]}." in text
 
 
-def test_nothing_is_drawn_beneath_the_legend_of_the_blocks(result: CampaignResult) -> None:
+def test_nothing_is_drawn_beneath_legend_of_blocks(result: CampaignResult) -> None:
     run = next(item for item in result.runs if np.isfinite(item.better.mu))
     figure = one_run(run)
     assert figure is not None
@@ -126,7 +138,7 @@ def test_nothing_is_drawn_beneath_the_legend_of_the_blocks(result: CampaignResul
     assert drawn.max() < bottom
 
 
-def test_table_1_has_all_three_sources_and_names_each_coefficient(
+def test_table_1_has_three_sources_and_names_coefficients(
     page: str, result: CampaignResult
 ) -> None:
     table = unescape(page).split('<table class="overview">')[1].split("</table>")[0]
@@ -147,9 +159,7 @@ def test_table_1_has_all_three_sources_and_names_each_coefficient(
         assert used in row
 
 
-def test_every_term_of_the_budget_is_there_with_both_columns(
-    page: str, result: CampaignResult
-) -> None:
+def test_every_budget_term_has_both_columns(page: str, result: CampaignResult) -> None:
     for item in result.sets:
         assert item.budget is not None
         text = chapter(page, item.name)
@@ -160,9 +170,7 @@ def test_every_term_of_the_budget_is_there_with_both_columns(
         assert f"{200 * item.budget.better:.2f} %" in text
 
 
-def test_the_flagged_run_stands_with_its_reason_and_without_a_number(
-    page: str, result: CampaignResult
-) -> None:
+def test_flagged_run_has_its_reason_and_no_number(page: str, result: CampaignResult) -> None:
     bad = result.runs[3]
     assert bad.excluded
     reason = next(flag.reason for flag in bad.flags if flag.code == "load_missing")
@@ -175,7 +183,7 @@ def test_the_flagged_run_stands_with_its_reason_and_without_a_number(
     assert reason in row
 
 
-def test_a_typical_run_is_one_that_slid_where_there_is_one(result: CampaignResult) -> None:
+def test_typical_run_is_one_that_slid_if_any(result: CampaignResult) -> None:
     for item in result.sets:
         chosen = typical_run(item, result.runs)
         assert chosen is not None
@@ -206,7 +214,7 @@ def test_text_of_users_stays_text(result: CampaignResult) -> None:
         reference=HOSTILE,
     )
     facts = Provenance((Facts(HOSTILE, {HOSTILE: HOSTILE}),))
-    page = render_campaign(hostile, facts, title=HOSTILE, calibrations=[HOSTILE])
+    page = page_of(hostile, facts, HOSTILE, [HOSTILE])
     found = outline(page)
     assert found.faults == []
     assert "script" not in found.tags
@@ -214,13 +222,13 @@ def test_text_of_users_stays_text(result: CampaignResult) -> None:
     assert escape(HOSTILE, quote=False)[:30] in page
 
 
-def test_a_campaign_of_bad_runs_only_has_a_page_without_numbers() -> None:
+def test_campaign_of_only_bad_runs_shows_no_numbers() -> None:
     known = [
         replace(known_run, run=replace(known_run.run, load_n=float("nan")))
         for known_run in known_runs()[:2]
     ]
     result = analyse_campaign(known)
-    page = render_campaign(result, PROVENANCE, title="Bad")
+    page = page_of(result, PROVENANCE, "Bad")
     assert outline(page).faults == []
     assert "2 of them left out" in page
     assert result.sets[0].maximum is None

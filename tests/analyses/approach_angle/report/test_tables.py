@@ -9,10 +9,17 @@ import numpy as np
 import pytest
 
 from rigd_analyses.approach_angle.better.run import no_numbers
-from rigd_analyses.approach_angle.data import AngleRun, Flag, Regime, Severity
+from rigd_analyses.approach_angle.data import AngleRun, Coefficient, Flag, Regime, Severity
 from rigd_analyses.approach_angle.paper import PaperRun
+from rigd_analyses.approach_angle.report.opening import campaign_opening
 from rigd_analyses.approach_angle.report.tables import flagged_rows, label, set_rows
-from rigd_analyses.approach_angle.result import CampaignResult, PaperMaximum, RunResult, SetResult
+from rigd_analyses.approach_angle.result import (
+    CampaignResult,
+    Estimate,
+    PaperMaximum,
+    RunResult,
+    SetResult,
+)
 
 
 def flagged(*flags: Flag) -> RunResult:
@@ -27,7 +34,7 @@ def campaign(runs: Sequence[RunResult] = (), sets: Sequence[SetResult] = ()) -> 
     return CampaignResult(tuple(runs), tuple(sets), {}, "", ())
 
 
-def test_what_leaves_runs_out_stands_first_and_of_that_the_most_frequent() -> None:
+def test_excluding_flags_come_first_most_frequent_first() -> None:
     note = Flag("a_note", "Remarkable.", Severity.NOTE)
     rare, often = Flag("b_rare", "Dead."), Flag("c_often", "Swapped.")
     runs = [flagged(note, often), flagged(note, often), flagged(note, rare)]
@@ -42,9 +49,7 @@ def test_what_leaves_runs_out_stands_first_and_of_that_the_most_frequent() -> No
     ("regime", "told"),
     [(Regime.SLIDING, ""), (Regime.ROLLING, "rolling"), (Regime.MIXED, "mixed"), (None, "")],
 )
-def test_a_maximum_of_the_paper_from_a_run_that_did_not_slide_says_so(
-    regime: Regime | None, told: str
-) -> None:
+def test_paper_maximum_of_run_without_sliding_is_marked(regime: Regime | None, told: str) -> None:
     value = None if regime is None else 0.1868
     paper = PaperMaximum(value, value, "4 kg, 10 V", regime, raw=2, flagged=0, used=2)
     found = SetResult("clean_0", 0.0, "clean", None, paper, None, None, None, None, None, 0, None)
@@ -55,11 +60,29 @@ def test_a_maximum_of_the_paper_from_a_run_that_did_not_slide_says_so(
 
 
 @pytest.mark.parametrize(("wheel", "told"), [("clean", "clean, 30°"), ("", "30°")])
-def test_a_set_is_called_by_its_angle_and_by_its_wheel_where_that_is_known(
-    wheel: str, told: str
-) -> None:
+def test_set_is_named_by_angle_and_known_wheel(wheel: str, told: str) -> None:
     paper = PaperMaximum(None, None, "", None, raw=0, flagged=0, used=0)
     alpha = math.radians(30.0)
     assert told == label(
         SetResult("a", alpha, wheel, None, paper, None, None, None, None, None, 0, None)
     )
+
+
+def test_opening_leaves_out_maxima_without_sliding() -> None:
+    rolled = PaperMaximum(0.19, 0.19, "4 kg, 10 V", Regime.ROLLING, raw=2, flagged=1, used=1)
+    slid = PaperMaximum(0.19, 0.19, "4 kg, 10 V", Regime.SLIDING, raw=2, flagged=0, used=2)
+    known = Estimate(0.2, 0.002, Coefficient.ROLLING)
+    sets = [
+        SetResult("clean_0", 0.0, "clean", None, slid, None, known, None, None, None, 0, None),
+        SetResult("clean_15", 0.3, "clean", None, rolled, None, None, None, None, None, 0, None),
+    ]
+    opening = campaign_opening(campaign([flagged(Flag("dead", "Dead."))], sets))
+    assert "the maximum of F_r/N of clean_0 by the better method (±2.0 %" in opening.usable
+    assert "a maximum of clean_15" in opening.not_usable
+    assert "paper's method of clean_15" in opening.not_usable
+    assert "1 of 1 runs, left out" in opening.not_usable
+
+
+def test_campaign_without_runs_has_nothing_usable() -> None:
+    opening = campaign_opening(campaign())
+    assert opening.sentences == ("Usable: no maximum.", "Not usable: nothing that was recorded.")

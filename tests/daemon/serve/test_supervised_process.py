@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from support.wire import alive
 
-from rigd.daemon.serve import companion as module
-from rigd.daemon.serve.companion import Companion
+from rigd.daemon.serve import supervised_process as module
 from rigd.daemon.serve.notices import Notices
+from rigd.daemon.serve.supervised_process import SupervisedProcess
 
 #: Says which process it is, then waits to be ended.
 COMMAND = "import os, pathlib, sys, time; p = pathlib.Path(sys.argv[1]); \
@@ -39,11 +39,13 @@ def until(condition: Callable[[], bool], do: Callable[[], None] = lambda: None) 
 def test_it_lives_as_long_as_the_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "AGAIN_S", 0.0)
     notices, said = Notices(lambda: None), tmp_path / "pid"
-    with Companion("the panel", [sys.executable, "-c", COMMAND, str(said)], notices) as companion:
-        until(said.exists, companion.tend)
+    with SupervisedProcess(
+        "the panel", [sys.executable, "-c", COMMAND, str(said)], notices
+    ) as process:
+        until(said.exists, process.tend)
         first = int(said.read_text())
         os.kill(first, signal.SIGKILL)
-        until(lambda: int(said.read_text()) != first, companion.tend)
+        until(lambda: int(said.read_text()) != first, process.tend)
         second = int(said.read_text())
         assert [view.text for view in notices.views()] == [
             "the panel ended (signal SIGKILL), and is started again at once"
@@ -51,25 +53,25 @@ def test_it_lives_as_long_as_the_daemon(tmp_path: Path, monkeypatch: pytest.Monk
     assert not alive(second)
 
 
-def test_a_spare_that_stands_by_takes_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_waiting_spare_takes_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "SPARE_S", 0.0)
     notices, said, waits = Notices(lambda: None), tmp_path / "pid", tmp_path / "waits"
     command = [sys.executable, "-c", COMMAND, str(said)]
     spare = [sys.executable, "-c", STAND_BY + COMMAND, str(said), str(waits)]
-    with Companion("the panel", command, notices, spare) as companion:
+    with SupervisedProcess("the panel", command, notices, spare) as process:
         for _ in range(2):
-            until(lambda: said.exists() and waits.exists(), companion.tend)
+            until(lambda: said.exists() and waits.exists(), process.tend)
             first, standing_by = int(said.read_text()), int(waits.read_text())
             waits.unlink()
             assert first != standing_by
             os.kill(first, signal.SIGKILL)
-            until(lambda first=first: int(said.read_text()) != first, companion.tend)  # type: ignore[misc]
+            until(lambda first=first: int(said.read_text()) != first, process.tend)  # type: ignore[misc]
             assert int(said.read_text()) == standing_by
-        until(waits.exists, companion.tend)
+        until(waits.exists, process.tend)
     assert not alive(standing_by) and not alive(int(waits.read_text()))
 
 
-def test_one_that_cannot_live_is_tried_ever_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_child_that_always_dies_is_started_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
 
@@ -77,10 +79,10 @@ def test_one_that_cannot_live_is_tried_ever_less_often(monkeypatch: pytest.Monke
     monkeypatch.setattr(time, "monotonic", lambda: now_s)
     monkeypatch.setattr(subprocess, "Popen", refuse)
     notices = Notices(lambda: None)
-    with Companion("the panel", ["panel"], notices) as companion:
+    with SupervisedProcess("the panel", ["panel"], notices) as process:
         for _ in range(1200):
             now_s += 1.0
-            companion.tend()
+            process.tend()
     told = [view.text for view in notices.views()]
     assert told[0].startswith("the panel cannot be started (Cannot allocate memory), and")
     assert [text.rpartition("started again ")[2] for text in told] == [
@@ -89,12 +91,13 @@ def test_one_that_cannot_live_is_tried_ever_less_often(monkeypatch: pytest.Monke
     ]  # fmt: skip
 
 
-def test_it_ends_where_the_daemon_is_killed(tmp_path: Path) -> None:
+def test_process_ends_when_the_daemon_is_killed(tmp_path: Path) -> None:
     said = tmp_path / "pid"
     daemon = (
-        "import sys, time; from rigd.daemon.serve.companion import Companion; "
+        "import sys, time; from rigd.daemon.serve.supervised_process import SupervisedProcess; "
         "from rigd.daemon.serve.notices import Notices; "
-        "c = Companion('it', sys.argv[1:], Notices(lambda: None)).__enter__(); time.sleep(600)"
+        "p = SupervisedProcess('it', sys.argv[1:], Notices(lambda: None)); p.__enter__(); "
+        "time.sleep(600)"
     )
     command = [sys.executable, "-c", COMMAND, str(said)]
     with subprocess.Popen([sys.executable, "-c", daemon, *command]) as parent:

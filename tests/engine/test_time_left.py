@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rigd.daemon.serve.time_left import TimeLeft
-from rigd.engine.result import Progress
+from rigd.engine.result import Progress, TimeLeft
 from rigd.model.states import RunState
 from rigd.procedure.program import TrialPlan
 
@@ -15,7 +14,7 @@ def at(run_s: float, trial: int | None, done: int, total: int = 4) -> Progress:
     return Progress(RunState.RUNNING, "", done, total, plan, run_s)
 
 
-def test_nothing_is_known_before_the_first_trial_has_ended() -> None:
+def test_nothing_is_known_before_first_trial_has_ended() -> None:
     left = TimeLeft()
     left.watch(at(0.0, None, 0))
     left.watch(at(1.0, 1, 0))
@@ -29,7 +28,7 @@ def test_a_dry_run_tells_until_then() -> None:
     assert left.left_s(at(70.0, 1, 0)) == 0.0
 
 
-def test_the_mean_of_the_trials_so_far_tells_then() -> None:
+def test_time_left_is_mean_of_trials_so_far() -> None:
     left = TimeLeft(expected_s=1000.0)
     for progress in (at(1.0, 1, 0), at(11.0, None, 1), at(31.0, 2, 1), at(51.0, None, 2)):
         left.watch(progress)
@@ -41,7 +40,7 @@ def test_the_mean_of_the_trials_so_far_tells_then() -> None:
     assert left.left_s(at(99.0, 3, 2)) == pytest.approx(15.0)
 
 
-def test_trials_that_an_earlier_run_has_completed_are_not_left() -> None:
+def test_trials_completed_by_earlier_run_are_not_counted() -> None:
     left = TimeLeft()
     left.watch(at(0.0, 3, 2))
     left.watch(at(8.0, None, 3))

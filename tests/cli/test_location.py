@@ -35,7 +35,7 @@ def told(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[str, str]:
     return " ".join(shown.out.split()), " ".join(shown.err.split())
 
 
-def test_a_run_names_its_files_first_and_records_them(
+def test_run_names_its_files_first_and_records_them(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _, err = told(capsys, "run", "quick", "--rig", "lugre-1", "--output", "run.mcap")
@@ -53,7 +53,7 @@ def test_a_dry_run_names_its_files_first(capsys: pytest.CaptureFixture[str]) -> 
     assert out.startswith("dry run: quick (rep.yaml) on lugre-1 (shipped) ")
 
 
-def test_a_check_names_the_files_that_a_name_means(capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_names_files_that_name_means(capsys: pytest.CaptureFixture[str]) -> None:
     out, _ = told(capsys, "check", "quick", "--rig", "lugre-1")
     assert out.startswith("rig lugre-1 (./coated_rig.yaml, instead of the shipped rig) quick: ")
     assert "procedure quick (./rep.yaml, instead of the shipped procedure), 2 trials" in out

@@ -1,0 +1,39 @@
+"""A lateral sweep of independent code, and what is found in it, for all tests of its analysis."""
+
+from __future__ import annotations
+
+import pytest
+from support.lugre_bench import known_rig
+from support.lugre_lateral_bench import LateralBench
+
+from rigd_analyses.lugre.lateral.constants import LateralTrial
+from rigd_analyses.lugre.lateral.identify import LateralFound, find_lateral
+from rigd_analyses.lugre.rig.constants import RigConstants
+
+SPEEDS_M_S, CURRENTS_A = (0.2, 0.5, 0.65), (0.6, 1.2)
+
+
+@pytest.fixture(scope="package")
+def lateral_bench() -> LateralBench:
+    """Return the maker of trials."""
+    return LateralBench()
+
+
+@pytest.fixture(scope="package")
+def rig(lateral_bench: LateralBench) -> RigConstants:
+    """Return what the rig file of the independent simulator would say."""
+    return known_rig(lateral_bench.bench.constants)
+
+
+@pytest.fixture(scope="package")
+def trials(lateral_bench: LateralBench) -> list[LateralTrial]:
+    """Return twelve trials: three speeds, two currents, both directions."""
+    return lateral_bench.sweep(2, SPEEDS_M_S, CURRENTS_A)
+
+
+@pytest.fixture(scope="package")
+def found(
+    trials: list[LateralTrial], lateral_bench: LateralBench, rig: RigConstants
+) -> LateralFound:
+    """Return what the twelve trials say."""
+    return find_lateral(trials, rig, lateral_bench.constants)

@@ -1,0 +1,187 @@
+"""The rollers' friction from trials of an independent simulator: right, or no number."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
+
+from rigd.analysis import DataError
+from rigd.analysis.result import FitOutcome, Verdict
+from rigd_analyses.lugre.lateral.constants import LateralConstants, LateralTrial
+from rigd_analyses.lugre.lateral.coupling import LiftedRows
+from rigd_analyses.lugre.lateral.identify import LateralFound, find_lateral
+from rigd_analyses.lugre.lateral.result import LateralResult, result
+from rigd_analyses.lugre.rig.constants import Known, RigConstants
+
+Trials = list[LateralTrial]
+
+
+@pytest.fixture(scope="module")
+def lateral(found: LateralFound) -> LateralResult:
+    return result(found)
+
+
+def test_intervals_hold_the_truth(lateral: LateralResult) -> None:
+    assert lateral.gate is not None
+    assert lateral.gate.outcome is not FitOutcome.MISFIT
+    truth = {"mu_R_dry": DRY, "mu_R_vis": VISCOUS}
+    truth |= {f"mu_R({v:.2f} m/s)": DRY + VISCOUS * v for v in (0.2, 0.65)}
+    for name, value in truth.items():
+        entry = lateral.parameter(name)
+        assert entry.low is not None and entry.high is not None, name
+        assert entry.low <= value <= entry.high, name
+        assert entry.high - entry.low < 0.5 * value, name
+
+
+def test_friction_curve_holds_the_truth(lateral: LateralResult) -> None:
+    true = DRY + VISCOUS * lateral.curve.x
+    assert lateral.curve.x.size > 0
+    assert np.all((lateral.curve.low <= true) & (true <= lateral.curve.high))
+
+
+def test_including_the_force_explains_the_speed(lateral: LateralResult) -> None:
+    groups = {item.name: item for item in lateral.together}
+    assert set(groups) == {"positive", "negative", "all"}
+    for item in groups.values():
+        assert item.ratio >= 10.0
+    # With G > 0 the guide carries less: the carriage is faster than the model that ignores it.
+    assert groups["positive"].error_ignored_m_s > 0.01
+    assert groups["negative"].error_ignored_m_s < -0.01
+
+
+def test_cells_stand_beside_the_published_ones(lateral: LateralResult) -> None:
+    cells = {(c.current_a, c.lateral_speed_m_s): c for c in lateral.cells}
+    assert len(cells) == 12
+    cell = cells[0.6, -0.65]
+    assert cell.published is not None
+    assert (cell.published.ignored_m_s, cell.published.included_m_s) == (0.057, 0.047)
+    assert cell.ignored_m_s > 0.02 > 0.002 > cell.included_m_s
+
+
+def test_turned_lateral_speed_is_named(
+    trials: Trials, lateral_bench: LateralBench, rig: RigConstants
+) -> None:
+    turned = [replace(item, speed_m_s=-item.speed_m_s) for item in trials]
+    found = find_lateral(turned, rig, lateral_bench.constants)
+    shown = result(found)
+    assert found.gate.outcome is FitOutcome.MISFIT
+    assert "sign would have to be turned: encoder or belt direction" in found.gate.sentence
+    assert all(entry.quoted is None for entry in (*shown.parameters, *shown.derived))
+    errors = {item.name: item.error_ignored_m_s for item in shown.together}
+    assert errors["positive"] < -0.01 and errors["negative"] > 0.01
+
+
+def test_lever_on_the_other_side_is_named(
+    trials: Trials, lateral_bench: LateralBench, rig: RigConstants
+) -> None:
+    constants = replace(lateral_bench.constants, lever=Known(-0.012, 6e-4))
+    found = find_lateral(trials, rig, constants)
+    assert found.gate.outcome is FitOutcome.MISFIT
+    assert "guide_lever (d - e) of the other sign" in found.gate.sentence
+
+
+def test_half_the_lever_gives_no_number(
+    trials: Trials, lateral_bench: LateralBench, rig: RigConstants
+) -> None:
+    constants = replace(lateral_bench.constants, lever=Known(0.006, 6e-4))
+    found = find_lateral(trials, rig, constants)
+    assert found.gate.outcome is FitOutcome.MISFIT
+    assert "follows the lateral speed" in found.gate.sentence
+    assert "Look at guide_lever" in found.gate.sentence
+
+
+def test_stated_friction_contradicts_a_wrong_lever(
+    trials: Trials, lateral_bench: LateralBench, rig: RigConstants
+) -> None:
+    constants = replace(
+        lateral_bench.constants, lever=Known(0.018, 6e-4), dry=Known(DRY, 0.05 * DRY),
+        viscous=Known(VISCOUS, 0.05 * VISCOUS),
+    )  # fmt: skip
+    found = find_lateral(trials, rig, constants)
+    assert found.gate.outcome is FitOutcome.MISFIT
+    assert any("guide_lever" in finding for finding in found.gate.findings)
+
+
+def test_lifted_rows_that_do_not_rub_are_recognised(rig: RigConstants) -> None:
+    bench = LateralBench(physical=True)
+    found = find_lateral(bench.sweep(3, (0.2, 0.5, 0.65), (0.6, 1.2)), rig, bench.constants)
+    assert found.system.rows is LiftedRows.PHYSICAL or not found.rows_known
+    shown = result(found)
+    for name, value in (("mu_R_dry", DRY), ("mu_R_vis", VISCOUS)):
+        entry = shown.parameter(name)
+        assert entry.low is None or entry.low <= value
+        assert entry.high is None or value <= entry.high
+
+
+def test_one_speed_gives_friction_at_that_speed(
+    lateral_bench: LateralBench, rig: RigConstants
+) -> None:
+    trials = lateral_bench.sweep(4, (0.35,), (0.6, 0.9, 1.2))
+    shown = result(find_lateral(trials, rig, lateral_bench.constants))
+    at = shown.parameter("mu_R(0.35 m/s)")
+    assert at.identifiable
+    assert at.low is not None and at.high is not None
+    assert at.low <= DRY + 0.35 * VISCOUS <= at.high
+    assert shown.parameter("mu_R_vis").verdict is Verdict.UNIDENTIFIABLE
+    assert "more lateral speeds" in shown.parameter("mu_R_vis").advice
+
+
+def refused(trials: Sequence[LateralTrial], rig: RigConstants, known: LateralConstants) -> str:
+    with pytest.raises(DataError) as caught:
+        find_lateral(trials, rig, known)
+    return caught.value.message
+
+
+def test_no_lateral_motion_is_refused(
+    trials: Trials, lateral_bench: LateralBench, rig: RigConstants
+) -> None:
+    still = [replace(item, speed_m_s=0.0 * item.speed_m_s) for item in trials]
+    assert "no trial moves sideways" in refused(still, rig, lateral_bench.constants)
+
+
+def test_one_current_is_refused(
+    trials: Trials, lateral_bench: LateralBench, rig: RigConstants
+) -> None:
+    found = [item for item in trials if item.trial.current_a == 0.6]
+    assert "needs at least 2 currents" in refused(found, rig, lateral_bench.constants)
+
+
+def test_changing_lateral_speed_is_refused(
+    trials: Trials, lateral_bench: LateralBench, rig: RigConstants
+) -> None:
+    ramps = [
+        replace(item, speed_m_s=item.speed_m_s * np.linspace(0.2, 1.5, len(item.speed_m_s)))
+        for item in trials
+    ]
+    assert "constant in none of 12 trials" in refused(ramps, rig, lateral_bench.constants)
+
+
+def test_samples_that_are_nan_exclude_a_trial(
+    trials: Trials, lateral_bench: LateralBench, rig: RigConstants, found: LateralFound
+) -> None:
+    broken = replace(trials[0], speed_m_s=np.full_like(trials[0].speed_m_s, np.nan))
+    again = find_lateral([broken, *trials[1:]], rig, lateral_bench.constants)
+    assert [item.label for item in again.rejected] == [trials[0].trial.label]
+    assert "not numbers" in again.rejected[0].reason
+    assert len(again.trials) == len(found.trials) - 1
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"lever": Known(0.0, 1e-4)}, "guide_lever is 0"),
+        ({"mass_offset": Known(0.01, 1e-4)}, "mass_offset is 0.01 m"),
+        ({"height": Known(-0.25, 1e-3)}, "guide_height is -0.25"),
+        ({"dry": Known(0.0, 1e-3)}, "mu_R_dry is 0"),
+    ],
+)
+def test_impossible_geometry_is_refused(
+    lateral_bench: LateralBench, changed: dict[str, Any], says: str
+) -> None:
+    with pytest.raises(DataError, match=says):
+        replace(lateral_bench.constants, **changed)

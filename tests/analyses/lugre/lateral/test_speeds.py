@@ -1,0 +1,97 @@
+"""Speed errors with known parameters: what the coupling explains, and how well it must be known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pytest
+from support.lugre_lateral_bench import DRY, VISCOUS, LateralBench
+
+from rigd.analysis.result import FloatArray
+from rigd_analyses.lugre.identify import Settings
+from rigd_analyses.lugre.lateral.published import TABLE_III, TABLE_IV
+from rigd_analyses.lugre.lateral.speeds import cell, speeds, together
+from rigd_analyses.lugre.lateral.structure import structure
+from rigd_analyses.lugre.lateral.system import LateralSystem
+from rigd_analyses.lugre.rig.constants import RigConstants
+from rigd_analyses.lugre.rig.parts import sort_out
+from rigd_analyses.lugre.rig.system import LEAD, RigSystem, driven_trial
+
+PERIOD_S = 1e-3
+WINDOW = 41
+
+
+def ratios(bench: LateralBench, rig: RigConstants, share: float, sign: float) -> dict[str, float]:
+    """Return ignored over included with ``share`` of the true friction of the rollers."""
+    trials = bench.sweep(1, (0.2, 0.35, 0.5, 0.65), (0.6, 1.5))
+    parts, _ = sort_out([item.trial for item in trials], [PERIOD_S] * len(trials), Settings())
+    floor = bench.bench.truth
+    friction = np.array(
+        [floor.v_s, floor.mu_c, np.log(floor.mu_s / floor.mu_c), floor.s0, floor.s1, floor.s2]
+    )
+    driven = [driven_trial(trial, part, WINDOW, 0.05) for trial, part in parts]
+    lateral_speeds = tuple(
+        sign * item.speed_m_s[part][LEAD:] for item, (_, part) in zip(trials, parts, strict=True)
+    )
+    system = LateralSystem(
+        RigSystem(tuple(driven), rig, PERIOD_S, friction), lateral_speeds, bench.constants,
+        rig.bearing_torque.value,
+    )  # fmt: skip
+    shared = np.array([item.parameter.start for item in system.shared])
+    names = [item.parameter.name for item in system.shared]
+    shared[names.index("mu_R_dry")] = share * DRY
+    shared[names.index("mu_R_vis")] = share * VISCOUS
+    local = np.array([item.parameter.start for item in system.local])
+    cells = [
+        cell(item, float(np.mean(lateral)), speeds(system, shared, local, k))
+        for k, (item, lateral) in enumerate(zip(trials, lateral_speeds, strict=True))
+    ]
+    return {item.name: item.ratio for item in together(cells)}
+
+
+@pytest.mark.parametrize(("share", "least"), [(1.0, 10.0), (0.85, 2.0), (1.15, 2.0)])
+def test_ratio_follows_from_what_is_known(
+    lateral_bench: LateralBench, rig: RigConstants, share: float, least: float
+) -> None:
+    """Acceptance 7 of lugre.md section 7; the paper's tables have 2.08, 2.49 and 2.35."""
+    found = ratios(lateral_bench, rig, share, 1.0)
+    assert found["all"] >= least
+    if share != 1.0:
+        assert found["all"] < 10.0
+
+
+def test_turned_speed_makes_including_worse(lateral_bench: LateralBench, rig: RigConstants) -> None:
+    assert ratios(lateral_bench, rig, 1.0, -1.0)["all"] < 0.75
+
+
+def test_published_ratios_are_those_of_the_tables() -> None:
+    def aggregate(table: Mapping[float, Sequence[float]], sign: float) -> float:
+        values = np.array([row for speed, row in table.items() if speed * sign > 0.0])
+        return float(np.sqrt(np.mean(values**2)))
+
+    for sign, ratio in ((1.0, 2.08), (-1.0, 2.49)):
+        found = aggregate(TABLE_III, sign) / aggregate(TABLE_IV, sign)
+        assert found == pytest.approx(ratio, abs=5e-3)
+
+
+def noise(count: int) -> FloatArray:
+    return np.random.default_rng(1).normal(0.0, 2e-3, count)
+
+
+def test_scatter_alone_shows_no_structure() -> None:
+    groups = [v for v in (-0.5, -0.2, 0.2, 0.5) for _ in range(4)]
+    found = structure(noise(16), groups)
+    assert found is not None and found.sentence == ""
+
+
+def test_force_that_follows_the_speed_is_named() -> None:
+    groups = [v for v in (-0.5, -0.2, 0.2, 0.5) for _ in range(4)]
+    forces = noise(16) + np.where(np.array(groups) == 0.5, 0.02, 0.0)
+    found = structure(forces, groups)
+    assert found is not None
+    assert "at +0.50 m/s" in found.sentence and found.worst_n == pytest.approx(0.02, abs=2e-3)
+
+
+def test_trials_without_repeats_are_not_tested() -> None:
+    assert structure(noise(3), [0.1, 0.2, 0.3]) is None

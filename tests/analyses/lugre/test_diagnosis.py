@@ -1,0 +1,66 @@
+"""What is wrong on a rig is named with its size, and nothing is named where nothing is wrong."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from support.cases import some
+from support.lugre_wrong import World, control, right
+
+from rigd.analysis.result import FitOutcome, IdentificationResult
+from rigd.analysis.score import holm
+from rigd.analysis.whiteness import largest_jump, levels, loudest_band
+from rigd_analyses.lugre.rig.identify import identify_output_error
+
+FEW = tuple(((amps, 3.0),) for amps in (0.45, 0.75, 1.05, 1.35))
+
+
+def found(world: World, seed: int = 1) -> IdentificationResult:
+    return identify_output_error(
+        replace(world, program=FEW).trials(seed), world.constants, world.rig
+    )
+
+
+def test_a_measuring_wheel_out_of_centre_is_named() -> None:
+    world = replace(right("pvc"), guide_eccentric=1e-4)
+    result = identify_output_error(world.trials(1), world.constants, world.rig)
+    assert result.gate is not None
+    assert result.gate.outcome is FitOutcome.CORRECTED
+    (first, *_) = result.gate.explanations
+    assert "carriage encoder each 12" in first.name  # mm; a turn is 125.7 mm
+    assert first.size == pytest.approx(1e-4, rel=0.1)
+    stiffness = result.parameter("sigma_0")
+    assert stiffness.low is not None and stiffness.high is not None
+    assert stiffness.low <= world.physics.s0 <= stiffness.high
+
+
+@pytest.mark.parametrize("number", some(range(6), 6))
+def test_a_rig_as_stated_is_not_suspected(number: int) -> None:
+    result = found(control(number))
+    assert result.gate is not None
+    assert result.gate.outcome is FitOutcome.FITS, result.gate.sentence
+
+
+def test_a_tone_or_jump_in_noise_is_seen() -> None:
+    rng = np.random.default_rng(1)
+    white = [rng.standard_normal((2000, 2)) for _ in range(5)]
+    assert max(levels(white)) < 1.1
+    assert loudest_band(white, 1e-3).p_value > 0.005
+    assert largest_jump(white).p_value > 0.005
+    tone = 0.3 * np.sin(2.0 * math.pi * 50.0 * 1e-3 * np.arange(2000))
+    band = loudest_band([part + np.stack([0.0 * tone, tone], 1) for part in white], 1e-3)
+    assert band.p_value < 1e-6
+    assert band.output == 1
+    assert band.low_hz <= 50.0 <= band.high_hz
+    white[2][700, 0] = 9.0
+    jump: Any = largest_jump(white)
+    assert (jump.trial, jump.sample, jump.output) == (2, 700, 0)
+    assert jump.p_value < 1e-6
+
+
+def test_holm_rejects_what_all_tests_allow() -> None:
+    assert holm([1e-4, 0.03, 0.02, 0.9], 0.05) == [True, False, False, False]

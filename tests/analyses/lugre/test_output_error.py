@@ -1,0 +1,223 @@
+"""Output error on trials of an independent simulator: right, or no number (lugre.md section 7)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from support.lugre_bench import FLOORS, known_rig
+
+from rigd.analysis import DataError
+from rigd.analysis.result import FitOutcome, IdentificationResult
+from rigd_analyses.lugre.rig import kernel
+from rigd_analyses.lugre.rig.constants import Known
+from rigd_analyses.lugre.rig.current import simulated_current
+from rigd_analyses.lugre.rig.identify import identify_output_error
+from rigd_analyses.lugre.trial import LugreTrial
+
+CURRENTS_A = (0.3, 0.6, 0.9, 1.2)
+Bench = Callable[..., Any]
+
+
+@cache
+def rig_parameters(floor_name: str, bench: Bench) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the true parameters of the recursion, without ripple."""
+    rig = bench(floor_name)
+    floor, known = rig.truth, known_rig(rig.constants)
+    arm_n = 0.01 * rig.constants.normal_force_n * (0.07 + 0.03) / 0.04
+    return np.array(
+        [
+            floor.v_s, floor.mu_c, np.log(floor.mu_s / floor.mu_c), floor.s0, floor.s1, floor.s2,
+            known.drive_gain.value, known.no_load.value, known.viscous.value + 2e-5 * arm_n,
+            known.inertia.value, known.guide_friction.value, floor.mu_rol, 0.0, 0.0, 0.05, 0.0,
+            0.0, 0.0, 0.0, 0.0,
+        ]
+    )  # fmt: skip
+
+
+def test_recursion_agrees_with_an_independent_simulator(bench: Bench) -> None:
+    rig = bench("pvc", noisy=False)
+    trial = rig.trial(1.05, 1)
+    free = slice(300, int(np.argmax(trial.carriage_position_m > 1.14)))
+    current = simulated_current(trial.motor_current_a[free], 3)
+    states, _ = kernel.integrate(
+        rig_parameters("pvc", bench), current.current_a, current.jumps,
+        trial.wheel_angle_rad[free], np.zeros_like(current.current_a), 18.0, 3.9593,
+        3.9593 * 9.81, 1e-3, False,
+    )  # fmt: skip
+    slip = 0.05 * states[:, kernel.ANGLE] - states[:, kernel.POSITION]
+    true = 0.05 * trial.wheel_angle_rad[free] - trial.carriage_position_m[free]
+    np.testing.assert_allclose(slip, true, atol=2e-6)  # m; one count of the guide is 31e-6
+    np.testing.assert_allclose(
+        states[:, kernel.POSITION], trial.carriage_position_m[free], atol=2e-4
+    )
+
+
+def test_sensitivities_agree_with_differences(bench: Bench) -> None:
+    q = rig_parameters("pvc", bench)
+    q[kernel.NAMES.index("ripple_sin")] = 0.3
+    q[kernel.NAMES.index("wheel_delay")] = 1e-3
+    current = np.concatenate([np.zeros(20), np.full(300, 1.0), np.full(200, -0.5)])
+    jumps = (np.abs(np.diff(current, append=current[-1])) > 0.0).astype(np.float64)
+    angle = np.linspace(0.0, 3.0, current.size)
+    turning = np.gradient(angle, 1e-3)
+    seen = (current, jumps, angle, turning, 18.0, 4.0, 39.0, 1e-3)
+
+    def states(values: np.ndarray[Any, np.dtype[np.float64]]) -> Any:
+        return kernel.integrate(values, *seen, False)[0]
+
+    exact = kernel.integrate(q, *seen, True)[1]
+    for column, name in enumerate(kernel.NAMES):
+        step = 1e-6 * max(abs(q[column]), 1e-2)
+        up, down = q.copy(), q.copy()
+        up[column] += step
+        down[column] -= step
+        difference = (states(up) - states(down)) / (2.0 * step)
+        for output in range(5):
+            scale = np.max(np.abs(difference[:, output]))
+            np.testing.assert_allclose(
+                exact[:, output, column], difference[:, output], atol=2e-4 * scale, err_msg=name
+            )
+
+
+@pytest.fixture(scope="module")
+def pvc(bench: Bench) -> IdentificationResult:
+    rig = bench("pvc")
+    return identify_output_error(rig.sweep(3, CURRENTS_A), rig.constants, known_rig(rig.constants))
+
+
+def test_intervals_hold_the_truth_and_are_narrow(pvc: IdentificationResult, bench: Bench) -> None:
+    floor = bench("pvc").truth
+    truth = {
+        "V_s": floor.v_s, "mu_c": floor.mu_c, "mu_s": floor.mu_s, "sigma_0": floor.s0,
+        "sigma_1": floor.s1, "sigma_2": floor.s2, "mu_s-mu_c": floor.mu_s - floor.mu_c,
+    }  # fmt: skip
+    assert pvc.gate is not None
+    assert pvc.gate.outcome is FitOutcome.FITS
+    widest = {"V_s": 2.0, "sigma_1": 0.7, "mu_s-mu_c": 0.5}
+    for name, value in truth.items():
+        found = pvc.parameter(name)
+        assert found.low is not None and found.high is not None, name
+        assert found.low <= value <= found.high, name
+        assert found.high - found.low < widest.get(name, 0.2) * value, name
+
+
+def test_friction_curve_holds_the_truth(pvc: IdentificationResult, bench: Bench) -> None:
+    true = bench("pvc").truth.g(pvc.curve.x)
+    assert np.all((pvc.curve.low <= true) & (true <= pvc.curve.high))
+    middle = np.argmin(np.abs(pvc.curve.x - 0.02))
+    assert pvc.curve.high[middle] - pvc.curve.low[middle] < 0.12 * true[middle]
+
+
+def test_data_stand_beside_the_curve(pvc: IdentificationResult) -> None:
+    assert len(pvc.curve.seen) >= 5
+    for item in pvc.curve.seen:
+        g = float(np.interp(item.x, pvc.curve.x, pvc.curve.y))
+        assert item.low < item.median < item.high
+        assert item.median == pytest.approx(g, rel=0.15)
+
+
+def test_each_constant_is_in_the_budget(pvc: IdentificationResult) -> None:
+    sources = [name for name in pvc.preprocessing.settings if name.startswith("u of sigma_0")]
+    assert any("noise" in name for name in sources)
+    assert len(sources) >= 3
+
+
+def test_diameter_for_radius_gives_no_number(bench: Bench) -> None:
+    rig = bench("stone")
+    twice = replace(rig.constants, wheel_radius_m=0.1)
+    stated = known_rig(rig.constants, wheel_radius=Known(0.1, 1e-4))
+    result = identify_output_error(rig.sweep(1, CURRENTS_A), twice, stated)
+    assert result.gate is not None
+    assert result.gate.outcome is FitOutcome.MISFIT
+    assert all(entry.quoted is None for entry in (*result.parameters, *result.derived))
+    assert re.search(r"0\.0(49\d*|50?\d*) .*m, stated 0\.1 m", result.gate.sentence)
+    assert "diameter" in result.gate.sentence
+    assert result.warnings[0] == result.gate.sentence
+
+
+def test_late_encoder_is_found_and_corrected(bench: Bench) -> None:
+    rig = bench("stone")
+    late = [
+        replace(t, wheel_angle_rad=np.append(t.wheel_angle_rad[:1], t.wheel_angle_rad[:-1]))
+        for t in rig.sweep(1, CURRENTS_A)
+    ]
+    result = identify_output_error(late, rig.constants, known_rig(rig.constants))
+    stiffness = result.parameter("sigma_0")
+    assert stiffness.low is not None and stiffness.high is not None
+    assert stiffness.low <= rig.truth.s0 <= stiffness.high
+    line = next(s for s in result.preprocessing.statements if s.startswith("wheel_delay"))
+    found = re.search(r"fitted ([-0-9.e]+),", line)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(1e-3, abs=2e-4)  # s: one sample
+
+
+def test_trials_without_motion_are_refused(bench: Bench) -> None:
+    rig = bench("pvc")
+    with pytest.raises(DataError, match="moved"):
+        identify_output_error(
+            rig.sweep(1, (0.1, 0.12, 0.14)), rig.constants, known_rig(rig.constants)
+        )
+
+
+def with_friction(bench: Bench, share: float, current_a: float, recording: str = "") -> LugreTrial:
+    """Return a trial on PVC whose friction is ``share`` of what it was."""
+    floor = FLOORS["pvc"]
+    worn = replace(floor, mu_c=floor.mu_c * share, mu_s=floor.mu_s * share)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(FLOORS, "worn", worn)
+        trial: LugreTrial = bench("worn").trial(current_a, 1)
+    return replace(trial, recording=recording)
+
+
+def test_wear_over_the_trials_gives_no_number(bench: Bench) -> None:
+    rig, currents = bench("pvc"), (0.9, 0.3, 1.2, 0.6, 1.05, 0.45)
+    worn = [with_friction(bench, 1.0 - 0.02 * k, current) for k, current in enumerate(currents)]
+    result = identify_output_error(worn, rig.constants, known_rig(rig.constants))
+    assert result.gate is not None
+    assert result.gate.outcome is FitOutcome.MISFIT
+    assert "falls from trial to trial" in result.gate.sentence
+    assert result.warnings[0] == result.gate.sentence
+
+
+def test_recordings_that_disagree_are_not_pooled(bench: Bench) -> None:
+    rig = bench("pvc")
+    trials = [
+        with_friction(bench, share, current, name)
+        for name, share in (("before.mcap", 1.0), ("after.mcap", 0.93))
+        for current in CURRENTS_A
+    ]
+    both = identify_output_error(trials, rig.constants, known_rig(rig.constants))
+    assert both.gate is not None
+    assert both.gate.outcome is FitOutcome.MISFIT
+    assert "--group-by recording" in both.gate.sentence
+
+
+def test_recordings_that_agree_are_pooled(bench: Bench) -> None:
+    rig = bench("pvc")
+    trials = [
+        replace(t, recording=f"{seed}.mcap") for seed in (1, 2) for t in rig.sweep(seed, CURRENTS_A)
+    ]
+    both = identify_output_error(trials, rig.constants, known_rig(rig.constants))
+    assert both.gate is not None
+    assert both.gate.outcome is FitOutcome.FITS
+    assert both.parameter("sigma_0").identifiable
+
+
+def test_creeping_carriage_is_left_out_and_named(bench: Bench) -> None:
+    rig = bench("pvc")
+    still = rig.trial(0.1, 1)
+    creeping = replace(
+        still, label="creeps",
+        carriage_position_m=still.carriage_position_m + 0.01 * np.maximum(still.t_s - 0.35, 0.0),
+    )  # fmt: skip
+    result = identify_output_error(
+        [*rig.sweep(1, CURRENTS_A), creeping], rig.constants, known_rig(rig.constants)
+    )
+    assert [item.label for item in result.preprocessing.rejected] == ["creeps"]
+    assert "crept" in result.preprocessing.rejected[0].reason

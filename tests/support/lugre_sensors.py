@@ -1,0 +1,76 @@
+"""What sensors make of a motion: when they look, what they show, and what goes wrong with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One sensor, in the unit of what it shows; the defaults are those of a perfect one.
+
+    It looks ``delay_s`` late, on a clock that gains ``drift`` and jitters by ``jitter_s``, behind a
+    filter of first order at ``lowpass_hz``. What it sees is multiplied by ``gain``; ``zero``,
+    ``fading`` for each second and a ``hum`` of 50 Hz are added, then white ``noise``; it is clipped
+    at ``clip`` and shown in steps of ``count``. An encoder loses ``lost`` counts in each count
+    (a share), and ``jump`` at once in the middle of the second trial. A share ``repeats`` of the
+    samples shows the one before.
+    """
+
+    noise: float = 0.0
+    count: float = 0.0
+    zero: float = 0.0
+    delay_s: float = 0.0
+    drift: float = 0.0
+    jitter_s: float = 0.0
+    lowpass_hz: float = 0.0
+    gain: float = 1.0
+    fading: float = 0.0
+    hum: float = 0.0
+    clip: float = np.inf
+    lost: float = 0.0
+    jump: float = 0.0
+    repeats: float = 0.0
+
+    def show(
+        self, t: FloatArray, values: FloatArray, at: FloatArray, trial: int,
+        rng: np.random.Generator, offset: float = 0.5,
+    ) -> FloatArray:  # fmt: skip
+        """Return what is shown at ``at`` (n,) of ``values`` (k,) at the finer times ``t`` (k,).
+
+        ``trial`` counts from 0; ``offset`` is where between two counts zero lies.
+        """
+        when = at * (1.0 + self.drift) - self.delay_s
+        if self.jitter_s:
+            when = when + self.jitter_s * rng.standard_normal(len(at))
+        if self.lowpass_hz:
+            values = _lowpass(values, 2.0 * np.pi * self.lowpass_hz * float(t[1] - t[0]))
+        shown = self.gain * np.interp(when, t, values) + self.zero + self.fading * at
+        shown = shown + self.hum * np.sin(2.0 * np.pi * 50.0 * at + trial)
+        shown = np.clip(shown + self.noise * rng.standard_normal(len(at)), -self.clip, self.clip)
+        if self.lost:
+            counts = np.abs(np.diff(shown, prepend=shown[0])) / self.count
+            shown = shown - self.count * np.cumsum(rng.random(len(at)) < self.lost * counts)
+        if self.jump and trial == 1:
+            shown = shown + self.jump * (np.arange(len(at)) > len(at) // 2)
+        if self.count:
+            shown = np.floor(shown / self.count + offset) * self.count
+        if self.repeats:
+            fresh = rng.random(len(at)) >= self.repeats
+            fresh[0] = True
+            shown = shown[np.maximum.accumulate(np.where(fresh, np.arange(len(at)), 0))]
+        return shown
+
+
+def _lowpass(values: FloatArray, step: float) -> FloatArray:
+    """Return ``values`` behind a filter of first order, ``step`` of its time constants apart."""
+    from scipy.signal import lfilter, lfilter_zi
+
+    share = 1.0 - np.exp(-step)
+    taps = ([share], [1.0, share - 1.0])
+    return np.asarray(lfilter(*taps, values, zi=values[0] * lfilter_zi(*taps))[0])

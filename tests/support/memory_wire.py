@@ -1,0 +1,32 @@
+"""What stands behind a link, in memory, for the tests of the conformance suites."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rigd.sdk.check import FAULTS, Peer, Report
+
+
+class Wire:
+    """Takes one session at a time, and shows one fault at a time."""
+
+    def __init__(self) -> None:
+        self.fault = ""
+        self.taken = False
+
+    def begin(self, fault: str) -> None:
+        self.fault = fault
+
+    def peer(self, link: Callable[[], Any] | None = None) -> Peer:
+        """Return the peer of a driver; without ``link`` the driver gets the wire itself."""
+        return Peer(
+            link=link or (lambda: self), faults={name: partial(self.begin, name) for name in FAULTS}
+        )
+
+
+def assert_found(report: Report, rule: str, words: str) -> None:
+    """Assert that ``rule`` alone is broken, and that a finding has ``words``."""
+    assert {finding.rule for finding in report.findings} == {rule}
+    assert any(words in finding.problem for finding in report.findings), str(report)
