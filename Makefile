@@ -8,7 +8,7 @@ K :=
 #: `make test-days`: by how many days the clock of this machine is moved.
 DAYS := -30 +1 +40 +400
 
-.PHONY: setup demo test quick test-days fmt check bench clean
+.PHONY: setup demo test quick test-days fmt check check-page bench clean
 
 setup: $(VENV)/.ready ## make .venv with everything
 
@@ -19,10 +19,10 @@ demo: setup ## the campaigns of two published rigs, simulated: run, record, iden
 	scripts/demo $(BIN)
 
 ifeq ($(strip $(K)),)
-test: setup ## the whole test suite: what may run side by side, then rigs in real time
+test: setup ## the whole test suite: what computes or waits for answers, then rigs in real time
 	scripts/need node npm chromium
-	$(BIN)/pytest -m side_by_side -n $$(($$(nproc) + 1)) --dist loadfile --no-loadscope-reorder
-	$(BIN)/pytest -m "not side_by_side"
+	$(BIN)/pytest -m side_by_side -n $$(($$(nproc) + 2)) --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -m "not side_by_side" -n 2 --dist loadfile --no-loadscope-reorder
 else
 test: setup
 	$(BIN)/pytest -k "$(K)"
@@ -38,15 +38,26 @@ test-days: setup ## what depends on the day, on other days
 	    scripts/at_day $$day $(BIN)/pytest -q -m dates -n $$(nproc) --dist loadfile || exit 1; \
 	done
 
-fmt: setup ## format, and mend what lint can mend
+fmt: setup ## format, mend what lint can mend, write the types of the page's messages
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
+	$(BIN)/python scripts/page_types.py > rigd/panel/messages.d.ts
 
-check: setup ## format, lint, types, layers
+check: setup check-page ## format, lint, types, layers
 	$(BIN)/ruff format --check
 	$(BIN)/ruff check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+check-page: setup node_modules/.ready ## lint and types of the panel's page
+	$(BIN)/python scripts/page_types.py | diff rigd/panel/messages.d.ts - || { echo "make fmt"; exit 1; }
+	node_modules/.bin/tsc
+	node_modules/.bin/eslint --max-warnings 0 rigd/panel/static/js
+
+node_modules/.ready: package.json
+	scripts/need node npm
+	npm install --no-package-lock --no-audit --no-fund --ignore-scripts --silent
+	touch $@
 
 bench: setup ## every figure, as ratios from interleaved runs
 	scripts/need cc cyclictest node npm chromium

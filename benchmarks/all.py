@@ -42,10 +42,12 @@ BENCHES = (
     "panel_stop",
     "panel_fuzz",
     "identify",
+    "validate_tables",
     "angle_accuracy",
     "angle_campaign",
     "kill_table",
     "automatic_stop",
+    "every_case",
 )
 
 

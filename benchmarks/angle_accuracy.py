@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from support.angle_runs import LOADS_KG, SETS, TABLE_1, Trial, campaign, drawn_rig, trial
 from support.angle_truth import WINDOWS, slip_error, steady
 
-from rigd_analyses.approach_angle.better import BetterSettings
+from rigd_analyses.approach_angle.better.settings import BetterSettings
 from rigd_analyses.approach_angle.campaign import analyse_campaign
 from rigd_analyses.approach_angle.data import UNKNOWN_RISE, SetReference
 from rigd_analyses.approach_angle.paper import analyse_paper

@@ -204,8 +204,7 @@ class BusyThread(threading.Thread):
 
 def every_cycle(device: DeviceConfig) -> bool:
     """Return whether there is a row of the device in every cycle."""
-    driver = device.driver_class(device.config, None)
-    return isinstance(driver, Driver) and driver.every_cycle
+    return issubclass(device.driver_class, Driver) and device.declaration.every_cycle
 
 
 def cpu_s(pid: int) -> float:

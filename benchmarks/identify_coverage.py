@@ -6,9 +6,11 @@
 Every experiment is a rig of its own (``tests/support/random_rigs.py``): friction, masses, drive,
 vibration and noise are drawn within what is realistic, and so are where wheel and carriage stand
 at the start and between which counts of their encoders. It is recorded, and evaluated as ``rigd
-identify`` does. `spread` is the standard deviation of the errors over the half width of the
-intervals: about 0.5 where the intervals are right. Far below it they are too wide, or nothing
-varied: coverage then says nothing.
+identify`` does. For ``--method output-error`` each constant of the recording is drawn around the
+truth with its stated uncertainty; slip-force takes the constants as exact, and gets them so.
+`spread` is the standard deviation of the errors over the half width of the intervals: about 0.5
+where the intervals are right. Far below it they are too wide, or nothing varied: coverage then
+says nothing.
 """
 
 from __future__ import annotations
@@ -25,23 +27,28 @@ import numpy as np
 from figures import at_least, at_most, noted
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+from support.altered import Content
 from support.coverage import RIGHT_RATIO, TOO_LITTLE, Coverage, Found, coverage
 from support.random_rigs import FLOORS, RandomRig, random_rig
 
+from rigd.analysis.analysis import Options
 from rigd.analysis.evaluation import evaluate
 from rigd.analysis.parameters import ParameterEvaluation
 from rigd.analysis.result import IdentificationResult
 from rigd.model.errors import RigdError
+from rigd_analyses.lugre.reading import OUTPUT_ERROR
 
 TARGET = 88.0  #: %, of the nominal 95
 SLIP_M_S = np.array([0.005, 0.010, 0.020, 0.035, 0.050])
-PARAMETERS: Final = ("V_s", "mu_c", "mu_s", "sigma_0", "sigma_2")
+PARAMETERS: Final = ("V_s", "mu_c", "mu_s", "sigma_0", "sigma_1", "sigma_2")
 #: What the paper's tests leave open on these floors; where it is quoted it must be right.
 OFTEN_OPEN: Final = ("V_s", "mu_c", "mu_s")
+#: Sent through the generator of the constants beside the number of a rig.
+_CONSTANTS: Final = 11
 Row = dict[str, Any]
 
 
-def study(rigs: int, keep: Path | None, floors: tuple[str, ...] = FLOORS) -> None:
+def study(rigs: int, keep: Path | None, floors: tuple[str, ...] = FLOORS, method: str = "") -> None:
     """Print the coverage of every interval over ``rigs`` experiments per floor."""
     known = keep.read_text().splitlines() if keep is not None and keep.exists() else []
     rows: list[Row] = [json.loads(line) for line in known]
@@ -50,7 +57,7 @@ def study(rigs: int, keep: Path | None, floors: tuple[str, ...] = FLOORS) -> Non
         for floor in floors:
             if (floor, number) in done:
                 continue
-            rows.append(_experiment(floor, number))
+            rows.append(_experiment(floor, number, method))
             if keep is not None:
                 with keep.open("a") as stream:
                     stream.write(json.dumps(rows[-1]) + "\n")
@@ -58,7 +65,19 @@ def study(rigs: int, keep: Path | None, floors: tuple[str, ...] = FLOORS) -> Non
         _report(floor, [row for row in rows if row["floor"] == floor and row["number"] <= rigs])
 
 
-def _experiment(floor: str, number: int) -> Row:
+def _measured(path: Path, number: int) -> Path:
+    """Return a copy of the recording whose constants are as far off as their uncertainties say."""
+    random = np.random.default_rng((_CONSTANTS, number))
+    content = Content.of(path)
+    constants = content.plan("constants")
+    for name, stated in sorted(content.plan("uncertainties").items()):
+        scale = abs(constants[name]) if stated["is_share"] else 1.0
+        constants[name] += stated["size"] * scale * random.standard_normal()
+    content.set_plan("constants", constants)
+    return content.write(path.with_name("measured.mcap"))
+
+
+def _experiment(floor: str, number: int, method: str) -> Row:
     """Return relative estimates and intervals by quantity, or what went wrong."""
     row: Row = {"floor": floor, "number": number, "found": {}, "refused": "", "crashed": ""}
     with tempfile.TemporaryDirectory() as folder:
@@ -68,14 +87,19 @@ def _experiment(floor: str, number: int) -> Row:
         if ended.exit_code:
             return {**row, "refused": f"the run was {ended.ending}: {ended.reason}"}
         try:
-            evaluation = evaluate([path])
+            if method == OUTPUT_ERROR:
+                path = _measured(path, number)
+            evaluation = evaluate([path], Options(method=method))
             assert isinstance(evaluation, ParameterEvaluation)
             evaluation.report()
         except RigdError as error:
             return {**row, "refused": str(error)}
         except Exception as error:  # noqa: BLE001 - told, and counted as what it is
             return {**row, "crashed": f"{type(error).__name__}: {error}"}
-        return {**row, "found": _outcome(rig, evaluation.sections[0].result)}
+        result = evaluation.sections[0].result
+        if not evaluation.fits:
+            return {**row, "refused": "" if result.gate is None else result.gate.sentence}
+        return {**row, "found": _outcome(rig, result)}
 
 
 def _outcome(rig: RandomRig, result: IdentificationResult) -> dict[str, Found]:
@@ -150,9 +174,10 @@ def main() -> int:
     parser.add_argument("--rigs", type=int, default=30, help="random rigs per floor (default 30)")
     parser.add_argument("--keep", type=Path, help="JSON lines, read and appended to")
     parser.add_argument("--floor", choices=FLOORS, help="one floor instead of all three")
+    parser.add_argument("--method", choices=("slip-force", OUTPUT_ERROR), default="slip-force")
     options = parser.parse_args()
     floors = FLOORS if options.floor is None else (options.floor,)
-    study(options.rigs, options.keep, floors)
+    study(options.rigs, options.keep, floors, options.method)
     return 0
 
 

@@ -4,7 +4,8 @@ A daemon of its own serves two shipped rigs: the one at the wire, where the simu
 since when its motor has got what it gets, and the one simulated in the cycle's process, where the
 recording says in which cycle the setpoint was given. One run after the other is started and
 stopped through the Python client. Where a start spends its time is read from the events of its
-recording.
+recording. In every second slice of ten runs, ten clients watch all streams and one floods the
+daemon with questions.
 
     python benchmarks/remote_commands.py --runs 100 --table commands.jsonl
                         goes on where the table ends: stop it and start it as you like
@@ -14,6 +15,7 @@ recording.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import shutil
@@ -22,15 +24,16 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from contextlib import contextmanager, nullcontext
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from figures import noted
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+from crowd import crowded
+from figures import at_most, noted
 from support.daemon import Daemon, listening
 from support.killing import own_state
 from support.wire import ROOT, free_ports, wire_rig
@@ -59,6 +62,8 @@ LOOK_S: Final = 0.01
 LEAST_S: Final = 0.3
 #: Runs of one daemon, so that little is lost when the bench is stopped.
 SLICE: Final = 10
+#: A stop beside the crowd takes at most so many times as long as without.
+MOST_SLOWED: Final = 3.0
 #: A host that stalls ends a run by its interlocks; so many may be lost to that.
 MOST_FAILED: Final = 5
 #: What a start is made of, by the event of the recording that each stage ends with. Before them the
@@ -82,6 +87,7 @@ class Commanded:
     stages_s: Mapping[str, float]  #: how long each stage of the start took
     stop_s: float
     stop_replied_s: float  #: when the client had its reply to the stop
+    is_crowded: bool = False  #: others watched and flooded the daemon
 
 
 @dataclass(frozen=True)
@@ -135,7 +141,7 @@ def served(rig: Path, name: str, folder: Path, state: Path) -> Iterator[Daemon]:
         yield daemon
 
 
-def one_slice(rig: str, count: int) -> list[Commanded]:
+def one_slice(rig: str, count: int, is_crowded: bool) -> list[Commanded]:
     """Start and stop ``count`` runs, one after the other; those that failed are left out."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -148,10 +154,11 @@ def one_slice(rig: str, count: int) -> list[Commanded]:
                 RIGS[rig](folder, state) as bench,
                 Client(bench.daemon.name, endpoint=bench.daemon.endpoint) as client,
                 client.control(),
+                crowded(bench.daemon.endpoint, bench.daemon.name) if is_crowded else nullcontext(),
             ):
                 for number in range(count):
                     item = commanded(rig, bench, client, procedure, LEAST_S + 0.0137 * number)
-                    found += [] if item is None else [item]
+                    found += [] if item is None else [replace(item, is_crowded=is_crowded)]
         finally:
             shutil.rmtree(state)
     return found
@@ -221,6 +228,8 @@ def until(bench: Bench, client: Client, run: str, enough: Callable[[float], bool
 
 def report(rig: str, rows: Sequence[Commanded]) -> None:
     """Print the figures of one rig, and where a start spends its time."""
+    crowd = [row.stop_s for row in rows if row.is_crowded]
+    rows = [row for row in rows if not row.is_crowded]
     name = f"commands, {rig}"
     noted(f"{name}: runs", len(rows), "")
     for what, found in (
@@ -233,13 +242,19 @@ def report(rig: str, rows: Sequence[Commanded]) -> None:
     for stage in rows[0].stages_s:
         median_s = statistics.median(row.stages_s[stage] for row in rows)
         noted(f"{name}: of a start, {stage}, p50", 1e3 * median_s, "ms")
+    for part in (0.5, 0.99):
+        quiet_s = float(np.quantile([row.stop_s for row in rows], part))
+        crowded_s = float(np.quantile(crowd, part))
+        label = f"{name}: stop to no setpoint beside watchers and a flood, p{100 * part:g}"
+        noted(label, 1e3 * crowded_s, "ms")
+        at_most(f"{label}, against without", crowded_s / quiet_s, MOST_SLOWED)
 
 
 def main() -> int:
     """Do as many runs as are missing from the table, then print it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=int, default=40, help="on each rig")
-    parser.add_argument("--quick", action="store_true", help="ten on each")
+    parser.add_argument("--runs", type=int, default=40, help="on each rig, without and with others")
+    parser.add_argument("--quick", action="store_true", help="ten of each")
     parser.add_argument("--table", type=Path, default=None, help="file of what is done already")
     args = parser.parse_args()
     rows: list[Commanded] = []
@@ -247,12 +262,13 @@ def main() -> int:
         rows = [Commanded(**json.loads(line)) for line in args.table.read_text().splitlines()]
     runs, failed = SLICE if args.quick else args.runs, 0
     while True:
-        missing = {rig: runs - sum(row.rig == rig for row in rows) for rig in RIGS}
-        rig = max(missing, key=lambda item: missing[item])
-        if missing[rig] <= 0:
+        done = [(row.rig, row.is_crowded) for row in rows]
+        missing = {kind: runs - done.count(kind) for kind in itertools.product(RIGS, (False, True))}
+        rig, is_crowded = kind = max(missing, key=lambda item: missing[item])
+        if missing[kind] <= 0:
             break
-        count = min(SLICE, missing[rig])
-        found = one_slice(rig, count)
+        count = min(SLICE, missing[kind])
+        found = one_slice(rig, count, is_crowded)
         failed += count - len(found)
         if failed > MOST_FAILED:
             return 1

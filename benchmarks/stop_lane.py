@@ -14,12 +14,10 @@ from __future__ import annotations
 import argparse
 import json
 import multiprocessing
-import secrets
 import sys
 import tempfile
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
 from multiprocessing.synchronize import Event
 from pathlib import Path
 
@@ -27,13 +25,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import numpy as np
 import zenoh
+from crowd import crowded, message
 from figures import at_most, noted
 from support.daemon import Daemon
 from support.served_rig import free_port
 from support.soaking import NAME, soaked
-from support.zenoh_client import ZenohClient, config
+from support.zenoh_client import config
 
-WATCHERS = 10
 REQUESTS = 100
 SHAKE = """\
 procedure: shake
@@ -82,17 +80,6 @@ def taken_ms(session: zenoh.Session, key: str, payload: Callable[[], bytes]) -> 
     return took
 
 
-def elsewhere(endpoint: str) -> ZenohClient:
-    """Return a client that stands for a client on another computer: it runs at niceness 19."""
-    return ZenohClient(config(endpoint), niceness=19)
-
-
-def renewal() -> bytes:
-    """Return the bytes of a new renewal of the lease."""
-    message = {"v": 1, "id": secrets.token_hex(16), "sent_ns": time.time_ns(), "args": {}}
-    return json.dumps(message).encode()
-
-
 def measured(daemon: Daemon, witness_at: str, rounds: int) -> dict[str, list[float]]:
     """Return the times of daemon and witness, quiet and loaded."""
     found: dict[str, list[float]] = {}
@@ -100,20 +87,14 @@ def measured(daemon: Daemon, witness_at: str, rounds: int) -> dict[str, list[flo
     key = f"rigd/{NAME}/cmd/alice/lease_renew"
 
     def turn(name: str) -> None:
-        found.setdefault(f"daemon {name}", []).extend(taken_ms(ours, key, renewal))
+        found.setdefault(f"daemon {name}", []).extend(taken_ms(ours, key, message))
         found.setdefault(f"witness {name}", []).extend(
             taken_ms(theirs, "bench/witness", lambda: b"")
         )
 
     for _ in range(rounds):
         turn("quiet")
-        with ExitStack() as others:
-            for _ in range(WATCHERS):
-                watcher = others.enter_context(elsewhere(daemon.endpoint))
-                watcher.subscribe(f"rigd/{NAME}/**")
-            flood = others.enter_context(elsewhere(daemon.endpoint))
-            seconds = 20.0
-            flood.flood(f"rigd/{NAME}/ask/mallory/describe", renewal(), seconds)
+        with crowded(daemon.endpoint, NAME):
             turn("loaded")
     ours.close()
     theirs.close()
