@@ -13,11 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import zenoh
 from support.played_campaign import FILE, past_runs
 from support.played_rig import PlayedRig
 from support.zenoh_client import ZenohClient, config
 
 from rigd.config.remote import RemoteSetup
+from rigd.remote.network import open_server
 from rigd.remote.protocol import as_json
 from rigd.remote.server import Server
 
@@ -49,6 +51,20 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "abort": {"reason": ""},
     "estop": {"reason": ""},
 }
+
+
+def _use_settings_of_daemon() -> None:
+    """Let zenoh have as many threads in this process as in a daemon's.
+
+    zenoh reads the number at its first use in a process. A client that a test opened first would
+    leave the servers of all later tests with two threads.
+    """
+    alone = {"mode": "peer", "listen": {"endpoints": []}, "connect": {"endpoints": []}}
+    scouting = {"multicast": {"enabled": False}, "gossip": {"enabled": False}}
+    open_server(zenoh.Config.from_json5(json.dumps(alone | {"scouting": scouting}))).close()
+
+
+_use_settings_of_daemon()
 
 
 def key(kind: str, identity: str, verb: str) -> str:
