@@ -179,6 +179,8 @@ class ParameterEvaluation(Evaluation):
         for section in self.sections:
             used, left_out = len(section.result.trials), section.result.preprocessing.rejected
             told = [f"{section.label}: {used} of {used + len(left_out)} trials used"]
+            if account := section.result.preprocessing.rows_in_words:
+                told.append(f"  {account}")
             told += [f"  {warning}" for warning in section.result.warnings]
             paragraphs.append("\n".join(told))
         compared = [part for section in self.sections for part in _comparison(section)]

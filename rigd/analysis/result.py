@@ -6,6 +6,7 @@ of an interval open, that end is ``None``, never a large number.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -258,6 +259,15 @@ class TrialRejection:
 
     label: str
     reason: str
+    rows: int = 0  #: how many it has, if the analysis counts them
+
+
+@dataclass(frozen=True)
+class RowsUsed:
+    """How many rows of a trial enter a fit, and how many do not, by the reason."""
+
+    used: int
+    not_used: Mapping[str, int]
 
 
 @dataclass(frozen=True)
@@ -268,6 +278,21 @@ class Preprocessing:
     settings: Mapping[str, float | str]
     per_trial: Mapping[str, Mapping[str, float]]
     rejected: tuple[TrialRejection, ...] = ()
+    rows: Mapping[str, RowsUsed] = field(default_factory=dict)  #: by trial; of those in the fit
+
+    @property
+    def rows_in_words(self) -> str:
+        """How many rows count and why the others do not; empty if the analysis counts none."""
+        if not self.rows:
+            return ""
+        used = sum(item.used for item in self.rows.values())
+        others: Counter[str] = Counter()
+        for item in self.rows.values():
+            others.update(item.not_used)
+        others["in trials that are left out"] += sum(item.rows for item in self.rejected)
+        reasons = ", ".join(f"{count} {why}" for why, count in others.items() if count)
+        total = used + others.total()
+        return f"{used} of {total} rows used" + (f"; not used: {reasons}" if reasons else "")
 
 
 class FitOutcome(Enum):

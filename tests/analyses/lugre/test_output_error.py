@@ -14,10 +14,12 @@ from support.lugre_bench import FLOORS, known_rig
 
 from rigd.analysis import DataError
 from rigd.analysis.result import FitOutcome, IdentificationResult
+from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.constants import Known
 from rigd_analyses.lugre.rig.current import simulated_current
 from rigd_analyses.lugre.rig.identify import identify_output_error
+from rigd_analyses.lugre.rig.parts import free_part, rows_used
 from rigd_analyses.lugre.trial import LugreTrial
 
 CURRENTS_A = (0.3, 0.6, 0.9, 1.2)
@@ -126,6 +128,28 @@ def test_each_constant_is_in_the_budget(pvc: IdentificationResult) -> None:
     sources = [name for name in pvc.preprocessing.settings if name.startswith("u of sigma_0")]
     assert any("noise" in name for name in sources)
     assert len(sources) >= 3
+
+
+def test_each_row_is_used_or_has_a_reason(pvc: IdentificationResult, bench: Bench) -> None:
+    account = pvc.preprocessing
+    trials = {trial.label: trial for trial in bench("pvc").sweep(3, CURRENTS_A)}
+    assert account.rows.keys() == trials.keys()
+    for label, rows in account.rows.items():
+        assert rows.used + sum(rows.not_used.values()) == len(trials[label].t_s)
+        assert any("first drop of the current" in why for why in rows.not_used)
+    total = sum(len(trial.t_s) for trial in trials.values())
+    assert f"{pvc.samples} of {total} rows used" in account.rows_in_words
+
+
+def test_braking_rows_count_until_the_carriage_is_held(bench: Bench) -> None:
+    trial = bench("pvc").trial(0.9, 1)
+    still_free = len(trial.t_s) - 40
+    held = replace(trial, held=(np.arange(len(trial.t_s)) >= still_free).astype(np.float64))
+    part = free_part(held, 1e-3, Settings())
+    assert part.stop == still_free
+    assert part.stop > free_part(trial, 1e-3, Settings()).stop
+    rows = rows_used(held, part)
+    assert rows.not_used["after something else than the motor holds the carriage"] == 40
 
 
 def test_diameter_for_radius_gives_no_number(bench: Bench) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rigd.analysis import DataError
-from rigd.analysis.result import TrialRejection
+from rigd.analysis.result import RowsUsed, TrialRejection
 from rigd_analyses.lugre.drive import find_drive
 from rigd_analyses.lugre.identify import Settings
 from rigd_analyses.lugre.preprocess import window_samples
@@ -30,11 +30,15 @@ def sort_out(
         part = free_part(trial, period, settings)
         travel = float(np.ptp(trial.carriage_position_m[part]))
         if abs(period - periods[0]) > 1e-3 * periods[0]:
-            rejected.append(TrialRejection(trial.label, "it is sampled at another rate"))
+            rejected.append(
+                TrialRejection(trial.label, "it is sampled at another rate", len(trial.t_s))
+            )
         elif travel < LEAST_TRAVEL_M:
             rejected.append(
                 TrialRejection(
-                    trial.label, f"the carriage moved {1e3 * travel:.1f} mm while driven"
+                    trial.label,
+                    f"the carriage moved {1e3 * travel:.1f} mm while driven",
+                    len(trial.t_s),
                 )
             )
         elif (speed := _top_speed(trial, part, period)) < LEAST_SPEED_M_S:
@@ -43,6 +47,7 @@ def sort_out(
                     trial.label,
                     f"the carriage crept at {1e3 * speed:.0f} mm/s at most: friction close to "
                     "standstill is not what the model describes",
+                    len(trial.t_s),
                 )
             )
         else:
@@ -63,6 +68,17 @@ def _top_speed(trial: LugreTrial, part: slice, period_s: float) -> float:
     steps = min(max(1, round(SPEED_OVER_S / period_s)), len(position) - 1)
     moved = np.abs(position[steps:] - position[:-steps])
     return float(np.max(moved, initial=0.0)) / (steps * period_s)
+
+
+def rows_used(trial: LugreTrial, part: slice) -> RowsUsed:
+    """Return how many rows of ``trial`` are simulated, and why the others are not."""
+    after = (
+        "after the first drop of the current (no signal carriage_held tells what follows)"
+        if trial.held is None
+        else "after something else than the motor holds the carriage"
+    )
+    reasons = {"at rest before the current step": part.start, after: len(trial.t_s) - part.stop}
+    return RowsUsed(part.stop - part.start, {why: n for why, n in reasons.items() if n})
 
 
 def free_part(trial: LugreTrial, period_s: float, settings: Settings) -> slice:

@@ -42,6 +42,7 @@ from rigd_analyses.lugre.rig import kernel
 from rigd_analyses.lugre.rig.estimates import derived, estimates, refused
 from rigd_analyses.lugre.rig.found import FRICTION, WINDOW_S, Found, all_states, slip
 from rigd_analyses.lugre.rig.outputs import ACCELERATION, SLIP
+from rigd_analyses.lugre.rig.parts import rows_used
 from rigd_analyses.lugre.rig.seen import seen
 from rigd_analyses.lugre.rig.system import RigSystem
 
@@ -229,6 +230,7 @@ def _account(system: RigSystem, found: Found, rejected: Sequence[TrialRejection]
             for driven, error in zip(system.trials, whole.errors, strict=True)
         },
         rejected=tuple(rejected),
+        rows={item.label: rows_used(item.trial, item.part) for item in system.trials},
     )
 
 
