@@ -16,7 +16,12 @@ from rigd.record import RunInfo
 from rigd.record.moment import VIRTUAL, Moment, is_virtual, recorded_at
 
 _DATE: Final = "%Y-%m-%d %H:%M UTC"
-_OF: Final = {"run": "", "file name": " (by its file name)", "file": " (date of the file)"}
+#: What gave the date of one recording, and of several.
+_OF: Final = {
+    "run": ("", ""),
+    "file name": (" (by its file name)", " (by their file names)"),
+    "file": (" (date of the file)", " (dates of the files)"),
+}
 #: What a heading says of itself: a name of `--meta` that is one of these is marked as such.
 _OWN: Final = frozenset({"rig", "procedure", "recording", "recordings", "recorded", "operator"})
 #: So many recordings are named; of more, how many there are.
@@ -48,7 +53,7 @@ def _entries(infos: Sequence[RunInfo], made: datetime | None) -> Iterable[tuple[
     yield from _said("Rig", (info.rig for info in infos))
     yield from _said("Procedure", (info.procedure for info in infos))
     yield ("Recordings" if several else "Recording", files)
-    yield from _said("Recorded", (_recorded(info) for info in infos))
+    yield from _said("Recorded", [_recorded(infos)])
     yield from _said("Operator", (_operator(info) for info in infos))
     keys = dict.fromkeys(key for info in infos for key in info.metadata.get("meta", {}))
     for key in keys:
@@ -61,19 +66,29 @@ def _said(name: str, texts: Iterable[str]) -> Iterable[tuple[str, str]]:
     """Yield what the recordings say, each text once; nothing where none says anything."""
     found = [text for text in dict.fromkeys(texts) if text]
     if found:
-        shown = "; ".join(found) if len(found) <= _NAMED else f"{found[0]} … {found[-1]}"
-        yield name, shown
+        yield name, _some(found, "; ")
 
 
-def _recorded(info: RunInfo) -> str:
-    try:
-        moment: Moment = recorded_at(info)
-    except OSError:
-        return ""
-    text = f"{moment.at.astimezone(UTC).strftime(_DATE)}{_OF[moment.of]}"
-    if not is_virtual(info):
-        return text
-    return f"{text}; {VIRTUAL} from {info.started[:10]}"
+def _some(texts: Iterable[str], between: str) -> str:
+    """Return all texts, or the first and the last of many."""
+    found = list(texts)
+    return between.join(found) if len(found) <= _NAMED else f"{found[0]} … {found[-1]}"
+
+
+def _recorded(infos: Sequence[RunInfo]) -> str:
+    """Return when the recordings were made, and from when their virtual time counts."""
+    dates: dict[str, dict[str, None]] = {}
+    virtual: dict[str, None] = {}
+    for info in infos:
+        try:
+            moment: Moment = recorded_at(info)
+        except OSError:
+            continue
+        dates.setdefault(moment.of, {})[moment.at.astimezone(UTC).strftime(_DATE)] = None
+        if is_virtual(info):
+            virtual[f"{VIRTUAL} from {info.started[:10]}"] = None
+    texts = [_some(found, ", ") + _OF[of][len(found) > 1] for of, found in dates.items()]
+    return "; ".join([*texts, *virtual])
 
 
 def _operator(info: RunInfo) -> str:

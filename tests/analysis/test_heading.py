@@ -60,6 +60,15 @@ def test_virtual_time_is_never_date_of_run(tmp_path: Path, name: str, said: str)
     assert entries["Recorded"] == f"{said}; virtual time from 2020-01-02"
 
 
+def test_several_dates_share_one_remark(tmp_path: Path) -> None:
+    infos = [info_of(tmp_path / name, VIRTUAL) for name in ("a.mcap", "b.mcap", "c.mcap")]
+    os.utime(tmp_path / "b.mcap", (FILE_DATE.timestamp() + 60,) * 2)
+    assert dict(heading(infos, MADE).entries)["Recorded"] == (
+        "2026-10-05 08:00 UTC, 2026-10-05 08:01 UTC (dates of the files); "
+        "virtual time from 2020-01-02"
+    )
+
+
 def test_note_and_operator_are_under_the_title(tmp_path: Path) -> None:
     first = {**REAL, "rig": "bench", "procedure": "quick", "operator": "A. Miller", "note": "dry"}
     item = info_of(tmp_path / "a.mcap", first, meta={"specimen": "W7"})
