@@ -82,11 +82,11 @@ class Analysis(DeclaredAnalysis):
 
     @abstractmethod
     def evaluate(
-        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
         """Return what ``sweeps`` say, the recordings of one campaign in the order given.
 
-        ``tell`` gets a line before each step that takes long.
+        ``notify`` gets a line before each step that takes long.
 
         Raises:
             RecordingError: a recording is damaged.
@@ -104,13 +104,13 @@ class Validates(Protocol):
         models: Sequence[SavedModel],
         sweeps: Sequence[RecordedSweep],
         group: str,
-        tell: Callable[[str], None],
+        notify: Callable[[str], None],
     ) -> Validation:
         """Return what ``sweeps`` say of ``models``, those of one file, for `rigd validate`.
 
         ``group`` names the model to take whatever the recordings name; empty: the one whose
         conditions are those of the trials (:func:`rigd.analysis.validation.saved.chosen`).
-        ``tell`` gets a line before each step that takes long.
+        ``notify`` gets a line before each step that takes long.
 
         Raises:
             RecordingError: a recording is damaged.

@@ -37,14 +37,14 @@ def evaluate(
     paths: Sequence[Path],
     options: Options | None = None,
     *,
-    tell: Callable[[str], None] = lambda _: None,
+    notify: Callable[[str], None] = lambda _: None,
     passed_over: Callable[[str], None] = lambda _: None,
     corrections: Corrections | None = None,
     changed: Callable[[Correction], None] = lambda _: None,
 ) -> Evaluation:
     """Identify what ``paths`` hold; trials of one group may stand in several recordings.
 
-    ``tell`` gets a line before each step that takes long, ``passed_over`` one for all that is
+    ``notify`` gets a line before each step that takes long, ``passed_over`` one for all that is
     damaged or lost in a recording. ``corrections`` hold instead of what the recordings carry;
     ``changed`` gets each difference that they make.
 
@@ -55,7 +55,7 @@ def evaluate(
             the data cannot answer.
     """
     sweeps = open_sweeps(paths, passed_over, corrections, changed)
-    return evaluate_sweeps(analysis_of(sweeps[0].plan), sweeps, options or Options(), tell)
+    return evaluate_sweeps(analysis_of(sweeps[0].plan), sweeps, options or Options(), notify)
 
 
 def open_sweeps(
@@ -90,12 +90,12 @@ def evaluate_sweeps(
     analysis: type[Analysis],
     sweeps: Sequence[RecordedSweep],
     options: Options,
-    tell: Callable[[str], None],
+    notify: Callable[[str], None],
 ) -> Evaluation:
     """Return what ``analysis`` makes of ``sweeps``; raises as :func:`evaluate` does."""
     _check_options(sweeps[0].plan.model, analysis, options)
     optional = analysis.needs.optional_signals
-    return analysis().evaluate([sweep.without(optional) for sweep in sweeps], options, tell)
+    return analysis().evaluate([sweep.without(optional) for sweep in sweeps], options, notify)
 
 
 def _check_options(model: str, analysis: type[Analysis], options: Options) -> None:

@@ -228,9 +228,9 @@ def _comparison(section: ReportSection) -> TerminalReport:
 
 
 def complete_groups(
-    sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+    sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
 ) -> Iterator[Group]:
-    """Yield the complete trials, group by group; ``tell`` gets a line on each as it is yielded.
+    """Yield the complete trials, group by group; ``notify`` gets a line on each as it is yielded.
 
     Raises:
         DataError: a recording has no complete trial.
@@ -242,7 +242,7 @@ def complete_groups(
                 hint=f"`rigd run --resume {quote(str(sweep.path))}` plays the missing ones",
             )
     for label, trials in groups(sweeps, by_recording=options.by_recording).items():
-        tell(f"{label}: {len(trials)} complete {'trial' if len(trials) == 1 else 'trials'}")
+        notify(f"{label}: {len(trials)} complete {'trial' if len(trials) == 1 else 'trials'}")
         yield Group(label, trials)
 
 

@@ -69,14 +69,14 @@ def read_corrections(args: argparse.Namespace) -> Corrections:
 
 
 @dataclass
-class Said:
-    """What is to be said of the recordings beside the result."""
+class Remarks:
+    """The losses and the corrections of the recordings, reported beside the result."""
 
     losses: list[str] = field(default_factory=list)
     corrected: list[Correction] = field(default_factory=list)
 
 
-def show(args: argparse.Namespace, evaluation: Evaluation, said: Said, page: Path) -> None:
+def show(args: argparse.Namespace, evaluation: Evaluation, remarks: Remarks, page: Path) -> None:
     """Write what the options ask for, and print the result; ``page`` is the report's own place.
 
     Raises:
@@ -89,13 +89,13 @@ def show(args: argparse.Namespace, evaluation: Evaluation, said: Said, page: Pat
         _write(report, evaluation.report())
     figures = None if args.figures is None else _figures(args.figures, evaluation)
     if args.json:
-        print(json.dumps({**evaluation.to_json(), **_plain(said)}, indent=2, allow_nan=False))
+        print(json.dumps({**evaluation.to_json(), **_plain(remarks)}, indent=2, allow_nan=False))
         return
-    for loss in said.losses:
+    for loss in remarks.losses:
         print(f"warning: {loss}")
-    for line in dict.fromkeys(f"corrected {item.what}: {item}" for item in said.corrected):
+    for line in dict.fromkeys(f"corrected {item.what}: {item}" for item in remarks.corrected):
         print(line)
-    if args.plan is not None and not said.corrected:
+    if args.plan is not None and not remarks.corrected:
         print(f"corrected nothing: the recordings already have the plan of {args.plan}")
     print_evaluation(evaluation)
     if report is not None:
@@ -106,9 +106,9 @@ def show(args: argparse.Namespace, evaluation: Evaluation, said: Said, page: Pat
         )
 
 
-def _plain(said: Said) -> dict[str, Sequence[object]]:
-    corrected = [{**asdict(item), "recording": str(item.recording)} for item in said.corrected]
-    return {"lost": said.losses, "corrected": corrected}
+def _plain(remarks: Remarks) -> dict[str, Sequence[object]]:
+    corrected = [{**asdict(item), "recording": str(item.recording)} for item in remarks.corrected]
+    return {"lost": remarks.losses, "corrected": corrected}
 
 
 def _figures(folder: Path, evaluation: Evaluation) -> int:

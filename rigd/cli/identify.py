@@ -9,7 +9,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from rigd.cli.evaluated import Said, add_evaluated, one_thread, read_corrections, show
+from rigd.cli.evaluated import Remarks, add_evaluated, one_thread, read_corrections, show
 
 HELP = "identify friction parameters from recordings, and write a report"
 EXAMPLES = """\
@@ -96,14 +96,14 @@ def execute(args: argparse.Namespace) -> int:
         args.starts, args.seed, args.robust, args.calibration, by_recording, args.method,
         args.law, args.compare,
     )  # fmt: skip
-    said = Said()
+    remarks = Remarks()
     evaluation = evaluate(
         args.files,
         options,
-        tell=lambda line: print(f"identifying {line}", file=sys.stderr),
-        passed_over=said.losses.append,
+        notify=lambda line: print(f"identifying {line}", file=sys.stderr),
+        passed_over=remarks.losses.append,
         corrections=corrections,
-        changed=said.corrected.append,
+        changed=remarks.corrected.append,
     )
-    show(args, evaluation, said, args.files[0].with_suffix(".html"))
+    show(args, evaluation, remarks, args.files[0].with_suffix(".html"))
     return Exit.OK if evaluation.fits else Exit.MISFIT

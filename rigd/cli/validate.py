@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from rigd.cli.evaluated import Said, add_evaluated, one_thread, read_corrections, show
+from rigd.cli.evaluated import Remarks, add_evaluated, one_thread, read_corrections, show
 
 HELP = "try an identified model on other recordings: confirmed, rejected, or a constant is off"
 EXAMPLES = """\
@@ -44,18 +44,18 @@ def execute(args: argparse.Namespace) -> int:
     from rigd.analysis.validation.evaluation import validate
     from rigd.model.errors import Exit
 
-    said = Said()
+    remarks = Remarks()
     evaluation = validate(
         args.model,
         args.files,
         group=args.group,
-        tell=lambda line: print(f"validating {line}", file=sys.stderr),
-        passed_over=said.losses.append,
+        notify=lambda line: print(f"validating {line}", file=sys.stderr),
+        passed_over=remarks.losses.append,
         corrections=read_corrections(args),
-        changed=said.corrected.append,
+        changed=remarks.corrected.append,
     )
     first: Path = args.files[0]
-    show(args, evaluation, said, first.with_name(f"{first.stem}-validation.html"))
+    show(args, evaluation, remarks, first.with_name(f"{first.stem}-validation.html"))
     if not evaluation.fits:
         return Exit.MISFIT
     return Exit.OK if evaluation.telling else Exit.BAD_DATA

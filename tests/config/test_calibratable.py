@@ -18,7 +18,7 @@ from rigd.analysis import Analysis, Calibratable, Needs
 class Lab(Analysis):
     needs = Needs({{"x": "m"}})
     calibratable = {{"{name}": Calibratable("{unit}", "of a lab", sign="any")}}
-    def evaluate(self, sweeps, options, tell): ...
+    def evaluate(self, sweeps, options, notify): ...
 """
 CALIBRATION = """\
 calibration: bench

@@ -60,9 +60,9 @@ class ApproachAngleAnalysis(Analysis):
     options = ("calibration",)
 
     def evaluate(
-        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
         """Return what the recordings of one campaign say together."""
         from rigd_analyses.approach_angle.evaluation import evaluate
 
-        return evaluate(sweeps, options, tell)
+        return evaluate(sweeps, options, notify)

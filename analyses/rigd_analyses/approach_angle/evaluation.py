@@ -102,7 +102,7 @@ class CampaignEvaluation(Evaluation):
 
 
 def evaluate(
-    sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+    sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
 ) -> CampaignEvaluation:
     """Return what ``sweeps``, the recordings of one campaign, say together.
 
@@ -116,7 +116,7 @@ def evaluate(
     """
     calibrations = {sweep.path: calibration_of(sweep, options.calibration) for sweep in sweeps}
     known = _known_runs(sweeps, calibrations)
-    tell(f"{len(known)} runs of {', '.join(sweep.path.name for sweep in sweeps)}")
+    notify(f"{len(known)} runs of {', '.join(sweep.path.name for sweep in sweeps)}")
     result = analyse_campaign(known, _reference(sweeps))
     result = replace(result, warnings=(*_unfinished(sweeps), *result.warnings))
     used = [

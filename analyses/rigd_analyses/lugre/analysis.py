@@ -39,21 +39,21 @@ class LugreAnalysis(Analysis):
     options = ("starts", "seed", "robust", "by_recording", "method", "law", "compare")
 
     def evaluate(
-        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
         """Return the LuGre parameters of each group of trials."""
         from rigd_analyses.lugre.evaluation import evaluate
 
-        return evaluate(sweeps, options, tell)
+        return evaluate(sweeps, options, notify)
 
     def validate(
         self,
         models: Sequence[SavedModel],
         sweeps: Sequence[RecordedSweep],
         group: str,
-        tell: Callable[[str], None],
+        notify: Callable[[str], None],
     ) -> Validation:
         """Return what ``sweeps`` say of friction that was identified from others."""
         from rigd_analyses.lugre.validation.validate import validate
 
-        return validate(models, sweeps, group, tell)
+        return validate(models, sweeps, group, notify)

@@ -15,7 +15,7 @@ from rigd_analyses.lugre.reading import identify
 
 
 def evaluate(
-    sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+    sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
 ) -> ParameterEvaluation:
     """Return the LuGre parameters of each group of trials.
 
@@ -23,7 +23,7 @@ def evaluate(
         DataError: a recording has no complete trial, or the data cannot answer.
     """
     fitted = []
-    for group in complete_groups(sweeps, options, tell):
+    for group in complete_groups(sweeps, options, notify):
         result = identify(group.trials, options)
         curve = reference_curve(group.reference_label, group.reference, result)
         fitted.append(Fitted(group, result, curve))

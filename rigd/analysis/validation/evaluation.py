@@ -106,7 +106,7 @@ def validate(
     paths: Sequence[Path],
     *,
     group: str = "",
-    tell: Callable[[str], None] = lambda _: None,
+    notify: Callable[[str], None] = lambda _: None,
     passed_over: Callable[[str], None] = lambda _: None,
     corrections: Corrections | None = None,
     changed: Callable[[Correction], None] = lambda _: None,
@@ -140,7 +140,7 @@ def validate(
             f"models of {names[0]} cannot be validated: this analysis does not simulate its rig",
             hint="`rigd identify` on both recordings compares what they give",
         )
-    result = judge.validate(models, [sweep.without(optional) for sweep in sweeps], group, tell)
+    result = judge.validate(models, [sweep.without(optional) for sweep in sweeps], group, notify)
     used = [
         sum(trial.recording == str(sweep.path) for item in result.groups for trial in item.trials)
         for sweep in sweeps

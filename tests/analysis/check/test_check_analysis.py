@@ -46,7 +46,7 @@ class Mean(Analysis):
     needs = Needs(signals={"x": "m"}, constants=("offset",))
 
     def evaluate(
-        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
         (sweep,) = sweeps
         if not sweep.trials:
@@ -114,7 +114,7 @@ class Trusting(Mean):
     """Takes whatever it gets."""
 
     def evaluate(
-        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
         return MeanEvaluation({"mean": (2.9, 3.1), "scatter": None})
 
@@ -126,22 +126,22 @@ class Crashing(Mean):
         return super().found(values)
 
     def evaluate(
-        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
         if not sweeps[0].trials:
             raise IndexError("list index out of range")
-        return super().evaluate(sweeps, options, tell)
+        return super().evaluate(sweeps, options, notify)
 
 
 class Curt(Mean):
     """Refuses without a sentence."""
 
     def evaluate(
-        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
         if not sweeps[0].trials:
             raise DataError("no")
-        return super().evaluate(sweeps, options, tell)
+        return super().evaluate(sweeps, options, notify)
 
 
 def read(evaluation: Evaluation) -> Mapping[str, Interval]:
@@ -173,7 +173,7 @@ def test_analysis_that_is_slow_to_import_is_found(
         "class Slow(Analysis):\n"
         '    """Waits for numerics."""\n'
         "    needs = Needs({'x': 'm'})\n"
-        "    def evaluate(self, sweeps, options, tell): ...\n"
+        "    def evaluate(self, sweeps, options, notify): ...\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     (module,) = (file.stem for file in tmp_path.glob("*.py"))

@@ -23,9 +23,9 @@ class PendulumAnalysis(Analysis):
     options = ("starts", "seed", "robust", "by_recording")
 
     def evaluate(
-        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
         """Return the friction of each group of trials."""
         from rigd_pendulum.evaluation import evaluate
 
-        return evaluate(sweeps, options, tell)
+        return evaluate(sweeps, options, notify)

@@ -43,7 +43,7 @@ WORDING = Wording(
 
 
 def evaluate(
-    sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+    sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
 ) -> ParameterEvaluation:
     """Return the friction of each group of trials.
 
@@ -51,7 +51,7 @@ def evaluate(
         DataError: a recording has no complete trial, or samples are no numbers.
     """
     fitted = []
-    for group in complete_groups(sweeps, options, tell):
+    for group in complete_groups(sweeps, options, notify):
         trials = tuple(response(sweep, trial) for sweep, trial in group.trials)
         scale = max(float(np.median(np.abs(item.measured[item.used]))) for item in trials)
         model = ResponseModel(PARAMETERS, friction, trials, scale)

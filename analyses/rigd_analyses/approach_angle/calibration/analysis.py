@@ -26,14 +26,14 @@ class _Calibration(Analysis):
     options = ("calibration",)
 
     def evaluate(
-        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
         """Return what the recording of a calibration gives; refused results say why."""
         from rigd.analysis.calibration.evaluation import evaluated
         from rigd.analysis.calibration.reading import steps_of
 
         steps = steps_of(sweeps, options.calibration)
-        tell(f"{steps.sweep.plan.model} of {steps.sweep.path.name}")
+        notify(f"{steps.sweep.plan.model} of {steps.sweep.path.name}")
         return evaluated(steps, self.result(steps))
 
     @abstractmethod

@@ -35,9 +35,9 @@ class LateralAnalysis(Analysis):
     options = ("by_recording",)
 
     def evaluate(
-        self, sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+        self, sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
     ) -> Evaluation:
         """Return the rollers' friction of each group of trials."""
         from rigd_analyses.lugre.lateral.evaluation import evaluate
 
-        return evaluate(sweeps, options, tell)
+        return evaluate(sweeps, options, notify)

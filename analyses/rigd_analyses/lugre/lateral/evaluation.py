@@ -50,7 +50,7 @@ def lateral(sections: Sequence[ReportSection]) -> list[LateralResult]:
 
 
 def evaluate(
-    sweeps: Sequence[RecordedSweep], options: Options, tell: Callable[[str], None]
+    sweeps: Sequence[RecordedSweep], options: Options, notify: Callable[[str], None]
 ) -> ParameterEvaluation:
     """Return the rollers' friction of each group of trials.
 
@@ -58,6 +58,6 @@ def evaluate(
         DataError: a recording has no complete trial, or the data cannot answer.
     """
     fitted = [
-        Fitted(group, identify(group.trials)) for group in complete_groups(sweeps, options, tell)
+        Fitted(group, identify(group.trials)) for group in complete_groups(sweeps, options, notify)
     ]
     return LateralEvaluation.of(sweeps, fitted, options)

@@ -25,7 +25,7 @@ def validate(
     models: Sequence[SavedModel],
     sweeps: Sequence[RecordedSweep],
     group: str,
-    tell: Callable[[str], None],
+    notify: Callable[[str], None],
 ) -> Validation:
     """Return what ``sweeps`` say of ``models``; ``group`` names the one to take, if not empty.
 
@@ -40,7 +40,7 @@ def validate(
         usable, unusable = sort_out([(sweep, trial) for trial in _complete(sweep)])
         for saved, trials in _by_model(models, usable, group):
             label = _label(sweep, trials, several=len(sweeps) > 1)
-            tell(f"{label} by the model {saved.name}: {len(trials)} trials")
+            notify(f"{label} by the model {saved.name}: {len(trials)} trials")
             found.append(_group(label, saved, trials, unusable))
     published = any(
         trial.deviation(SPEED).published is not None for item in found for trial in item.trials
