@@ -28,9 +28,9 @@ def print_evaluation(evaluation: Evaluation) -> None:
         opened.append("\n".join(evaluation.opening.sentences))
     if evaluation.heading is not None:
         heading = evaluation.heading
-        said = [heading.badge] if heading.badge else []
-        said += [f"{name} {text}" for name, text in heading.entries if name not in LEFT_OUT]
-        opened.append("; ".join(said))
+        parts = [heading.badge] if heading.badge else []
+        parts += [f"{name} {text}" for name, text in heading.entries if name not in LEFT_OUT]
+        opened.append("; ".join(parts))
     print_terminal_report((*filter(None, opened), *evaluation.terminal_report()))
 
 

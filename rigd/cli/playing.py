@@ -69,7 +69,7 @@ def record(request: RunRequest, *, quiet: bool, by_person: bool) -> RecordedRun:
             request,
             answers=answers,
             watch=show,
-            tell=display.report,
+            notify=display.report,
             announce=lambda path: display.announce(f"{title}, recording to {path}"),
         )
 

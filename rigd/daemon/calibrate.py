@@ -90,7 +90,7 @@ def place_of(rig: RigConfig, write: Path | None = None) -> CalibrationPlace:
     path, shipped = (write, None) if write is not None else _target(rig)
     if not path.is_file():
         held = None if rig.calibration is None else rig.calibration.held
-        # What is known of another rig is not known of this one.
+        # A calibration of another rig does not hold for this rig.
         return CalibrationPlace(
             path, held if held and rig.name in held.rigs else None, None, shipped
         )
@@ -98,7 +98,7 @@ def place_of(rig: RigConfig, write: Path | None = None) -> CalibrationPlace:
     if rig.name not in old.rigs:
         raise ConfigError(
             f"{path} is the calibration of {', '.join(old.rigs)}, not of {rig.name}",
-            hint="give --write another FILE; where it is the same bench, add it to `rigs:` there",
+            hint="give --write another FILE; if it is the same bench, add it to `rigs:` there",
         )
     return CalibrationPlace(path, old, old.text, shipped)
 

@@ -36,7 +36,7 @@ def unusable(rig: RigConfig, names: Sequence[str], on: date) -> list[str]:
     setup = rig.calibration
     if setup is None:
         return [
-            f"rig {rig.name} has no calibration: its volts cannot become quantities\n"
+            f"rig {rig.name} has no calibration: its volts cannot be converted to quantities\n"
             f"  name one in the rig file, `calibration: calibrations/{rig.name}.yaml`"
         ]
     if setup.held is None:
@@ -59,8 +59,8 @@ def exchanged(rig: RigConfig, names: Iterable[str], identities: Mapping[str, str
             if not _is(identities.get(device, ""), instrument):
                 found.setdefault((device, instrument), []).append(name)
     for (device, instrument), theirs in found.items():
-        said = identities.get(device, "")
-        now = f"says it is {said!r}" if said else "does not say what it is"
+        reported = identities.get(device, "")
+        now = f"reports {reported!r}" if reported else "does not report its type"
         if device not in rig.devices:
             now = f"is no device of rig {rig.name}"
         yield (
@@ -104,7 +104,7 @@ def _foreign(rig: RigConfig, held: Calibration) -> Iterator[str]:
     if rig.name not in held.rigs:
         yield (
             f"{held.path} is the calibration of {', '.join(held.rigs)}, not of {rig.name}\n"
-            "  calibrate this rig; where it is the same bench, add its name under `rigs:` there"
+            "  calibrate this rig; if it is the same bench, add its name under `rigs:` there"
         )
 
 
@@ -128,7 +128,7 @@ def _remedy(rig: RigConfig, names: Iterable[str]) -> str:
     by_hand = [name for name, procedure in measured_by.items() if not procedure]
     parts = [command_for(rig, item) for item in procedures]
     if by_hand:
-        parts.append(f"write {_list(by_hand)} into the file, with where it is from")
+        parts.append(f"write {_list(by_hand)} into the file, with the source of the value")
     return "; ".join(parts)
 
 

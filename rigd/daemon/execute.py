@@ -31,14 +31,14 @@ from rigd.procedure.program import CompiledProcedure
 from rigd.record import Attachment
 from rigd.record.compression import Compression
 
-#: Virtual time begins here, one day later per seed, so that files repeat bit for bit.
+#: Virtual time begins here, one day later for each seed, so that files repeat bit for bit.
 VIRTUAL_EPOCH_NS = int(datetime(2020, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000_000
 DAY_NS = 86_400_000_000_000
-#: Seeds share a day from here on: the year 2239, short of where int64 nanoseconds end (2262).
+#: So many seeds have a day of their own, up to the year 2239; int64 nanoseconds end in 2262.
 SEED_DAYS = 80_000
-#: A resumed run goes on this long after the last sample of the one before.
+#: In virtual time, a resumed run begins this long after the last sample of the run before.
 RESUME_GAP_NS = 1_000_000_000
-#: Progress that the display has not shown yet; more is skipped.
+#: So many states of progress wait for the display at most; others are skipped.
 MAX_UNSEEN = 20
 #: Below this much free disk a run does not start.
 LEAST_FREE_BYTES = 50_000_000
@@ -87,17 +87,17 @@ def execute(
     *,
     answers: Answers | None = None,
     watch: Callable[[Progress], None] = lambda _: None,
-    tell: Callable[[str], None] = lambda _: None,
+    notify: Callable[[str], None] = lambda _: None,
     control: Control | None = None,
     announce: Callable[[Path], None] = lambda _: None,
 ) -> RecordedRun:
     """Execute the procedure for a person at a terminal; see :func:`perform`.
 
-    Signals are handled while it runs (:func:`rigd.daemon.signals.handle_signals`). ``tell`` gets
+    Signals are handled while it runs (:func:`rigd.daemon.signals.handle_signals`). ``notify`` gets
     lines for the operator; like ``watch`` it may wait for the terminal.
     """
     control = control or Control()
-    display = _Display(watch, tell, control)
+    display = _Display(watch, notify, control)
     try:
         with handle_signals(control):
             return perform(
@@ -150,7 +150,7 @@ def perform(
                 lambda: _disk_check(path.parent),
                 lambda: unusable(request.rig, rests_on, day_of(request.start_ns)),
             ),
-            identity_check=lambda said: list(exchanged(request.rig, rests_on, said)),
+            identity_check=lambda identities: list(exchanged(request.rig, rests_on, identities)),
         )
         return RecordedRun(path, run.execute())
     except Blocked:
@@ -181,7 +181,7 @@ def _form(
     metadata = _metadata(request, start_ns)
     if request.resume is not None:
         resumed = {"mode": metadata["run"]["mode"], "trials": str(done)}
-        metadata = {"resumed": resumed} | _said(request.about, resumed)
+        metadata = {"resumed": resumed} | _add_about(request.about, resumed)
     kept = RecordingSpec(
         path,
         request.procedure.record,
@@ -214,14 +214,14 @@ def _form(
 class _Display:
     """Shows the run to a person from a thread of its own.
 
-    A terminal may be stopped (Ctrl-S), closed or full: the cycle waits for none of that.
+    A terminal may be stopped (Ctrl-S), closed or full: the cycle never waits for it.
     """
 
     def __init__(
-        self, show: Callable[[Progress], None], tell: Callable[[str], None], control: Control
+        self, show: Callable[[Progress], None], notify: Callable[[str], None], control: Control
     ) -> None:
         self._show = show
-        self._tell = tell
+        self._notify = notify
         self._control = control
         self._shown: SimpleQueue[str | Progress | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="display", daemon=True)
@@ -243,11 +243,11 @@ class _Display:
         try:
             while (item := self._shown.get()) is not None:
                 if isinstance(item, str):
-                    self._tell(item)
+                    self._notify(item)
                 else:
                     self._show(item)
         except (OSError, SystemExit):
-            return  # the terminal is gone (rich ends the program where a pipe has closed)
+            return  # the terminal is gone (rich ends the program if a pipe has closed)
 
 
 def _start_ns(request: RunRequest, *, on_the_wall: bool) -> int:
@@ -279,10 +279,10 @@ def _metadata(request: RunRequest, start_ns: int) -> dict[str, dict[str, str]]:
     )
     files = {"procedure_file": request.procedure_location, "rig_file": request.rig.source.location}
     records["run"] |= {name: location for name, location in files.items() if location}
-    return records | _said(request.about, records["run"]) | calibration_metadata(request.rig)
+    return records | _add_about(request.about, records["run"]) | calibration_metadata(request.rig)
 
 
-def _said(about: About, run: dict[str, str]) -> dict[str, dict[str, str]]:
+def _add_about(about: About, run: dict[str, str]) -> dict[str, dict[str, str]]:
     """Add operator and note to the metadata ``run``; return the further values as metadata."""
     run.update({k: v for k, v in (("operator", about.operator), ("note", about.note)) if v})
     return {"meta": dict(about.meta)} if about.meta else {}

@@ -29,7 +29,7 @@ from rigd.procedure.program import Recorded
 from rigd.record import Attachment, RecordingWriter
 from rigd.record.compression import Compression
 
-#: Rings hold this much of a recorder that is gone.
+#: The rings hold the rows of this time while the recorder is being restarted, in s.
 RING_S = 60.0
 
 
@@ -53,7 +53,7 @@ class RunSetup:
     change: ChangePlant | None
     #: Lets simulated devices show faults, where they are simulated at the wire.
     faults: ShownFaults | None = None
-    #: Ends what was begun for the run, whatever became of it.
+    #: Ends everything that was started for the run, however it ended.
     release: Callable[[], None] = lambda: None
 
 
@@ -110,7 +110,9 @@ def processes(
         if folder.has_job:
             completed = drain_leftovers(folder)
             if completed is not None:
-                control.notices.append(f"{completed}: what a killed run left in memory was added")
+                control.notices.append(
+                    f"{completed}: samples that a killed run left in memory were added"
+                )
         streams = tuple(item for item in streams_of(rig) if item.name in kept.record)
         job = Job(
             rig.name,
@@ -164,14 +166,14 @@ class _KeptAlive:
         self._control = control
 
     def poll(self) -> str | None:
-        """See that it is alive; it never ends a run unless it cannot record.
+        """Restart it if it has ended or hangs; a run ends only if nothing can be recorded.
 
         Raises:
-            RecordingError: the recording cannot be written, in the recorder's own words.
+            RecordingError: the recording cannot be written; the message is the recorder's.
         """
         health = self._recorder.poll()
         if health is Health.FAILED:
-            self._recorder.wait_until_recording()  # which says why
+            self._recorder.wait_until_recording()  # raises the reason
         if health in (Health.DIED, Health.SILENT):
             self._control.notices.append(
                 f"the recorder {'died' if health is Health.DIED else 'hung'} and is started again; "

@@ -39,7 +39,7 @@ class ResumePoint:
         if self.texts.get(name) != text.encode():
             raise ConfigError(
                 f"{self.path} was recorded with another {name}",
-                hint="a sweep goes on only with the files it began with; "
+                hint="a sweep can be resumed only with the files it began with; "
                 f"`rigd info {self.path} --attachments FOLDER` writes them out",
             )
 
@@ -56,7 +56,7 @@ def read_resume_point(path: Path) -> ResumePoint:
     recording = Recording.open(path)
     run = recording.metadata.get("run", {})
     if not {"procedure", "rig", "seed"} <= run.keys():
-        raise RecordingError(f"{path} does not say which run it holds, so it cannot be resumed")
+        raise RecordingError(f"{path} does not name its run, so it cannot be resumed")
     events = recording.events()
     answers = [event.data for event in events if event.kind == "answer"]
     return ResumePoint(

@@ -11,12 +11,12 @@ from typing import Final
 from rigd.engine.control import Control
 from rigd.model.severity import Severity
 
-#: What a person calls them, who presses the keys or closes the window.
+#: The signals in words for the user.
 _NAMES: Final[dict[int, str]] = {
     signal.SIGINT: "Ctrl-C",
     signal.SIGHUP: "SIGHUP (the terminal is gone)",
 }
-#: What a person reads of each press of Ctrl-C.
+#: The line for the user at each press of Ctrl-C.
 ESCALATION: Final[Mapping[Severity, str]] = {
     Severity.STOP: "stopping. Again: abort",
     Severity.ABORT: "aborting. Again: drop power",
@@ -29,8 +29,8 @@ def handle_signals(control: Control) -> Iterator[None]:
     """While inside, Ctrl-C, SIGTERM and SIGHUP stop the run; once more aborts, then drops power.
 
     Ctrl-Z (or SIGUSR1) pauses after the trial under way, and resumes. A handler only sets flags
-    and leaves a line in ``control.notices``: the terminal it would print to may be what has just
-    gone. A signal that was ignored before (nohup) stays ignored.
+    and leaves a line in ``control.notices``: it must not print, because the terminal may be gone. A
+    signal that was ignored before (nohup) stays ignored.
     """
 
     def end(number: int, frame: FrameType | None) -> None:

@@ -80,8 +80,8 @@ def matches(info: RunInfo, filters: RunFilter) -> bool:
     )
     if filters.since is not None and recorded_at(info).at < filters.since:
         return False
-    said = info.metadata.get("meta", {})
-    if any(said.get(name) != wanted for name, wanted in filters.meta.items()):
+    meta = info.metadata.get("meta", {})
+    if any(meta.get(name) != wanted for name, wanted in filters.meta.items()):
         return False
     return all(wanted is None or wanted == actual for wanted, actual in pairs) and all(
         any(same_value(wanted, actual) for actual in _values(info, name))

@@ -24,7 +24,7 @@ from rigd.record.wire import FRAME, Malformed, records
 
 Times = NDArray[np.uint64]
 
-#: A chunk that claims to hold more is damaged or hostile; ours hold 1 MiB.
+#: A chunk whose head states more is damaged or hostile; rigd writes chunks of 1 MiB.
 MAX_UNCOMPRESSED: Final = 1 << 30
 
 _CHUNK_HEAD: Final = struct.Struct("<QQQII")  #: start, end, size, CRC, length of compression name

@@ -17,7 +17,7 @@ Compressor = Callable[[memoryview], bytes | memoryview]
 #: Level 1: twice as fast as 3 for 3 to 8 % more bytes on friction signals (2026 measurement).
 ZSTD_LEVEL: Final = 1
 #: A table of 16 instead of 64 KiB, which leaves room beside it in the L1 cache: 3 to 10 % faster
-#: on friction signals, and no byte more, as what repeats in rows is found one row back.
+#: on friction signals, and no byte more: the repeating bytes of rows are found one row back.
 ZSTD_HASH_LOG: Final = 12
 
 
@@ -37,7 +37,7 @@ def compressor(compression: Compression) -> Compressor:
 
 
 def decompress(packed: memoryview, compression: str, size: int) -> bytes | memoryview:
-    """Return what was compressed; ``compression`` is the name that a chunk has in MCAP.
+    """Return the decompressed data; ``compression`` is the name that a chunk has in MCAP.
 
     Raises:
         Malformed: unknown compression, or data that does not decompress to ``size`` bytes.
@@ -62,10 +62,10 @@ def decompress(packed: memoryview, compression: str, size: int) -> bytes | memor
 
 
 def decompress_begin(packed: memoryview, compression: str, size: int) -> bytes:
-    """Return the first ``size`` bytes of what was compressed; the rest may be damaged.
+    """Return the first ``size`` bytes of the decompressed data; the rest may be damaged.
 
     Raises:
-        Malformed: unknown compression, or not so many bytes can be had.
+        Malformed: unknown compression, or not so many bytes can be decompressed.
 
     """
     data = b""

@@ -99,7 +99,7 @@ class SummaryWriter:
         return len(self._index)
 
     def tail(self, data_end: int, data_crc: int, open_chunks: Iterable[tuple[int, Chunk]]) -> bytes:
-        """Return all that follows the data, which ends at byte ``data_end`` of the file.
+        """Return the records that follow the data, which ends at byte ``data_end`` of the file.
 
         ``open_chunks`` (offset, chunk) are in the file but may still change.
         """

@@ -52,8 +52,8 @@ def check_channel(channel: Channel) -> None:
 def replace_channel(number: int, value_bytes: int, known: Contents) -> Channel:
     """Define a channel whose definition is lost, in ``known``; return it.
 
-    Its messages carry ``value_bytes`` behind the CDR header. Its stream is named after the type of
-    its schema. Without that, values are float64s, then a status word where four bytes are left
+    Its messages have ``value_bytes`` after the CDR header. Its stream is named after the type of
+    its schema. Without a schema, values are float64s, then a status word if four bytes are left
     over; their names and units are not known.
     """
     stream = _stream_of_type(known.schemas.get(number))

@@ -26,7 +26,7 @@ _LENGTH: Final = struct.Struct("<I")
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened at ``t_ns`` (ns since the Unix epoch), with its data."""
+    """An event at ``t_ns`` (ns since the Unix epoch), with its data."""
 
     t_ns: int
     kind: str
@@ -44,7 +44,7 @@ def event_message(event: Event, channel: int, sequence: int, start_ns: int) -> b
     text = data_to_json(event.data)
     body = _string(event.kind)
     body += b"\x00" * (-len(body) % 4) + struct.pack("<i", event.trial)
-    # CDR counts alignment from behind its own header.
+    # CDR counts alignment from the end of its own header.
     body += b"\x00" * (-len(body) % 8) + struct.pack("<d", (event.t_ns - start_ns) * 1e-9)
     payload = CDR_HEADER + body + _string(text)
     head = _MESSAGE.pack(channel, sequence & 0xFFFFFFFF, event.t_ns, event.t_ns)

@@ -57,14 +57,14 @@ def export(
         names = [_free_name(JOINED_TABLE, recording), *({EVENTS_STREAM} & set(chosen))]
     names = [*names, _free_name(TRIALS_TABLE, recording)]
     write, targets = _WRITERS[format], {name: _target(folder, name, format) for name in names}
-    # That of the trials is there if another stream was exported before; it must be the same.
+    # The table of the trials exists if another stream was exported before; it must be the same.
     existing = [str(path) for name, path in targets.items() if path.exists() and name in names[:-1]]
     if existing and not overwrite:
         raise _exists(*existing)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, path in targets.items():
-            # Beside and then renamed, so that no half table looks like a whole one.
+            # Written under another name and then renamed: a half table never has the final name.
             beside = path.with_name(path.name + ".part")
             write(_table(recording, name, chosen, joined_hz), recording, beside)
             if path.exists() and not overwrite and not _same(beside, path):

@@ -16,7 +16,7 @@ from rigd.record.contents import SummaryWriter
 from rigd.record.crc import crc32
 from rigd.record.journal import IDENTITY_BYTES, Identity, Journal, Saved, write_all
 
-#: What the system says where a disk, a quota or the largest size of a file is reached.
+#: The errors of the system if a disk, a quota or the largest size of a file is reached.
 _FULL: Final = (errno.ENOSPC, getattr(errno, "EDQUOT", None), errno.EFBIG)
 
 
@@ -38,7 +38,7 @@ class RecordingFile:
         self._summary = summary
         self._sealed = sealed
         self._crc = crc
-        self._tail = b""  #: what the last commit wrote behind the sealed data
+        self._tail = b""  #: the bytes that the last commit wrote after the sealed data
         self._open_size = 0  #: bytes of open chunks at the start of the tail
         self._torn = False  #: whether a write failed and could not be taken back
         self._journal = Journal(path)
@@ -79,7 +79,7 @@ class RecordingFile:
 
     @classmethod
     def resume(cls, fd: int, path: Path, summary: SummaryWriter, sealed: int, crc: int) -> Self:
-        """Go on with a complete file, of which the first ``sealed`` bytes of ``crc`` stay.
+        """Continue a complete file, of which the first ``sealed`` bytes, with ``crc``, stay.
 
         Raises:
             RecordingError: its old tail cannot be read, which is put back if a write fails.
@@ -96,7 +96,7 @@ class RecordingFile:
 
     @property
     def summary_size(self) -> int:
-        """Bytes that every complete commit writes again, for the sake of readers."""
+        """Bytes of the index, which every complete commit writes again."""
         return self._summary.index_size
 
     def commit(
@@ -107,10 +107,10 @@ class RecordingFile:
         *,
         complete: bool = True,
     ) -> None:
-        """Add ``sealed`` bytes and sealed chunks, then put open chunks and the summary behind.
+        """Add ``sealed`` bytes and sealed chunks, and after them open chunks and the summary.
 
-        Without ``complete`` the summary is left out: every row is in the file, but a reader needs
-        the file recovered first, should no complete commit follow.
+        Without ``complete`` the summary is left out: every row is in the file, but if no complete
+        commit follows, the file must be recovered before it can be read.
 
         Raises:
             RecordingError: the system refuses; the file is as the last commit left it. Or it was
@@ -173,7 +173,7 @@ class RecordingFile:
             raise RecordingError(
                 f"{self.path} was changed by another program while it was being written: it has "
                 f"{size} bytes, expected {expected}",
-                hint=f"`rigd recover {quote(str(self.path))}` keeps what is still good.",
+                hint=f"`rigd recover {quote(str(self.path))}` keeps all intact records.",
             )
 
     def _replace(self, parts: Sequence[bytes | memoryview]) -> None:
@@ -227,5 +227,5 @@ def write_error(path: Path, error: OSError) -> RecordingError:
         todo = "Its folder must be there and yours to write"
     return RecordingError(
         f"cannot write {path}: {error.strerror}",
-        hint=f"{todo}; what was flushed before is readable.",
+        hint=f"{todo}; the data flushed before are readable.",
     )

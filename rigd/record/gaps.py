@@ -131,8 +131,8 @@ def with_losses(
 ) -> tuple[TrialInfo, ...]:
     """Return the trials with the losses of each; a trial that lost rows is not complete.
 
-    ``asks``: the procedure asks a person for settings that change its quantities. A lost answer
-    affects all following trials, which are then not complete either.
+    ``asks``: prompts of the procedure set up its quantities. A lost answer affects all following
+    trials, which are then not complete either.
     """
     if not gaps:
         return tuple(attempts)

@@ -37,7 +37,7 @@ class RunInfo:
     mode: str
     seed: str
     started: str  #: ISO 8601 as the engine wrote it; empty if unknown
-    state: str  #: as ``run_end`` says, or :data:`INTERRUPTED`
+    state: str  #: the state in ``run_end``, or :data:`INTERRUPTED`
     reason: str
     recovered: bool  #: whether the file was torn and has been repaired
     problem: str  #: what is wrong with the file, where it was opened as partial
@@ -54,16 +54,16 @@ class RunInfo:
     @property
     def losses(self) -> tuple[str, ...]:
         """The damage and the losses, as sentences; empty if none is known."""
-        said = []
+        lines = []
         if self.problem:
-            said.append(f"{self.path} is damaged, which was passed over: {self.problem}")
+            lines.append(f"{self.path} is damaged; the damaged parts were skipped: {self.problem}")
         elif self.gaps:
-            said.append(f"{self.path} was damaged and has been recovered")
-        said += [f"{self.path} lacks {gap_text(gap, self.start_ns)}" for gap in self.gaps]
+            lines.append(f"{self.path} was damaged and has been recovered")
+        lines += [f"{self.path} lacks {gap_text(gap, self.start_ns)}" for gap in self.gaps]
         lost = [f"trial {trial.number} ({trial.lost})" for trial in self.trials if trial.lost]
         if lost:
-            said.append(f"{self.path}: not complete for that reason: {', '.join(lost)}")
-        return tuple(said)
+            lines.append(f"{self.path}: not complete for that reason: {', '.join(lost)}")
+        return tuple(lines)
 
     @property
     def trials_done(self) -> int:

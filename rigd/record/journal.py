@@ -23,7 +23,7 @@ from rigd.record.crc import crc32
 _MAGIC: Final = b"rigdjrn2"
 #: Magic, offset, length, identity (bytes and their CRC), CRC of all but the magic.
 _HEAD: Final = struct.Struct("<8sQQQII")
-#: So many bytes at most tell a recording from others: they hold its metadata.
+#: At most so many bytes identify a recording: they contain its metadata.
 IDENTITY_BYTES: Final = 64 * 1024
 
 
@@ -112,7 +112,7 @@ def write_all(fd: int, parts: Sequence[bytes | memoryview], offset: int) -> None
         size = sum(map(len, some))
         written = os.pwritev(fd, some, offset)
         if written < size:
-            # Cut short: say it in the system's words, by asking for the rest.
+            # Cut short: writing the rest raises the system's error.
             view = memoryview(b"".join(some))
             while written < size:
                 written += os.pwrite(fd, view[written:], offset + written)

@@ -9,7 +9,7 @@ from typing import Final, Literal
 
 from rigd.record.info import RunInfo
 
-#: What the mode of a run in virtual time says; its clock is not the calendar's.
+#: The mode of a run in virtual time contains this text; its clock is not the calendar's.
 VIRTUAL: Final = "virtual time"
 _STAMP: Final = re.compile(r"(?<!\d)(\d{8})[-T](\d{6})(?!\d)")
 

@@ -20,13 +20,13 @@ from rigd.record.wire import FRAME
 
 #: A chunk is sealed when it spans this long ...
 SPAN_NS: Final = 1_000_000_000
-#: ... and holds this much: without it, a slow stream would be all headers. Rewriting 32 KiB at
-#: each flush costs 10 µs.
+#: ... and holds this much: otherwise a slow stream would consist mostly of headers. Rewriting
+#: 32 KiB at each flush costs 10 µs.
 MIN_BYTES: Final = 32 * 1024
-#: Events are few but tell which trial a sample belongs to: damage in the middle of a file must
-#: not cost those before it.
+#: Events are few but state which trial a sample belongs to: damage in the middle of a file must
+#: not destroy the events before it.
 EVENTS_SPAN_NS: Final = 10_000_000_000
-#: Sealed whatever it spans: the chunk size of the MCAP library and Foxglove's advice.
+#: Sealed at this size in any case: the chunk size of the MCAP library, which Foxglove recommends.
 MAX_BYTES: Final = 1024 * 1024
 #: Latest time that a row's int64 holds; seen as unsigned, later ones are negative.
 MAX_NS: Final = 2**63 - 1

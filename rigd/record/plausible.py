@@ -17,7 +17,7 @@ from rigd.record.wire import DATA_END, FRAME, MAGIC, Malformed, Record, decode, 
 _BEGINNING: Final = re.compile(rb"[\x03\x04\x06\x07\x09\x0c\x0f](?=[\s\S]{4}\x00{4})")
 _CHUNK: Final = re.compile(rb"\x06(?=[\s\S]{4}\x00{4})")
 _FILE: Final = re.compile(re.escape(MAGIC) + b"\x01")
-#: What may follow DataEnd: a record of the summary, or the footer.
+#: The records that may follow DataEnd: those of the summary, or the footer.
 _SUMMARY: Final = (
     Opcode.FOOTER,
     Opcode.SCHEMA,
@@ -68,9 +68,9 @@ def begin_of_another(buffer: memoryview, start: int, end: int) -> int | None:
 
 
 def is_sound(buffer: memoryview, start: int) -> bool:
-    """Return whether a record of the data section begins at ``start`` and proves itself.
+    """Return whether a valid record of the data section begins at ``start``.
 
-    By its CRC, or, of those that have none, by lengths that agree to the byte.
+    It is valid by its CRC or, if it has none, by lengths that agree to the byte.
     """
     try:
         record = record_at(buffer, start)

@@ -17,7 +17,7 @@ from rigd.record.wire import MAGIC, encode
 
 #: Metadata record that rigd itself reads back.
 FORMAT_METADATA: Final = "rigd"
-#: Metadata record that says a recording was repaired, and so interrupted.
+#: Metadata record of a recording that was repaired; its run counts as interrupted.
 RECOVERY_METADATA: Final = "recovery"
 GAPS_KEY: Final = "lost_rows"  #: in it: the gaps, as JSON
 LIBRARY: Final = "rigd "  #: how the library in the header of our files begins

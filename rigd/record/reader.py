@@ -174,8 +174,8 @@ class Recording:
         high = _LAST_NS if end_ns is None else end_ns
         dtype = row_dtype(description)
         chunks = self._chunks(channel, low, high)
-        # Filled piece by piece: joining them at the end would touch twice the memory. Every row
-        # has 16 bytes of index in the file, whatever a damaged one may claim.
+        # Filled piece by piece: joining them at the end would need twice the memory. Every row
+        # has 16 bytes of index in the file, which bounds the rows that a damaged index can state.
         most = min(sum(map(rows_of, chunks)), self.size // 16)
         joined, end = np.empty(most, blob_dtype(description)), 0
         with _opened(self.path) as fd:
@@ -344,7 +344,7 @@ class Recording:
 
 
 def damaged(path: Path, problem: object) -> RecordingError:
-    """Return the error for a file that cannot be read: it may be changing in this moment."""
+    """Return the error for a file that cannot be read; a writer may be changing it."""
     with path.open("rb", buffering=0) as file:
         if not share(file.fileno()):
             return RecordingInUse(f"{path} is being written", hint="Wait until its run has ended.")
@@ -354,7 +354,7 @@ def damaged(path: Path, problem: object) -> RecordingError:
         return RecordingError(message, hint=hint)
     return RecordingError(
         message,
-        hint=f"`rigd verify {quote(str(path))}` says what is damaged. {how_to_recover(path)}",
+        hint=f"`rigd verify {quote(str(path))}` lists the damage. {how_to_recover(path)}",
     )
 
 
@@ -370,7 +370,7 @@ def _may_be_mcap(path: Path) -> bool:
 def _opened(path: Path) -> Iterator[int]:
     """Open a file that is not empty, for positioned reads.
 
-    It is not mapped: a mapped file that its writer cuts shorter would kill the reader.
+    It is not mapped: if its writer cut a mapped file shorter, the system would kill the reader.
 
     Raises:
         RecordingError: missing, not readable, or empty.
@@ -398,7 +398,7 @@ def _bytes_at(fd: int, offset: int, length: int) -> memoryview:
 def _record(fd: int, offset: int, length: int, opcode: int) -> Record:
     record = record_at(_bytes_at(fd, offset, length), 0)
     if record.opcode != opcode:
-        raise Malformed(f"the record at byte {offset} is not what its index says")
+        raise Malformed(f"the record at byte {offset} does not agree with its index")
     return record
 
 

@@ -44,7 +44,7 @@ def complete(fd: int, found: Scan, cut: int, crc: int, mark: Mapping[str, str]) 
         OSError: the disk is full or fails.
     """
     contents = Contents(schemas=found.contents.schemas, channels=found.contents.channels)
-    # Copied first: they stand in the file that is being written.
+    # Copied first: they are in the file that is being written.
     parts = [bytes(part) for part in _behind(found, cut, mark, contents)]
     _write(fd, iter(parts), contents, cut, crc)
     os.fdatasync(fd)
@@ -81,7 +81,7 @@ def _whole(
         others = found.pieces
         library = found.library or f"{LIBRARY}{__version__}"
         begin = MAGIC + encode(mcap.Header(Profile.ROS2, library))
-    # One of each number, all before the first chunk, whichever copies the damaged file has.
+    # One of each number, all before the first chunk: the damaged file may have several copies.
     definitions = [*found.contents.schemas.values(), *found.contents.channels.values()]
     begin += b"".join(map(encode, definitions))
     yield begin
@@ -103,7 +103,7 @@ def _behind(
     for piece in found.pieces:
         if piece.start < cut:
             _index(piece, piece.start, found, contents)
-            missing = piece.index  # of the last before the cut, if of any
+            missing = piece.index  # of the last before the cut, if there is one
         else:
             _index(piece, at, found, contents)
             yield piece.data

@@ -55,9 +55,9 @@ def recover(path: Path, *, trusted: int = 0, own: bool = False) -> RecoveryRepor
     """Make a recording readable again; does nothing to an intact one.
 
     The first ``trusted`` bytes are not checked (:mod:`~rigd.record.scan`). ``own``: the caller
-    holds all rows that are not flushed, so that the torn end of a file is not worth keeping. It may
-    be killed and run again. A repaired recording has a metadata record ``recovery`` that names the
-    rows that are lost; its run counts as interrupted if it has no ``run_end`` event.
+    has all rows that are not flushed, so the torn end of a file need not be kept. A recovery that
+    is killed can be run again. A repaired recording has a metadata record ``recovery`` that names
+    the rows that are lost; its run counts as interrupted if it has no ``run_end`` event.
 
     Raises:
         Headless: empty, or no MCAP file.
@@ -140,7 +140,7 @@ def _report(
 
 
 def _refuse_foreign(path: Path, found: Scan) -> None:
-    """Refuse to repair a file that may only be laid out in a way that rigd does not know."""
+    """Refuse to repair a file that another program wrote, perhaps in a valid layout of its own."""
     if not found.by_rigd:
         raise RecordingError(
             f"{path} was written by {found.library!r} and is not as rigd expects: {found.problem}",
@@ -207,7 +207,7 @@ def _replace(fd: int, path: Path, found: Scan) -> Path:
         original = _kept(fd, path)
         draft.replace(path)
     except OSError:
-        with suppress(OSError):  # the first error says what is wrong
+        with suppress(OSError):  # the first error is the one to report
             draft.unlink()
         raise
     journal = journal_path(path)
@@ -227,7 +227,7 @@ def _kept(fd: int, path: Path) -> Path:
         except FileExistsError:
             if not os.path.samestat(os.fstat(fd), original.stat()):
                 continue
-            # Its second name was given by a repair that was killed right behind.
+            # A repair that was killed immediately afterwards gave it its second name.
         return original
     raise AssertionError("count() does not end")
 

@@ -73,8 +73,8 @@ def steps(events: Sequence[Event]) -> tuple[Step, ...]:
 def trials(events: Sequence[Event]) -> tuple[TrialInfo, ...]:
     """Return every attempt at a trial, in the order they began.
 
-    An attempt ends at its ``trial_end``; if that is missing it lasts, for want of better
-    knowledge, until the next ``trial_start`` or ``run_start``.
+    An attempt ends at its ``trial_end``; if that is missing, it ends at the next ``trial_start`` or
+    ``run_start``, because its true end is not known.
     """
     done: list[TrialInfo] = []
     current: TrialInfo | None = None

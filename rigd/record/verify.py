@@ -43,10 +43,10 @@ class Verification:
 
     def lines(self) -> list[str]:
         """Return the result as text, line by line."""
-        said = [f"damaged: {damage}" for damage in self.damages]
-        said += [f"lost: {gap_text(gap, self.start_ns)}" for gap in self.gaps]
-        said += [f"trial {trial.number} is not complete: {trial.lost}" for trial in self.trials]
-        return said
+        lines = [f"damaged: {damage}" for damage in self.damages]
+        lines += [f"lost: {gap_text(gap, self.start_ns)}" for gap in self.gaps]
+        lines += [f"trial {trial.number} is not complete: {trial.lost}" for trial in self.trials]
+        return lines
 
 
 def verify(path: Path) -> Verification:

@@ -110,7 +110,7 @@ class Scan:
     summary: bool = False  #: whether the summary is sound
     data_sound: bool = False  #: whether the CRC of the data section holds
     another: int | None = None  #: byte where another recording begins, behind this one
-    end_unknown: bool = False  #: whether rows may be lost at the end that nothing else names
+    end_unknown: bool = False  #: whether rows may be lost at the end, in addition to those listed
 
     @property
     def intact(self) -> bool:
@@ -148,7 +148,7 @@ class Scan:
     def gaps(self) -> tuple[Gap, ...]:
         """Return the lost rows, including those that an earlier repair noted."""
         if not self.by_rigd:
-            return ()  # others number their messages as they like
+            return ()  # other programs may number their messages differently
         try:
             known = gaps_from_json(self.metadata.get(RECOVERY_METADATA, {}).get(GAPS_KEY, "[]"))
         except ValueError:
@@ -238,10 +238,10 @@ def take_head(buffer: memoryview, found: Scan) -> None:
         header = record_at(buffer, len(MAGIC))
         if header.opcode != Opcode.HEADER:
             raise Malformed("the file has no header")
-        told = decode(Header, header.content)
-        if len(encode(told)) != header.end - header.start:
+        decoded = decode(Header, header.content)
+        if len(encode(decoded)) != header.end - header.start:
             raise Malformed("a header whose sizes do not agree")
-        found.library = told.library
+        found.library = decoded.library
     except Malformed as error:
         found.data_end = next_record(buffer, min(len(MAGIC), len(buffer)))
         found.damages.append(Damage(0, found.data_end, str(error)))
@@ -266,7 +266,7 @@ def _take(buffer: memoryview, record: Record, found: Scan, base: int) -> int:
     check_record(record)
     if record.opcode == Opcode.MESSAGE_INDEX:
         check_index_end(buffer, record)
-        _take_orphan(record, found)  # its chunk would have taken it along
+        _take_orphan(record, found)  # read together with its chunk if that is intact
         return record.end
     _take_small(record, found, base)
     data = buffer[record.start : record.end]

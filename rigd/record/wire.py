@@ -105,7 +105,7 @@ def decode(kind: type[R], content: memoryview) -> R:
 
 
 def decode_chunk_index(content: memoryview) -> ChunkIndex:
-    """Return a chunk index; ten times faster than the library, for files of hours.
+    """Return a chunk index; ten times as fast as the library, for files of several hours.
 
     Raises:
         Malformed: the content is too short.

@@ -30,12 +30,12 @@ from rigd.record.openchunk import OpenChunk, OpenEvents, OpenRows
 from rigd.record.prefix import EVENTS_CHANNEL, Attachment, build_extras, build_prefix
 from rigd.record.resume import open_for_append
 
-#: Sealed chunks of this size together are written without being asked.
+#: Sealed chunks of this total size are written without a flush.
 MAX_WAITING_BYTES: Final = 1024 * 1024
 DEFAULT_SYNC_S: Final = 1.0
 #: The summary grows by 0.7 kB per second of a rig of eight streams: 21 MB in a working day. Once
-#: it is longer than this (90 s), it is written again only so often; a run killed in between is
-#: `rigd recover`'s.
+#: it is longer than this (after 90 s), it is written only so often; the recording of a run that is
+#: killed in between needs `rigd recover`.
 SPARED_SUMMARY_BYTES: Final = 64 * 1024
 SUMMARY_INTERVAL_S: Final = 2.0
 
@@ -256,7 +256,7 @@ class RecordingWriter:
         held.clear()
         self._waiting.append(chunk)
         self._waiting_bytes += chunk.size
-        # What is not compressed is not copied either: it must be written before more is taken.
+        # Without compression the block is not copied: it must be written before rows are added.
         ready = self._waiting_bytes >= MAX_WAITING_BYTES or self._compression == "none"
         if ready and not self._closed:
             self.flush()
@@ -292,4 +292,4 @@ class RecordingWriter:
         if self._error is not None:
             raise self._error
         if self._closed:
-            raise RecordingError(f"{self._file.path} is closed and takes nothing more")
+            raise RecordingError(f"{self._file.path} is closed")

@@ -1,7 +1,7 @@
 """Checks the certificates of one end of a connection and explains problems.
 
-If TLS refuses a client, the client does not learn the reason. If no client trusts the certificate
-of a daemon, the daemon does not learn about it. The files at one end show most reasons.
+If TLS refuses a client, the client gets no reason. If no client trusts the certificate of a daemon,
+the daemon gets no notice of it. The files at one end show most reasons.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from cryptography.hazmat.primitives.serialization import (
 from rigd.config.remote import TlsFiles
 from rigd.model.errors import ConfigError
 
-#: A notice says so long before that a certificate expires.
+#: A notice appears so long before a certificate expires.
 SOON: Final = timedelta(days=30)
-#: What to do about one that has expired.
+#: The hint for a certificate that has expired.
 RENEW: Final = (
-    "where ca.key is, remove it and its key; rigd remote setup-tls then makes another, of the same "
-    "authority"
+    "in the folder with ca.key, remove it and its key; rigd remote setup-tls then makes another "
+    "of the same authority"
 )
-#: What to look at if a file cannot be read.
+#: The hint if a file cannot be read.
 MISSING: Final = "rigd remote setup-tls makes it; the user of rigd must be allowed to read it"
 
 

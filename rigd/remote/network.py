@@ -26,15 +26,16 @@ from rigd.remote.protocol.limits import MAX_MESSAGE_BYTES, MAX_REQUEST_BYTES
 _LINK_LEASE_MS: Final = 2000
 #: How long a connection may take to show a certificate, and then to open a session, in ms.
 _ACCEPT_MS: Final = 3000
-#: Connections at once: ten watchers, a panel, and some to spare.
+#: Connections at once: ten clients that watch, a panel, and a reserve.
 _MAX_SESSIONS: Final = 32
 #: zenoh reads connections in so many threads, by default 2. A thread waits while the queryable of a
 #: request has 256 waiting: with a thread for each connection, a flood delays no stop of others.
 _RECEIVERS: Final = f"(rx: (worker_threads: {_MAX_SESSIONS + 2}))"
 _RUNTIME: Final = "ZENOH_RUNTIME"
-#: How long a client tries to connect; it learns no more than that no daemon admitted it.
+#: How long a client tries to connect; the reason of a failure is not known to it.
 CONNECT_TIMEOUT_S: Final = 3.0
-#: What is larger never reaches Python. A request a little too large does, and is told why.
+#: zenoh drops larger messages. It is above the limit of the protocol: the reply to a request that
+#: is a little too large states the reason.
 _DROPPED_BYTES: Final = 4 * MAX_REQUEST_BYTES
 
 
@@ -86,7 +87,7 @@ def server_config(keys: Keys, setup: RemoteSetup) -> zenoh.Config:
 def open_server(config: zenoh.Config) -> zenoh.Session:
     """Return the session of a daemon, with a thread for each connection.
 
-    So it is in a process that has not used zenoh before: zenoh looks for its settings only once.
+    This works only in a process that has not used zenoh before: zenoh reads its settings once.
 
     Raises:
         zenoh.ZError: it cannot listen as configured.
@@ -96,7 +97,7 @@ def open_server(config: zenoh.Config) -> zenoh.Session:
     try:
         return zenoh.open(config)
     finally:
-        if given is None:  # what this process starts needs no such threads
+        if given is None:  # processes that this one starts need no such threads
             del os.environ[_RUNTIME]
 
 

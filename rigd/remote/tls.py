@@ -26,7 +26,7 @@ from rigd.config.remote import TlsFiles
 from rigd.model.errors import ConfigError
 from rigd.remote.protocol import check_name
 
-#: How long what is made is valid: an authority outlives a rig, a certificate a project.
+#: How long the authority and the certificates are valid.
 CA_VALID: Final = timedelta(days=3650)
 VALID: Final = timedelta(days=730)
 #: Clocks of a lab may differ by this much.
@@ -38,7 +38,7 @@ _HOST: Final = re.compile(r"(?!-)[A-Za-z0-9-]{1,63}(?:\.[A-Za-z0-9-]{1,63})*")
 #: Names of the files of an authority and of a rig's server.
 CA: Final = "ca"
 SERVER: Final = "rigd"
-#: By this name the panel beside a daemon reaches it, wherever else that listens.
+#: The name by which the panel on the same machine reaches its daemon.
 HERE: Final = "localhost"
 
 
@@ -78,7 +78,9 @@ def setup_tls(
     for name in clients:
         check_name(name, "client name")
         if name in (CA, SERVER):
-            raise ConfigError(f"a client cannot be named {name!r}: that is a file of the rig's own")
+            raise ConfigError(
+                f"a client cannot be named {name!r}: the rig itself uses a file of this name"
+            )
     reached_by = [_general_name(host) for host in dict.fromkeys([*hosts, HERE])]
     folder.mkdir(parents=True, exist_ok=True)
     made: list[Path] = []
@@ -89,8 +91,8 @@ def setup_tls(
         there = [path for path in pair if path.exists()]
         if len(there) == 1:
             raise ConfigError(
-                f"{there[0]} is there without its other half",
-                hint=f"remove it, or bring back {next(item for item in pair if item not in there)}",
+                f"{there[0]} exists without the other file of its pair",
+                hint=f"remove it, or restore {next(item for item in pair if item not in there)}",
             )
         (kept if there else made).extend(pair)
         return not there

@@ -9,8 +9,8 @@ from types import MappingProxyType
 from typing import ClassVar, Literal
 
 #: The options of ``rigd identify`` that an analysis may take. ``calibration``: a file instead of
-#: the calibration that a recording carries; ``by_recording``: each recording for itself;
-#: ``starts``, ``seed`` and ``robust``: how something is fitted; ``law``: which friction law;
+#: the calibration in a recording; ``by_recording``: a separate result for each recording;
+#: ``starts``, ``seed`` and ``robust``: how parameters are fitted; ``law``: the friction law to fit;
 #: ``compare``: which of the laws the data support.
 OptionName = Literal[
     "starts", "seed", "robust", "calibration", "by_recording", "method", "law", "compare"
@@ -46,7 +46,7 @@ class Needs:
     calibrated_if_known: tuple[str, ...] = ()  #: values that are used if they are known
 
     def calibration(self, signals: Mapping[str, str]) -> tuple[str, ...]:
-        """Return the calibrated values that an evaluation of ``signals`` rests on."""
+        """Return the calibrated values that an evaluation of ``signals`` uses."""
         further = (self.calibrated_with.get(signal, ()) for signal in signals)
         return (*self.calibrated, *(name for names in further for name in names))
 

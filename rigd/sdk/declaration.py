@@ -17,7 +17,7 @@ class Declaration:
         ValueError: the fields of ``row`` are not the channels.
     """
 
-    #: What is measured, in the order of a row.
+    #: The channels that are measured, in the order of a row.
     channels: tuple[Channel, ...] = ()
     #: The rows of a fast or a slow driver: a field for each channel, then ``status`` if there is
     #: one. None for a block driver, a driver without channels, and with ``plain_rows``.
@@ -25,7 +25,7 @@ class Declaration:
     #: Rows are sequences of numbers in the order of ``channels``. For channels that are listed in
     #: the options, as the inputs of a card are.
     plain_rows: bool = False
-    #: Whether a row ends in an integer status word; ``row`` says it, if given. Bit 31 is rigd's
+    #: Whether a row ends in an integer status word; taken from ``row``, if given. Bit 31 is rigd's
     #: own: the row is stale.
     has_status: bool = False
     #: Bits of the status word, as masks by name: ``{"stable": 1}``. Procedures wait for them
@@ -36,7 +36,7 @@ class Declaration:
     #: What a person may ask of the device, by name, and what that does: ``{"tare": "sets zero"}``.
     actions: Mapping[str, str] = field(default_factory=dict)
     #: Whether a fast driver has a row in every cycle: a cycle without is recorded as a stale row.
-    #: A device with a pace of its own says False, and only its new rows are recorded.
+    #: For a device with a pace of its own it is False, and only its new rows are recorded.
     every_cycle: bool = True
     #: The device has failed once it has given no row for so long, in s. A slow device needs more.
     silent_s: float = 0.1
@@ -44,10 +44,10 @@ class Declaration:
     #: own; None if it has none. A device that takes setpoints cannot be armed without one, unless
     #: the rig file holds a waiver.
     watchdog_s: float | None = None
-    #: Rows per second of a block driver, at most; 0 if only the opened device says it.
+    #: Rows per second of a block driver, at most; 0 if it is known only from the opened device.
     rate_hz: float = 0.0
     #: How old the newest row of a block driver becomes before the next block comes, in s, while
-    #: all is well. A rig file whose interlock calls rows stale sooner is refused.
+    #: there is no fault. A rig file whose interlock counts rows as stale sooner is refused.
     oldest_s: float = 0.0
 
     def __post_init__(self) -> None:

@@ -22,7 +22,7 @@ class DeviceSheet:
     facts: Mapping[str, str]  #: by name, in the order to be read
     columns: tuple[str, ...]
     objects: tuple[tuple[str, ...], ...]  #: a row each, as ``columns`` say
-    remarks: tuple[str, ...] = ()  #: what is odd and hinders nothing
+    remarks: tuple[str, ...] = ()  #: unusual entries that have no consequence
 
 
 class Link(ABC):
@@ -35,7 +35,7 @@ class Link(ABC):
     Config: ClassVar[type[LinkConfig]] = LinkConfig
     #: One line for a person: what it connects.
     title: ClassVar[str] = ""
-    #: What drivers name as their ``link_kind``; two links of one kind are interchangeable.
+    #: The name that drivers give as their ``link_kind``; links of one kind are interchangeable.
     kind: ClassVar[str] = ""
 
     def __init__(self, config: Any) -> None:

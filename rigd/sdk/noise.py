@@ -21,8 +21,7 @@ def mixed(word: np.uint64) -> np.uint64:
 def normal_pair(seed: int, index: int) -> tuple[float, float]:
     """Return two standard normal numbers, a function of seed and index alone (Box-Muller).
 
-    No generator is carried along, so the noise of an instant does not depend on how often it was
-    asked for before.
+    There is no generator with a state, so the noise at an instant does not depend on earlier calls.
     """
     golden = np.uint64(0x9E3779B97F4A7C15)
     first = mixed(mixed(np.uint64(seed) + golden) + np.uint64(index) * golden)

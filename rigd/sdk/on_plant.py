@@ -11,7 +11,7 @@ class PlantSensor(Driver[ConfigT, LinkT]):
     """A simulated device that takes no setpoints; safe at all times. An author writes ``read``."""
 
     def open(self) -> None:
-        """Do nothing: the plant stands as soon as the rig does."""
+        """Do nothing: the plant exists as soon as the rig does."""
 
     def arm(self) -> None:
         """Do nothing: it only measures."""
@@ -21,7 +21,7 @@ class PlantSensor(Driver[ConfigT, LinkT]):
 
 
 def accepted(channel: Channel, value: float) -> float:
-    """Return ``value`` clipped to the range of ``channel``, as a drive clips what it is sent.
+    """Return ``value`` clipped to the range of ``channel``, as a drive clips a setpoint.
 
     Raises:
         DeviceError: ``value`` is not a number.

@@ -30,11 +30,11 @@ class Option:
 
     name: str
     kind: str  #: what to write: ``text``, ``high or low``, ``0.02 s to 1 s``
-    unit: str | None  #: unit that the value is held in; None where it is no quantity
+    unit: str | None  #: unit in which the value is held; None if it is no quantity
     required: bool
-    default: str  #: as text; "" where required
+    default: str  #: as text; "" if the option is required
     doc: str
-    bare: bool = False  #: a float whose unit nobody knows
+    bare: bool = False  #: whether it is a float without a unit
 
 
 def options_of(model: type[BaseModel]) -> tuple[Option, ...]:

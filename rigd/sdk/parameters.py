@@ -24,7 +24,7 @@ class ParametersConfig(PlantConfig):
     The plant's own Config gives ``parameters`` the name of the shipped file as its default.
     """
 
-    #: Where the parameter files stand that the plant's package ships.
+    #: The folder of the parameter files that the plant's package ships.
     shipped_folder: ClassVar[Path]
 
     parameters: str

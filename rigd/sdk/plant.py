@@ -70,7 +70,7 @@ class Plant(ABC):
     Config: ClassVar[type[PlantConfig]] = PlantConfig
     #: One line for a person: which rig this is the physics of.
     title: ClassVar[str] = ""
-    #: Longest step of the integrator in ns, if it is this one number that says so; None: it is not.
+    #: Longest step of the integrator in ns; None if the plant has no such number.
     step_ns: ClassVar[int | None] = None
     #: The error of the hidden state falls as the step to this power.
     order: ClassVar[int] = 1
@@ -79,7 +79,7 @@ class Plant(ABC):
         self.config = config
         self.period_ns = period_ns
         self.seed = seed
-        #: The time of the first call of :meth:`advance`, and the one that the plant stands at.
+        #: The time of the first call of :meth:`advance`, and the present time of the plant.
         self.origin_ns = self.now_ns = 0
         #: Whether :meth:`advance` was called.
         self.begun = False
@@ -102,7 +102,7 @@ class Plant(ABC):
             return
         elapsed_ns = t_ns - self.now_ns
         if elapsed_ns < 0:
-            raise ValueError(f"the plant stands at {self.now_ns} ns and cannot go back to {t_ns}")
+            raise ValueError(f"the plant is at {self.now_ns} ns and cannot go back to {t_ns}")
         self.evolve(t_ns - self.origin_ns, elapsed_ns)
         self.now_ns = t_ns
 
@@ -128,7 +128,7 @@ class Plant(ABC):
         """Set one of the settings to an accepted value, from now on.
 
         Raises:
-            ValueError: the state of the bench does not permit it; the message says why.
+            ValueError: the state of the bench does not permit it; the message states the reason.
         """
         raise NotImplementedError(f"{type(self).__name__} has settings, and no apply()")
 

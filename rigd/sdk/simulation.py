@@ -49,14 +49,14 @@ class Simulation(ABC):
 
     @abstractmethod
     def ask(self, request: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Ask the process that serves: change the plant, inject a fault, show its state.
+        """Ask the process that serves to change the plant, inject a fault, or show its state.
 
         ``{"do": "change", "quantity": "floor", "value": "pvc"}``, ``{"do": "state"}``,
         ``{"do": "fault", ...}``, ``{"do": "clear"}``.
 
         Raises:
-            LinkError: nobody serves.
-            ValueError: the request cannot be met; says what can.
+            LinkError: no process serves.
+            ValueError: the request cannot be met; the message lists the possible requests.
 
         """
 

@@ -240,7 +240,7 @@ def test_page_of_damaged_recording_reports_the_damage(tmp_path: Path) -> None:
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) * 2 // 3])
     text = text_of(path)
-    assert "run.mcap is damaged, which was passed over" in text
+    assert "run.mcap is damaged; the damaged parts were skipped" in text
     assert str(tmp_path) not in text  # where it stands is nobody's business
     path.write_bytes(b"not a recording")
     with pytest.raises(RecordingError):
@@ -294,7 +294,7 @@ def test_damaged_chunk_is_passed_over_and_named(tmp_path: Path) -> None:
     data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 0xFF
     path.write_bytes(bytes(data))
     text = text_of(path)
-    assert "run.mcap is damaged, which was passed over" in text
+    assert "run.mcap is damaged; the damaged parts were skipped" in text
     assert "run.mcap lacks" in text
     assert "axis.position" in text
     recording = Recording.open(path, partial=True)

@@ -158,7 +158,7 @@ def test_damage_is_skipped_and_reported(make: Make) -> None:
     damaged = open_sweep(sweep.path)
     assert damaged.trials == ()
     said = "\n".join(damaged.info.losses)
-    assert "is damaged, which was passed over" in said
+    assert "is damaged; the damaged parts were skipped" in said
     assert "rows of encoder" in said
     assert "trial 1 (lost: " in said
     assert len(damaged.recording.read("card")) == 1200

@@ -106,6 +106,6 @@ def test_daemon_with_expired_certificate_does_not_serve(tmp_path: Path) -> None:
 
 def test_refused_client_learns_the_fault_of_its_certificate(tmp_path: Path) -> None:
     expired = made_two_days_ago(tmp_path)
-    with pytest.raises(LinkError, match="nobody lets us in") as caught:
+    with pytest.raises(LinkError, match="no daemon admits this client") as caught:
         Client("lugre-1", endpoint="tls/127.0.0.1:1", tls=files_of(tmp_path, "alice"))
     assert f"alice.crt expired on {expired}" in str(caught.value.hint)

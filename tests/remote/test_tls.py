@@ -121,7 +121,7 @@ def test_a_server_needs_a_name(tmp_path: Path) -> None:
 
 def test_half_a_pair_is_not_guessed_at(folder: Path) -> None:
     (folder / "rigd.key").unlink()
-    with pytest.raises(ConfigError, match="without its other half"):
+    with pytest.raises(ConfigError, match="without the other file of its pair"):
         setup_tls(folder, HOSTS, [])
 
 

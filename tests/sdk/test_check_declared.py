@@ -224,8 +224,8 @@ class NeedsOpen(Good):
 
 BAD: list[tuple[str, type[Driver], str]] = [
     ("title", Untitled, "title is ''"),
-    ("safe is said", Unsaid, "no docstring"),
-    ("safe is said", Unexplained, "nowhere says what safe means"),
+    ("safe is described", Unsaid, "no docstring"),
+    ("safe is described", Unexplained, "no docstring states what safe means"),
     ("options strict", Lax, "unknown option is accepted"),
     ("options documented", Undocumented, "option turns"),
     ("options have units", Bare, "option gain is a bare float"),

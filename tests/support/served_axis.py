@@ -147,7 +147,7 @@ class ServedAxis:
             trips=self.trips,
             notices=self.notices,
             looks=IdleRig(
-                self.rig, self.folder, self.feed, monitored=False, told=self.notices.note
+                self.rig, self.folder, self.feed, monitored=False, notify=self.notices.note
             ),
             changed=self.notifications.set,
             ended=lambda last: self.interruptions.ended(last.run),

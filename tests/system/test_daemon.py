@@ -250,7 +250,7 @@ def test_all_processes_killed_at_once_lose_no_sample(start: Start, whole: WireRi
     taken = {name: ring.head for name, ring in left.row_rings(left.job).items()}
 
     again = start(whole)
-    assert f"{recording.name}: what a killed run left in memory was added" in [
+    assert f"{recording.name}: samples that a killed run left in memory were added" in [
         notice["text"] for notice in again.status["notices"]
     ]
     (offered,) = again.status["interrupted"]

@@ -194,6 +194,6 @@ def test_doctor_without_simulation_suggests_rigd_sim(tmp_path: Path) -> None:
     assert done.code == Exit.BLOCKED
     found = checks(done)
     assert "rigd sim" in found["servo_bus"]["advice"]
-    assert found["wheel_servo"]["found"] == "not looked for: servo_bus is not open"
+    assert found["wheel_servo"]["found"] == "not tested: servo_bus is not open"
     for name in ("encoder_bus", "carriage", "accelerometer", "scale"):
         assert found[name]["verdict"] == "fail"

@@ -23,7 +23,7 @@ from rigd.engine.realtime import RealTime
 
 #: How long starting the interpreter may take on a busy machine, in s.
 START_S: Final = 30.0
-#: Cycles that are not counted: the first ones find caches cold.
+#: The first cycles are not counted: the caches are not filled yet.
 _WARM_UP: Final = 50
 
 

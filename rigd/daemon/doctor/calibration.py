@@ -11,7 +11,7 @@ from rigd.daemon.calibration import unusable
 from rigd.daemon.doctor.check import Check, CheckVerdict
 
 _NAME: Final = "calibration"
-#: From so many days before its end it is time to think of the next one.
+#: So many days before a calibration expires, the check warns.
 _SOON_DAYS: Final = 30
 
 
@@ -22,7 +22,7 @@ def examine_calibration(rig: RigConfig, on: date) -> Iterator[Check]:
         return
     group = f"rig {rig.name}"
     if setup.held is None:
-        advice = "`rigd calibrate` makes it: a run that rests on it does not begin"
+        advice = "`rigd calibrate` makes it: a run that needs it does not begin"
         yield Check(group, _NAME, CheckVerdict.FAIL, f"there is no file {setup.path}", advice)
         return
     names = tuple(setup.held.values)
@@ -50,6 +50,6 @@ def examine_calibration(rig: RigConfig, on: date) -> Iterator[Check]:
         _NAME,
         CheckVerdict.WARN if soon else CheckVerdict.OK,
         found,
-        "calibrate again in time: then no run that needs it begins" if soon else "",
+        "calibrate again before: no run that needs an expired value begins" if soon else "",
         {"days_left": days},
     )

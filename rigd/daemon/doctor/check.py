@@ -11,7 +11,7 @@ class CheckVerdict(Enum):
     """The verdict of a check."""
 
     OK = "ok"
-    WARN = "warn"  #: runs, but less well than it could
+    WARN = "warn"  #: fit, with a disadvantage
     FAIL = "fail"  #: not fit
 
 
@@ -37,4 +37,4 @@ def is_fit(checks: Iterable[Check]) -> bool:
 
 
 #: Takes every check as soon as it is made.
-Tell = Callable[[Check], None]
+OnCheck = Callable[[Check], None]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rigd.config.rig import RigConfig
 from rigd.daemon.doctor.calibration import examine_calibration
-from rigd.daemon.doctor.check import Tell
+from rigd.daemon.doctor.check import OnCheck
 from rigd.daemon.doctor.machine import examine_machine
 from rigd.daemon.doctor.rig import examine_rig
 from rigd.daemon.doctor.storage import StorageNeeds, examine_storage
@@ -33,22 +33,22 @@ class Examination:
     runs: Path
 
 
-def examine(what: Examination, tell: Tell) -> bool:
+def examine(what: Examination, on_check: OnCheck) -> bool:
     """Examine, and report every check when it is made; return False if the user interrupted."""
     rig = what.rig
     for check in examine_machine():
-        tell(check)
+        on_check(check)
     for check in examine_storage(what.runs, None if rig is None else _needs(rig)):
-        tell(check)
+        on_check(check)
     for check in examine_timing(rig, what.seconds):
-        tell(check)
+        on_check(check)
     if rig is None:
         return True
     for check in examine_calibration(rig, datetime.now(UTC).date()):
-        tell(check)
+        on_check(check)
     control = Control()
     with handle_signals(control):
-        examine_rig(rig, what.seconds, control, tell)
+        examine_rig(rig, what.seconds, control, on_check)
     return control.asked is None
 
 

@@ -18,7 +18,7 @@ _CLOCK_SOURCE: Final = Path("/sys/devices/system/clocksource/clocksource0/curren
 #: Clock sources that are read in user space, in some 25 ns; the others cost 1 us and more each.
 _FAST_SOURCES: Final = ("tsc", "kvm-clock", "hyperv_clocksource_tsc_page", "arch_sys_counter")
 _GOVERNORS: Final = "cpu[0-9]*/cpufreq/scaling_governor"
-#: The cycle, the recorder and the daemon want a processor each; two will do.
+#: Cycle, recorder and daemon use a processor each if possible; two are enough.
 _FEW_PROCESSORS: Final = 2
 #: <sys/timex.h>: what adjtimex returns, and the bit of its status, while the clock is not set.
 _TIME_ERROR: Final = 5
@@ -64,7 +64,7 @@ def _governor() -> Check:
     }
     if not governors:
         return Check(
-            _GROUP, "frequency", CheckVerdict.OK, "not ours to set (a virtual machine has none)"
+            _GROUP, "frequency", CheckVerdict.OK, "cannot be set here (a virtual machine has none)"
         )
     found = f"governor {', '.join(sorted(governors))}"
     if governors == {"performance"}:

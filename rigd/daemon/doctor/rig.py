@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from typing import Final
 
 from rigd.config.rig import RigConfig
-from rigd.daemon.doctor.check import Check, CheckVerdict, Tell
+from rigd.daemon.doctor.check import Check, CheckVerdict, OnCheck
 from rigd.daemon.doctor.survey import Survey
 from rigd.daemon.manual import UnarmedSession, open_unarmed
 from rigd.engine.control import Control
 from rigd.model.errors import Blocked, DeviceError
 from rigd.model.severity import Severity
 
-#: Loads are upper bounds: up to here everything fits into its cycle, come what may.
+#: A load is an upper bound: up to this share, all messages always fit into their cycle.
 _FULL: Final = 1.0
 
 
@@ -28,57 +28,61 @@ class Reason:
     advice: str
 
 
-def examine_rig(rig: RigConfig, seconds: float, control: Control, tell: Tell) -> None:
+def examine_rig(rig: RigConfig, seconds: float, control: Control, on_check: OnCheck) -> None:
     """Open ``rig``, test its watchdogs, watch it at rest for ``seconds``; nothing is armed."""
     group = f"rig {rig.name}"
     try:
         with open_unarmed(rig, control, command="rigd doctor") as look:
-            _examine(look, seconds, tell)
+            _examine(look, seconds, on_check)
     except Blocked as error:
         for reason in error.reasons:
-            tell(Check(group, "free", CheckVerdict.FAIL, reason, "wait until it ends, or end it"))
+            on_check(
+                Check(group, "free", CheckVerdict.FAIL, reason, "wait until it ends, or end it")
+            )
 
 
-def _examine(look: UnarmedSession, seconds: float, tell: Tell) -> None:
+def _examine(look: UnarmedSession, seconds: float, on_check: OnCheck) -> None:
     rig = look.rig
     group = f"rig {rig.name}"
     reasons = split_reasons(look.open(), [*rig.links, *rig.devices])
     for check in _links_and_devices(group, look, reasons):
-        tell(check)
+        on_check(check)
     if reasons:
         found = "not measured"
-        tell(Check(group, "at rest", CheckVerdict.FAIL, found, "first every device must be found"))
+        on_check(
+            Check(group, "at rest", CheckVerdict.FAIL, found, "every device must be found first")
+        )
         return
     if look.stopped:
         return
     for check in _watchdogs(look):
-        tell(check)
+        on_check(check)
     survey = Survey(rig)
     try:
         look.first_rows()
         look.on_rows = survey.take
         look.rest(seconds)
     except DeviceError as error:
-        tell(Check(group, "at rest", CheckVerdict.FAIL, error.message, error.hint or ""))
+        on_check(Check(group, "at rest", CheckVerdict.FAIL, error.message, error.hint or ""))
         return
     if look.stopped:
         return
     group = f"{group}, {seconds:g} s at rest"
     for check in survey.cycle(group):
-        tell(check)
+        on_check(check)
     for check in (*_loads(group, look), *_interlocks(group, look)):
-        tell(check)
+        on_check(check)
     for check in survey.devices(group):
-        tell(check)
+        on_check(check)
     for check in survey.channels("channels, at rest"):
-        tell(check)
+        on_check(check)
 
 
-def split_reasons(told: Sequence[str], names: Sequence[str]) -> list[Reason]:
+def split_reasons(messages: Sequence[str], names: Sequence[str]) -> list[Reason]:
     """Return the reasons in a message: ``name: message`` each, or several joined by semicolons."""
     known = "|".join(map(re.escape, sorted(names, key=len, reverse=True)))
     reasons = []
-    for text in told:
+    for text in messages:
         message, _, advice = text.partition("\n")
         for piece in re.split(rf"; (?=(?:{known}): )", message):
             match = re.match(rf"({known}): (.*)", piece, re.DOTALL)
@@ -110,7 +114,7 @@ def _links_and_devices(
         for reason in mine:
             yield Check(group, name, CheckVerdict.FAIL, reason.message, reason.advice)
         if device.link is not None and device.link in wrong:
-            found = f"not looked for: {device.link} is not open"
+            found = f"not tested: {device.link} is not open"
             yield Check(group, name, CheckVerdict.FAIL, found)
         elif not mine and "" not in wrong:
             identity = identities.get(name) or device.driver_class.title
@@ -118,16 +122,16 @@ def _links_and_devices(
 
 
 def _watchdogs(look: UnarmedSession) -> Iterator[Check]:
-    """Let every watchdog act once, and yield the results."""
+    """Yield a check of every watchdog; each has acted once for it."""
     rig, group = look.rig, "watchdogs"
     actuators = [device for device in rig.devices.values() if device.setpoints]
     if rig.plant is not None:
-        found = "none needed: simulated in process, the devices end with it"
+        found = "none needed: the devices are simulated in this process and end with it"
         yield Check(group, "all", CheckVerdict.OK, found)
         return
-    told = len(look.events)
+    before = len(look.events)
     reasons = split_reasons(look.judge(), list(rig.devices))
-    proven = {event.data.get("device"): event for event in look.events[told:]}
+    proven = {event.data.get("device"): event for event in look.events[before:]}
     for reason in reasons:
         yield Check(
             group, reason.name or "arming", CheckVerdict.FAIL, reason.message, reason.advice
@@ -135,25 +139,28 @@ def _watchdogs(look: UnarmedSession) -> Iterator[Check]:
     for device in actuators:
         event = proven.get(device.name)
         if event is None:
-            continue  # its reason was told
+            continue  # reported above, with its reason
         name, data = device.name, event.data
         if event.kind == "waiver":
             found = f"none; waived by {data['by']}: {data['reason']}"
             yield Check(
-                group, name, CheckVerdict.WARN, found, "nothing stops it when this machine dies"
+                group, name, CheckVerdict.WARN, found, "nothing stops it if this machine fails"
             )
         elif event.kind == "watchdog":
             took_s, bound_s = data["safe_after_s"], data["bound_s"]
-            found = f"safe {took_s * 1e3:.0f} ms after we fell silent, bound {bound_s * 1e3:.0f} ms"
+            found = (
+                f"safe {took_s * 1e3:.0f} ms after the driver fell silent, "
+                f"bound {bound_s * 1e3:.0f} ms"
+            )
             figures = {"safe_after_s": took_s, "bound_s": bound_s}
             yield Check(group, name, CheckVerdict.OK, found, figures=figures)
 
 
 def _loads(group: str, look: UnarmedSession) -> Iterator[Check]:
     for name, load in look.loads().items():
-        found, figures = f"carries {load:.0%} of what it can, at worst", {"load": load}
+        found, figures = f"uses at most {load:.0%} of its capacity", {"load": load}
         if load > _FULL:
-            advice = "move devices to another bus, or lower `cycle`: what waits comes late"
+            advice = "move devices to another bus, or lower `cycle`: messages that wait arrive late"
             yield Check(group, name, CheckVerdict.WARN, found, advice, figures)
         else:
             yield Check(group, name, CheckVerdict.OK, found, figures=figures)
@@ -167,9 +174,9 @@ def _interlocks(group: str, look: UnarmedSession) -> Iterator[Check]:
         verdict = (
             CheckVerdict.FAIL if name in standing and action > Severity.WARN else CheckVerdict.WARN
         )
-        advice = trip.interlock.message or "no run is armed while it stands"
+        advice = trip.interlock.message or "no run is armed while it is tripped"
         if name not in standing:
-            advice = f"it has passed; a run would have met with: {action.word.replace('_', ' ')}"
+            advice = f"it is over; in a run its action would be: {action.word.replace('_', ' ')}"
         yield Check(group, f"interlock {name}", verdict, trip.reason, advice)
     if not last:
         count = len(look.rig.interlocks)

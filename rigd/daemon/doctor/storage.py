@@ -19,14 +19,14 @@ _GROUP: Final = "machine"
 #: Written to see how fast the disk is: as the recorder writes, a piece and then fdatasync.
 _PIECE: Final = 1 << 18
 _PIECES: Final = 48
-#: Below so much free disk a rig that nobody named is not fit; and is, but not for long.
+#: Free disk for a rig that is not known: below the first it is not fit, below the second it warns.
 _LEAST_FREE: Final = 50_000_000
 _FREE_ENOUGH: Final = 5_000_000_000
 #: A recording of so many hours should fit.
 _HOURS: Final = 8.0
 #: The disk should be so many times faster than the samples come.
 _RESERVE: Final = 3.0
-#: Rings hold a minute of what the disk does not take; a run ends when they are 80 % full.
+#: While the disk stands still, rings hold the rows of a minute; a run ends if they are 80 % full.
 _LONG_SYNC_S: Final = 5.0
 #: Memory for the rings if no rig says how much it needs: 20 streams at 1 kHz for a minute.
 _SOME_RINGS: Final = 100_000_000
@@ -95,7 +95,7 @@ def _speed(folder: Path, needs: StorageNeeds | None) -> Check:
 
 def _write(folder: Path) -> tuple[float, float]:
     """Return the bytes per second written to disk, and the longest time of one piece, in s."""
-    piece = os.urandom(_PIECE)  # what no layer below can compress
+    piece = os.urandom(_PIECE)  # random data, which a file system cannot compress
     longest_s = 0.0
     with tempfile.TemporaryFile(dir=folder) as file:
         begun = time.monotonic()

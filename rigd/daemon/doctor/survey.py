@@ -22,12 +22,12 @@ from rigd.model.channels import STALE, STATUS_FIELD, Channel
 from rigd.model.rows import TIME_FIELD
 from rigd.sdk import BlockDriver, Driver
 
-#: A rate may be so far from what the device says, of it.
+#: A rate may differ from the declared rate by this share of it.
 _RATE_TOLERANCE: Final = 0.01
-#: Shares of stale rows: worth a word, and no measurement any more.
+#: Shares of stale rows: above the first a warning, above the second a failure.
 _STALE_WARN: Final = 1e-3
 _STALE_FAIL: Final = 0.5
-#: A cycle may take so much of its period before the next is in danger.
+#: A cycle that takes more than this share of its period may delay the next.
 _BUSY_SHARE: Final = 0.6
 
 
@@ -97,7 +97,7 @@ class Survey:
         count, stale = self._count[name], self._stale[name]
         took_s = (self._last_ns.get(name, 0) - self._first_ns.get(name, 0)) * 1e-9
         if count < 2 or took_s <= 0:
-            advice = "look longer, with --seconds" if count else "is it on, and does it measure?"
+            advice = "measure longer, with --seconds" if count else "is it on, and does it measure?"
             verdict = CheckVerdict.WARN if count else CheckVerdict.FAIL
             return Check(group, name, verdict, f"{count} rows", advice)
         rate_hz, share = (count - 1) / took_s, stale / count
@@ -139,7 +139,9 @@ def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Stat
         advice = "beyond its range, or its sensor is not connected?"
         return Check(group, name, CheckVerdict.FAIL, found, advice)
     if not seen.count:
-        return Check(group, name, CheckVerdict.FAIL, "no value", "see its device above")
+        return Check(
+            group, name, CheckVerdict.FAIL, "no value", "see the check of its device above"
+        )
     figures = {
         "unit": channel.unit,
         "zero": seen.mean,
@@ -148,7 +150,8 @@ def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Stat
         "high": seen.high,
     }
     if seen.count > 2 and seen.climbing:
-        return Check(group, name, CheckVerdict.OK, "runs on: it only climbs", figures=figures)
+        found = "its value only rises"
+        return Check(group, name, CheckVerdict.OK, found, figures=figures)
     found = f"zero {seen.mean:.4g}{unit}, "
     if seen.constant:
         found += "constant"
@@ -160,7 +163,7 @@ def judge_channel(group: str, device: DeviceConfig, channel: Channel, seen: Stat
     rests = limit is not None and seen.low == limit.rest == seen.high  # an open relay reads 0
     if not rests and (seen.low <= channel.low or seen.high >= channel.high):
         end = channel.low if seen.low <= channel.low else channel.high
-        advice = f"it stands at the end of its range, {end:g}{unit}: saturated, or its wire is off?"
+        advice = f"it is at the end of its range, {end:g}{unit}: saturated, or a wire is loose?"
         return Check(group, name, CheckVerdict.WARN, found, advice, figures)
     analogue = issubclass(device.driver_class, BlockDriver) and not in_cycle(device)
     if seen.constant and analogue and channel.raw_of is not None:

@@ -16,13 +16,13 @@ from rigd.daemon.doctor.check import Check, CheckVerdict
 _GROUP: Final = "timing"
 #: Rate of the bare cycle if no rig gives one.
 DEFAULT_PERIOD_NS: Final = 1_000_000
-#: A run may miss so many of its cycles on a machine that is shared, before the share is worth a
-#: word; and so many before its recordings are not what they look like.
+#: Shares of missed cycles: above the first a warning (some are normal on a shared machine), above
+#: the second a failure: the recordings would have too many stale rows.
 _MISSED_WARN: Final = 3e-4
 _MISSED_FAIL: Final = 0.05
-#: Silence that counts as death should be so many times the longest gap that was seen alive.
+#: ``cycle_silence`` should be so many times the longest measured gap between two cycles.
 _SILENCE_FACTOR: Final = 2.0
-#: Values that a person would write for it, in s.
+#: Rounded values to suggest for it, in s.
 _SILENCES: Final = (0.05, 0.1, 0.15, 0.25, 0.5, 1.0, 2.0)
 
 
@@ -56,12 +56,12 @@ def lateness_check(group: str, name: str, late: Lateness, period_ns: int) -> Che
         "late_s": {"p50": late.p50_s, "p99": late.p99_s, "p99.9": late.p999_s, "max": late.max_s},
     }
     if share > _MISSED_FAIL:
-        advice = "nothing at this rate can be trusted here: lower `cycle`, or take another machine"
+        advice = "recordings at this rate cannot be trusted: lower `cycle`, or use another machine"
         return Check(group, name, CheckVerdict.FAIL, found, advice, figures)
     if share > _MISSED_WARN or late.p99_s > period_ns * 1e-9:
         advice = (
-            "something stalls this machine: other programs, power saving, or its host. Each slot "
-            "that is missed is recorded as such"
+            "something stalls this machine: other programs, power saving, or its host. A recording "
+            "shows each missed cycle"
         )
         return Check(group, name, CheckVerdict.WARN, found, advice, figures)
     return Check(group, name, CheckVerdict.OK, found, figures=figures)

@@ -14,9 +14,9 @@ from rigd.remote.protocol import VERSION, RigEvent
 
 #: Events that are kept.
 KEPT: Final = 1000
-#: Bytes of an event's data as JSON; the recording has what is longer.
+#: Bytes of an event's data as JSON; longer data are only in the recording.
 MAX_DATA_BYTES: Final = 32 * 1024
-#: Bytes of data in one answer, about; far below what a message may have.
+#: Bytes of data in one answer, about; far below the limit of a message.
 ANSWER_BYTES: Final = 256 * 1024
 
 

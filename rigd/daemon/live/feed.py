@@ -29,7 +29,7 @@ from rigd.remote.protocol.limits import LIVE_HZ
 from rigd.remote.protocol.results import History, LatestReply, LatestValues
 
 _LOG: Final = logging.getLogger(__name__)
-#: One failure to show is logged in so many seconds.
+#: If rows cannot be shown, the error is logged once in so many seconds.
 QUIET_S: Final = 10.0
 
 
@@ -133,7 +133,7 @@ class Feed:
             for live in self._streams.values():
                 live.attach(None)
 
-    def tell(self, kind: str, data: Mapping[str, Any]) -> None:
+    def publish(self, kind: str, data: Mapping[str, Any]) -> None:
         """Add an event of the daemon's own, which is in no recording.
 
         Raises:
@@ -203,14 +203,14 @@ class Feed:
         except Exception:  # noqa: BLE001 - the boundary of the task
             now = time.monotonic()
             if now > self._quiet_until:
-                _LOG.exception("live data could not be shown; trying on")
+                _LOG.exception("live data could not be shown; the next attempt follows")
                 self._quiet_until = now + QUIET_S
 
     def _show_events(self) -> None:
-        came = [event for view in self._views for event in view.read()]
-        came.sort(key=lambda item: item.t_ns)
-        # All are numbered before any is published: who misses one can ask for it.
-        for event in [self._log.add(item) for item in came]:
+        events = [event for view in self._views for event in view.read()]
+        events.sort(key=lambda item: item.t_ns)
+        # All are numbered before any is published: a client that misses one can ask for it.
+        for event in [self._log.add(item) for item in events]:
             self._outlet.event(event)
 
     def _show_rows(self, live: LiveStream) -> None:
@@ -223,6 +223,6 @@ class Feed:
         due = time.monotonic()
         while not self._stop.is_set():
             self.tick()
-            # On a grid; what was late is left out, never caught up.
+            # At fixed times; a time that has passed is left out.
             due = max(due + 1.0 / LIVE_HZ, time.monotonic())
             self._stop.wait(due - time.monotonic())

@@ -25,14 +25,14 @@ from rigd.record.schema import channel_metadata, schema_text, type_names
 if TYPE_CHECKING:  # the extra rigd[foxglove]
     from foxglove import Channel
 
-#: The port that the Foxglove app offers by itself.
+#: The default port of the Foxglove app.
 DEFAULT_PORT: Final = 8765
 #: Rows of one stream per second, at most; of a faster one, some are left out.
 MOST_HZ: Final = 1000.0
-#: Messages that wait for a client that is slow; then the oldest are dropped. About a second of
-#: eight streams.
+#: So many messages wait for a slow client, about a second of eight streams; of more, the oldest
+#: are dropped.
 BACKLOG: Final = 8192
-#: How long clients may take to let go at the end, in s.
+#: How long clients may take to disconnect at the end, in s.
 STOP_S: Final = 1.0
 _HOST: Final = "127.0.0.1"
 _LAST_PORT: Final = 65535
@@ -94,8 +94,8 @@ class FoxgloveServer:
         self._topics[stream].send(rows)
 
     def stop(self) -> None:
-        """Let go of all clients and of the port."""
-        # In a thread: the server waits for a client that reads nothing without end.
+        """Disconnect all clients and free the port."""
+        # In a thread: the server waits without limit for a client that reads nothing.
         ending = threading.Thread(target=self._server.stop, name="foxglove end", daemon=True)
         ending.start()
         ending.join(STOP_S)
@@ -114,7 +114,7 @@ class _Topic:
             return
         chosen = rows[self._left_out :: self._every]
         self._left_out = (self._left_out - len(rows)) % self._every
-        # Behind its time, a row is what CDR makes of it: float64s in order, then the uint32.
+        # After its time, a row already has the form of CDR: float64s in order, then the uint32.
         size, payload = chosen.itemsize, chosen.tobytes()
         for number, t_ns in enumerate(chosen[TIME_FIELD].tolist()):
             body = payload[number * size + _TIME_BYTES : (number + 1) * size]

@@ -18,7 +18,7 @@ from rigd.model.severity import Severity
 _LOG: Final = logging.getLogger(__name__)
 #: A device that cannot be reached is tried again so often, in s: each time starts a process.
 AGAIN_S: Final = 30.0
-#: What a look was told is thrown away this often, in s: it may go on for days.
+#: The events of the idle rig are discarded this often, in s: it may be shown for days.
 _FORGET_S: Final = 1.0
 
 
@@ -27,8 +27,8 @@ class Monitor:
 
     Its cycle runs at rest with interlocks that only report, which takes as much of a processor as a
     run. It must be stopped before a run begins. ``held`` is the rig's folder if the caller has
-    taken it. If a device fails or is missing, opening is repeated; ``told`` gets the reason, once,
-    and again after data were shown.
+    taken it. If a device fails or is missing, opening is repeated; ``notify`` gets the reason once
+    until data are shown again.
     """
 
     def __init__(
@@ -37,11 +37,11 @@ class Monitor:
         feed: Feed,
         held: RunFolder | None = None,
         *,
-        told: Callable[[str], None] = lambda _: None,
+        notify: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.problem = ""  #: why nothing is shown
         self._rig, self._feed, self._held = rig, feed, held
-        self._told = told
+        self._notify = notify
         self._control = Control()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._work, name="monitor", daemon=True)
@@ -58,7 +58,7 @@ class Monitor:
     def stop(self) -> None:
         """End, and return once every device is closed; stopping twice is silent."""
         self._ending.set()
-        self._control.request(Severity.STOP, "the look is over")
+        self._control.request(Severity.STOP, "the idle rig is closed")
         if self._thread.ident is not None:
             self._thread.join()
 
@@ -69,13 +69,13 @@ class Monitor:
             except RigdError as error:
                 self._failed(str(error))
             except Exception as error:  # noqa: BLE001 - the thread's boundary: nothing is armed
-                _LOG.exception("the look at the idle rig failed by a bug in rigd")
+                _LOG.exception("showing the idle rig failed by a bug in rigd")
                 self._failed(f"{type(error).__name__}: {error}")
             self._ending.wait(AGAIN_S)
 
     def _failed(self, problem: str) -> None:
         if not self.problem:
-            self._told(f"the idle rig is not shown: {problem}")
+            self._notify(f"the idle rig is not shown: {problem}")
         self.problem = problem
 
     def _look(self) -> None:
@@ -84,7 +84,7 @@ class Monitor:
             if look.stopped:
                 return
             if reasons:
-                raise Blocked(reasons, f"rig {self._rig.name} cannot be looked at")
+                raise Blocked(reasons, f"rig {self._rig.name} cannot be shown")
             self._feed.attach(look.folder, events=False)
             self.problem = ""
             try:

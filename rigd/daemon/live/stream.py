@@ -15,13 +15,13 @@ from rigd.remote.protocol import Frame
 
 #: Points of one frame, at most: every row of a stream of up to 1.8 kHz at 30 frames per second.
 FRAME_POINTS: Final = 60
-#: How far back those who come late can see.
+#: A client that connects later gets the points of this time, in s.
 HISTORY_NS: Final = 10_000_000_000
-#: Points of that, at most: about what a plot is wide.
+#: At most so many points of it: about the width of a plot in pixels.
 HISTORY_POINTS: Final = 600
-#: And bytes, for a stream of very many channels.
+#: At most so many bytes of it, for a stream of very many channels.
 _HISTORY_BYTES: Final = 128 * 1024
-#: What of each frame is kept for that.
+#: Points of each frame that are kept for it.
 _KEPT_POINTS: Final = 2
 
 
@@ -29,7 +29,7 @@ class LiveStream:
     """Returns the new rows of a stream from its ring, its newest row, and its last ten seconds.
 
     ``number`` is that of its frames. Rows that repeat earlier values because the device gave none
-    (:data:`~rigd.model.channels.STALE`) are not shown: its last value then ages for all to see.
+    (:data:`~rigd.model.channels.STALE`) are not shown: clients see the age of its last value grow.
     """
 
     def __init__(self, number: int, stream: Stream) -> None:
@@ -89,7 +89,7 @@ class LiveStream:
 
     def _frame(self, points: Points) -> Frame:
         t0_ns = int(points.times_ns[0])
-        with np.errstate(over="ignore"):  # beyond 3.4e38 a picture shows infinity
+        with np.errstate(over="ignore"):  # values beyond 3.4e38 become infinite
             low = points.low.T.astype(np.float32)
             high = low if points.high is points.low else points.high.T.astype(np.float32)
         time_s = (points.times_ns - t0_ns).astype(np.float64) * 1e-9

@@ -33,9 +33,9 @@ from rigd.record.events import Event
 
 #: Rows are taken out of the rings every 50 ms; they hold this much if that stalls.
 RING_S: Final = 5.0
-#: A device in the cycle says within this what became of an action.
+#: A device in the cycle reports the end of an action within this time, in s.
 ACT_S: Final = 15.0
-#: The folder of looks within the state folder; no rig's own folder begins with a dot.
+#: The folder of unarmed sessions in the state folder; no rig's own folder begins with a dot.
 FOLDER: Final = ".look"
 #: How long a process may be silent while nothing can move, in s.
 PATIENCE_S: Final = 600.0
@@ -52,9 +52,9 @@ class UnarmedSession:
         self, rig: RigConfig, host: ProcessHost, folder: RunFolder, control: Control
     ) -> None:
         self.rig = rig
-        self.folder = folder  #: where its rings stand, for whoever looks over our shoulder
+        self.folder = folder  #: where its rings are, for a process that shows them
         self.on_rows: Callable[[str, Rows], None] = lambda _, __: None
-        self.events: list[Event] = []  #: what was told so far, watchdogs and faults among it
+        self.events: list[Event] = []  #: the events so far, watchdogs and faults among them
         self._host = host
         self._control = control
         self._rings = folder.row_rings(folder.job)
@@ -68,7 +68,7 @@ class UnarmedSession:
 
     @property
     def stopped(self) -> bool:
-        """Whether a person asked for the end."""
+        """Whether the user asked for the end."""
         return self._control.asked is not None
 
     @property
@@ -79,26 +79,26 @@ class UnarmedSession:
 
     def open(self) -> Sequence[str]:
         """Open every link and device; return the failures, one sentence each."""
-        return self._told(self._host.open(judge=False))
+        return self._after_events(self._host.open(judge=False))
 
     def judge(self) -> Sequence[str]:
         """Return the reasons why the rig cannot be armed; every watchdog acts once for this."""
-        return self._told(self._host.judge())
+        return self._after_events(self._host.judge())
 
     def active_interlocks(self) -> Sequence[Trip]:
         """Return the interlocks that are tripped now, each with its last trip."""
         names = self._host.active_interlocks()
         last = {trip.interlock.name: trip for trip in self.trips}
-        # The cycle tells one trip per slot: where several came at once, the rest is on its way.
+        # The cycle reports one trip per cycle: if several came at once, the others follow.
         return [last[name] for name in names if name in last]
 
     def loads(self) -> Mapping[str, float]:
-        """Return which share of its capacity each link carries, of those that know; 0 to 1."""
+        """Return the used share of the capacity of each link that measures it; 0 to 1."""
         loads = self._host.loads()
         return {name: load for name, load in loads.items() if load is not None}
 
     def first_rows(self) -> None:
-        """Look at the rig until every device has given a row.
+        """Read the rig until every device has given a row.
 
         Raises:
             DeviceError: see :meth:`rest`; a device that gives none counts as failed.
@@ -106,7 +106,7 @@ class UnarmedSession:
         self._raise_on(self._host.settle(1))
 
     def rest(self, seconds: float) -> None:
-        """Look at the rig for so long, or until a person wants out.
+        """Read the rig for so long, or until the user asks for the end.
 
         Raises:
             DeviceError: a device, or the cycle, has failed; the rig is safe.
@@ -116,7 +116,7 @@ class UnarmedSession:
         self._drain()
 
     def next_row(self, device: str) -> None:
-        """Look at the rig until ``device`` has given a row that was taken from now on.
+        """Read the rig until ``device`` has given a row that was taken from now on.
 
         Raises:
             DeviceError: see :meth:`rest`.
@@ -149,13 +149,13 @@ class UnarmedSession:
             self._drain()
             raise DeviceError(outcome.reason)
 
-    def _told(self, reasons: Sequence[str]) -> Sequence[str]:
+    def _after_events(self, reasons: Sequence[str]) -> Sequence[str]:
         self._drain()
         return reasons
 
     def _drain(self) -> None:
-        for told in self._event_rings:
-            self.events += told.drain()
+        for event_ring in self._event_rings:
+            self.events += event_ring.drain()
         for name, ring in self._rings.items():
             rows = ring.drain()
             if len(rows):
@@ -177,7 +177,7 @@ def open_unarmed(
     """
     lock = held or RunFolder.take(rig.name, command=command)
     path = state_folder() / FOLDER / folder_name(rig.name)
-    shutil.rmtree(path, ignore_errors=True)  # what a look that was killed has left
+    shutil.rmtree(path, ignore_errors=True)  # left by an unarmed session that was killed
     try:
         path.mkdir(mode=0o700, parents=True)
         folder = RunFolder(path, lock.lock_fd)
@@ -202,7 +202,7 @@ def _harmless(rig: RigConfig) -> RigConfig:
 
     Nothing is armed, so nothing must end quickly: a terminal may be stopped (Ctrl-S).
     """
-    told = tuple(
+    reporting = tuple(
         replace(interlock, action=Severity.WARN, latch=False) for interlock in rig.interlocks
     )
-    return replace(rig, interlocks=told, supervision=Supervision(PATIENCE_S, PATIENCE_S))
+    return replace(rig, interlocks=reporting, supervision=Supervision(PATIENCE_S, PATIENCE_S))

@@ -17,7 +17,7 @@ from rigd.engine.shared.scarce import insist
 from rigd.model.errors import RecordingError
 
 _LOG: Final = logging.getLogger(__name__)
-#: How long a descriptor is waited for, in s; meanwhile the daemon gives no sign of life.
+#: How long to wait for a free descriptor, in s; meanwhile the daemon gives no sign of life.
 _PATIENCE_S: Final = 2.0
 
 
@@ -49,8 +49,9 @@ class AuditLog:
         user: str = "",
     ) -> None:
         """Append a line; after a failure, :attr:`broken` has the reason until a line succeeds."""
-        told = {"who": who, **({"user": user} if user else {}), **({"role": role} if role else {})}
-        line = self._line({**told, "what": what, "args": dict(args), "result": result})
+        optional = {name: text for name, text in (("user", user), ("role", role)) if text}
+        entry = {"who": who, **optional, "what": what, "args": dict(args), "result": result}
+        line = self._line(entry)
         with self._lock:
             try:
                 if self._missing:
@@ -80,18 +81,18 @@ class AuditLog:
                 self.broken = f"{self.path} cannot be written: {error.strerror}"
         if self.broken:
             raise RecordingError(
-                f"nobody could tell who did this: {self.broken}",
+                f"this command could not be logged: {self.broken}",
                 hint="free its disk, or correct its owner; then ask again",
             )
 
-    def _line(self, said: Mapping[str, Any]) -> str:
+    def _line(self, entry: Mapping[str, Any]) -> str:
         moment = datetime.fromtimestamp(self._clock() * 1e-9, UTC)
-        return json.dumps({"time": moment.isoformat(timespec="milliseconds"), **said})
+        return json.dumps({"time": moment.isoformat(timespec="milliseconds"), **entry})
 
     def _append(self, line: str) -> None:
         fd = self._open()
         try:
-            # What a full disk or a power failure has torn gets an end; it stays as it is.
+            # A line that a full disk or a power failure has cut short stays, and gets an end.
             whole = f"{'' if _ends(fd) else chr(10)}{line}\n".encode()
             # One write: lines of two processes never mix (O_APPEND).
             if os.write(fd, whole) < len(whole):

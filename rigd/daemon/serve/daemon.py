@@ -36,10 +36,10 @@ from rigd.remote.certificates import expires_soon
 from rigd.remote.protocol import Role
 from rigd.remote.server import Lease, Server, role_of
 
-#: The daemon looks around this often, and at once when something has changed.
+#: The daemon does its periodic work this often, and at once if something has changed; in s.
 TICK_S: Final = 0.25
-#: What a daemon that was killed has started makes the rig safe and completes the recording: it is
-#: given this long.
+#: The processes of a daemon that was killed make the rig safe and complete the recording within
+#: this time, in s.
 PATIENCE_S: Final = 20.0
 
 #: A check may take so long (its client waits a little longer), and so much memory, in bytes.
@@ -70,7 +70,7 @@ class Signals:
 
     reason: str = ""  #: why the daemon is to end, or ""
     steering: Steering | None = None
-    asked: list[str] = field(default_factory=list)  #: in words, not told yet
+    asked: list[str] = field(default_factory=list)  #: in words, not yet shown to the operator
 
     def handle(self, number: int, frame: FrameType | None) -> None:
         """Take a signal."""
@@ -99,9 +99,9 @@ def serve(options: DaemonOptions, announce: Callable[[str], None]) -> None:
     """
     signals = Signals()
     with _handling(signals), Notifier() as notifier, ExitStack() as stack:
-        news = threading.Event()
-        parts, server = _compose(options, stack, news.set, announce)
-        service = RigService(parts, server.refused, news.set)
+        status_changed = threading.Event()
+        parts, server = _compose(options, stack, status_changed.set, announce)
+        service = RigService(parts, server.refused, status_changed.set)
         signals.steer(parts.steering)
         stack.enter_context(parts.descriptors.watched(server.admission, parts.notices.note))
         server.start(service)
@@ -119,13 +119,13 @@ def serve(options: DaemonOptions, announce: Callable[[str], None]) -> None:
 
         def tick() -> None:
             nonlocal hung
-            if news.wait(TICK_S):
-                news.clear()
-                server.tell(service)
+            if status_changed.wait(TICK_S):
+                status_changed.clear()
+                server.publish_status(service)
             while signals.asked:
                 parts.notices.note(signals.asked.pop(0), "warning")
             service.tend()
-            # Where that says nothing, the service manager starts a daemon that serves.
+            # Without a sign of life, the service manager starts another daemon.
             if not (hangs := server.hangs or service.helpless):
                 hung = ""
                 notifier.alive(service.doing)
@@ -150,7 +150,7 @@ def _compose(
     changed: Callable[[], None],
     announce: Callable[[str], None],
 ) -> tuple[Parts, Server]:
-    """Take the rig and put everything together; ``stack`` takes it apart again, last first."""
+    """Take the rig and build the parts of the daemon; ``stack`` ends them in reverse order."""
     rig, runs = options.rig, options.runs
     descriptors = Descriptors()
     descriptors.raise_limit()
@@ -159,14 +159,17 @@ def _compose(
     recordings = Recordings(runs)
     recordings.make_folder()
     lease = Lease(
-        # On loopback every name may command: one that nobody has would end the run in 6 s.
-        lambda name: _may_command(rig, name) and (name in rig.remote.roles or server.knows(name))
+        # On loopback every name may command: if the lease went to a name that no client has, it
+        # would expire, which may stop the run.
+        lambda name: (
+            _may_command(rig, name) and (name in rig.remote.roles or server.has_requested(name))
+        )
     )
     stack.enter_context(before_programs())  # with every thread from here on, zenoh's too
     server = stack.enter_context(Server(rig.name, rig.remote, lease))
     raw: Callable[[str, Rows], None] = _nowhere
     if options.foxglove is not None:
-        with as_program():  # whoever looks on there has not shown who it is
+        with as_program():  # its viewers are not authenticated
             foxglove = FoxgloveServer(rig, options.foxglove)
         stack.callback(foxglove.stop)
         announce(f"Foxglove: {foxglove.address}")
@@ -179,7 +182,7 @@ def _compose(
     name = folder_name(rig.name)
     trips = TripMemory(runs / f"{name}.trips.json")
     interruptions = Interruptions(rig.name, recordings, notices)
-    with as_program():  # it computes for long
+    with as_program():  # it may compute for long
         interruptions.recover(folder, trips)
     library = Library(rig, options.procedures)
     audit = AuditLog(runs / f"{name}.audit.jsonl")
@@ -196,7 +199,7 @@ def _compose(
         feed=feed,
         trips=trips,
         notices=notices,
-        looks=IdleRig(rig, folder, feed, monitored=options.monitored, told=notices.note),
+        looks=IdleRig(rig, folder, feed, monitored=options.monitored, notify=notices.note),
         changed=changed,
         ended=lambda last: interruptions.ended(last.run),
         settle=lambda: interruptions.settle(folder),
@@ -240,7 +243,7 @@ def _handling(signals: Signals) -> Iterator[None]:
         if signal.getsignal(number) is not signal.SIG_IGN
     ]
     before = {number: signal.signal(number, signals.handle) for number in numbers}
-    # Ctrl-Z would stop this process, and the cycle then take it for dead.
+    # Ctrl-Z would stop this process, and the cycle would take the daemon for dead.
     before[signal.SIGTSTP] = signal.signal(signal.SIGTSTP, signal.SIG_IGN)
     try:
         yield

@@ -25,13 +25,13 @@ _LOG: Final = logging.getLogger(__name__)
 
 #: More than a rig with all its clients ever needs (about 100).
 WANTED: Final = 65_536
-#: Kept back for the watch: what it opens itself, and room for zenoh to look after its connections.
+#: Reserved for the thread that counts, and for zenoh to close its connections.
 KEPT_BACK: Final = 32
-#: The number is looked at this often.
+#: The descriptors are counted this often, in s.
 LOOK_S: Final = 0.05
 #: From this part of the limit on, unauthenticated connections are ended.
 BUSY: Final = 0.75
-#: Without room for so long, the daemon cannot help itself.
+#: If no descriptor is free for so long, the daemon asks to be restarted, in s.
 HELPLESS_S: Final = 10.0
 
 
@@ -39,10 +39,10 @@ class Descriptors:
     """Counts the file descriptors of this process and keeps some free."""
 
     def __init__(self) -> None:
-        #: How many there may be.
+        #: how many there may be
         self.limit, self._hard = resource.getrlimit(resource.RLIMIT_NOFILE)
         self._most = self.limit
-        #: How many there are, when last looked at.
+        #: how many there were at the last count
         self.used = self._count()
         self.unauthenticated_ended = 0  #: connections
         self.accept_pauses = 0  #: how often no connection was accepted for a while
@@ -67,7 +67,7 @@ class Descriptors:
 
     @contextmanager
     def watched(self, admission: Admission, note: Callable[[str, Level], None]) -> Iterator[None]:
-        """Watch them while inside; ``note`` gets lines for the people at the rig."""
+        """Count them while inside; ``note`` gets lines for the operator."""
         closing = threading.Event()
         thread = threading.Thread(
             target=self._work, args=(admission, note, closing), name="descriptors", daemon=True
@@ -81,7 +81,7 @@ class Descriptors:
 
     @property
     def helpless(self) -> str:
-        """Why no client can connect any more, in words; "" while all is well, or may become so."""
+        """Why no client can connect any more, in words; "" while this may still change."""
         since_s = self._full_since_s
         if since_s is None or time.monotonic() - since_s < HELPLESS_S:
             return ""
@@ -94,7 +94,7 @@ class Descriptors:
             try:
                 self._look(admission, note)
             except Exception:  # noqa: BLE001 - a watch that ends watches nothing
-                _LOG.exception("the descriptors cannot be looked after")
+                _LOG.exception("the descriptors cannot be counted")
 
     def _look(self, admission: Admission, note: Callable[[str, Level], None]) -> None:
         if admission.pauses > self.accept_pauses:
@@ -115,7 +115,7 @@ class Descriptors:
             ended = admission.end_unauthenticated()
             if full:
                 ended += admission.refuse_waiting()
-                # With room again, zenoh sees that those have ended.
+                # zenoh needs free descriptors to see that these connections have ended.
                 time.sleep(LOOK_S)
         self.unauthenticated_ended += ended
         if (ended or full) and not self._crowded:
@@ -139,7 +139,7 @@ class Descriptors:
 
     @contextmanager
     def _all(self) -> Iterator[None]:
-        """Let the process have those kept back, for as long as it takes."""
+        """Give the reserved descriptors to the process while inside."""
         self._set(self._most)
         try:
             yield

@@ -125,7 +125,7 @@ def _fetch(parts: Parts, args: PieceArguments) -> PieceView:
     return parts.recordings.piece(_finished(parts, args.run), args.offset, args.length)
 
 
-# That commands take the lease and give it back is no news: its holder stands in the status.
+# No event for taking or giving back the lease: the status shows its holder.
 def _give(parts: Parts, requester: Requester, args: Receiver) -> LeaseView:
     view = parts.lease.give(requester.client, ClientUser.of(args.to, args.user))
     parts.notices.note(f"{requester} has handed control to {view.holder}")

@@ -16,8 +16,8 @@ from rigd.remote.protocol import Code, Refusal
 class IdleRig:
     """Opens ``rig``, whose ``folder`` this process holds, while no run plays; once at a time.
 
-    ``monitored``: :meth:`show` sends the channels to ``feed``; else it does nothing. ``told`` gets
-    the reason if they cannot be shown.
+    ``monitored``: :meth:`show` sends the channels to ``feed``; else it does nothing. If they cannot
+    be shown, ``notify`` gets the reason.
     """
 
     def __init__(
@@ -27,16 +27,16 @@ class IdleRig:
         feed: Feed,
         *,
         monitored: bool,
-        told: Callable[[str], None],
+        notify: Callable[[str], None],
     ) -> None:
         self._rig, self._folder, self._feed = rig, folder, feed
-        self._monitored, self._told = monitored, told
+        self._monitored, self._notify = monitored, notify
         self._monitor: Monitor | None = None
 
     def show(self) -> None:
         """Show the channels until :meth:`end`."""
         if self._monitored and self._monitor is None:
-            self._monitor = Monitor(self._rig, self._feed, self._folder, told=self._told)
+            self._monitor = Monitor(self._rig, self._feed, self._folder, notify=self._notify)
             self._monitor.start()
 
     def end(self) -> None:
@@ -69,7 +69,7 @@ class IdleRig:
             if reasons:
                 raise Refusal(Code.REFUSED, f"{device} cannot be opened: {'; '.join(reasons)}")
             look.first_rows()
-            said = look.act(device, action)
-        if said is None:
+            reply = look.act(device, action)
+        if reply is None:
             raise Refusal(Code.REFUSED, f"{action} of {device} was ended: {control.reason}")
-        return said
+        return reply

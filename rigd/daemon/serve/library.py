@@ -29,7 +29,7 @@ from rigd.sdk.shipped import shipped_folder
 
 #: A procedure of no more steps, all trials together, is compiled in the daemon: within 0.1 s.
 SHORT_STEPS: Final = 4_000
-#: What a procedure may be called.
+#: The form of the name of a procedure.
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,59}")
 
 
@@ -82,7 +82,7 @@ class Library:
     def check(self, args: Checked) -> CheckReport | None:
         """Return whether a procedure can run on this rig with these values.
 
-        None if it has too many steps for this process, for which others wait.
+        None if it has too many steps for this process: other requests would wait.
         """
         try:
             return check(args, self._rig, SHORT_STEPS)
@@ -90,7 +90,7 @@ class Library:
             return None
 
     def compile(self, args: Checked) -> CompiledProcedure:
-        """Return a procedure that travelled, ready to play on this rig.
+        """Return a procedure that a client sent, ready to play on this rig.
 
         Raises:
             ConfigError: it does not fit; names every problem with its place.
@@ -148,7 +148,7 @@ def check(args: Checked, rig: RigConfig, most_steps: int = MAX_STEPS) -> CheckRe
 
 
 def _compile(args: Checked, rig: RigConfig, most_steps: int) -> CompiledProcedure:
-    # Errors give this name in front of line and column; a path of this machine helps nobody.
+    # Errors name it before line and column; a client has no use for a path of this machine.
     source = parse_procedure(args.procedure.text, Path(f"{args.procedure.name}.yaml"))
     return compile_procedure(source, rig, args.set, most_steps=most_steps)
 
@@ -179,7 +179,7 @@ def _view(procedure: Procedure) -> ProcedureView:
 
 
 def _undecided(procedure: Procedure) -> Mapping[str, object]:
-    """Return the parameters without a value: without them, nothing can be checked yet."""
+    """Return the parameters without a value; the procedure can be checked only with them."""
     source = procedure.source
     swept = {*source.sweep.grid, *source.sweep.zip}
     return {

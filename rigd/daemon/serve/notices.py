@@ -12,7 +12,7 @@ from rigd.remote.protocol.message import one_line
 from rigd.remote.protocol.status import OperatorNotice
 
 _LOG: Final = logging.getLogger("rigd.daemon")
-#: So many stand in the status, the newest.
+#: The status has so many notices, the newest.
 KEPT: Final = 20
 #: A line is no longer than this.
 _LENGTH: Final = 1000

@@ -16,7 +16,7 @@ from typing import Final, Self
 _LOG: Final = logging.getLogger(__name__)
 #: Signs of life are this far apart; `WatchdogSec=` must be several times as long.
 SIGN_S: Final = 1.0
-#: How long the manager may take to read the message before.
+#: How long a message may wait for the manager to read the message before, in s.
 PATIENCE_S: Final = 0.1
 
 
@@ -26,8 +26,8 @@ class Notifier:
     def __init__(self, environ: Mapping[str, str] = os.environ) -> None:
         self._address = environ.get("NOTIFY_SOCKET", "")
         if self._address.startswith("@"):
-            self._address = "\0" + self._address[1:]  # of the abstract name space
-        # Made once: when no descriptor is left, the manager must still hear of it.
+            self._address = "\0" + self._address[1:]  # a name in the abstract name space
+        # Made at the start: the daemon must be able to report that no descriptor is left.
         self._link = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
         self._link.settimeout(PATIENCE_S)
         self._failed = False
@@ -36,22 +36,22 @@ class Notifier:
 
     def ready(self) -> None:
         """Report that clients are served."""
-        self._tell("READY=1")
+        self._send("READY=1")
 
     def alive(self, doing: str) -> None:
         """Give a sign of life, not too often; ``doing`` is shown by ``systemctl status``."""
         now = time.monotonic()
         if doing != self._doing or now >= self._next_sign:
             self._doing, self._next_sign = doing, now + SIGN_S
-            self._tell("WATCHDOG=1", f"STATUS={doing}")
+            self._send("WATCHDOG=1", f"STATUS={doing}")
 
     def hanging(self, why: str) -> None:
-        """Report why there are no signs of life any more."""
-        self._tell(f"STATUS=clients are not served any more: {why}")
+        """Report why the daemon gives no signs of life any more."""
+        self._send(f"STATUS=clients are not served any more: {why}")
 
     def ending(self) -> None:
         """Report that the end has begun; it may take a while."""
-        self._tell("STOPPING=1", "STATUS=ending")
+        self._send("STOPPING=1", "STATUS=ending")
 
     def close(self) -> None:
         """Send no further message."""
@@ -63,14 +63,14 @@ class Notifier:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _tell(self, *lines: str) -> None:
+    def _send(self, *lines: str) -> None:
         if not self._address:
             return
         try:
             self._link.sendto("\n".join(lines).encode(), self._address)
         except OSError as error:
-            if not self._failed:  # the manager acts on its silence; once is enough for the log
-                _LOG.warning("the service manager cannot be told: %s", error)
+            if not self._failed:  # the manager acts on the silence; one line in the log is enough
+                _LOG.warning("the service manager cannot be reached: %s", error)
             self._failed = True
         else:
             self._failed = False

@@ -32,10 +32,10 @@ class RemoteAnswers:
     asks_again = True
 
     def __init__(self, ids: Iterator[int], changed: Callable[[], None]) -> None:
-        self.by = "operator"  #: whoever gave the last answer
+        self.by = "operator"  #: the client that gave the last answer
         self._ids = ids
         self._changed = changed
-        self._news = threading.Condition()
+        self._condition = threading.Condition()
         self._put: _Put | None = None
         self._given: list[Answer] = []
 
@@ -49,12 +49,12 @@ class RemoteAnswers:
         Raises:
             ProcedureError: the question was withdrawn.
         """
-        with self._news:
+        with self._condition:
             mine = self._put = _Put(next(self._ids), prompt, objection)
             self._given.clear()
         self._changed()
-        with self._news:
-            self._news.wait_for(lambda: self._given or self._put is not mine)
+        with self._condition:
+            self._condition.wait_for(lambda: self._given or self._put is not mine)
             answered = self._put is mine
             given = self._given.pop() if answered else None
             if answered:
@@ -66,9 +66,9 @@ class RemoteAnswers:
 
     def withdraw(self) -> None:
         """Withdraw the open question, if there is one."""
-        with self._news:
+        with self._condition:
             self._put = None
-            self._news.notify_all()
+            self._condition.notify_all()
 
     def give(self, prompt_id: int, answer: Answer, who: str) -> None:
         """Answer the question of that id.
@@ -76,7 +76,7 @@ class RemoteAnswers:
         Raises:
             Refusal: no such question waits, or it does not accept ``answer``.
         """
-        with self._news:
+        with self._condition:
             put = self._put
             if put is None or put.id != prompt_id or self._given:
                 raise Refusal(
@@ -87,7 +87,7 @@ class RemoteAnswers:
             _check(put.prompt, answer)
             self.by = who
             self._given.append(answer)
-            self._news.notify_all()
+            self._condition.notify_all()
 
     @property
     def waits(self) -> bool:

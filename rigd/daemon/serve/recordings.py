@@ -29,16 +29,16 @@ from rigd.remote.protocol.arguments import RUN_NAME
 from rigd.remote.protocol.results import PieceView, RunLine, RunList, RunView
 from rigd.remote.protocol.status import Interrupted
 
-#: What reading a recording raises: it is torn, or not one of ours.
+#: The errors of reading a recording that is torn, or not made by rigd.
 _UNREADABLE: Final = (RecordingError, ValueError)
-#: What clients may call a recording; others in the folder are left out.
+#: The form of the name of a recording; other files in the folder are left out.
 _NAME: Final = re.compile(RUN_NAME)
 _KNOWN: Final = "`rigd remote runs` lists those there are"
 _MAKE: Final = "`rigd remote report {} --make` makes one"
 IDENTIFICATION: Final = "identification"
-#: Digests of so many files are remembered: a transfer asks for that of its file with each piece.
+#: Digests of so many files are stored: a transfer needs the digest of its file for each piece.
 _DIGESTS: Final = 8
-#: So many trials of a recording are told in one message, the newest.
+#: One message contains so many trials of a recording, the newest.
 _TRIALS: Final = 1000
 
 
@@ -87,7 +87,7 @@ class Recordings:
             return RunView(line=_unread(path, error, name == under_way))
         newest = replace(info, trials=info.trials[-_TRIALS:])
         details = json.loads(json.dumps(info_json(newest)))
-        details["recording"] = name  # where it stands is nobody's business
+        details["recording"] = name  # clients must not see paths of this machine
         return RunView(line=line, details=details)
 
     def piece(self, path: Path, offset: int, length: int) -> PieceView:
@@ -261,7 +261,7 @@ def _started_ns(info: RunInfo) -> int:
     Raises:
         ValueError: the file contains an invalid date.
     """
-    if is_virtual(info):  # its own clock begins anew in each run
+    if is_virtual(info):  # virtual time begins anew in each run
         return round(recorded_at(info).at.timestamp() * 1e9)
     return round(datetime.fromisoformat(info.started).timestamp() * 1e9) if info.started else 0
 

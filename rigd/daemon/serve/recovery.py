@@ -17,7 +17,7 @@ from rigd.record import Event, Recording, recover
 from rigd.record.file import RecordingInUse
 from rigd.remote.protocol.status import Interrupted
 
-#: So many are offered, the newest.
+#: So many interrupted runs are offered, the newest.
 OFFERED: Final = 10
 
 
@@ -43,7 +43,7 @@ class Interruptions:
             try:
                 report = recover(path)
             except RecordingInUse:
-                continue  # another's, under way
+                continue  # of another rig, still being written
             except RecordingError as error:
                 self._notices.note(str(error), "warning")
             else:
@@ -53,7 +53,7 @@ class Interruptions:
         offered = [found for run in runs if (found := interrupted(run)) is not None]
         self._found = tuple(offered[:OFFERED])
         if runs and interrupted(runs[0]) is not None:
-            # What tripped after the daemon could no longer tell.
+            # Trips that happened after the daemon had been killed.
             events, known_ns = Recording.open(runs[0].path).events(), trips.known_ns
             trips.note(
                 RememberedTrip.recorded(event) for event in events if _is_news(event, known_ns)
@@ -79,7 +79,9 @@ class Interruptions:
             self._give_up(folder, error)
         else:
             if completed is not None:
-                self._notices.note(f"{completed.name}: what a killed run left in memory was added")
+                self._notices.note(
+                    f"{completed.name}: samples that a killed run left in memory were added"
+                )
 
     def _give_up(self, folder: RunFolder, error: RecordingError) -> None:
         try:
@@ -97,8 +99,8 @@ class Interruptions:
             return
         folder.clear()
         self._notices.note(
-            f"{recording.name} was removed while it was recorded: what its run left in memory is "
-            "given up",
+            f"{recording.name} was removed while it was recorded: the samples that its run left in "
+            "memory are discarded",
             "warning",
         )
 
@@ -122,7 +124,7 @@ def _set_aside(folder: RunFolder, runs: Path) -> Path:
             shutil.move(path, kept)
     except OSError as error:
         raise RecordingError(
-            f"cannot keep what a run left in {folder.path} in {kept}: {error.strerror}",
-            hint=f"make room, or remove {folder.path} to give it up",
+            f"cannot move the samples of a run from {folder.path} to {kept}: {error.strerror}",
+            hint=f"make room, or remove {folder.path} to discard them",
         ) from error
     return kept

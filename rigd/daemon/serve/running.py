@@ -28,7 +28,7 @@ _LOG: Final = logging.getLogger(__name__)
 def loss_of(holder: ClientUser, also: str = "") -> str:
     """Return in words that a holder shows no sign of life; a user's is the open page."""
     if holder.user:
-        return f"{holder.user}'s page ({holder.identity}) was closed or cut off"
+        return f"{holder.user}'s page ({holder.identity}) was closed or disconnected"
     return f"{holder.identity}, {also}, has vanished" if also else f"{holder} has vanished"
 
 
@@ -36,15 +36,15 @@ def loss_of(holder: ClientUser, also: str = "") -> str:
 class RunListeners:
     """Functions that the thread of a run calls at events; only ``ended`` may wait.
 
-    ``begun``: its rings and its file exist. ``moved``: it entered another state, step or trial.
-    ``tripped``: interlocks have tripped. ``told``: a line for the operator. ``ended``: it has ended
-    completely, and how.
+    ``begun``: its rings and its file exist. ``moved``: it is in another state, step or trial.
+    ``tripped``: interlocks have tripped. ``notified``: a line for the operator. ``ended``: it has
+    ended completely, and how.
     """
 
     begun: Callable[[], None]
     moved: Callable[[], None]
     tripped: Callable[[Sequence[Trip]], None]
-    told: Callable[[str], None]
+    notified: Callable[[str], None]
     ended: Callable[[LastRun], None]
 
 
@@ -111,7 +111,7 @@ class Running:
         before, self.progress = self.progress, progress
         self.left.watch(progress)
         while self.control.notices:
-            self.listeners.told(self.control.notices.popleft())
+            self.listeners.notified(self.control.notices.popleft())
         if len(progress.trips) > len(before.trips):
             self.listeners.tripped(progress.trips[len(before.trips) :])
         if _place(progress) != _place(before):

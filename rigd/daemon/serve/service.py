@@ -47,7 +47,7 @@ class RigService:
         self._refused = refused
         self._changed = changed
         self._numbers = itertools.count()
-        self._stops: deque[tuple[Verb, Requester, Message]] = deque()  # not written down yet
+        self._stops: deque[tuple[Verb, Requester, Message]] = deque()  # not yet in the audit log
         self._broken = ""  # why the audit log could not be written when it was last looked at
         self._daemon = Daemon(version=__version__, pid=os.getpid(), started_ns=time.time_ns())
         self._crowding = (0, 0)  # accept_pauses and unauthenticated_ended in the audit log
@@ -102,7 +102,7 @@ class RigService:
         if verb.rule.kind is Kind.COMMAND:
             return self._command(verb, requester, args)
         result = verb.carry_out(self._handlers, requester, args)
-        if result == Stopped(acted=True):  # an impatient person asks again for what was asked
+        if result == Stopped(acted=True):  # a repeated stop changes nothing and is not logged
             self._stops.append((verb, requester, args))
         return result
 
@@ -131,7 +131,7 @@ class RigService:
             verb, requester, args = self._stops.popleft()
             stop = _audited(args)
             self._parts.audit.write(requester.identity, verb.name, stop, user=requester.user)
-            self._tell(verb, requester, stop)
+            self._publish(verb, requester, stop)
         for holder in self._parts.lease.lost():
             done = self._parts.steering.client_lost(holder)
             self._parts.notices.note(f"{loss_of(holder)}: {done}", "warning")
@@ -161,11 +161,11 @@ class RigService:
             user=requester.user,
         )
         if result == "done":
-            self._tell(verb, requester, audited)
+            self._publish(verb, requester, audited)
 
-    def _tell(self, verb: Verb, requester: Requester, args: Mapping[str, Any]) -> None:
+    def _publish(self, verb: Verb, requester: Requester, args: Mapping[str, Any]) -> None:
         command = {"who": str(requester), "verb": verb.name, "args": dict(args)}
-        self._parts.feed.tell("command", command)
+        self._parts.feed.publish("command", command)
 
 
 def _progress(running: Running) -> dict[str, Any]:

@@ -39,14 +39,14 @@ from rigd.remote.protocol.results import Started
 from rigd.remote.protocol.status import LastRun
 from rigd.remote.server import Lease
 
-#: The hint for a person who finds the rig in use.
+#: The hint if the rig is in use.
 HINT: Final = (
     "steer it through its daemon: rigd remote start PROCEDURE --rig {rig}, "
     "or rigd remote act DEVICE tare"
 )
 #: The simulation of a rig has this seed unless a client gives another, as with `rigd run`.
 SEED: Final = 1
-#: So many dry runs are remembered, the newest.
+#: The durations of so many dry runs are stored, the newest.
 _EXPECTED: Final = 32
 
 
@@ -92,7 +92,7 @@ class Steering:
         self._running: Running | None = None
         self._acting: Acting | None = None
         self._leaving = ""  #: why nothing begins any more
-        # Prompts of a daemon that was killed must not be answered by mistake: no id comes again.
+        # No id comes again: an answer to a prompt of an earlier daemon must not be accepted.
         self._prompt_ids = itertools.count(time.time_ns() // 1_000_000)
         self._expected_s: dict[tuple[str, frozenset[tuple[str, str]]], float] = {}
         self._mark()
@@ -229,11 +229,11 @@ class Steering:
     def stop(self, stop: Severity, reason: str) -> bool:
         """End the activity on the rig; return whether the request is new. Waits for nothing."""
         busy = [item.control for item in (self._running, self._acting) if item is not None]
-        news = [item for item in busy if item.asked is None or item.asked < stop]
-        for control in news:
+        new = [item for item in busy if item.asked is None or item.asked < stop]
+        for control in new:
             control.request(stop, reason)
             control.pause_wanted = False
-        return bool(news)
+        return bool(new)
 
     def client_lost(self, lost: ClientUser) -> str:
         """Do what the run specifies for a lost client; return the action, as text."""
@@ -305,7 +305,7 @@ class Steering:
                 begun=self._begun,
                 moved=self._changed,
                 tripped=self._tripped,
-                told=self._notices.note,
+                notified=self._notices.note,
                 ended=self._over,
             ),
         )
@@ -315,7 +315,8 @@ class Steering:
         if self._leaving:  # a signal that came since
             running.control.request(Severity.STOP, self._leaving)
         try:
-            # A long file may have outlived the lease. From here on, its end ends this run.
+            # Reading a long file may take longer than the lease lasts. From here on, a lost lease
+            # has the effect on this run that the request states.
             self._lease.check(requester.client)
             self._looks.end()
             self._settle()
@@ -347,7 +348,7 @@ class Steering:
             self._ended(last)
         finally:
             with self._lock:
-                # In this order: who sees that nothing runs any more also sees how it ended.
+                # Together: a client that sees that nothing runs also sees how the run ended.
                 self.last, self._running = last, None
         self._notices.note(
             f"{last.run}: {last.ending}: {last.reason}",

@@ -13,21 +13,21 @@ from rigd.engine.child import Child
 #: twice as long each time: it may die of something that lasts, and a start costs a second of CPU.
 AGAIN_S: Final = 0.5
 LONGEST_S: Final = 300.0
-#: One that has lived for so long died of something else than the one before.
+#: A process that has run for so long begins again with the shortest pause, in s.
 LIVED_S: Final = 60.0
-#: The spare is started this long after the process it stands by: the start of that comes first.
+#: The spare is started this long after the process that it can replace, in s: that starts first.
 SPARE_S: Final = 3.0
-#: How long it may take to end.
+#: How long a process may take to end, in s.
 END_S: Final = 3.0
 
 
 class SupervisedProcess:
     """Runs ``command`` while the context is entered; the caller calls :meth:`tend` regularly.
 
-    It talks to the daemon like every client, and ends if the daemon is killed. Its failures do not
+    The process is a client of the daemon, and ends if the daemon is killed. Its failures do not
     affect the daemon. ``spare`` is the same command, but it waits for a line on its standard input
-    before it begins: a process that has loaded everything takes over within a fraction of a second,
-    even on a busy machine.
+    before it begins: it has loaded everything, and replaces a process that has died within a
+    fraction of a second, even on a busy machine.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class SupervisedProcess:
             child.close_stdin()
 
     def tend(self) -> None:
-        """See that it lives."""
+        """Start the process again if it has ended."""
         now = time.monotonic()
         if self._child is not None and (how := self._child.ended):
             self._child = None

@@ -44,11 +44,11 @@ class RememberedTrip:
     @classmethod
     def of(cls, trip: Trip) -> RememberedTrip:
         """Return the stored form of a trip of the run in progress."""
-        told = [trip.reason, trip.message]
+        reasons = [trip.reason, trip.message]
         return cls(
             trip.interlock.name,
             trip.interlock.action.word,
-            " - ".join(filter(None, told)),
+            " - ".join(filter(None, reasons)),
             trip.t_ns,
             _bars(trip.interlock.action, latched=trip.interlock.latch),
         )
@@ -57,12 +57,12 @@ class RememberedTrip:
     def recorded(cls, event: Event) -> RememberedTrip:
         """Return the stored form of a trip in a recording."""
         data = event.data
-        told = [str(data["reason"]), str(data["message"])]
+        reasons = [str(data["reason"]), str(data["message"])]
         action = Severity[str(data["action"]).upper()]
         return cls(
             str(data["name"]),
             str(data["action"]),
-            " - ".join(filter(None, told)),
+            " - ".join(filter(None, reasons)),
             event.t_ns,
             _bars(action, latched=bool(data["latched"])),
         )
@@ -89,7 +89,7 @@ class TripMemory:
     """Keeps the newest trip of each interlock in a file.
 
     :meth:`note` never waits: it may be called from the thread that plays a run. :meth:`save` then
-    brings it to disk.
+    writes the file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -99,7 +99,7 @@ class TripMemory:
             RecordingError: it cannot be read.
         """
         self._path = path
-        self._lock = threading.Lock()  #: never held while a disk is waited for
+        self._lock = threading.Lock()  #: never held during an access to the disk
         self._saving = threading.Lock()
         self._changed = False
         self._acted: dict[str, RememberedTrip] = {}
@@ -190,6 +190,6 @@ class TripMemory:
             raise RecordingError(f"cannot read {self._path}: {error.strerror}") from error
         except (KeyError, TypeError, ValueError) as error:
             raise RecordingError(
-                f"{self._path} does not say what has tripped: {error!r}",
+                f"{self._path} is no list of trips: {error!r}",
                 hint="look at the rig, then remove it",
             ) from error

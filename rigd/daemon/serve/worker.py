@@ -24,13 +24,13 @@ from rigd.model.extras import require
 from rigd.remote.protocol import Code, Message, Refusal
 from rigd.remote.protocol.results import CheckReport, DryRun, Reported
 
-#: A calculation that takes longer is given up: a little less than a client waits for it.
+#: A calculation that takes longer is cancelled: a little before its client stops waiting, in s.
 PATIENCE_S: Final = 890.0
-#: How often it is looked whether the client is still there, in s.
+#: How often to check whether the client is still connected, in s.
 _LOOK_S: Final = 0.2
 #: Memory that a calculation may take, in bytes.
 MEMORY: Final = 4 << 30
-#: The run under way, clients and panels come first.
+#: Low priority: the run in progress, clients and panels come first.
 NICENESS: Final = 15
 
 
@@ -95,7 +95,7 @@ class CalculationWorker:
         with self._lock:
             self._closed = True
             if self._child is not None:
-                self._child.fence(0.0)  # who waits for what it says sees its end
+                self._child.fence(0.0)  # the thread that waits for its output sees its end
 
     def _do(self, what: str, job: Mapping[str, object]) -> object:
         child = self._start()
@@ -109,14 +109,16 @@ class CalculationWorker:
             raise Refusal(Code.CONFLICT, "the daemon is ending")
         if child.code == -signal.SIGABRT:  # compiled code ends so if it gets no memory
             raise Refusal(Code.REFUSED, _too_much(what, self._memory))
-        if child.code is not None and child.code < 0:  # by a person, or the kernel for its memory
+        if (
+            child.code is not None and child.code < 0
+        ):  # killed by a person, or by the kernel for lack of memory
             raise Refusal(Code.REFUSED, f"{what} was ended from outside ({child.ended})")
         if child.code != 0:
-            raise RuntimeError(f"{what} failed aside:\n{errors}")
-        said: Mapping[str, Any] = json.loads(out)
-        if "error" in said:
-            raise Refusal(Code(said["code"]), said["error"], hint=said["hint"])
-        return said["result"]
+            raise RuntimeError(f"{what} failed in its own process:\n{errors}")
+        answer: Mapping[str, Any] = json.loads(out)
+        if "error" in answer:
+            raise Refusal(Code(answer["code"]), answer["error"], hint=answer["hint"])
+        return answer["result"]
 
     def _wait(self, child: Child, what: str, order: str) -> tuple[str, str]:
         """Return the output and error output of the process after its end.
@@ -129,17 +131,17 @@ class CalculationWorker:
         give_up_s = time.monotonic() + self._patience_s
         given: str | None = order
         while True:
-            said = child.talk(given, _LOOK_S)
-            if said is not None:
-                return said
-            given = None  # it goes on with what it was given
+            outputs = child.talk(given, _LOOK_S)
+            if outputs is not None:
+                return outputs
+            given = None  # it has its input
             gone = not still_connected()
             if not gone and time.monotonic() < give_up_s:
                 continue
             child.fence(None)
-            child.talk(None, _LOOK_S)  # nobody reads it, but its pipes are closed
+            child.talk(None, _LOOK_S)  # closes its pipes; the output is discarded
             took = "its client is gone" if gone else f"it took longer than {self._patience_s:g} s"
-            raise Refusal(Code.REFUSED, f"{what} was given up: {took}")
+            raise Refusal(Code.REFUSED, f"{what} was cancelled: {took}")
 
     def _start(self) -> Child:
         with self._lock:
@@ -152,7 +154,7 @@ class CalculationWorker:
                 tied=True,
                 stdin=True,
                 output=True,
-                # Threads of the linear algebra would wait for one another, and for the run.
+                # One thread of linear algebra: more would wait for one another, and for the run.
                 environment={"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"},
             )
             return self._child
@@ -240,9 +242,9 @@ def _draw(job: Mapping[str, Any]) -> Reported:
 def _write(recording: Path, report: Path, text: str) -> Reported:
     draft = report.with_suffix(".html.new")
     draft.unlink(missing_ok=True)
-    with draft.open("x", encoding="utf-8") as file:  # never through a link that stands there
+    with draft.open("x", encoding="utf-8") as file:  # never through a symbolic link of this name
         file.write(text)
-    draft.replace(report)  # whoever reads it meanwhile has the old one, whole
+    draft.replace(report)  # a process that reads it meanwhile keeps the complete old file
     return Reported(run=recording.name, size=report.stat().st_size)
 
 
@@ -270,14 +272,14 @@ def main() -> int:
         if "rig" in job:  # the daemon's own: the bound is for what a client sent
             job = {**job, "rig": _read_rig(job)}
         resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
-        said: Mapping[str, object] = {"result": work[job["do"]](job).model_dump(mode="json")}
+        answer: Mapping[str, object] = {"result": work[job["do"]](job).model_dump(mode="json")}
     except ConfigError as error:
-        said = _refused(Code.WRONG, str(error))
+        answer = _refused(Code.WRONG, str(error))
     except RigdError as error:
-        said = _refused(Code.REFUSED, error.message, error.hint)
+        answer = _refused(Code.REFUSED, error.message, error.hint)
     except MemoryError:
-        said = _refused(Code.REFUSED, _too_much(job["do"], memory))
-    json.dump(said, sys.stdout)
+        answer = _refused(Code.REFUSED, _too_much(job["do"], memory))
+    json.dump(answer, sys.stdout)
     return 0
 
 

@@ -114,16 +114,16 @@ class AsyncClient(AsyncVerbs):
         Raises:
             LinkError: no status arrived for ``patience_s``; None waits without limit.
         """
-        heard = self.connection.listen(self.connection.keys.status, STATUSES)
-        return each(heard, reader(Status), self.rig, patience_s)
+        payloads = self.connection.listen(self.connection.keys.status, STATUSES)
+        return each(payloads, reader(Status), self.rig, patience_s)
 
     def watch_live(self, stream: str) -> AsyncGenerator[Frame, None]:
         """Yield the newest frames of a stream while it has data, at most 30 a second.
 
         The streams and their channels are those of :meth:`describe`.
         """
-        heard = self.connection.listen(self.connection.keys.live(stream), FRAMES)
-        return each(heard, decode_frame, self.rig)
+        payloads = self.connection.listen(self.connection.keys.live(stream), FRAMES)
+        return each(payloads, decode_frame, self.rig)
 
     def watch_events(self, since: int | None = None) -> AsyncGenerator[RigEvent, None]:
         """Yield events, from now on or from number ``since``, without gaps.
@@ -131,15 +131,15 @@ class AsyncClient(AsyncVerbs):
         Events that were lost on the way are requested again; events that the daemon no longer has
         leave a gap in the numbers. A daemon that is restarted counts from 0 again.
         """
-        heard = self.connection.listen(self.connection.keys.event, EVENTS)
-        return without_gaps(each(heard, reader(RigEvent), self.rig), self.events, since)
+        payloads = self.connection.listen(self.connection.keys.event, EVENTS)
+        return without_gaps(each(payloads, reader(RigEvent), self.rig), self.events, since)
 
     async def wait(self, run: str, *, patience_s: float = PATIENCE_S) -> LastRun:
         """Return how ``run`` ended, once it has.
 
         Raises:
             LinkError: the daemon fell silent, or was restarted, so that the run is interrupted.
-            Refusal: it is neither under way nor the run that ended last.
+            Refusal: the run is neither in progress nor the run that ended last.
         """
         watched = RunWatch(run)
         async with aclosing(self.watch(patience_s)) as statuses:

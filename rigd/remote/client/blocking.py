@@ -38,7 +38,7 @@ def _iterating(
         async def begin() -> AsyncGenerator[T, None]:
             return method(self.asynchronous, *args, **kwargs)
 
-        return self.iterate(self.run_async(begin()))  # it listens from here on
+        return self.iterate(self.run_async(begin()))  # it receives messages from here on
 
     return iterating
 
@@ -73,7 +73,7 @@ class Client(BlockingVerbs):
     ) -> None:
         self.asynchronous = AsyncClient(rig, endpoint=endpoint, tls=tls, identity=identity)
         self._loop = asyncio.new_event_loop()
-        # A notebook that ends without a word must end: the thread keeps nothing alive.
+        # A daemon thread: a notebook can end although the client was not closed.
         self._thread = threading.Thread(target=self._work, name="rigd-client", daemon=True)
         self._thread.start()
         try:
@@ -151,7 +151,7 @@ class Client(BlockingVerbs):
         future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
         try:
             return future.result()
-        except BaseException:  # Ctrl-C while waiting ends what is waited for
+        except BaseException:  # Ctrl-C while waiting cancels the coroutine
             future.cancel()
             raise
 
@@ -174,7 +174,7 @@ class Client(BlockingVerbs):
     def _end_by(self, error: BaseException | None) -> None:
         """Stop the run at once if Ctrl-C ends a script that has control.
 
-        Else the rig would learn of it when the lease runs out.
+        Otherwise the run would continue until the lease expires.
         """
         if isinstance(error, KeyboardInterrupt) and self.holds_lease:
             try:

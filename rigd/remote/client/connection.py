@@ -47,13 +47,13 @@ from rigd.remote.protocol.request import RequestId
 
 R = TypeVar("R")
 
-#: How long a lost connection is waited for before a request counts as lost; zenoh tries again
-#: every second.
+#: If the connection is lost, a request waits so long for it and then fails, in s; zenoh tries to
+#: connect every second.
 RECONNECT_S: Final = 3.0
-#: A daemon that has not told its status for so long is gone, however long it may take for what was
-#: asked of it: it tells its status twice a second.
+#: A daemon that has published no status for so long is gone, in s, also while it may take longer
+#: for a request: it publishes its status twice a second.
 SILENCE_S: Final = 5.0
-#: How often it is looked whether the connection is there again, and whether the daemon still is.
+#: How often to check the connection and the daemon, in s.
 _RECONNECTED_S: Final = 0.05
 _STILL_THERE_S: Final = 1.0
 #: How many payloads wait for their reader; beyond that the oldest are dropped.
@@ -98,7 +98,8 @@ class Connection:
         try:
             rig = target.rig or await _only_rig(session, target)
             connection = cls(session, Keys(rig), target)
-            await connection.ask_status()  # which a stop need not understand
+            # Not decoded: a client can stop a rig whose daemon is of another version.
+            await connection.ask_status()
         except BaseException:
             await asyncio.to_thread(session.close)
             raise
@@ -141,7 +142,7 @@ class Connection:
         return decode_or_raise(Status, await self.ask_status())
 
     async def ask_status(self) -> bytes:
-        """Return the newest status as it came; see :meth:`status`."""
+        """Return the bytes of the newest status; see :meth:`status`."""
         await self._connected()
         try:
             for answer in await query(self._session, self.keys.status, QUESTION_S):
@@ -190,7 +191,7 @@ class Connection:
         return reply.result
 
     def listen(self, key: str, size: int) -> AsyncGenerator[bytes, None]:
-        """Begin to listen; yield payloads until closed, of those that wait the newest ``size``."""
+        """Subscribe; yield payloads until closed. At most ``size`` wait: the oldest are dropped."""
         mailbox = PayloadQueue(size)
         self._mailboxes.add(mailbox)
         return self._deliver(mailbox, listen(self._session, key, mailbox.put))
@@ -239,7 +240,7 @@ class Connection:
             raise self._in_doubt(verb, f"{self.rig} did not answer in time")
         try:
             await self.status()
-        except LinkError as error:  # it was there when this client connected
+        except LinkError as error:  # it answered when this client connected
             raise self._in_doubt(verb, error.message) from error
         raise LinkError(
             f"{self.rig} takes no {verb.replace('_', ' ')} from {self.identity}",
@@ -263,7 +264,7 @@ class Connection:
     def _in_doubt(self, verb: str, what: str) -> LinkError:
         return LinkError(
             f"{what}: whether {verb} was carried out is not known",
-            hint="look at the rig itself, and at its status once it speaks again",
+            hint="look at the rig itself, and at its status when it answers again",
         )
 
     async def _connected(self) -> None:

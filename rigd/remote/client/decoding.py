@@ -15,12 +15,12 @@ def decode_or_raise(kind: type[M], payload: bytes) -> M:
     """Return the message of ``kind`` that a daemon sent.
 
     Raises:
-        ProtocolError: it is none.
+        ProtocolError: the payload is no such message.
     """
     try:
         return decode(kind, payload, MAX_MESSAGE_BYTES)
     except Refusal as refusal:
         raise ProtocolError(
-            f"the daemon sent what is not understood here: {refusal.message}",
+            f"the daemon sent an invalid message: {refusal.message}",
             hint="install the same rigd at both ends",
         ) from refusal

@@ -51,7 +51,7 @@ async def _discover_local(known: frozenset[str]) -> list[DiscoveredRig]:
     try:
         session = await asyncio.to_thread(open_session, target)
     except RigdError:
-        return []  # no daemon here: that is no fault
+        return []  # no daemon on this machine, which is no error
     try:
         alive = await rigs_alive(session)
     finally:

@@ -59,7 +59,7 @@ class LeaseKeeper:
                 raise
             try:
                 await self._give_back()
-            except RigdError as second:  # the first error says what became of the command
+            except RigdError as second:  # the first error is the one to raise: that of the command
                 _log.warning("control could not be given back: %s", second.one_line)
             raise
         if give_back:
@@ -79,17 +79,17 @@ class LeaseKeeper:
                 raise
 
     async def _keep(self) -> None:
-        told = False
+        logged = False
         while True:
             await asyncio.sleep(RENEW_S)
             try:
                 await self._renew()
-                told = False
+                logged = False
             except RigdError as error:
                 if isinstance(error, Refusal) and error.code is Code.NO_LEASE:
                     _log.warning("control is lost: %s", error.message)
                     return
-                # Whatever keeps it from being renewed may be over before it runs out.
-                if not told:
+                # Try again: the cause may be over before the lease expires.
+                if not logged:
                     _log.warning("control could not be renewed: %s", error.message)
-                told = True
+                logged = True

@@ -20,7 +20,7 @@ class PayloadQueue:
     def __init__(self, size: int) -> None:
         self._loop = asyncio.get_running_loop()
         self._waiting: deque[bytes] = deque(maxlen=size)
-        self._news = asyncio.Event()
+        self._changed = asyncio.Event()
         self._waking = False
         self._closed = False
 
@@ -38,7 +38,7 @@ class PayloadQueue:
     def close(self) -> None:
         """Let the reader take the waiting payloads, and then end; on the loop."""
         self._closed = True
-        self._news.set()
+        self._changed.set()
 
     async def __aiter__(self) -> AsyncIterator[bytes]:
         """Yield payloads until closed."""
@@ -47,12 +47,12 @@ class PayloadQueue:
                 yield self._waiting.popleft()
             if self._closed:
                 return
-            self._news.clear()
-            # Both may have happened since they were looked at, but then `_wake` or `close` is
-            # still to come on this loop, or `close` has been called and is seen here.
+            self._changed.clear()
+            # Both may have changed since the checks above. Then `_wake` or `close` is still to run
+            # on this loop, or `close` has run and is seen here.
             if not self._waiting and not self._closed:
-                await self._news.wait()
+                await self._changed.wait()
 
     def _wake(self) -> None:
         self._waking = False
-        self._news.set()
+        self._changed.set()

@@ -38,7 +38,7 @@ class RemoteLine(Source):
     tls: TlsSource | None = None
     """Certificates; paths are relative to this file."""
     identity: Identity | None = None
-    """The name to come as, if there is no certificate; by default that of the user."""
+    """The client's name, if there is no certificate; by default that of the user."""
 
 
 class RemotesSource(Source):
@@ -109,7 +109,7 @@ def find_target(
     if rig is None or rig in known or not known:
         return target
     unknown = f"{rig} is not in {list_path()} ({suggest(rig, known)})"
-    return replace(target, note=f"{unknown}, so it was looked for on this machine; ")
+    return replace(target, note=f"{unknown}, so rigd looked for it on this machine; ")
 
 
 def _remote(line: RemoteLine, folder: Path) -> Remote:

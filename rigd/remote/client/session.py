@@ -23,7 +23,7 @@ from rigd.remote.protocol import EVERY_ALIVE
 
 #: How long the rigs of a network may take to answer, in s.
 QUESTION_S: Final = 2.0
-#: How often that is asked again, and after what pause, in s.
+#: How often that query is repeated, and after what pause, in s.
 _ASKED_AGAIN: Final = 5
 _PAUSE_S: Final = 0.05
 #: zenoh's own answer if no peer gave one in time.
@@ -54,7 +54,7 @@ def open_session(target: Target) -> zenoh.Session:
         hint = f"{target.note}is the daemon running there (rigd serve), and is the address right?"
         if target.tls is not None:
             hint = f"{target.note}{_doubt(target.tls)}"
-        raise LinkError(f"nobody lets us in at {target.endpoint}", hint=hint) from error
+        raise LinkError(f"no daemon admits this client at {target.endpoint}", hint=hint) from error
 
 
 def _doubt(tls: TlsFiles) -> str:
@@ -101,12 +101,13 @@ async def query(
     done = _Done()
     session.get(
         key,
-        zenoh.handlers.Callback(answered, done.tell, indirect=False),
+        zenoh.handlers.Callback(answered, done.set, indirect=False),
         payload=payload,
         timeout=timeout_s,
         priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.DATA,
         express=urgent,
-        source_info=zenoh.SourceInfo(session.id, 0),  # should it vanish, so does its calculation
+        # If this session ends, the daemon cancels the calculation for it.
+        source_info=zenoh.SourceInfo(session.id, 0),
     )
     await done.wait()
     if any(not answer.ok and answer.payload == _TIMED_OUT for answer in answers):
@@ -137,7 +138,7 @@ async def _rigs_alive(session: zenoh.Session) -> list[str]:
     done = _Done()
     session.liveliness().get(
         EVERY_ALIVE,
-        zenoh.handlers.Callback(alive, done.tell, indirect=False),
+        zenoh.handlers.Callback(alive, done.set, indirect=False),
         timeout=QUESTION_S,
     )
     await done.wait()
@@ -147,12 +148,12 @@ async def _rigs_alive(session: zenoh.Session) -> list[str]:
 def listen(
     session: zenoh.Session, key: str, take: Callable[[bytes], None]
 ) -> zenoh.Subscriber[None]:
-    """Begin to hand payloads to ``take``, on a thread of zenoh's, until undeclared."""
+    """Subscribe: ``take`` gets payloads on a thread of zenoh's until undeclared."""
 
-    def came(sample: zenoh.Sample) -> None:
+    def on_sample(sample: zenoh.Sample) -> None:
         take(sample.payload.to_bytes())
 
-    return session.declare_subscriber(key, zenoh.handlers.Callback(came, indirect=False))
+    return session.declare_subscriber(key, zenoh.handlers.Callback(on_sample, indirect=False))
 
 
 class _Done:
@@ -162,7 +163,7 @@ class _Done:
         self._loop = asyncio.get_running_loop()
         self._event = asyncio.Event()
 
-    def tell(self) -> None:
+    def set(self) -> None:
         with suppress(RuntimeError):  # the loop has ended: nothing waits any more
             self._loop.call_soon_threadsafe(self._event.set)
 

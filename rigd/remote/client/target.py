@@ -30,7 +30,7 @@ class Target:
     identity: str
     """The name under which the daemon knows the client."""
     note: str = ""
-    """Why it was looked for there; for the error if no rig is found."""
+    """Why this address was tried; for the error if no rig is found."""
 
 
 def make_target(
@@ -61,7 +61,7 @@ def make_target(
         )
     if read.protocol == "tcp" and tls is not None:
         raise ConfigError(
-            f"{endpoint} would send everything in the clear, and show no certificate",
+            f"{endpoint} would send everything unencrypted, and use no certificate",
             hint=f"write tls{endpoint[3:]}",
         )
     if rig is not None:
@@ -72,7 +72,7 @@ def make_target(
 
 
 def name_in(certificate: Path) -> str:
-    """Return the common name in a certificate (PEM): by it the rig file gives roles.
+    """Return the common name in a certificate (PEM), to which the rig file gives a role.
 
     Raises:
         ConfigError: it cannot be read, or has none.
@@ -108,6 +108,6 @@ def _user() -> str:
     """Return the name of the user of this process, as far as it is allowed in a key."""
     try:
         user = getpass.getuser()
-    except (KeyError, OSError):  # a container may run under a number that has no name
+    except (KeyError, OSError):  # a container may run under a user number without a name
         user = ""
     return _NOT_IN_NAMES.sub("-", user).strip("-")[:MAX_NAME] or "somebody"

@@ -21,8 +21,8 @@ Progress = Callable[[int, int], None]
 async def fetch(ask: AskPiece, path: Path, progress: Progress | None = None) -> Path:
     """Fetch a file to ``path``, and return that.
 
-    Received data are kept beside it under a name with the file's digest, so that a broken transfer
-    continues from there. Only the complete file gets the name ``path``; an existing file with the
+    Received data are stored beside it under a name with the file's digest; an interrupted transfer
+    continues with them. Only the complete file gets the name ``path``; an existing file with the
     same content stays.
 
     Raises:
@@ -44,11 +44,11 @@ async def fetch(ask: AskPiece, path: Path, progress: Progress | None = None) -> 
             await _append(ask, first, file, progress)
             file.flush()
             os.fsync(file.fileno())
-        came = await asyncio.to_thread(digest_of, part)
-        if came != first.sha256:
+        digest = await asyncio.to_thread(digest_of, part)
+        if digest != first.sha256:
             part.unlink()
             raise RecordingError(
-                f"{path.name} came with the SHA-256 {came[:16]}..., the daemon said "
+                f"{path.name} arrived with the SHA-256 {digest[:16]}..., expected "
                 f"{first.sha256[:16]}...",
                 hint="fetch it again",
             )
@@ -71,7 +71,7 @@ async def _append(
             )
         if piece.offset != done or not 0 < len(piece.data) <= first.size - done:
             raise RecordingError(
-                f"the daemon gave {len(piece.data)} bytes from {piece.offset}, expected some of "
+                f"the daemon sent {len(piece.data)} bytes from {piece.offset}, expected some of "
                 f"{first.size - done} from {done}"
             )
         file.write(piece.data)

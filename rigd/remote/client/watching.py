@@ -15,7 +15,7 @@ from rigd.remote.protocol import Code, Message, Refusal, RigEvent, Status
 from rigd.remote.protocol.results import Events
 from rigd.remote.protocol.status import LastRun
 
-#: A status told so long after the first that was heard is not from before the run began.
+#: A status that is so much younger than the first received one is from after the run began, in ns.
 _SETTLED_NS: Final = 1_000_000_000
 
 M = TypeVar("M", bound=Message)
@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 
 async def each(
-    heard: AsyncGenerator[bytes, None],
+    payloads: AsyncGenerator[bytes, None],
     read: Callable[[bytes], T],
     rig: str,
     patience_s: float | None = None,
@@ -33,23 +33,23 @@ async def each(
     Raises:
         LinkError: no payload arrived for ``patience_s``.
     """
-    async with aclosing(heard):
+    async with aclosing(payloads):
         while True:
             try:
                 async with asyncio.timeout(patience_s):
-                    payload = await anext(heard)
+                    payload = await anext(payloads)
             except StopAsyncIteration:
                 return
             except TimeoutError as error:
                 raise LinkError(
-                    f"{rig} has said nothing for {patience_s:g} s",
+                    f"{rig} has sent no message for {patience_s:g} s",
                     hint="is its daemon running, and the network there?",
                 ) from error
             yield read(payload)
 
 
 async def without_gaps(
-    heard: AsyncGenerator[RigEvent, None],
+    received: AsyncGenerator[RigEvent, None],
     ask: Callable[[int], Awaitable[Events]],
     since: int | None,
 ) -> AsyncGenerator[RigEvent, None]:
@@ -58,12 +58,12 @@ async def without_gaps(
     If numbers go back while the time advances, the daemon was restarted.
     """
     wanted, newest_ns = since, 0
-    async with aclosing(heard):
+    async with aclosing(received):
         if wanted is not None:
             for event in (await ask(wanted)).events:
                 yield event
                 wanted, newest_ns = event.seq + 1, event.t_ns
-        async for event in heard:
+        async for event in received:
             if wanted is not None and event.seq < wanted and event.t_ns <= newest_ns:
                 continue  # among those asked for
             if wanted is not None and event.seq > wanted:
@@ -110,7 +110,7 @@ class RunWatch:
         raise Refusal(
             Code.NOT_FOUND,
             f"{self.run} is not under way on {status.rig}, nor is it the run that ended last",
-            hint="its recording says how it ended, if there is one",
+            hint="its recording, if there is one, contains how it ended",
         )
 
 

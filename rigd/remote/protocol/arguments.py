@@ -16,7 +16,7 @@ RUN_NAME: Final = r"[A-Za-z0-9_][A-Za-z0-9._-]{0,199}"
 RunName = Annotated[str, StringConstraints(pattern=f"^{RUN_NAME}$")]
 #: Of a procedure, an interlock, a device, a parameter.
 FileWord = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,59}$")]
-#: What `--set NAME=VALUE` says, by name: quantities and words as a person writes them.
+#: The values of `--set NAME=VALUE` by name: quantities and words as a person writes them.
 Settings = dict[FileWord, Annotated[str, StringConstraints(max_length=200)]]
 Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 
@@ -45,7 +45,7 @@ class ProcedureFile(Message):
         if found != self.sha256:
             raise ValueError(
                 f"the text of {self.name} has the SHA-256 {found[:12]}..., "
-                f"not {self.sha256[:12]}... as its sender says"
+                f"not {self.sha256[:12]}... as stated by its sender"
             )
         return self
 

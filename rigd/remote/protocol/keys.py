@@ -22,19 +22,19 @@ from rigd.remote.protocol.refusal import Code, Refusal
 
 #: The first part of every key.
 ROOT: Final = "rigd"
-#: Where the liveliness tokens of all rigs stand.
+#: The keys of the liveliness tokens of all rigs.
 EVERY_ALIVE: Final = f"{ROOT}/*/alive"
 
 _NAME: Final = re.compile(rf"[A-Za-z0-9._-]{{1,{MAX_NAME}}}")
-#: Of names each at its longest: no key is longer, and zenoh never comes near its limit of 64 KiB,
-#: beyond which the sender's session dies (eclipse-zenoh 1.10.2).
+#: The length of a key with the longest names; far below zenoh's limit of 64 KiB, beyond which the
+#: sender's session ends (eclipse-zenoh 1.10.2).
 MAX_KEY: Final = len(f"{ROOT}///stop/") + 3 * MAX_NAME
 
 
 class Kind(Enum):
     """The kind of a request; a part of its key."""
 
-    ASK = "ask"  #: to know: changes nothing, open to every role
+    ASK = "ask"  #: to read: changes nothing, open to every role
     COMMAND = "cmd"  #: to change something: needs a role, and mostly the lease
     STOP = "stop"  #: to end what the rig does: open to every client
 
@@ -48,7 +48,7 @@ def check_name(name: str, what: str = "name") -> str:
     if _NAME.fullmatch(name) is None:
         raise Refusal(
             Code.BAD_REQUEST,
-            f"the {what} {name[:MAX_NAME]!r} cannot stand in a key",
+            f"the {what} {name[:MAX_NAME]!r} is not allowed in a key",
             hint=f"use 1 to {MAX_NAME} of A-Z a-z 0-9 . _ -",
         )
     return name

@@ -7,7 +7,7 @@ from typing import Final
 #: Version of the protocol, in every message as ``v``. Any change of a message raises it.
 VERSION: Final = 1
 
-#: Bytes of a request: ten times the longest procedure we ship, which travels inside `start`.
+#: Bytes of a request: ten times the longest shipped procedure, which `start` contains.
 MAX_REQUEST_BYTES: Final = 64 * 1024
 #: Bytes of a reply, a publication or a frame; a piece of a file in base64 takes a third of it.
 MAX_MESSAGE_BYTES: Final = 1024 * 1024
@@ -19,7 +19,7 @@ MAX_DEPTH: Final = 16
 MAX_NAME: Final = 64
 #: Characters of the name of a client's user.
 MAX_USER: Final = 64
-#: Characters of a line or a few for a person.
+#: Characters of a text for a person, of one or several lines.
 MAX_TEXT: Final = 4000
 #: Points and channels of a frame.
 MAX_FRAME_POINTS: Final = 4096

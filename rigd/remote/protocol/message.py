@@ -28,14 +28,14 @@ from rigd.remote.protocol.limits import (
 from rigd.remote.protocol.refusal import Code, Refusal
 from rigd.sdk import Documented
 
-#: A part of a key: no character that zenoh, a shell or a path reads as anything but itself.
+#: A part of a key: no character with a special meaning for zenoh, a shell or a path.
 Name = Annotated[str, StringConstraints(pattern=rf"^[A-Za-z0-9._-]{{1,{MAX_NAME}}}$")]
-#: A line or a few for a person.
+#: A text for a person, of one or several lines.
 Text = Annotated[str, StringConstraints(max_length=MAX_TEXT)]
-#: Such lines from the daemon, whatever some file says: cut, without what UTF-8 has no form for, and
-#: without what steers a terminal.
-Told = Annotated[
-    Text, BeforeValidator(lambda text: _tellable(text) if isinstance(text, str) else text)
+#: Such a text from the daemon: cut to its limit, without characters that UTF-8 cannot encode or
+#: that control a terminal. It may come from any file.
+DaemonText = Annotated[
+    Text, BeforeValidator(lambda text: _printable(text) if isinstance(text, str) else text)
 ]
 #: The name of a client's user, in one line.
 User = Annotated[
@@ -46,11 +46,11 @@ User = Annotated[
 #: The version that a message of its own carries.
 Version = Literal[1]
 
-#: Control characters (Unicode's category Cc) but tab and line feed: a terminal obeys them.
+#: Control characters (Unicode's category Cc), which control a terminal, but tab and line feed.
 _STEERING: Final = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
-#: How much of what is wrong is told.
-_MAX_TOLD: Final = 300
-#: Versions are numbers below this; others are spoilt messages.
+#: Characters of the problems of a message in the refusal.
+_MAX_PROBLEMS: Final = 300
+#: Versions are numbers below this; a message with a larger one is damaged.
 _NO_VERSION: Final = 2**16
 
 
@@ -101,11 +101,11 @@ def check_size(payload: bytes, limit_bytes: int) -> None:
 
 
 def one_line(text: str) -> str:
-    """Return ``text`` with a space for each character that breaks a line or steers a terminal."""
+    """Return ``text`` with a space for each character that ends a line or controls a terminal."""
     return "".join(item if item.isprintable() else " " for item in text)
 
 
-def _tellable(text: str) -> str:
+def _printable(text: str) -> str:
     return _STEERING.sub("?", text[:MAX_TEXT]).encode(errors="replace").decode()
 
 
@@ -113,7 +113,7 @@ def _check_json(payload: bytes) -> None:
     """Refuse JSON that a lenient parser accepts: a repeated key, NaN, infinities, deep nesting."""
     try:
         data = json.loads(
-            payload.decode(),  # of bytes, json would take UTF-16 and UTF-32 too
+            payload.decode(),  # from bytes, json would accept UTF-16 and UTF-32 too
             object_pairs_hook=_without_repeats,
             parse_constant=_finite,
             parse_float=_finite,
@@ -121,7 +121,7 @@ def _check_json(payload: bytes) -> None:
     except RecursionError as error:
         raise _too_deep() from error
     except ValueError as error:
-        raise Refusal(Code.BAD_REQUEST, f"not JSON: {str(error)[:_MAX_TOLD]}") from error
+        raise Refusal(Code.BAD_REQUEST, f"not JSON: {str(error)[:_MAX_PROBLEMS]}") from error
     level = [data]
     for _ in range(MAX_DEPTH):
         level = [
@@ -141,7 +141,7 @@ def _too_deep() -> Refusal:
 def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        raise ValueError("a key stands twice in one object")
+        raise ValueError("a key appears twice in one object")
     return found
 
 
@@ -162,5 +162,5 @@ def _refusal(error: ValidationError) -> Refusal:
                 f"the message is of version {version} of the protocol, here it is {VERSION}",
                 hint="install the same rigd at both ends",
             )
-    told = "; ".join(f"{'.'.join(map(str, item['loc']))}: {item['msg']}" for item in found[:3])
-    return Refusal(Code.BAD_REQUEST, told[:_MAX_TOLD])
+    text = "; ".join(f"{'.'.join(map(str, item['loc']))}: {item['msg']}" for item in found[:3])
+    return Refusal(Code.BAD_REQUEST, text[:_MAX_PROBLEMS])

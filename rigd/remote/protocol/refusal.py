@@ -27,7 +27,7 @@ class Code(Enum):
     INTERNAL = "internal"  #: a bug in the daemon
 
 
-#: Codes that blame the request itself: another one would do.
+#: The codes of an error in the request itself.
 _BAD_INPUT: Final = frozenset(
     {
         Code.BAD_REQUEST,

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Generic, TypeVar
 from pydantic import Field, JsonValue, StringConstraints
 
 from rigd.remote.protocol.limits import MAX_REQUEST_BYTES, VERSION
-from rigd.remote.protocol.message import Message, Told, User, Version, decode, encode
+from rigd.remote.protocol.message import DaemonText, Message, User, Version, decode, encode
 from rigd.remote.protocol.refusal import Code, Refusal
 
 #: 16 random bytes; unique among all requests ever made.
@@ -44,14 +44,14 @@ class Error(Message):
     """Why a request was not carried out."""
 
     code: Code
-    message: Told
-    hint: Told | None = None
+    message: DaemonText
+    hint: DaemonText | None = None
 
 
 class ErrorReply(Message):
     """A request that was not carried out; of the same form in every version to come.
 
-    So a client that is older or newer than the daemon still reads why.
+    So a client that is older or newer than the daemon can read the reason.
     """
 
     v: Annotated[int, Field(ge=1)]

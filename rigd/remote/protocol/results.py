@@ -19,7 +19,7 @@ from rigd.remote.protocol.limits import (
     MAX_REQUEST_BYTES,
     RENEW_S,
 )
-from rigd.remote.protocol.message import Message, Name, Told
+from rigd.remote.protocol.message import DaemonText, Message, Name
 from rigd.remote.protocol.roles import Role
 from rigd.remote.protocol.status import ActionName, Count, Nanoseconds, RigEvent
 
@@ -30,14 +30,14 @@ PriorityName = Literal["low", "medium", "high", "critical"]
 class ChannelView(Message):
     """A channel of a stream."""
 
-    name: Told
-    unit: Told
+    name: DaemonText
+    unit: DaemonText
     """SI; values come in it."""
-    doc: Told = ""
+    doc: DaemonText = ""
     low: float | None = None
     """The range that the device can measure."""
     high: float | None = None
-    raw_of: Told | None = None
+    raw_of: DaemonText | None = None
 
 
 class StreamView(Message):
@@ -53,9 +53,9 @@ class StreamView(Message):
 class SetpointView(Message):
     """A setpoint with the limits of the rig file."""
 
-    name: Told
+    name: DaemonText
     """`device.setpoint`."""
-    unit: Told
+    unit: DaemonText
     low: float
     high: float
     rate: float | None = None
@@ -66,14 +66,14 @@ class SetpointView(Message):
 class InterlockView(Message):
     """An interlock as the rig file has it; a bound is a value in SI or the name of a channel."""
 
-    name: Told
-    source: Told
+    name: DaemonText
+    source: DaemonText
     low: float | str | None = None
     high: float | str | None = None
     action: ActionName
     priority: PriorityName
     latch: bool
-    message: Told
+    message: DaemonText
 
 
 class ActionView(Message):
@@ -81,7 +81,7 @@ class ActionView(Message):
 
     device: FileWord
     action: FileWord
-    doc: Told = ""
+    doc: DaemonText = ""
 
 
 class Sizes(Message):
@@ -100,7 +100,7 @@ class Description(Message):
     """`describe`: the data that do not change while the daemon runs."""
 
     rig: Name
-    title: Told
+    title: DaemonText
     simulated: bool
     streams: tuple[StreamView, ...]
     setpoints: tuple[SetpointView, ...] = ()
@@ -116,10 +116,10 @@ class ProcedureLine(Message):
     """A procedure of the daemon."""
 
     name: FileWord
-    title: Told = ""
+    title: DaemonText = ""
     sha256: Sha256 | None = None
     """None if the file is wrong."""
-    problem: Told | None = None
+    problem: DaemonText | None = None
     """Why it cannot run on this rig."""
 
 
@@ -133,14 +133,14 @@ class ParameterView(Message):
     """A parameter of a procedure: a word if it has choices, else a quantity."""
 
     name: FileWord
-    doc: Told
-    unit: Told = "1"
+    doc: DaemonText
+    unit: DaemonText = "1"
     """In which people read it."""
-    choices: tuple[Told, ...] = ()
-    default: Told | None = None
+    choices: tuple[DaemonText, ...] = ()
+    default: DaemonText | None = None
     """As the author wrote it; None: the sweep gives it, or a person must."""
-    min: Told | None = None
-    max: Told | None = None
+    min: DaemonText | None = None
+    max: DaemonText | None = None
     swept: bool = False
     """Whether the sweep gives it; a value set by hand takes the place of the sweep."""
 
@@ -149,8 +149,8 @@ class ProcedureView(Message):
     """`procedure`: its file, and the data for its form."""
 
     procedure: ProcedureFile
-    title: Told
-    doc: Told
+    title: DaemonText
+    doc: DaemonText
     parameters: tuple[ParameterView, ...]
     on_client_loss: Literal["continue", "finish_trial", "stop"]
 
@@ -158,8 +158,8 @@ class ProcedureView(Message):
 class ProblemView(Message):
     """A problem of a procedure and its place; line and column count from 1."""
 
-    message: Told
-    hint: Told | None = None
+    message: DaemonText
+    hint: DaemonText | None = None
     line: int | None = None
     column: int | None = None
 
@@ -177,10 +177,10 @@ class StepView(Message):
     """A step of a dry run, over all trials."""
 
     block: Literal["prepare", "trial", "after", "finish"]
-    name: Told
-    setpoints: tuple[Told, ...] = ()
+    name: DaemonText
+    setpoints: tuple[DaemonText, ...] = ()
     """A line each; values that the sweep varies are given as a range."""
-    ends: tuple[Told, ...] = ()
+    ends: tuple[DaemonText, ...] = ()
     """The end conditions, a line each."""
     played: Count
     shortest_s: float
@@ -190,13 +190,13 @@ class StepView(Message):
 class PeakView(Message):
     """The predicted extremes of a channel beside its limits, in SI."""
 
-    channel: Told
-    unit: Told
+    channel: DaemonText
+    unit: DaemonText
     lowest: float | None
     highest: float | None
     low: float | None
     high: float | None
-    limit_by: Told
+    limit_by: DaemonText
     inside: bool
 
 
@@ -208,15 +208,15 @@ class DryRun(Message):
     trials: Count
     steps: tuple[StepView, ...] = ()
     peaks: tuple[PeakView, ...] = ()
-    refusals: tuple[Told, ...] = ()
+    refusals: tuple[DaemonText, ...] = ()
 
 
 class RunLine(Message):
     """A recording."""
 
     run: RunName
-    procedure: Told
-    state: Told
+    procedure: DaemonText
+    state: DaemonText
     """How it ended."""
     started_ns: Nanoseconds
     """When it began, by the calendar; of a run in virtual time, when its file was made."""
@@ -231,7 +231,7 @@ class RunLine(Message):
     """Whether the page of the run is there, and as new as the recording."""
     identifies: bool
     """Whether its procedure has an analysis."""
-    problem: Told | None = None
+    problem: DaemonText | None = None
     """Why it cannot be read."""
 
 
@@ -311,7 +311,7 @@ class Reported(Message):
 class ActionReply(Message):
     """`act`."""
 
-    said: Told
+    said: DaemonText
     """The reply of the device."""
 
 

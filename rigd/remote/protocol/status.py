@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, JsonValue
 
-from rigd.remote.protocol.message import Message, Name, Told, User, Version
+from rigd.remote.protocol.message import DaemonText, Message, Name, User, Version
 
 Count = Annotated[int, Field(ge=0)]
 Nanoseconds = Annotated[int, Field(ge=0, lt=2**63)]
@@ -28,7 +28,7 @@ ActionName = Literal["warn", "end_trial", "stop", "abort", "estop"]
 class Daemon(Message):
     """The process of the daemon."""
 
-    version: Told
+    version: DaemonText
     pid: Count
     started_ns: Nanoseconds
     descriptors: Count = 0
@@ -48,7 +48,7 @@ class TrialStatus(Message):
     repeat: Count
     parameters: dict[str, float | str | bool]
     """Quantities in SI."""
-    label: Told = ""
+    label: DaemonText = ""
     """Its difference from other trials, for people: ``current 0.15 A, repeat 2``."""
 
 
@@ -57,17 +57,17 @@ class PromptView(Message):
 
     id: Count
     """Each time a prompt is put, it has an id of its own."""
-    name: Told
-    text: Told
+    name: DaemonText
+    text: DaemonText
     kind: Literal["confirm", "number", "choice", "text"]
-    unit: Told = "1"
+    unit: DaemonText = "1"
     """Of a number; the answer, `low` and `high` are in SI."""
     low: float | None = None
     high: float | None = None
-    choices: tuple[Told, ...] = ()
+    choices: tuple[DaemonText, ...] = ()
     answer: float | str | bool | None = None
     """The procedure's own answer."""
-    objection: Told = ""
+    objection: DaemonText = ""
     """The reason against the previous answer."""
 
 
@@ -104,9 +104,9 @@ class LeaseView(Message):
 class TripView(Message):
     """An interlock that has acted."""
 
-    interlock: Told
+    interlock: DaemonText
     action: ActionName
-    message: Told
+    message: DaemonText
     since_ns: Nanoseconds
     latched: bool
     """Whether it waits for a person to acknowledge it."""
@@ -116,8 +116,8 @@ class TripView(Message):
 class Interrupted(Message):
     """A run that ended before its last trial; `resume_run` goes on with it."""
 
-    run: Told
-    reason: Told
+    run: DaemonText
+    reason: DaemonText
     trials_done: Count
     trials_total: Count
 
@@ -125,9 +125,9 @@ class Interrupted(Message):
 class LastRun(Message):
     """How the last run ended."""
 
-    run: Told
-    ending: Told
-    reason: Told
+    run: DaemonText
+    ending: DaemonText
+    reason: DaemonText
     exit_code: Count
     """As `rigd run` would have exited."""
     recorded: bool = True
@@ -148,7 +148,7 @@ class OperatorNotice(Message):
 
     t_ns: Nanoseconds
     level: Literal["info", "warning", "error"]
-    text: Told
+    text: DaemonText
 
 
 class Status(Message):
@@ -156,17 +156,17 @@ class Status(Message):
 
     v: Version
     rig: Name
-    title: Told
+    title: DaemonText
     t_ns: Nanoseconds
     """Its time, in ns since the Unix epoch."""
     seq: Count
     """Counts the status messages of this daemon."""
     daemon: Daemon
     state: State
-    procedure: Told | None = None
-    run: Told | None = None
+    procedure: DaemonText | None = None
+    run: DaemonText | None = None
     """File name of the recording under way."""
-    step: Told | None = None
+    step: DaemonText | None = None
     trial: TrialStatus | None = None
     trials_done: Count = 0
     trials_total: Count = 0
@@ -191,7 +191,7 @@ class RigEvent(Message):
     seq: Count
     """Counts the events of this daemon: a gap is a missed event, which `events` returns."""
     t_ns: Nanoseconds
-    kind: Told
+    kind: DaemonText
     trial: int = -1
     """-1 outside of every trial."""
     data: dict[str, JsonValue] = Field(default_factory=dict)

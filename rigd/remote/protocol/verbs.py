@@ -69,7 +69,7 @@ class Lane(Enum):
     LONG = "long"  #: calculated: dry runs and reports
 
 
-#: How long a client waits for a reply before it takes it for lost, in s.
+#: How long a client waits for a reply, in s; after that the reply counts as lost.
 PATIENCE_S: Final[Mapping[Lane, float]] = {
     Lane.STOP: 2.0,
     Lane.ASK: 2.0,
@@ -111,7 +111,8 @@ class VerbRule:
     audited: bool = True
 
 
-#: What carries out a verb. It raises :class:`Refusal`, or another error of rigd's, if it cannot.
+#: A function that carries out a verb. It raises :class:`Refusal`, or another error of rigd's, if it
+#: cannot.
 Handler: TypeAlias = Callable[[Requester, A], R]
 
 _ASK = VerbRule(Kind.ASK, Lane.ASK)
@@ -145,7 +146,7 @@ class Handlers:
     fetch: Annotated[Handler[PieceArguments, PieceView], _FILES]
 
     lease_take: Annotated[Handler[NoArguments, LeaseView], _LEASE]
-    # At any age: a clock that is set must not end the run of a client that is there.
+    # At any age: a clock that is set must not take the lease from a connected client.
     lease_renew: Annotated[
         Handler[NoArguments, LeaseView], replace(_LEASE, repeatable=True, audited=False)
     ]

@@ -41,14 +41,14 @@ from rigd.config.remote import Endpoint
 
 _log = logging.getLogger(__name__)
 
-#: So many connections may be unauthenticated at once; accepting goes on when so few are left, which
-#: zenoh needs 1.6 s for where all of them fail.
+#: So many connections may be unauthenticated at once; accepting goes on when so few are left, after
+#: 1.6 s if all of them fail.
 MOST_UNAUTHENTICATED: Final = 32
 FEW_UNAUTHENTICATED: Final = 16
-#: The kernel keeps a connection that sends nothing for so long; it costs no descriptor. A client
-#: sends at once.
+#: The kernel keeps a connection that sends nothing for so long, in s, which needs no descriptor. A
+#: client of rigd sends at once.
 _SILENT_S: Final = 30
-#: How often it is looked whether accepting can go on, in s.
+#: How often to check whether accepting can go on, in s.
 _LOOK_S: Final = 0.05
 #: Options of sockets <asm-generic/socket.h>, and the filter that drops everything: `ret #0`
 #: (socket(7), "SO_ATTACH_FILTER"; Linux applies it to the packets of a listening socket too).
@@ -77,7 +77,7 @@ class Admission:
         self._paused = False
         self._modes_refused = 0
         self._closing = threading.Event()
-        self._news = -1  # an eventfd(2): a client has opened a session, or this closes
+        self._wake = -1  # an eventfd(2): a client has opened a session, or this closes
         self._opened: zenoh.TransportEventsListener[None] | None = None
         self._thread = threading.Thread(target=self._work, name="admission", daemon=True)
 
@@ -86,8 +86,8 @@ class Admission:
         found = [item.fileno() for item, listens in self._sockets() if listens]
         # Not socket.dup(): it lets both block, and zenoh's must not.
         self._listening = [os.dup(number) for number in found]
-        self._news = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
-        self._opened = self._session.info.declare_transport_events_listener(self._came)
+        self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
+        self._opened = self._session.info.declare_transport_events_listener(self._on_transport)
         self._set(socket.IPPROTO_TCP, socket.TCP_DEFER_ACCEPT, _SILENT_S)
         self._thread.start()
 
@@ -98,9 +98,9 @@ class Admission:
             return
         self._opened.undeclare()
         self._opened = None
-        os.eventfd_write(self._news, 1)  # which wakes the thread
+        os.eventfd_write(self._wake, 1)  # wakes the thread
         self._thread.join()
-        for number in (*self._listening, self._news):
+        for number in (*self._listening, self._wake):
             os.close(number)
         self._listening = []
 
@@ -123,7 +123,7 @@ class Admission:
     def refuse_waiting(self) -> int:
         """End the connections that zenoh has not accepted yet, and return their number.
 
-        Its listener cannot: it checks no others while one of them waits.
+        zenoh cannot end them itself: it does not check its connections while one waits.
         """
         refused = 0
         for item, listens in self._sockets():
@@ -137,12 +137,12 @@ class Admission:
         return refused
 
     def _work(self) -> None:
-        with select.epoll() as came:
+        with select.epoll() as poll:
             for number in self._listening:
-                came.register(number, select.EPOLLIN | select.EPOLLET)
-            came.register(self._news, select.EPOLLIN | select.EPOLLET)
+                poll.register(number, select.EPOLLIN | select.EPOLLET)
+            poll.register(self._wake, select.EPOLLIN | select.EPOLLET)
             while not self._closing.is_set():
-                came.poll(_LOOK_S if self._paused else 10 * _LOOK_S)
+                poll.poll(_LOOK_S if self._paused else 10 * _LOOK_S)
                 try:
                     self._look()
                     self._refuse_modes()
@@ -171,13 +171,13 @@ class Admission:
                 if found is not None:
                     found.setsockopt(level, option, value)
 
-    def _came(self, event: zenoh.TransportEvent) -> None:
-        """A client has opened a session, or ended it; on a thread of zenoh's."""
+    def _on_transport(self, event: zenoh.TransportEvent) -> None:
+        """Wake the thread after a session was opened or ended; on a thread of zenoh's."""
         if event.transport.whatami != zenoh.WhatAmI.CLIENT:
-            os.eventfd_write(self._news, 1)
+            os.eventfd_write(self._wake, 1)
 
     def _refuse_modes(self) -> None:
-        """End the connections of those that do not come as clients."""
+        """End the connections of sessions that are not in zenoh's client mode."""
         info = self._session.info
         others = [
             transport.zid
@@ -191,8 +191,8 @@ class Admission:
             if not listens and (peer := _peer(item)) in theirs:
                 with suppress(OSError):  # it has gone by itself
                     item.shutdown(socket.SHUT_RDWR)
-                if not self._modes_refused:  # they come again each second
-                    _log.warning("%s came as a router or a peer, not as a client: refused", peer)
+                if not self._modes_refused:  # they connect again each second
+                    _log.warning("%s connected as a router or a peer: refused", peer)
                 self._modes_refused += 1
 
     def _clients(self) -> frozenset[str]:

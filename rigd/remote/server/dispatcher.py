@@ -124,69 +124,69 @@ class Dispatcher:
         self._refused.count(key, refusal)
         return StoredReply(False, encode_refusal(request_id, refusal))
 
-    def answer(self, letter: RoutedRequest) -> StoredReply:
+    def answer(self, routed: RoutedRequest) -> StoredReply:
         """Carry out a request."""
         request_id = ""
         try:
-            request = decode(request_kind(letter.verb.arguments), letter.payload)
+            request = decode(request_kind(routed.verb.arguments), routed.payload)
             request_id = request.id
-            if letter.address.kind is Kind.ASK or letter.verb.rule.repeatable:
-                return self._carry_out(letter, request)
-            return self._once(letter, request)
+            if routed.address.kind is Kind.ASK or routed.verb.rule.repeatable:
+                return self._carry_out(routed, request)
+            return self._once(routed, request)
         except Refusal as refusal:
-            if refusal.code is Code.VERSION and letter.address.kind is Kind.STOP:
-                refusal = self._stop_unread(letter, refusal)
-            return self.refuse(letter.key, refusal, request_id)
+            if refusal.code is Code.VERSION and routed.address.kind is Kind.STOP:
+                refusal = self._stop_unread(routed, refusal)
+            return self.refuse(routed.key, refusal, request_id)
         except Exception:  # noqa: BLE001 - as below: the thread that answers must not end
-            return self._bug(letter, request_id)
+            return self._bug(routed, request_id)
 
-    def _once(self, letter: RoutedRequest, request: RemoteRequest[Message]) -> StoredReply:
+    def _once(self, routed: RoutedRequest, request: RemoteRequest[Message]) -> StoredReply:
         """Carry out a verb that changes something, unless it was carried out already.
 
-        A stop is accepted whatever the clocks show and however many stops came before it.
+        A stop is accepted at any age and after any number of stops.
         """
-        memory = self._requests[letter.verb.rule.lane]
-        identity = letter.address.identity
-        digest = hashlib.sha256(letter.key.encode() + b"\0" + letter.payload).digest()
+        memory = self._requests[routed.verb.rule.lane]
+        identity = routed.address.identity
+        digest = hashlib.sha256(routed.key.encode() + b"\0" + routed.payload).digest()
         answer = memory.recall(identity, request.id, digest)
         if answer is None:
-            if letter.address.kind is not Kind.STOP:
+            if routed.address.kind is not Kind.STOP:
                 memory.admit(identity, request.sent_ns)
-            answer = self._carry_out(letter, request)
+            answer = self._carry_out(routed, request)
             memory.remember(identity, request.id, digest, answer)
         return answer
 
-    def _carry_out(self, letter: RoutedRequest, request: RemoteRequest[Message]) -> StoredReply:
+    def _carry_out(self, routed: RoutedRequest, request: RemoteRequest[Message]) -> StoredReply:
         try:
-            requester = Requester(letter.address.identity, request.user, letter.role)
-            if letter.verb.rule.needs_lease:
+            requester = Requester(routed.address.identity, request.user, routed.role)
+            if routed.verb.rule.needs_lease:
                 self._lease.check(requester.client)
-            result = self._service.answer(letter.verb, requester, request.args)
+            result = self._service.answer(routed.verb, requester, request.args)
             return StoredReply(True, encode_reply(request.id, as_json(result)))
         except Refusal as refusal:
-            return self.refuse(letter.key, refusal, request.id)
+            return self.refuse(routed.key, refusal, request.id)
         except RigdError as error:
             refused = Refusal(Code.REFUSED, error.message, hint=error.hint)
-            return self.refuse(letter.key, refused, request.id)
-        except Exception:  # noqa: BLE001 - told to the client and logged; the daemon lives on
-            return self._bug(letter, request.id)
+            return self.refuse(routed.key, refused, request.id)
+        except Exception:  # noqa: BLE001 - reported to the client and logged; the daemon goes on
+            return self._bug(routed, request.id)
 
-    def _stop_unread(self, letter: RoutedRequest, refusal: Refusal) -> Refusal:
+    def _stop_unread(self, routed: RoutedRequest, refusal: Refusal) -> Refusal:
         """Carry out a stop of another version: its key contains all required data.
 
         The reply has the form that every version can read.
         """
-        requester = Requester(letter.address.identity, role=letter.role)
+        requester = Requester(routed.address.identity, role=routed.role)
         reason = ReasonArguments(reason="asked for in another version of the protocol")
-        self._service.answer(letter.verb, requester, reason)
-        done = f"{letter.verb.name}: carried out; {refusal.message}"
+        self._service.answer(routed.verb, requester, reason)
+        done = f"{routed.verb.name}: carried out; {refusal.message}"
         return Refusal(refusal.code, done, hint=refusal.hint)
 
-    def _bug(self, letter: RoutedRequest, request_id: str) -> StoredReply:
-        _log.exception("%s failed", letter.key)
+    def _bug(self, routed: RoutedRequest, request_id: str) -> StoredReply:
+        _log.exception("%s failed", routed.key)
         bug = Refusal(
             Code.INTERNAL,
-            f"{letter.address.verb} failed in the daemon",
-            hint="its log says why; this is a bug",
+            f"{routed.address.verb} failed in the daemon",
+            hint="its log has the reason; this is a bug",
         )
-        return self.refuse(letter.key, bug, request_id)
+        return self.refuse(routed.key, bug, request_id)

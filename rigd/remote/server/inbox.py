@@ -9,7 +9,7 @@ import threading
 from collections import OrderedDict, deque
 from typing import Final, Generic, TypeVar
 
-#: Requests of one identity that may wait; a client of ours has one at a time under way.
+#: Requests of one identity that may wait; a client of rigd has one in progress at a time.
 MAX_WAITING: Final = 8
 #: Identities whose requests may wait at once.
 MAX_SENDERS: Final = 64
@@ -56,7 +56,7 @@ class Inbox(Generic[T]):
             sender, queue = self._waiting.popitem(last=False)
             item = queue.popleft()
             if queue:
-                self._waiting[sender] = queue  # behind everybody else
+                self._waiting[sender] = queue  # behind all other senders
             return item
 
     def close(self) -> list[T]:

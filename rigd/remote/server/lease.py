@@ -122,7 +122,7 @@ class Lease:
         with self._lock:
             self._expire()
             if self._held is None:
-                raise Refusal(Code.CONFLICT, "nobody has the control lease", hint="take it")
+                raise Refusal(Code.CONFLICT, "no client has the control lease", hint="take it")
             if self._held.holder == client:
                 raise Refusal(Code.CONFLICT, "the control lease is already yours")
             if client not in self._asking and len(self._asking) >= MAX_ASKING:
@@ -133,7 +133,8 @@ class Lease:
     def give(self, client: ClientUser, to: ClientUser) -> LeaseView:
         """Hand the lease of ``client`` over.
 
-        To a user, if that user has asked; to a client alone, or its first user that has asked.
+        If ``to`` names a user, that user must have asked. If it names a client alone, the first
+        user of the client that has asked gets the lease, or the client itself.
 
         Raises:
             Refusal: ``client`` does not hold the lease, or ``to`` may not.
@@ -169,7 +170,7 @@ class Lease:
         if self._held is None:
             raise Refusal(
                 Code.NO_LEASE,
-                "this needs the control lease, which nobody has",
+                "this needs the control lease, which no client has",
                 hint="take control first (at a terminal: `rigd remote lease take`)",
             )
         if self._held.holder != client:
@@ -191,7 +192,7 @@ class Lease:
         self._expire()
         held = self._held
         if held is None:
-            return LeaseView()  # anybody may take it: nobody is asked
+            return LeaseView()  # the lease is free: no client need ask for it
         until_ns = self._wall() + held.until_ns - self._clock()
         return LeaseView(holder=held.holder, until_ns=until_ns, asked_by=tuple(self._asking))
 

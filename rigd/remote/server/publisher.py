@@ -12,8 +12,8 @@ from rigd.remote.protocol import Keys, RigEvent, Status, encode
 class RigPublisher:
     """Publishes on the keys of one rig; any thread may publish.
 
-    Messages are dropped instead of waited for: the next status follows within half a second, a gap
-    in the numbers of events shows a lost event, which can be requested; so does a lost frame.
+    Messages are dropped rather than delayed. The next status follows within half a second. A gap in
+    the numbers of events or frames shows a loss; a client can request lost events.
     """
 
     def __init__(self, session: zenoh.Session, keys: Keys) -> None:
@@ -31,12 +31,12 @@ class RigPublisher:
         return self._newest_status
 
     def status(self, status: Status) -> None:
-        """Publish the state of everything; :meth:`Server.tell` keeps the newest last."""
+        """Publish the state of everything; :meth:`Server.publish_status` keeps the newest last."""
         self._newest_status = encode(status)
         self._status.put(self._newest_status)
 
     def event(self, event: RigEvent) -> None:
-        """Publish something that happened."""
+        """Publish an event."""
         self._event.put(encode(event))
 
     def frame(self, stream: str, frame: bytes) -> None:

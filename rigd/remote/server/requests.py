@@ -57,7 +57,7 @@ class Requests:
         self._done: dict[str, OrderedDict[str, _Done]] = {}  # by identity and id, oldest first
 
     def recall(self, identity: str, request_id: str, digest: bytes) -> StoredReply | None:
-        """Return the answer that this request was given before, or None if it is new.
+        """Return the stored answer to this request, or None if it is new.
 
         ``digest`` is of its key and its bytes.
 
@@ -71,7 +71,7 @@ class Requests:
         if done.digest != digest:
             raise Refusal(
                 Code.REPLAYED,
-                f"the id {request_id} was another request's",
+                f"another request had the id {request_id}",
                 hint="make a new id for each request",
             )
         return done.answer
@@ -94,8 +94,8 @@ class Requests:
         if age_ns > self._clock() - self._since_ns:
             raise Refusal(
                 Code.REPLAYED,
-                "the request is older than this daemon; one before it may have carried it out",
-                hint="look at the status, then make a new one",
+                "the request is older than this daemon; an earlier daemon may have carried it out",
+                hint="look at the status, then make a new request",
             )
         self._forget()
         mine = self._done.get(identity)

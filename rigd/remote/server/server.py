@@ -40,21 +40,21 @@ from rigd.remote.server.service import Service
 
 _log = logging.getLogger(__name__)
 
-#: A request that is answered within moments takes longer only if its thread hangs, in s.
+#: In these lanes a reply takes longer than this only if the thread hangs, in s.
 _STUCK_S: Final = 10.0
 _QUICK: Final = frozenset({Lane.STOP, Lane.LEASE, Lane.ASK})
 #: The lanes whose threads never rest.
 _NEVER_RESTING: Final = frozenset({Lane.STOP, Lane.LEASE})
-#: Any other thread that is behind rests so many times as long as it has computed, and at most so
-#: long, in s. All threads share the interpreter's lock: a thread that answers a flood without a
-#: rest keeps it from the thread of a stop.
+#: In any other lane with waiting requests, the thread sleeps after each request: so many times as
+#: long as it has computed, and at most so long, in s. All threads share the interpreter's lock: a
+#: thread that answers a flood without a pause would delay a stop.
 _REST: Final = 4.0
 _LONGEST_REST_S: Final = 0.1
-#: How long closing waits for a request under way; a dry run may take longer, and is left alone.
+#: How long closing waits for requests in progress, in s; a longer one, such as a dry run, goes on.
 _LAST_REQUEST_S: Final = 2.0
 
-#: So many names of clients are remembered, the newest.
-_MOST_HEARD: Final = 256
+#: So many names of clients are stored, the newest.
+_MAX_REQUESTERS: Final = 256
 
 #: The place in zenoh's source that found an error: of no use in a message.
 _IN_SOURCE: Final = re.compile(r" at /\S+\.rs:\d+\.?")
@@ -89,7 +89,7 @@ def working_for(connected: Callable[[], bool]) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class _Waiting:
-    letter: RoutedRequest
+    routed: RoutedRequest
     query: zenoh.Query
 
 
@@ -112,9 +112,9 @@ class Server:
         self._inboxes = {lane: Inbox[_Waiting]() for lane in Lane}
         self._closing = threading.Event()
         self._threads: list[threading.Thread] = []
-        self._heard: dict[str, None] = {}  # who has asked for something, the newest last
-        self._begun_s: dict[Lane, float] = {}  # when that under way was begun, monotonic
-        self._telling = threading.Lock()  # of two statuses, the newer one goes out last
+        self._requesters: dict[str, None] = {}  # clients that have sent a request, the newest last
+        self._begun_s: dict[Lane, float] = {}  # when the request in progress began, monotonic
+        self._publishing = threading.Lock()  # of two statuses, the newer one goes out last
         self._declared = ExitStack()  # undone in the reverse order
         self._session = _open(self._keys, setup)
         self.publisher = RigPublisher(self._session, self._keys)
@@ -125,30 +125,30 @@ class Server:
         return self._refused.counts()
 
     def start(self, service: Service) -> None:
-        """Answer requests, publish the status as a heartbeat, and be seen to be alive."""
-        desk = Dispatcher(self._keys, self._setup, service, self._lease, self._refused)
-        self.tell(service)
+        """Answer requests, publish the status as a heartbeat, and declare the liveliness token."""
+        dispatcher = Dispatcher(self._keys, self._setup, service, self._lease, self._refused)
+        self.publish_status(service)
         for lane in Lane:
-            self._thread(f"remote-{lane.value}", partial(self._work, desk, lane))
+            self._thread(f"remote-{lane.value}", partial(self._work, dispatcher, lane))
         self._thread("remote-beat", partial(self._beat, service))
         self._answer(self._keys.status, self._show)
         for kind in Kind:
-            self._answer(self._keys.every_request(kind), partial(self._receive, desk, kind))
+            self._answer(self._keys.every_request(kind), partial(self._receive, dispatcher, kind))
         self.admission.watch()
         token = self._session.liveliness().declare_token(self._keys.alive)
         self._declared.callback(token.undeclare)
 
-    def tell(self, service: Service) -> None:
+    def publish_status(self, service: Service) -> None:
         """Publish the status now; if that fails, it is logged."""
         try:
-            with self._telling:
+            with self._publishing:
                 self.publisher.status(service.status())
         except Exception:  # noqa: BLE001 - without the heartbeat, clients take it for dead
-            _log.exception("the status cannot be told")
+            _log.exception("the status cannot be published")
 
-    def knows(self, identity: str) -> bool:
+    def has_requested(self, identity: str) -> bool:
         """Return whether a client of that name has asked for anything since the daemon started."""
-        return identity in self._heard
+        return identity in self._requesters
 
     @property
     def hangs(self) -> str:
@@ -184,7 +184,7 @@ class Server:
             for thread in self._threads:
                 thread.join(max(0.0, deadline_s - time.monotonic()))
         finally:
-            self._session.close()  # left open, its threads would keep the process from ending
+            self._session.close()  # its threads would keep the process from ending
 
     def __enter__(self) -> Self:
         return self
@@ -201,46 +201,46 @@ class Server:
         queryable = self._session.declare_queryable(key, callback, complete=True)
         self._declared.callback(queryable.undeclare)
 
-    def _receive(self, desk: Dispatcher, kind: Kind, query: zenoh.Query) -> None:
+    def _receive(self, dispatcher: Dispatcher, kind: Kind, query: zenoh.Query) -> None:
         """Sort a request; runs on a thread of zenoh's for each kind, so it must be quick."""
         begun_s = time.thread_time()
-        if not self._sort(desk, query) and kind is not Kind.STOP:
+        if not self._sort(dispatcher, query) and kind is not Kind.STOP:
             _rest(begun_s)
 
-    def _sort(self, desk: Dispatcher, query: zenoh.Query) -> bool:
+    def _sort(self, dispatcher: Dispatcher, query: zenoh.Query) -> bool:
         """Put a request into its inbox; return False if it was refused."""
         key = str(query.key_expr)
         payload = b"" if query.payload is None else query.payload.to_bytes()
         try:
-            letter = desk.sort(key, payload)
+            routed = dispatcher.sort(key, payload)
         except Refusal as refusal:
-            _reply(query, key, desk.refuse(key, refusal))
+            _reply(query, key, dispatcher.refuse(key, refusal))
             return False
-        self._note(letter.address.identity)
-        if not self._inboxes[letter.verb.rule.lane].put(
-            letter.address.identity, _Waiting(letter, query)
+        self._note(routed.address.identity)
+        if not self._inboxes[routed.verb.rule.lane].put(
+            routed.address.identity, _Waiting(routed, query)
         ):
             _reply(query, key, _BUSY)
             return False
         return True
 
     def _note(self, identity: str) -> None:
-        self._heard.pop(identity, None)
-        self._heard[identity] = None
-        while len(self._heard) > _MOST_HEARD:
-            del self._heard[next(iter(self._heard))]
+        self._requesters.pop(identity, None)
+        self._requesters[identity] = None
+        while len(self._requesters) > _MAX_REQUESTERS:
+            del self._requesters[next(iter(self._requesters))]
 
     def _show(self, query: zenoh.Query) -> None:
-        """Give the newest status to a client that comes late; on zenoh's thread."""
+        """Send the newest status to a client that has just connected; on zenoh's thread."""
         _reply(query, self._keys.status, StoredReply(True, self.publisher.newest_status))
 
-    def _work(self, desk: Dispatcher, lane: Lane) -> None:
+    def _work(self, dispatcher: Dispatcher, lane: Lane) -> None:
         inbox = self._inboxes[lane]
         while (waiting := inbox.take()) is not None:
             self._begun_s[lane], begun_s = time.monotonic(), time.thread_time()
             with working_for(partial(self._is_connected, waiting.query)):
-                answer = desk.answer(waiting.letter)
-            _reply(waiting.query, waiting.letter.key, answer)
+                answer = dispatcher.answer(waiting.routed)
+            _reply(waiting.query, waiting.routed.key, answer)
             del self._begun_s[lane]
             if inbox.has_items and lane not in _NEVER_RESTING:
                 _rest(begun_s)
@@ -254,12 +254,12 @@ class Server:
 
     def _beat(self, service: Service) -> None:
         while not self._closing.wait(HEARTBEAT_S):
-            self.tell(service)
+            self.publish_status(service)
 
 
 def _open(keys: Keys, setup: RemoteSetup) -> zenoh.Session:
     if setup.tls is not None:
-        check_usable(setup.tls)  # zenoh would listen all the same, and every client turn away
+        check_usable(setup.tls)  # with unusable files zenoh listens, but no client can connect
     try:
         return open_server(server_config(keys, setup))
     except zenoh.ZError as error:

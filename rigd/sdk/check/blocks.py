@@ -18,15 +18,15 @@ from rigd.sdk.check.rows import beyond_range
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.driver import Block, BlockDriver
 
-#: open() may take seconds, and wait for a device that does not answer.
+#: Time limit of open(), in s: it may wait for a device that does not answer.
 OPEN_S: Final = 30.0
-#: The time-out given to read_block, and the room it is given above that, in s.
+#: The time-out given to read_block, and how much longer it may take, in s.
 TIMEOUT_S: Final = 0.2
 ROOM_S: Final = 1.0
 #: Blocks of the measurements, and how long they may take, in s.
 BLOCKS: Final = 5
 BLOCKS_S: Final = 5.0
-#: What read_block may still give after the device is dead, in s: what was buffered.
+#: For so long after the device is dead, read_block may still return buffered rows, in s.
 TAIL_S: Final = 1.0
 
 
@@ -212,7 +212,7 @@ def _not_there(subject: Subject) -> Iterator[str]:
             yield f"close() after that raises {described(closed.error)}"
 
 
-#: The first decides whether there is anything to examine.
+#: If the first rule is broken, the others are not checked.
 RULES: Final = (
     Rule(
         "opens and starts",

@@ -14,11 +14,11 @@ from rigd.sdk.driver import Driver
 from rigd.sdk.link import Link
 from rigd.sdk.plant import Plant
 
-#: open() may take seconds, and wait for a device that does not answer.
+#: Time limit of open(), in s: it may wait for a device that does not answer.
 OPEN_S: Final = 30.0
-#: Longest call of a cycle that is put down to the machine, in s.
+#: A call of a cycle that takes no longer is no error of the driver: the machine may stall, in s.
 STALL_S: Final = 1.0
-#: Enabling a drive passes through states, a cycle or more each, in s.
+#: Time limit for enabling a drive, in s: it passes through states, a cycle or more each.
 READY_S: Final = 10.0
 #: Time from one cycle to the next, in s.
 PERIOD_S: Final = 0.002
@@ -51,7 +51,7 @@ class Bench:
         return outcome.value
 
     def open(self) -> CallOutcome:
-        """Open the link, where there is one, then the driver."""
+        """Open the link, if there is one, then the driver."""
         if isinstance(self.link, Link):
             opened = self.call(self.link.open, OPEN_S)
             if opened.error is not None:
@@ -132,5 +132,5 @@ def bench(subject: Subject, *, opened: bool = True) -> Iterator[Bench]:
                     raise UnfitSubject(f"open raises {described(outcome.error)}")
             yield found
         finally:
-            found.call(found.driver.make_safe)  # whatever they raise: rules of their own look at it
+            found.call(found.driver.make_safe)  # other rules check what they raise
             found.close()

@@ -24,9 +24,9 @@ from rigd.sdk.check.subject import FAILURES, Rule, Subject, described
 CALL_S: Final = 0.005
 #: Cycles of the measurements.
 CYCLES: Final = 100
-#: What read() may still give after the link is dead, in s: what had arrived before.
+#: For so long after the link is dead, read() may still return rows that arrived before, in s.
 TAIL_S: Final = 0.5
-#: Room that a proven watchdog is given above watchdog_s, in s: this machine may stall.
+#: How much longer than watchdog_s a proven watchdog may take, in s: this machine may stall.
 WATCHDOG_ROOM_S: Final = 0.25
 
 
@@ -159,7 +159,7 @@ def _rescue(subject: Subject) -> Iterator[str]:
 
 
 def _lost(fault: str) -> Callable[[Subject], Iterator[str]]:
-    """Return the check of a device that falls silent: no rows, and words at the most."""
+    """Return the check of a device that falls silent: no rows, at most an error with a message."""
 
     def check(subject: Subject) -> Iterator[str]:
         with bench(subject) as found:
@@ -222,7 +222,7 @@ def _not_there(subject: Subject) -> Iterator[str]:
 
 
 def _opens_in_words(fault: str) -> Callable[[Subject], Iterator[str]]:
-    """Return the check of opening a device that answers badly: it ends, in words if it fails."""
+    """Return the check of opening a device with damaged answers: it ends, perhaps with an error."""
 
     def check(subject: Subject) -> Iterator[str]:
         with bench(subject, opened=False) as found:
@@ -236,7 +236,7 @@ def _opens_in_words(fault: str) -> Callable[[Subject], Iterator[str]]:
     return check
 
 
-#: The first decides whether there is anything to examine.
+#: If the first rule is broken, the others are not checked.
 RULES: Final = (
     Rule(
         "opens and arms",
@@ -326,7 +326,7 @@ RULES: Final = (
     ),
     Rule(
         "silent at open",
-        "open() of a device that says nothing ends within 30 s, and raises a LinkError if at all",
+        "open() of a device that sends nothing ends within 30 s, and raises at most a LinkError",
         _opens_in_words("silent"),
         "silent",
     ),

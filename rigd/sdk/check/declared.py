@@ -41,7 +41,7 @@ def _safe_is_said(subject: Subject) -> Iterator[str]:
     moves = cls.write is not Driver.write
     texts = [own, *(own_class_.__doc__ or "" for own_class_ in _own_classes(cls))]
     if moves and not any("safe" in text.lower() for text in texts):
-        yield f"{cls.__name__} takes setpoints, and nowhere says what safe means"
+        yield f"{cls.__name__} takes setpoints, and no docstring states what safe means"
 
 
 def _options_documented(subject: Subject) -> Iterator[str]:
@@ -237,8 +237,8 @@ def _own_classes(cls: type[AnyDriver]) -> list[type]:
 CLASS_RULES: Final = (
     Rule("title", "give the class a `title` of one line: what the device is", _title),
     Rule(
-        "safe is said",
-        "say in the docstring of make_safe what it does, and of the class what safe means",
+        "safe is described",
+        "state in the docstring of make_safe what it does, and of the class what safe means",
         _safe_is_said,
     ),
     Rule(

@@ -14,7 +14,7 @@ T = TypeVar("T")
 #: Faults that the suite asks a peer for, by name.
 FAULTS: Final[Mapping[str, str]] = {
     "dead": "the connection is gone, as by a pulled plug",
-    "silent": "it is connected and says nothing",
+    "silent": "it is connected and sends nothing",
     "late": "it answers, but a second or so too late",
     "garbled": "what it sends is damaged",
 }
@@ -36,11 +36,11 @@ class Peer:
                 device.close()
     """
 
-    #: Options of the driver that lead to it, beside those given to the suite.
+    #: Options that give the driver its address, beside those given to the suite.
     options: Mapping[str, Any] = field(default_factory=dict)
-    #: Makes the link that the driver stands on, not opened yet; a plant for a device in process.
+    #: Makes the link of the driver, not opened yet; a plant for a device in process.
     link: Callable[[], Any] = lambda: None
-    #: What begins each of :data:`FAULTS`; those it cannot show are left out.
+    #: Functions that begin each of :data:`FAULTS`, without those that it cannot show.
     faults: Mapping[str, Callable[[], object]] = field(default_factory=dict)
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # drivers are checked without numpy
     import numpy as np
     from numpy.typing import NDArray
 
-#: Time between two looks of the devices, and between two calls of advance(), in ns.
+#: Time between two readings of the devices, and between two calls of advance(), in ns.
 CYCLE_NS: Final = 1_000_000
 #: How long the plant is driven, in cycles.
 CYCLES: Final = 800

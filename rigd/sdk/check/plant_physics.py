@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-#: Share of the energy turned over that is rounding.
+#: Share of the energy turned over that counts as rounding.
 ROUNDING: Final = 1e-9
-#: How much of the reduction of error that the order states must be seen when the step is halved.
-#: The rest is for what the order of a method does not cover: sticking, end stops.
+#: Halving the step must reduce the error by this share of what the order states. The rest allows
+#: for effects that the order of a method does not cover: sticking, end stops.
 SEEN: Final = 1 / 1.6
 
 
@@ -73,7 +73,7 @@ def _balances(subject: PlantSubject) -> Iterator[str]:
         for energy in energies
     ]
     at = max(range(len(excess)), key=lambda cycle: abs(excess[cycle]))
-    if not abs(excess[at]) <= subject.accuracy * whole:  # a NaN is no balance either
+    if not abs(excess[at]) <= subject.accuracy * whole:  # a NaN is a breach too
         word = "created" if excess[at] > 0 else "lost"
         yield (
             f"{abs(excess[at]):.3g} J of {whole:.3g} J are {word} within {at} ms; at most "

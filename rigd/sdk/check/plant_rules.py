@@ -27,9 +27,9 @@ from rigd.sdk.plant import Plant, PlantConfig
 from rigd.sdk.setting import Setting
 
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
-#: Cycles that go by in one call, against one by one.
+#: Cycles that one call of advance() covers, compared with a call for each cycle.
 TOGETHER: Final = 8
-#: A time as CLOCK_MONOTONIC has it on a machine that has been on for long, in ns.
+#: A time of CLOCK_MONOTONIC on a machine that has run for a long time, in ns.
 LATE_NS: Final = 1_700_000_000_000_000_000
 #: Share of readings that may differ by the rounding of a count, and what is rounding of physics.
 FLIPPED: Final = 0.005
@@ -38,7 +38,7 @@ ROUNDING: Final = 1e-6
 
 @dataclass(frozen=True)
 class PlantRule:
-    """One rule for plants; ``check`` yields a sentence for every breach that it finds.
+    """One rule for plants; ``check`` yields a sentence for every breach.
 
     ``missing`` says why the rule cannot be applied to a plant, "" if it can.
     """
@@ -252,7 +252,7 @@ def _finite(subject: PlantSubject) -> Iterator[str]:
             if change is not None:
                 bench.plant.change(*change)
         except ValueError:
-            continue  # what is set up does not allow it
+            continue  # not allowed with the present settings
         except RigdError as error:
             problems[f"change{change} raises {described(error)}"] = None
             continue

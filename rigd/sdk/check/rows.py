@@ -42,7 +42,7 @@ def row_problems(declared: Declaration, row: object, *, in_range: bool = True) -
 
 
 def beyond_range(channel: Channel, value: float) -> str:
-    """Return the finding of a value that ``channel`` cannot have."""
+    """Return the problem of a value that ``channel`` cannot have."""
     return (
         f"{channel.name} is {value:g} {channel.unit}, beyond its range of "
         f"{channel.low:g} to {channel.high:g}"

@@ -14,19 +14,19 @@ from rigd.sdk.check.rows import row_problems
 from rigd.sdk.check.subject import FAILURES, Rule, Subject, UnfitSubject, described
 from rigd.sdk.driver import SlowDriver
 
-#: A whole scene may take so long, in s, opening and a fault included.
+#: Time limit of a whole scene, in s, opening and a fault included.
 SCENE_S: Final = 120.0
-#: open() may take seconds, and wait for a device that does not answer.
+#: Time limit of open(), in s: it may wait for a device that does not answer.
 OPEN_S: Final = 30.0
-#: Cancelled, a driver has so long to end, in s.
+#: A driver that is cancelled must end within this time, in s.
 CANCEL_S: Final = 3.0
 #: Rows of the measurements.
 ROWS: Final = 3
-#: The loop has stood still when nothing else ran for so long, in s: machines stall for 0.1 s.
+#: The loop stands still if nothing else ran for so long, in s; a machine may stall for 0.1 s.
 STUCK_S: Final = 0.25
-#: Pauses of that length that are put down to the machine.
+#: So many pauses of that length count as stalls of the machine.
 STALLS: Final = 2
-#: What run() may still emit after the device is dead, in s: what had arrived before.
+#: For so long after the device is dead, run() may still emit rows that arrived before, in s.
 TAIL_S: Final = 0.5
 #: Steps of the loop after which open() and run() are cancelled: any await may be the last.
 CANCEL_STEPS: Final = (1, 2, 3, 5, 8, 13, 21, 34, 55)
@@ -110,7 +110,7 @@ class _Rows:
 
 
 async def _stop(task: asyncio.Task[None], problems: Problems) -> None:
-    """Cancel ``run`` and see that it ends so."""
+    """Cancel ``run`` and check that this ends it."""
     task.cancel()
     done, _ = await asyncio.wait({task}, timeout=CANCEL_S)
     if not done:
@@ -196,12 +196,12 @@ async def _actions(driver: SlowDriver, peer: Peer, problems: Problems) -> None:
     await rows.enough(driver, task)
     for action in driver.declaration.actions:
         try:
-            said: object = await asyncio.wait_for(driver.act(action), SCENE_S / 4)
+            reply: object = await asyncio.wait_for(driver.act(action), SCENE_S / 4)
         except (*FAILURES, TimeoutError) as error:
             problems.add(f"{action} at a healthy device raises {described(error)}")
             continue
-        if not isinstance(said, str) or not said:
-            problems.add(f"{action} returns {said!r}, expected what the device said")
+        if not isinstance(reply, str) or not reply:
+            problems.add(f"{action} returns {reply!r}, expected the reply of the device")
     await _stop(task, problems)
 
 
@@ -246,7 +246,7 @@ def _bad_answers(fault: str) -> Scene:
 
 
 async def _ended(task: asyncio.Task[None], problems: Problems) -> None:
-    """See that a run, if it has ended, did so in words; cancel it otherwise."""
+    """Check that a run that has ended raised an error with a message; cancel a run that goes on."""
     if not task.done():
         await _stop(task, problems)
         return
@@ -276,7 +276,7 @@ def _opens_in_words(fault: str) -> Scene:
     return play
 
 
-#: The first decides whether there is anything to examine.
+#: If the first rule is broken, the others are not checked.
 RULES: Final = (
     Rule(
         "opens", "open() opens a healthy device; preflight() returns () for it", _scene(_opens), ""
@@ -345,7 +345,7 @@ RULES: Final = (
     ),
     Rule(
         "silent at open",
-        "open() of a device that says nothing ends within 30 s, with a LinkError",
+        "open() of a device that sends nothing ends within 30 s, with a LinkError",
         _scene(_opens_in_words("silent"), opened=False),
         "silent",
     ),

@@ -12,7 +12,7 @@ from rigd.sdk.check.peer import Peer
 from rigd.sdk.declaration import Declaration
 from rigd.sdk.driver import AnyDriver, DriverConfig
 
-#: What a driver may raise when a device or its connection is not as it should be.
+#: The errors that a driver may raise if a device or its connection fails.
 FAILURES = (LinkError, ProtocolError, DeviceError)
 
 
@@ -75,5 +75,5 @@ class Rule:
 
 
 def described(error: BaseException) -> str:
-    """Return an error as a finding names it."""
+    """Return an error in the form in which a report names it."""
     return f"{type(error).__name__}: {error}"

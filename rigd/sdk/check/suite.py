@@ -18,7 +18,7 @@ from rigd.sdk.check.slow import RULES as SLOW_RULES
 from rigd.sdk.check.subject import Rule, Subject, UnfitSubject
 from rigd.sdk.driver import AnyDriver, BlockDriver, Driver, DriverConfig, SlowDriver
 
-#: The rules of each kind of driver that need a device to talk to.
+#: The rules of each kind of driver that need a device.
 RULES: Final[Mapping[type[Any], tuple[Rule, ...]]] = {
     Driver: CYCLE_RULES,
     BlockDriver: BLOCK_RULES,
@@ -130,7 +130,7 @@ def _subject(
         subject.config(more)
     except ValidationError as error:
         raise ValueError(f"the options given to the suite are not accepted: {error}") from error
-    if not isinstance(options, DriverConfig):  # what is checked without a peer needs them all
+    if not isinstance(options, DriverConfig):  # the rules without a peer need all options
         subject = Subject(driver_class, {**options, **more}, peer)
     return subject, faults
 

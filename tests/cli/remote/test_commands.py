@@ -211,7 +211,7 @@ def test_list_shows_reachable_rigs_and_errors(ask: Asking, tmp_path: Path) -> No
     found = {item["rig"]: item for item in rigd("remote", "list", "--json", cwd=tmp_path).json}
     assert found["lugre-1"]["status"]["state"] == "idle"
     assert found["gone-1"]["alive"] is False
-    assert "nobody lets us in" in found["gone-1"]["problem"]
+    assert "no daemon admits this client" in found["gone-1"]["problem"]
     # By its name in the list, no address is needed.
     assert rigd("remote", "status", "--rig", "lugre-1", cwd=tmp_path).code == 0
 
@@ -219,7 +219,7 @@ def test_list_shows_reachable_rigs_and_errors(ask: Asking, tmp_path: Path) -> No
 def test_missing_daemon_gives_exit_code_4(tmp_path: Path) -> None:
     ended = rigd("remote", "status", "--endpoint", "tcp/127.0.0.1:9", cwd=tmp_path)
     assert ended.code == 4
-    assert "nobody lets us in at tcp/127.0.0.1:9" in ended.err
+    assert "no daemon admits this client at tcp/127.0.0.1:9" in ended.err
 
 
 def test_setup_tls_makes_certificates_and_shows_configuration(tmp_path: Path) -> None:

@@ -111,7 +111,7 @@ def test_events_of_both_rings_keep_order_from_first(tmp_path: Path) -> None:
     cycle.push(5, "trip", 3, {"value": float("nan")})
     daemon.push(4, "trial_start", 3, {})
     feed.tick()
-    feed.tell("lease", {"holder": "alice"})
+    feed.publish("lease", {"holder": "alice"})
     daemon.push(9, "run_end", -1, {})
     folder.clear()  # as the recorder does at the end
     feed.detach()

@@ -64,7 +64,7 @@ def test_failure_to_show_is_reported_once_and_retried(
     monkeypatch.setattr(module, "AGAIN_S", 0.0)
     kept, told, held = Kept(), list[str](), RunFolder.take(RIG.name, command="somebody else")
     with Feed(RIG, kept) as feed:
-        monitor = Monitor(RIG, feed, told=told.append)
+        monitor = Monitor(RIG, feed, notify=told.append)
         monitor.start()
         wait_for(lambda: bool(monitor.problem))
         held.release()

@@ -75,7 +75,7 @@ def test_a_long_check_is_done() -> None:
 
 
 def test_check_that_takes_too_long_is_given_up() -> None:
-    with pytest.raises(Refusal, match=r"check .*given up.* 0\.1 s"):
+    with pytest.raises(Refusal, match=r"check .*cancelled.* 0\.1 s"):
         check(CalculationWorker(0.1))
 
 

@@ -238,8 +238,8 @@ def test_run_whose_page_is_closed_names_person(tmp_path: Path) -> None:
         vanish(served)
         last = served.until_idle().last
         assert last is not None
-        assert "Bob's page (panel) was closed or cut off" in last.reason
-        assert "Bob's page (panel) was closed or cut off: the run is stopped" in [
+        assert "Bob's page (panel) was closed or disconnected" in last.reason
+        assert "Bob's page (panel) was closed or disconnected: the run is stopped" in [
             notice.text for notice in served.status.notices
         ]
     assert ("panel", "Bob", "lease_lost") in [
@@ -375,7 +375,7 @@ def test_no_run_starts_without_the_audit_log(tmp_path: Path) -> None:
     with ServedAxis(tmp_path) as served:
         served.command("lease_take")
         served.audit.path = tmp_path / "no such folder" / "audit.jsonl"
-        with pytest.raises(Refusal, match="nobody could tell who did this"):
+        with pytest.raises(Refusal, match="this command could not be logged"):
             served.command("start", procedure=travelling(SWEEP))
         assert served.status.state == "idle"
         assert served.stop("eve", "stop") is False

@@ -88,5 +88,5 @@ def test_trip_read_from_recording_is_the_same() -> None:
 def test_invalid_trip_file_is_not_read_as_empty(tmp_path: Path) -> None:
     path = tmp_path / "trips.json"
     path.write_text('{"known_ns": 1, "trips": [{"interlock": "far"}]}')
-    with pytest.raises(RecordingError, match="does not say what has tripped"):
+    with pytest.raises(RecordingError, match="is no list of trips"):
         TripMemory(path)

@@ -57,7 +57,7 @@ def test_wild_arguments_change_nothing(tmp_path: Path) -> None:
         (served.runs / "nowhere.mcap").symlink_to(tmp_path / "unmounted")
         keys = Keys(served.rig.name)
         setup = RemoteSetup(("tcp/127.0.0.1:1",), roles={"eve": "maintainer"})
-        desk = Dispatcher(keys, setup, served.service, served.lease, Refused())
+        dispatcher = Dispatcher(keys, setup, served.service, served.lease, Refused())
         served.command("lease_take", "eve")
         before, files = served.status, sorted(served.runs.iterdir())
         codes = set()
@@ -67,7 +67,9 @@ def test_wild_arguments_change_nothing(tmp_path: Path) -> None:
                     continue
                 for _ in range(8 if verb.arguments.model_fields else 1):
                     payload = request(name, args=wild(rng, verb))
-                    answer = desk.answer(desk.sort(keys.request(kind, "eve", name), payload))
+                    answer = dispatcher.answer(
+                        dispatcher.sort(keys.request(kind, "eve", name), payload)
+                    )
                     said = json.loads(answer.payload)
                     assert answer.ok or said["error"]["code"] != Code.INTERNAL.value, said
                     codes.add("done" if answer.ok else said["error"]["code"])

@@ -97,7 +97,7 @@ def test_silence_is_reported_to_a_watching_client(endpoint: str) -> None:
         statuses = rig.watch(patience_s=1.0)
         next(statuses)
         daemon.send_signal(signal.SIGSTOP)
-        with pytest.raises(LinkError, match="has said nothing for 1 s"):
+        with pytest.raises(LinkError, match="has sent no message for 1 s"):
             for _ in statuses:
                 pass
 
@@ -167,7 +167,7 @@ def test_each_tls_refusal_names_what_to_check(tmp_path: Path) -> None:
             Client("wire-1", endpoint=endpoint, tls=files_of(certificates, "mallory"))
         with pytest.raises(LinkError, match=r"(?s)no rig at.*mallory .*role"):
             Client(endpoint=endpoint, tls=files_of(certificates, "mallory"))
-        with pytest.raises(LinkError, match=r"(?s)lets us in.*foreign/ca\.crt"):
+        with pytest.raises(LinkError, match=r"(?s)admits this client.*foreign/ca\.crt"):
             Client("wire-1", endpoint=endpoint, tls=files_of(foreign, "alice"))
         assert found.rig.verbs() == ["lease_take", "pause", "lease_release", "stop"]
 

@@ -88,7 +88,7 @@ def test_other_local_file_is_never_overwritten(tmp_path: Path) -> None:
 def test_transfer_with_errors_gets_no_name(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     flipped = WHOLE[:5000] + b"X" + WHOLE[5001:]
-    with pytest.raises(RecordingError, match="came with the SHA-256"):
+    with pytest.raises(RecordingError, match="arrived with the SHA-256"):
         Source(flipped).fetch(path)
     assert list(tmp_path.iterdir()) == []
 
@@ -109,5 +109,5 @@ def test_daemon_sending_other_bytes_is_reported(tmp_path: Path) -> None:
     async def stuck(offset: int) -> PieceView:
         return await Source().piece(0)
 
-    with pytest.raises(RecordingError, match="gave 1024 bytes from 0, expected some"):
+    with pytest.raises(RecordingError, match="sent 1024 bytes from 0, expected some"):
         asyncio.run(fetch(stuck, tmp_path / "a.mcap"))

@@ -173,4 +173,4 @@ def test_rig_without_status_falls_silent_and_returns(
         rig.well.set()
         client.received(least=2, within_s=20)
         assert client.ask(f"rigd/{RIG}/status", b"")["seq"] > 1
-    assert "the status cannot be told" in caplog.text
+    assert "the status cannot be published" in caplog.text
