@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import collections
-import json
 import sys
 import tempfile
 import time
@@ -23,14 +22,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from figures import at_most, noted
-from support.altered import Content, spoilt
+from support.altered import Content, ending, spoilt
 from support.angle_recording import calibration_of, small_campaign, write_campaign
 
 from rigd.analysis.analysis import Options
-from rigd.analysis.evaluation import evaluate
 from rigd.config.loader import load_rig
 from rigd.daemon.execute import RunRequest, execute
-from rigd.model.errors import RigdError
 from rigd.procedure.compile import compile_procedure
 from rigd.procedure.loader import load_procedure
 from rigd.sdk.shipped import shipped_folder
@@ -52,18 +49,6 @@ def recorded(folder: Path) -> dict[str, Content]:
     trials = small_campaign()
     angle = write_campaign(folder / "angle.mcap", trials, calibration=calibration_of(trials[0].run))
     return {"lugre": Content.of(lugre), "angle": Content.of(angle)}
-
-
-def outcome(path: Path, options: Options) -> str:
-    """Return how an identification ends: with a result, or with which refusal."""
-    try:
-        evaluation = evaluate([path], options)
-        json.dumps(evaluation.to_json(), allow_nan=False)
-        evaluation.report()
-        evaluation.terminal_report()
-    except RigdError as error:
-        return type(error).__name__
-    return "a result" if evaluation.fits else "a misfit, without numbers"
 
 
 def main() -> int:
@@ -93,7 +78,7 @@ def main() -> int:
             with warnings.catch_warnings(record=True) as heard:
                 warnings.simplefilter("always")
                 try:
-                    ended = outcome(path, options)
+                    ended = ending(path, options)
                 except Exception:  # noqa: BLE001 - what the bench looks for
                     ended = "traceback"
                     failures += 1

@@ -100,10 +100,11 @@ def diagnose(
     others: list[tuple[str, ...]] = []
     while True:
         scores = Scores(found, block)
-        tests = [*_constants(found), *_tested(scores, candidates(own_parameters(found)))]
+        known = _constants(found, scores.step)
+        tests = [*known, *_tested(scores, candidates(own_parameters(found)))]
         left = sorted(_significant(tests), key=lambda item: -item.worth)
         state = _state(scores.white, period_s)
-        new = [item for item in tests if item.name not in {known.name for known in chosen}]
+        new = [item for item in tests if item.name not in {other.name for other in chosen}]
         best = _best(new)
         wrong = bool(left) or state.wrong
         done = any(item.meaning is Meaning.LAW for item in chosen)
@@ -144,8 +145,11 @@ def _state(white: Sequence[FloatArray], period_s: float) -> _State:
     )
 
 
-def _constants(found: OutputErrorFit) -> Iterator[Tested]:
+def _constants(found: OutputErrorFit, step: FloatArray) -> Iterator[Tested]:
     """Yield each constant as if only the data determined it.
+
+    ``step`` (p,) is what the fit has left to go: along a ridge, where parameters stand in for one
+    another, it may end before its constants have come back to what is stated of them.
 
     A constant d from what is stated of it, with the uncertainty u and the variance c in the fit,
     would move on to d u^2/(u^2 - c); under the model d has the variance u^2 - c.
@@ -158,8 +162,8 @@ def _constants(found: OutputErrorFit) -> Iterator[Tested]:
         share = 1.0 - variance / u**2
         if share < DETERMINED:
             continue
-        moved = float(pulls[place]) * u
-        gain = float(pulls[place]) ** 2 / share
+        moved = float(pulls[place]) * u + float(step[place])
+        gain = (moved / u) ** 2 / share
         by_noise = variance - variance**2 / u**2
         excess = max(float(found.from_data[place, place]) - by_noise, 0.0)
         p_value = float(chi2.sf(moved**2 / (u**2 * share + excess), 1))

@@ -76,6 +76,12 @@ class Scores:
         outputs = len(self._fit.model.system.outputs)
         return [error.reshape(-1, outputs) for error in self._errors]
 
+    @property
+    def step(self) -> FloatArray:
+        """Return the step (p,) of the scaled parameters to the optimum; bounds push nothing."""
+        gradient = np.where(self._fit.on_bound, 0.0, self._gradient)
+        return np.asarray(-self._fit.inverse @ gradient)
+
     def test(self, columns: Columns, *, each_trial: bool = False) -> Score:
         """Return what the residuals say of one candidate.
 

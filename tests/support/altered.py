@@ -14,6 +14,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rigd.analysis.analysis import Options
+from rigd.analysis.evaluation import evaluate
+from rigd.model.errors import RigdError
 from rigd.record import NO_TRIAL, Event, Recording, RecordingWriter
 
 Rows = NDArray[np.void]
@@ -138,7 +141,8 @@ def _rows(name: str, change: Callable[[Rows, Random], Rows]) -> Spoil:
 
 def _constant(content: Content, random: Random) -> str:
     constants = content.plan("constants")
-    name = str(random.choice(sorted(constants)))
+    numbers = sorted(k for k, value in constants.items() if isinstance(value, int | float))
+    name = str(random.choice(numbers))
     shares = (0.0, -1.0, 1e-6, 1e6, 2.0, 0.5, 1.1, 10.0 ** random.uniform(-3, 3))
     constants[name] *= float(random.choice(shares))
     content.set_plan("constants", constants)
@@ -256,6 +260,18 @@ def spoilt(content: Content, random: Random) -> tuple[Content, str]:
     copy = content.copy()
     ways = [SPOILS[int(k)] for k in random.integers(0, len(SPOILS), int(random.integers(1, 4)))]
     return copy, "; ".join(way(copy, random) for way in ways)
+
+
+def ending(path: Path, options: Options) -> str:
+    """Return how the identification of ``path`` ends: with a result, or with which refusal."""
+    try:
+        evaluation = evaluate([path], options)
+        json.dumps(evaluation.to_json(), allow_nan=False)
+        evaluation.report()
+        evaluation.terminal_report()
+    except RigdError as error:
+        return type(error).__name__
+    return "a result" if evaluation.fits else "a misfit, without numbers"
 
 
 def constants_of(content: Content) -> Mapping[str, float]:

@@ -12,6 +12,8 @@ from rigd.analysis.result import FloatArray
 #: Uniform sampling may jitter by this share of the period before the filters stop being right.
 MAX_JITTER = 0.5
 MIN_SAMPLES = 100
+#: No sensor of the rig reads as much, in rad, m, m/s^2 or A; the squares of sums stay numbers.
+MOST_READING = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +93,8 @@ class LugreConstants:
 def sampling_period_s(trial: LugreTrial) -> float:
     """Return the period of ``trial`` in s.
 
-    Raises DataError for arrays of unequal length, non-finite samples, a clock that runs backwards
-    or has gaps, and channels that never change.
+    Raises DataError for arrays of unequal length, non-finite samples, samples beyond
+    ``MOST_READING``, a clock that runs backwards or has gaps, and channels that never change.
     """
     arrays = {
         "t": trial.t_s,
@@ -115,6 +117,13 @@ def sampling_period_s(trial: LugreTrial) -> float:
                 f"trial {trial.label}: {name} has {bad} samples that are not numbers, the first "
                 f"at index {int(np.argmin(np.isfinite(values)))}",
                 hint="a stale channel was recorded; leave this trial out or repeat it",
+            )
+        largest = float(np.max(np.abs(values)))
+        if largest > MOST_READING:
+            raise DataError(
+                f"trial {trial.label}: {name} reads up to {largest:.3g}, limit {MOST_READING:g}: "
+                "no sensor of this rig shows as much",
+                hint="look at the scale and the wiring of this channel; repeat the trial",
             )
     steps = np.diff(trial.t_s)
     period = float(np.median(steps))

@@ -11,10 +11,16 @@ import pytest
 from support.cases import some
 from support.lugre_wrong import World, control, right
 
+from rigd.analysis.diagnosis import diagnose
+from rigd.analysis.model import to_natural
+from rigd.analysis.output_error import conclude, estimate
 from rigd.analysis.result import FitOutcome, IdentificationResult
 from rigd.analysis.score import holm
 from rigd.analysis.whiteness import largest_jump, levels, loudest_band
-from rigd_analyses.lugre.rig.identify import identify_output_error
+from rigd_analyses.lugre.identify import Settings
+from rigd_analyses.lugre.rig.identify import identify_output_error, rig_system
+from rigd_analyses.lugre.rig.parts import sort_out
+from rigd_analyses.lugre.trial import sampling_period_s
 
 FEW = tuple(((amps, 3.0),) for amps in (0.45, 0.75, 1.05, 1.35))
 
@@ -43,6 +49,26 @@ def test_a_rig_as_stated_is_not_suspected(number: int) -> None:
     result = found(control(number))
     assert result.gate is not None
     assert result.gate.outcome is FitOutcome.FITS, result.gate.sentence
+
+
+def test_a_constant_on_its_way_is_not_suspected() -> None:
+    """A fit that ended on a ridge, two uncertainties of a constant before its optimum."""
+    world = replace(right("pvc"), program=FEW[1:])
+    trials = world.trials(1)
+    parts, _ = sort_out(trials, [sampling_period_s(trial) for trial in trials], Settings())
+    q = world.physics
+    friction = np.array([q.v_s, q.mu_c, math.log(q.mu_s / q.mu_c), q.s0, q.s1, q.s2])
+    system = rig_system(parts, world.rig, friction)
+    start = np.array([unknown.parameter.start for unknown in system.shared])
+    whole = estimate(system, [start], 50)
+    names = [unknown.parameter.name for unknown in system.shared]
+    zero = names.index("current_zero")
+    scaled = whole.fit.scaled.copy()
+    scaled[zero] += 2.0 * system.shared[zero].u
+    early = replace(whole.fit, scaled=scaled, theta=to_natural(whole.model.parameters, scaled))
+    diagnosis = diagnose(conclude(whole.model, early, 50), lambda _: (), [start], 50, 1e-3)
+    assert diagnosis.explanations == ()
+    assert diagnosis.left == ()
 
 
 def test_a_tone_or_jump_in_noise_is_seen() -> None:

@@ -140,6 +140,14 @@ def test_samples_that_are_not_numbers_are_refused(pvc: Any) -> None:
         process_trial(replace(trial, carriage_position_m=spoiled), pvc.constants, Guards())
 
 
+def test_readings_beyond_any_sensor_are_refused(pvc: Any) -> None:
+    trial = pvc.trial(1.05, 1)
+    for name in ("wheel_angle_rad", "carriage_position_m"):
+        spoilt = replace(trial, **{name: getattr(trial, name) + 1e300})
+        with pytest.raises(DataError, match=r"reads up to 1e\+300, limit 1e\+06"):
+            process_trial(spoilt, pvc.constants, Guards())
+
+
 def test_a_constant_channel_is_refused(pvc: Any) -> None:
     trial = pvc.trial(1.05, 1)
     dead = np.full_like(trial.t_s, 0.02)
