@@ -7,7 +7,7 @@ Recordings: :mod:`.source`, :mod:`.resample`. Estimators: :mod:`.model`, :mod:`.
 
 from rigd.analysis.analysis import Analysis, Evaluation, Options
 from rigd.model.errors import ConfigError, DataError
-from rigd.model.units import format_quantity, parse_unit
+from rigd.model.units import format_quantity, parse_quantity, parse_unit
 from rigd.sdk.analysis import Calibratable, Needs
 
 __all__ = [
@@ -19,5 +19,6 @@ __all__ = [
     "Needs",
     "Options",
     "format_quantity",
+    "parse_quantity",
     "parse_unit",
 ]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 from rigd.sdk.analysis import DeclaredAnalysis
 
 if TYPE_CHECKING:
+    from rigd.analysis.designing import Designed, DesignRequest
     from rigd.analysis.report import Heading, Opening
     from rigd.analysis.source import RecordedSweep
     from rigd.analysis.terminal import TerminalReport
@@ -116,4 +117,19 @@ class Validates(Protocol):
             RecordingError: a recording is damaged.
             ConfigError: a model cannot be simulated, or none is for these conditions.
             DataError: the data cannot answer; the message says why, the hint what to do.
+        """
+
+
+@runtime_checkable
+class Designs(Protocol):
+    """What an analysis has besides if tests can be designed for its models."""
+
+    def design(self, request: DesignRequest, tell: Callable[[str], None]) -> Designed:
+        """Return tests that make the intervals of the targets narrow, for `rigd design`.
+
+        ``notify`` gets a line before each step that takes long.
+
+        Raises:
+            ConfigError: a model cannot be used, or a target is unknown.
+            DataError: the time is too short, or no test reaches a target.
         """

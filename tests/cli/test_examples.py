@@ -181,9 +181,14 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
         "rigd doctor --rig wire-1 --json",
     ),
     "system/test_identify_command.py": ("rigd identify",),
+    "cli/test_design.py": (
+        "rigd design --model oe.json --minutes 1 --rig lugre-1 --for mu_s,g@50mm/s -o mu_s.yaml",
+    ),
     "../docs/identification.md": (
         "rigd run constant_current --rig lugre-1 --set floor=pvc",
         "rigd identify FILE --method output-error",
+        "rigd identify identified.mcap --method output-error --json > oe.json",
+        "rigd design --model oe.json --minutes 5 --rig lugre-1",
         "rigd identify FILE --plan constant_current",
     ),
     "../docs/recordings.md": ("rigd report FILE --trials 7,12-15",),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rigd.analysis import Analysis, Evaluation, Needs, Options
 
 if TYPE_CHECKING:
+    from rigd.analysis.designing import Designed, DesignRequest
     from rigd.analysis.source import RecordedSweep
     from rigd.analysis.validation.result import Validation
     from rigd.analysis.validation.saved import SavedModel
@@ -57,3 +58,9 @@ class LugreAnalysis(Analysis):
         from rigd_analyses.lugre.validation.validate import validate
 
         return validate(models, sweeps, group, notify)
+
+    def design(self, request: DesignRequest, notify: Callable[[str], None]) -> Designed:
+        """Return tests of the rig for output error, chosen by the information that they give."""
+        from rigd_analyses.lugre.design.design import design
+
+        return design(request, notify)

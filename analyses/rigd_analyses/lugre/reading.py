@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from rigd.analysis import ConfigError, DataError, Options
@@ -212,11 +212,20 @@ def rig_constants(
         share = constants.mass_kg / sweep.constant(trial, FRICTION_MASS)
     values["guide_friction"] = constants.guide_friction_n
     values["bearing_torque"] *= share
+    stated = {name: sweep.uncertainty(trial, name) for name in UNSTATED_U}
+    return known_constants(values, stated, share)
+
+
+def known_constants(
+    values: Mapping[str, float], stated: Mapping[str, float | None], share: float = 1.0
+) -> RigConstants:
+    """Return ``values`` with their standard uncertainties, that of each kind if none is stated.
+
+    ``share`` is the mass over that at which guide friction and bearing torque are stated.
+    """
     known = {}
-    for name, u in UNSTATED_U.items():
-        stated = sweep.uncertainty(trial, name)
+    for name, unstated in UNSTATED_U.items():
         scale = share if name in ("guide_friction", "bearing_torque") else 1.0
-        known[name] = Known(
-            values[name], u * abs(values[name]) if stated is None else stated * scale
-        )
+        u = stated.get(name)
+        known[name] = Known(values[name], unstated * abs(values[name]) if u is None else u * scale)
     return RigConstants(**known, roller_transitions=values["roller_transitions"])

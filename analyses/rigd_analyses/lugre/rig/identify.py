@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -27,8 +27,10 @@ from rigd.analysis.profile import ProfileScan, axis, follow
 from rigd.analysis.result import (
     FitOutcome,
     FloatArray,
+    Gate,
     IdentificationResult,
     Meaning,
+    ResidualTest,
 )
 from rigd_analyses.lugre.curve import SLIDING, TRIM
 from rigd_analyses.lugre.identify import Settings
@@ -104,6 +106,25 @@ def identify_output_error(
         sentence = f"The model does not fit these data: {changed[0]}"
         gate = replace(gate, outcome=FitOutcome.MISFIT, sentence=sentence)
         gate = replace(gate, findings=(*changed, *gate.findings))
+    shifts = tuple(item.score.shift for item in diagnosis.left)
+    found = with_intervals(whole, system, gate, block, alike, shifts)
+    return result(first, found, rejected, starts, block)
+
+
+def with_intervals(
+    whole: OutputErrorFit,
+    system: Callable[[float], RigSystem],
+    gate: Gate,
+    block: int,
+    alike: tuple[ResidualTest, ...] = (),
+    shifts: tuple[FloatArray, ...] = (),
+) -> Found:
+    """Return ``whole`` with its profiles and with what other filters of the current make of it.
+
+    ``system`` makes the trials with a filter of so many seconds, ``block`` is in samples; the
+    others are as in :class:`Found`.
+    """
+    first = system(WINDOW_S)
     scans: dict[str, ProfileScan] = {}
     if gate.outcome is not FitOutcome.MISFIT:
         for _ in range(MOST_BETTER):
@@ -120,12 +141,11 @@ def identify_output_error(
             damping=NEAR,
         )  # fmt: skip
         others.append(again.theta)
-    shifts = tuple(item.score.shift for item in diagnosis.left)
-    weight_u = rig.gravity.u / rig.gravity.value
-    found = Found(
-        whole, tuple(others), scans, _visited(first, whole), gate, alike, weight_u, shifts
-    )
-    return result(first, found, rejected, starts, block)
+    gravity = first.constants.gravity
+    return Found(
+        whole, tuple(others), scans, _visited(first, whole), gate, alike,
+        gravity.u / gravity.value, shifts,
+    )  # fmt: skip
 
 
 def rig_system(

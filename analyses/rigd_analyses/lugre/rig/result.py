@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rigd.analysis import residuals as tests
+from rigd.analysis.extended import own_parameters
 from rigd.analysis.identifiability import Z_95
 from rigd.analysis.model import fitted_point, slopes
 from rigd.analysis.output_error import OutputErrorFit
@@ -44,6 +45,7 @@ from rigd_analyses.lugre.rig.found import FRICTION, WINDOW_S, Found, all_states,
 from rigd_analyses.lugre.rig.outputs import ACCELERATION, SLIP
 from rigd_analyses.lugre.rig.parts import rows_used
 from rigd_analyses.lugre.rig.seen import seen
+from rigd_analyses.lugre.rig.sensors import fitted_rows, sensor_rows
 from rigd_analyses.lugre.rig.system import RigSystem
 
 METHOD = "output error: current in; slip, travel and acceleration out"
@@ -219,7 +221,12 @@ def _account(system: RigSystem, found: Found, rejected: Sequence[TrialRejection]
             f"{len(rejected)} trials.",
             *known,
         ),
-        settings={"current_window_s": WINDOW_S, **_budget_rows(found)},
+        settings={
+            "current_window_s": WINDOW_S,
+            **sensor_rows(system),
+            **fitted_rows(system, own_parameters(whole)),
+            **_budget_rows(found),
+        },
         per_trial={
             driven.label: {
                 "begin_s": float(driven.trial.t_s[driven.part.start]),

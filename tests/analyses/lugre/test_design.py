@@ -1,0 +1,170 @@
+"""Checks predicted motion, chosen tests and promised intervals of designed procedures.
+
+``benchmarks/design_promise.py`` plays and identifies designed procedures on all floors.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support.lugre_model import PVC, fitted_constants, saved_model
+
+from rigd.analysis import ConfigError, DataError
+from rigd.analysis.design import choose, half_widths
+from rigd.analysis.designing import design
+from rigd.config.loader import load_rig
+from rigd.dry_run import dry_run
+from rigd.procedure.compile import compile_procedure
+from rigd.procedure.loader import load_procedure, parse_procedure
+from rigd_analyses.lugre.design.design import PREPARED_S
+from rigd_analyses.lugre.design.motion import Limits, Sensors, refusal
+from rigd_analyses.lugre.design.procedure import written
+from rigd_analyses.lugre.design.shapes import Kind, Shape, shapes
+from rigd_analyses.lugre.design.subject import Subject, obtained
+from rigd_analyses.lugre.reading import known_constants
+from rigd_analyses.lugre.rig import kernel
+
+#: Of the simulated rig (configs/plants/lugre.yaml).
+SENSORS = Sensors(1e-3, 6e-3, 3.03e-4, 3.07e-5, 0.03, 7.5, 0.1867)
+LIMITS = Limits(-0.02, 1.6, 2.0)
+HOLD = Kind.HOLD.value
+CONSTANT = tuple(Shape(HOLD, current, 1.15) for current in (0.3, 0.6, 0.9))
+OTHERS = (
+    *(Shape(Kind.SWING.value, 1.5, 1.15, 3.0, frequency_hz=f) for f in (1.2, 3.0)),
+    Shape(Kind.CHANGE.value, 0.6, 1.15, 1.0, -0.9, 0.46),
+    Shape(Kind.RAMP.value, 0.45, 1.15, 1.5, 1.5),
+)
+
+
+@pytest.fixture(scope="module")
+def subject() -> Subject:
+    return _subject(LIMITS)
+
+
+def test_predicted_duration_is_that_of_dry_run(subject: Subject) -> None:
+    rig = load_rig("lugre-1")
+    picked = [Shape(HOLD, 0.45, 1.15), *OTHERS]
+    compiled = compile_procedure(_procedure(picked), rig, {"floor": "pvc"})
+    played = dry_run(compiled, rig, 1)
+    assert not played.refusals
+    predicted = sum(subject.motion(shape).duration_s for shape in picked)
+    assert played.duration_s == pytest.approx(predicted + PREPARED_S, rel=0.03)
+
+
+def test_predicted_current_keeps_to_voltage_line(subject: Subject) -> None:
+    motion = subject.motion(Shape(HOLD, 1.5, 1.15))
+    turning = motion.states[:, kernel.WHEEL_SPEED]
+    least = np.minimum(1.5, 7.5 - 0.1867 * turning)
+    driven = slice(501, None)
+    assert np.min(motion.current_a[driven]) < 0.7
+    assert motion.current_a[driven] == pytest.approx(least[driven], abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("limits", "reason"),
+    [
+        (LIMITS, ""),
+        (Limits(-0.02, 1.15, 2.0), "beyond the limits of the travel"),
+        (Limits(-0.02, 1.6, 1.0), "faster than any recording"),
+    ],
+)
+def test_motion_beyond_a_limit_is_refused(subject: Subject, limits: Limits, reason: str) -> None:
+    assert refusal(subject.motion(Shape(HOLD, 0.9, 1.15)), limits) == reason
+
+
+def test_current_below_break_away_is_no_test(subject: Subject) -> None:
+    assert refusal(subject.motion(Shape(HOLD, 0.1, 1.15)), LIMITS) == "it hardly moves"
+
+
+def test_information_predicts_interval_of_estimator(subject: Subject) -> None:
+    picked = [*CONSTANT, *OTHERS]
+    outcome = subject.predicted(picked, lambda _: None)
+    tests = [subject.offered(shape, subject.motion(shape)) for shape in picked]
+    known = _known(subject)
+    total = known + sum(test.information for test in tests)
+    for name in ("V_s", "mu_s", "sigma_0", "sigma_1", "sigma_2", "g@5mm/s", "g@50mm/s"):
+        width = half_widths(total, [subject.target(name, 0, known.shape[-1])])[0]
+        assert obtained(outcome, name) == pytest.approx(width, rel=0.25), name
+
+
+def test_chosen_tests_beat_constant_currents_in_equal_time(subject: Subject) -> None:
+    offered = [subject.offered(shape, subject.motion(shape)) for shape in (*CONSTANT, *OTHERS)]
+    known = _known(subject)
+    targets = [
+        subject.target(name, 0, known.shape[-1])
+        for name in ("V_s", "mu_s", "sigma_1", "g@5mm/s", "g@50mm/s")
+    ]
+    constant = offered[: len(CONSTANT)]
+    seconds = 3.0 * sum(test.duration_s for test in constant)
+    before = half_widths(known + 3.0 * sum(test.information for test in constant), targets)
+    after = choose(offered, known, targets, seconds)
+    assert after.duration_s <= seconds
+    assert np.all(after.half_widths < before)
+
+
+def test_every_shape_makes_a_procedure_that_compiles() -> None:
+    picked = shapes(1.5, 1.15)
+    compiled = compile_procedure(_procedure(picked), load_rig("lugre-1"), {"floor": "stone"})
+    assert [trial.parameters["current"] for trial in compiled.trials] == pytest.approx(
+        [shape.current_a for shape in sorted(picked)]
+    )
+
+
+def test_step_that_drives_is_missing() -> None:
+    base = load_procedure("constant_current")
+    signals = {"motor_current": "other.current", "carriage_position": "carriage.position"}
+    with pytest.raises(ConfigError, match=r"no step that sets other\.current"):
+        written(base.file.text, "designed", "Title", "Doc.\n", CONSTANT, signals)
+
+
+@pytest.mark.parametrize(
+    ("change", "targets", "minutes", "message"),
+    [
+        ({}, (), 0.0, "must be above 0"),
+        ({}, (), 0.02, "no test fits"),
+        ({}, ("mu_x",), 1.0, "there is no such target"),
+        ({}, ("g@50mm",), 1.0, "there is no such target"),
+        ({"settings": {}}, (), 1.0, "not identified by output error"),
+        ({"names": ["sigma_0"]}, (), 1.0, "designed for the law lugre alone"),
+        ({"model": "approach-angle"}, (), 1.0, "has no design of tests"),
+        ({"model": "lugre-lateral"}, (), 1.0, "has no design of tests"),
+    ],
+)
+def test_what_cannot_be_designed_is_refused(
+    tmp_path: Path, change: dict[str, Any], targets: tuple[str, ...], minutes: float, message: str
+) -> None:
+    model = saved_model(tmp_path, **change)
+    base = load_procedure("constant_current")
+    with pytest.raises((ConfigError, DataError), match=message):
+        design(model, load_rig("lugre-1"), base, minutes, targets, "designed")
+
+
+def _subject(limits: Limits) -> Subject:
+    plan = compile_procedure(
+        load_procedure("constant_current"), load_rig("lugre-1"), {"floor": "pvc"}
+    ).identify
+    assert plan is not None
+    values = {name: value for name, value in plan.constants.items() if not isinstance(value, str)}
+    stated = {name: u.of(values[name]) for name, u in plan.uncertainties.items()}
+    constants = known_constants(values, stated)
+    return Subject("pvc", _shared(), SENSORS, constants, limits)
+
+
+def _shared() -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.append(PVC, list(fitted_constants().values()))
+
+
+def _known(subject: Subject) -> np.ndarray[Any, np.dtype[np.float64]]:
+    shape = CONSTANT[-1]
+    return subject.known(subject.system([shape], [subject.motion(shape)]))
+
+
+def _procedure(picked: Any) -> Any:
+    base = load_procedure("constant_current")
+    plan = compile_procedure(base, load_rig("lugre-1"), {}).identify
+    assert plan is not None
+    text = written(base.file.text, "designed", "Title", "Doc.\n", picked, plan.signals)
+    return parse_procedure(text, Path("designed.yaml"))
